@@ -1,0 +1,1 @@
+"""Hardware-in-the-loop test executive for CubeSat sensors and power parts."""

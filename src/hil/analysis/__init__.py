@@ -1,0 +1,1 @@
+"""Numbers from arrays: noise, magnetics and statistics, usable from any notebook."""

@@ -1,0 +1,1 @@
+"""The bench file, and everything that follows from it: binding, clamps, envelope, safe-off, lease."""

@@ -1,0 +1,138 @@
+"""The virtual clock: time jumps from event to event, and nobody waits."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
+from itertools import count
+from typing import TYPE_CHECKING
+
+from hil.clock.port import NANOSECONDS, ClockError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["Event", "VirtualClock"]
+
+_MOST_EVENTS_AT_ONE_INSTANT = 100_000
+
+
+class Event:
+    """Something that will happen; `cancel` takes it back."""
+
+    __slots__ = ("action", "cancelled", "key")
+
+    def __init__(self, key: tuple[int, int, int], action: Callable[[], None]) -> None:
+        self.key = key
+        self.action = action
+        self.cancelled = False
+
+    def cancel(self) -> None:
+        """Take the event back; it may have happened already."""
+        self.cancelled = True
+
+    def __lt__(self, other: Event) -> bool:
+        return self.key < other.key
+
+
+class VirtualClock:
+    """A next-event clock.
+
+    Time is an integer number of nanoseconds, so that sums of steps are exact and two runs agree.
+    Before an instant's events happen, the plants are advanced to it: physics comes first. Events at
+    one instant happen in the order of their device, then in the order in which they were asked for.
+
+    Args:
+        epoch: the bench's epoch in UTC, ISO 8601; simulated UTC is this plus the virtual time.
+    """
+
+    def __init__(self, epoch: str = "2026-01-01T00:00:00Z") -> None:
+        self._epoch = datetime.fromisoformat(epoch).astimezone(UTC)
+        self._now_ns = 0
+        self._events: list[Event] = []
+        self._numbers = count()
+        self._plants: list[Callable[[int], None]] = []
+        self._at_this_instant = 0
+        self._waiting = "nobody"
+
+    def now_ns(self) -> int:
+        """Return the nanoseconds since the bench's epoch."""
+        return self._now_ns
+
+    def now(self) -> float:
+        """Return the seconds since the bench's epoch."""
+        return self._now_ns / NANOSECONDS
+
+    def utc(self) -> str:
+        """Return the simulated UTC: epoch plus virtual time."""
+        moment = self._epoch + timedelta(microseconds=self._now_ns // 1000)
+        return moment.isoformat(timespec="microseconds").replace("+00:00", "Z")
+
+    def advance_first(self, plant: Callable[[int], None]) -> None:
+        """Call `plant` with every instant that time reaches, before that instant's events."""
+        self._plants.append(plant)
+
+    def at(self, when_ns: int, action: Callable[[], None], *, device: int = 0) -> Event:
+        """Let `action` happen at `when_ns`, at once if that has passed; `device` orders equal instants."""
+        event = Event((max(when_ns, self._now_ns), device, next(self._numbers)), action)
+        heapq.heappush(self._events, event)
+        return event
+
+    def sleep(self, seconds: float) -> None:
+        """Let `seconds` pass, with everything that is due on the way."""
+        if not seconds >= 0:
+            raise ClockError(f"cannot sleep for {seconds} s")
+        self.wait_until(self._now_ns + round(seconds * NANOSECONDS))
+
+    def wait_until(self, when_ns: int) -> None:
+        """Let time pass until `when_ns`, with everything that is due on the way."""
+        self.run(when_ns, lambda: False)
+
+    def run(self, deadline_ns: int, done: Callable[[], bool]) -> bool:
+        """Let time pass until `done()` or the deadline; return whether it was done.
+
+        This is how a read waits: time stops at the event that brought the last byte, and goes on to
+        the deadline only if none did.
+        """
+        while not done():
+            event = self._next(deadline_ns)
+            if event is None:
+                self._move(deadline_ns)
+                return done()
+            self._move(event.key[0])
+            self._happen(event)
+        return True
+
+    @contextmanager
+    def waiting(self, who: str) -> Iterator[None]:
+        """Name the port that waits, for the error if time does not move any more."""
+        before, self._waiting = self._waiting, who
+        try:
+            yield
+        finally:
+            self._waiting = before
+
+    def _next(self, deadline_ns: int) -> Event | None:
+        while self._events and self._events[0].cancelled:
+            heapq.heappop(self._events)
+        if self._events and self._events[0].key[0] <= deadline_ns:
+            return heapq.heappop(self._events)
+        return None
+
+    def _move(self, when_ns: int) -> None:
+        if when_ns <= self._now_ns:
+            return
+        self._now_ns = when_ns
+        self._at_this_instant = 0
+        for plant in self._plants:
+            plant(when_ns)
+
+    def _happen(self, event: Event) -> None:
+        self._at_this_instant += 1
+        if self._at_this_instant > _MOST_EVENTS_AT_ONE_INSTANT:
+            raise ClockError(
+                f"more than {_MOST_EVENTS_AT_ONE_INSTANT} events at {self.now():.9f} s while {self._waiting} waits"
+            )
+        event.action()

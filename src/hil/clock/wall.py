@@ -1,0 +1,63 @@
+"""Wall time for evidence, leases and terminals; benches never look here."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+__all__ = ["WallStamp", "compact_utc", "monotonic", "pause", "stamp", "today", "utc_now"]
+
+_BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+
+
+@dataclass(frozen=True, slots=True)
+class WallStamp:
+    """One moment: UTC, seconds since boot (suspend included), and which boot."""
+
+    utc: str
+    boot: float
+    boot_id: str
+
+
+def stamp() -> WallStamp:
+    """Return this moment."""
+    return WallStamp(utc=utc_now(), boot=round(_since_boot(), 6), boot_id=_boot_id())
+
+
+def utc_now() -> str:
+    """Return the wall's UTC as ISO 8601 with microseconds and `Z`."""
+    return datetime.now(UTC).isoformat(timespec="microseconds").replace("+00:00", "Z")
+
+
+def compact_utc() -> str:
+    """Return the wall's UTC for folder names: `20261121T053012Z`."""
+    return datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+
+
+def today() -> str:
+    """Return the wall's UTC date, ISO 8601."""
+    return datetime.now(UTC).date().isoformat()
+
+
+def monotonic() -> float:
+    """Return seconds on a clock that only goes forward; for durations a person waits."""
+    return time.monotonic()
+
+
+def pause(seconds: float) -> None:
+    """Wait for wall time to pass; for terminals and retries outside benches only."""
+    time.sleep(seconds)
+
+
+def _since_boot() -> float:
+    clock_id = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+    return time.clock_gettime(clock_id)
+
+
+def _boot_id() -> str:
+    try:
+        return _BOOT_ID.read_text(encoding="ascii").strip()
+    except OSError:
+        return "unknown"

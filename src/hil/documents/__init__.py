@@ -1,0 +1,1 @@
+"""Strict YAML with places, canonical JSON, and nearest-name suggestions."""

@@ -1,0 +1,1 @@
+"""Write down and verify: journal, recordings, the sealed package."""

@@ -1,0 +1,1 @@
+"""Arm, run, safe, seal: the one place where acting and evidence meet."""

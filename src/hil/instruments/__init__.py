@@ -1,0 +1,1 @@
+"""Roles that cases ask for, and the drivers that fill them."""

@@ -1,0 +1,1 @@
+"""Frozen data and errors that every room speaks of: figures, verdicts, faults."""

@@ -1,0 +1,131 @@
+"""Every error of the product, in one tree.
+
+HilError                      anything a person can cause or must know; never a traceback
+├── ConfigurationError        files that are wrong: all findings at once, exit code 4
+├── Refused                   the product declines, in a plain sentence, exit code 4
+├── DeviceFault               silence or nonsense from one device
+│   ├── NoReply               nothing came within the timeout
+│   ├── Garbled               something came that the protocol does not allow
+│   ├── Rejected              the device answered with an error of its own
+│   └── WrongIdentity         another device answered
+├── ClampExceeded             a setting beyond what the bench file allows; no byte was sent
+├── Tripped                   the envelope was left; the bench is being made safe
+├── UnsafeEnd                 an output could not be proven safe
+├── Diverged                  a case run again asked for something else than the record says
+└── EvidenceError             a package or journal that is damaged, incomplete or in the way
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = [
+    "ClampExceeded",
+    "ConfigurationError",
+    "DeviceFault",
+    "Diverged",
+    "EvidenceError",
+    "Finding",
+    "Garbled",
+    "HilError",
+    "NoReply",
+    "Refused",
+    "Rejected",
+    "Tripped",
+    "UnsafeEnd",
+    "WrongIdentity",
+]
+
+
+class HilError(Exception):
+    """An error with what to do next.
+
+    Args:
+        message: where and what, in one sentence without a full stop.
+        hint: what to do next, or an empty string where the message already says it.
+    """
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+    def __str__(self) -> str:
+        return f"{self.message}; {self.hint}" if self.hint else self.message
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Finding:
+    """One thing that is wrong in one place of one file; line and column count from 1, 0 is unknown."""
+
+    path: str
+    line: int
+    column: int
+    message: str
+
+    def __str__(self) -> str:
+        if not self.line:
+            return f"{self.path}: {self.message}"
+        return f"{self.path}:{self.line}:{self.column}: {self.message}"
+
+
+class ConfigurationError(HilError):
+    """Files that are wrong, with every finding, in the order of the files."""
+
+    def __init__(self, findings: tuple[Finding, ...]) -> None:
+        self.findings = tuple(sorted(findings))
+        super().__init__("\n".join(str(finding) for finding in self.findings))
+
+
+class Refused(HilError):
+    """The product declines to go on, and nothing was driven."""
+
+
+class DeviceFault(HilError):
+    """A device that does not answer as its protocol says.
+
+    Args:
+        device: the device's name in the bench file.
+        message: what was expected and what came.
+        hint: what to look at.
+    """
+
+    def __init__(self, device: str, message: str, hint: str = "") -> None:
+        super().__init__(f"{device}: {message}", hint)
+        self.device = device
+
+
+class NoReply(DeviceFault):
+    """Nothing, or too little, came within the timeout."""
+
+
+class Garbled(DeviceFault):
+    """Bytes came that the protocol does not allow."""
+
+
+class Rejected(DeviceFault):
+    """The device itself reported an error."""
+
+
+class WrongIdentity(DeviceFault):
+    """Another device answered than the bench file expects."""
+
+
+class ClampExceeded(HilError):
+    """A setting beyond the clamps of the bench file; no byte of it was sent."""
+
+
+class Tripped(HilError):
+    """The envelope was left; whatever the case does now, its verdict is ERROR."""
+
+
+class UnsafeEnd(HilError):
+    """An output could not be brought to, or proven in, its safe state."""
+
+
+class Diverged(HilError):
+    """A case that is run again asked for something else than the record holds."""
+
+
+class EvidenceError(HilError):
+    """A package or journal that is damaged, incomplete, or in the way."""

@@ -1,0 +1,76 @@
+"""Who is who: instruments and the device under test."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+__all__ = ["Dut", "Identity", "Model", "Purpose", "Source"]
+
+
+class Source(StrEnum):
+    """Where bytes come from; declared from strongest to weakest evidence."""
+
+    HARDWARE = "hardware"
+    SIMULATED = "simulated"
+    REPLAYED = "replayed"
+
+
+class Purpose(StrEnum):
+    """Why a run is made; only the last two can close a requirement."""
+
+    DEVELOPMENT = "development"
+    COMMISSIONING = "commissioning"
+    QUALIFICATION = "qualification"
+    ACCEPTANCE = "acceptance"
+
+    @property
+    def closes(self) -> bool:
+        """Whether a run for this purpose can close a requirement."""
+        return self in {Purpose.QUALIFICATION, Purpose.ACCEPTANCE}
+
+
+class Model(StrEnum):
+    """The model philosophy's name of an article."""
+
+    EM = "EM"
+    QM = "QM"
+    FM = "FM"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identity:
+    """What an instrument says of itself; an empty string where it does not say."""
+
+    manufacturer: str = ""
+    model: str = ""
+    serial: str = ""
+    firmware: str = ""
+
+    def __str__(self) -> str:
+        return " ".join(part for part in (self.manufacturer, self.model, self.serial) if part) or "nobody"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dut:
+    """The device under test: one entry of `fixtures/duts.yaml`.
+
+    Attributes:
+        serial: its serial number, unique in the register.
+        part: part number.
+        model: EM, QM or FM.
+        hardware: hardware revision.
+        firmware: firmware revision, empty where it has none.
+        title: what it is, in words.
+        simulated: whether it exists in simulated benches only.
+        recognised: per device of the bench, what must be read there for this article to be the one.
+    """
+
+    serial: str
+    part: str
+    model: Model
+    hardware: str
+    firmware: str = ""
+    title: str = ""
+    simulated: bool = False
+    recognised: dict[str, str] = field(default_factory=dict)

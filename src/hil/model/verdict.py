@@ -1,0 +1,34 @@
+"""Verdicts, and which of two is worse."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import StrEnum
+
+__all__ = ["Verdict", "worst"]
+
+
+class Verdict(StrEnum):
+    """What a check, a case or a requirement ended in; declared from best to worst."""
+
+    RECORDED = "RECORDED"
+    PASS = "PASS"  # noqa: S105 - a verdict, not a password
+    INCONCLUSIVE = "INCONCLUSIVE"
+    NOT_RUN = "NOT_RUN"
+    NOT_EVALUATED = "NOT_EVALUATED"
+    FAIL = "FAIL"
+    ABORTED = "ABORTED"
+    ERROR = "ERROR"
+
+    @property
+    def good(self) -> bool:
+        """Whether this verdict supports a requirement at all."""
+        return self in {Verdict.PASS, Verdict.RECORDED}
+
+
+_SEVERITY = {verdict: rank for rank, verdict in enumerate(Verdict)}
+
+
+def worst(verdicts: Iterable[Verdict]) -> Verdict:
+    """Return the worst of the verdicts; nothing at all is NOT_EVALUATED, never a pass."""
+    return max(verdicts, key=_SEVERITY.__getitem__, default=Verdict.NOT_EVALUATED)

@@ -1,0 +1,1 @@
+"""Pages derived from a package alone: HTML report, JUnit, procedure."""

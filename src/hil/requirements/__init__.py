@@ -1,0 +1,1 @@
+"""What must be verified: catalogue, lock, units, parameters and the decision rule."""

@@ -1,0 +1,89 @@
+"""What a port or bus asks of the simulated instrument at its other end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+__all__ = ["BusPeer", "Cancellable", "Line", "Nack", "PeerClock", "SerialPeer"]
+
+
+class Nack(Exception):
+    """A bus peer does not acknowledge: absent, unpowered, asleep, or busy."""
+
+
+class Cancellable(Protocol):
+    """An event that can be taken back."""
+
+    def cancel(self) -> None:
+        """Take it back."""
+        ...
+
+
+class PeerClock(Protocol):
+    """The part of the bench's clock that a peer sees: what time it is, and `at` to act later."""
+
+    def now_ns(self) -> int:
+        """Return the nanoseconds since the bench's epoch."""
+        ...
+
+    def at(self, when_ns: int, action: Callable[[], None]) -> Cancellable:
+        """Let `action` happen at `when_ns`."""
+        ...
+
+
+class Line(Protocol):
+    """The peer's way to the host."""
+
+    def send(self, data: bytes, after_ns: int = 0) -> None:
+        """Give bytes to the host; the first leaves `after_ns` from now, the line's speed is added."""
+        ...
+
+
+class SerialPeer(Protocol):
+    """A simulated instrument on a byte stream: a byte-level state machine written from its manual."""
+
+    def attach(self, line: Line, clock: PeerClock) -> None:
+        """Connect the peer to its line and clock, once, before anything else."""
+        ...
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes that the host wrote, in whatever pieces they come; never reads the future."""
+        ...
+
+    def state(self) -> Mapping[str, object]:
+        """Return everything that the peer would need to go on, as JSON values."""
+        ...
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        ...
+
+
+class BusPeer(Protocol):
+    """A simulated device on an I2C bus, at register level."""
+
+    @property
+    def addresses(self) -> tuple[int, ...]:
+        """The 7-bit addresses that it answers to."""
+        ...
+
+    def attach(self, clock: PeerClock) -> None:
+        """Connect the peer to its clock, once, before anything else."""
+        ...
+
+    def write(self, address: int, data: bytes) -> None:
+        """Take one write message; raises Nack where the device would not acknowledge."""
+        ...
+
+    def read(self, address: int, count: int) -> bytes:
+        """Give one read message of `count` bytes; raises Nack where the device would not acknowledge."""
+        ...
+
+    def state(self) -> Mapping[str, object]:
+        """Return everything that the peer would need to go on, as JSON values."""
+        ...
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        ...
