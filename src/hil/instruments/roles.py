@@ -12,7 +12,7 @@ from typing import Protocol, TypeVar
 
 from hil.model.figure import Figure
 
-__all__ = ["Channel", "Magnetometer", "Relays", "Sampled", "Supply", "drives", "reads"]
+__all__ = ["ROLES", "STATES", "Channel", "Magnetometer", "Relays", "Sampled", "Supply", "drives", "reads"]
 
 _Operation = TypeVar("_Operation", bound=Callable[..., object])
 
@@ -124,3 +124,14 @@ class Magnetometer(Sampled, Protocol):
     def stop(self) -> None:
         """Put the sensor into power-down."""
         ...
+
+
+ROLES: dict[str, type] = {"magnetometer": Magnetometer, "relays": Relays, "supply": Supply}
+"""Every role by the name that bench files and cases use."""
+
+STATES: dict[str, dict[str, str]] = {
+    "magnetometer": {"asleep": "stop"},
+    "relays": {"released": "release_all"},
+    "supply": {"off": "disable"},
+}
+"""Per role the states that safe-off and rest may name, and the operation that leads there."""

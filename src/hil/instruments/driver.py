@@ -1,0 +1,72 @@
+"""What every driver is: made from a connection, it identifies its instrument and fills roles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from hil.clock.port import Clock
+from hil.model.bench import Clamp, Wire
+from hil.model.errors import ClampExceeded
+from hil.model.identity import Identity
+from hil.wire.port import I2cBus, Port
+
+__all__ = ["Clamps", "Connection", "Driver", "Outlet"]
+
+
+@dataclass(frozen=True, slots=True)
+class Outlet:
+    """One output as arm finds it: the channel (0 for the whole instrument) and whether it is on."""
+
+    channel: int
+    on: bool
+
+
+class Clamps:
+    """The limits on what one instrument's outputs may be told; asked with every setting before its bytes leave.
+
+    Args:
+        clamps: per channel, the clamps of the wires on it.
+    """
+
+    def __init__(self, clamps: dict[int, tuple[Clamp, ...]] | None = None) -> None:
+        self._clamps = clamps or {}
+
+    def permit(self, channel: int, quantity: str, value: float) -> None:
+        """Return if the setting is allowed; raise ClampExceeded otherwise, NaN always."""
+        for clamp in self._clamps.get(channel, ()):
+            if clamp.quantity == quantity and not clamp.minimum <= value <= clamp.maximum:
+                raise ClampExceeded(
+                    f"{clamp.output}: {quantity} {value:g} {clamp.unit} is outside its clamp"
+                    f" {clamp.minimum:g} to {clamp.maximum:g} {clamp.unit}",
+                    "change the setting, or the clamp in the bench file after a review",
+                )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Connection:
+    """How a driver reaches its instrument: a port, or a bus and address; the clock; the clamps."""
+
+    device: str
+    clock: Clock
+    clamps: Clamps
+    port: Port | None = None
+    bus: I2cBus | None = None
+    address: int = 0
+
+
+class Driver(Protocol):
+    """One instrument's protocol. The constructor takes a Connection and sends nothing."""
+
+    def identify(self) -> Identity:
+        """Ask the instrument who it is; reads only."""
+        ...
+
+    def outlets(self) -> Sequence[Outlet]:
+        """Return the state of every output that the instrument has; reads only."""
+        ...
+
+    def role(self, wire: Wire) -> object:
+        """Return the role that `wire` names; Refused where this instrument cannot fill it."""
+        ...
