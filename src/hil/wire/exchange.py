@@ -1,0 +1,75 @@
+"""Where simulated and replayed streams wait to be opened by their URL."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+from hil.model.errors import Refused
+
+if TYPE_CHECKING:
+    from hil.wire.port import I2cBus
+
+__all__ = ["Stream", "find_bus", "find_stream", "publish_bus", "publish_stream", "withdraw"]
+
+
+class Stream(Protocol):
+    """The far end of an open byte stream, as the URL handlers need it."""
+
+    def opened(self) -> None:
+        """Note that the host opened the stream."""
+        ...
+
+    def closed(self) -> None:
+        """Note that the host closed the stream."""
+        ...
+
+    def write(self, data: bytes) -> None:
+        """Take bytes from the host."""
+        ...
+
+    def read(self, size: int, timeout: float) -> bytes:
+        """Give `size` bytes, or what came within `timeout` seconds."""
+        ...
+
+    def waiting(self) -> int:
+        """Return how many bytes can be read at once."""
+        ...
+
+    def discard(self) -> None:
+        """Throw received bytes away."""
+        ...
+
+
+_streams: dict[str, Stream] = {}
+_buses: dict[str, I2cBus] = {}
+
+
+def publish_stream(url: str, stream: Stream) -> None:
+    """Let `stream` be found under `url`; two worlds of one name in a process are refused."""
+    if url in _streams:
+        raise Refused(f"{url} is in use by another bench of this process", "end that run first")
+    _streams[url] = stream
+
+
+def publish_bus(url: str, bus: I2cBus) -> None:
+    """Let `bus` be found under `url`; two worlds of one name in a process are refused."""
+    if url in _buses:
+        raise Refused(f"{url} is in use by another bench of this process", "end that run first")
+    _buses[url] = bus
+
+
+def withdraw(world: str) -> None:
+    """Forget every stream and bus whose URL starts with `world`, such as `sim://adcs/`."""
+    for url in [url for url in (*_streams, *_buses) if url.startswith(world)]:
+        _streams.pop(url, None)
+        _buses.pop(url, None)
+
+
+def find_stream(url: str) -> Stream | None:
+    """Return the stream of that URL, or None."""
+    return _streams.get(url)
+
+
+def find_bus(url: str) -> I2cBus | None:
+    """Return the bus of that URL, or None."""
+    return _buses.get(url)

@@ -1,0 +1,72 @@
+"""Open ports and buses by URL: hardware, simulated and replayed alike."""
+
+from __future__ import annotations
+
+import re
+
+import serial
+
+from hil.clock.port import Clock
+from hil.model.errors import NoReply
+from hil.wire.exchange import find_bus
+from hil.wire.port import I2cBus
+from hil.wire.tap import LONGEST_TRANSACTION, TappedBus, TappedPort
+from hil.wire.transcript import Transcript
+
+__all__ = ["open_bus", "open_port", "url_of_resource"]
+
+_PROTOCOLS = "hil.wire.protocols"
+_VISA_SERIAL = re.compile(r"^ASRL(?P<port>.+?)(::INSTR)?$", re.IGNORECASE)
+_VISA_SOCKET = re.compile(r"^TCPIP\d*::(?P<host>[^:]+)::(?P<port>\d+)::SOCKET$", re.IGNORECASE)
+
+
+def url_of_resource(name: str) -> str:
+    """Return the URL of a VISA resource name; anything else is returned as it is.
+
+    >>> url_of_resource("TCPIP::192.168.10.21::5025::SOCKET")
+    'socket://192.168.10.21:5025'
+    >>> url_of_resource("ASRL/dev/ttyUSB0::INSTR")
+    '/dev/ttyUSB0'
+    """
+    if match := _VISA_SOCKET.match(name):
+        return f"socket://{match['host']}:{match['port']}"
+    if match := _VISA_SERIAL.match(name):
+        return match["port"]
+    return name
+
+
+def open_port(
+    device: str, url: str, clock: Clock, transcript: Transcript, *, baud: int = 0, timeout: float = LONGEST_TRANSACTION
+) -> TappedPort:
+    """Open a byte stream with its tap.
+
+    Raises:
+        NoReply: if nothing is there.
+    """
+    if _PROTOCOLS not in serial.protocol_handler_packages:
+        serial.protocol_handler_packages.append(_PROTOCOLS)
+    try:
+        opened = serial.serial_for_url(url_of_resource(url), baudrate=baud or 9600, timeout=timeout)
+    except (serial.SerialException, OSError, ValueError) as error:
+        raise NoReply(device, f"{url} cannot be opened ({error})", "check cable, power and the bench file") from error
+    return TappedPort(device, opened, clock, transcript, timeout)
+
+
+def open_bus(device: str, url: str, clock: Clock, transcript: Transcript) -> TappedBus:
+    """Open one device's view of an I2C bus, with its tap.
+
+    Raises:
+        NoReply: if no such bus is there.
+    """
+    bus = find_bus(url) or _hardware_bus(device, url)
+    return TappedBus(device, bus, clock, transcript)
+
+
+def _hardware_bus(device: str, path: str) -> I2cBus:
+    from smbus2 import SMBus  # noqa: PLC0415 - fcntl exists on Linux only, and so does the bus
+
+    try:
+        bus: I2cBus = SMBus(path)
+    except OSError as error:
+        raise NoReply(device, f"the bus {path} cannot be opened ({error})", "check that i2c-dev is loaded") from error
+    return bus

@@ -1,0 +1,1 @@
+"""URL schemes for pyserial: `sim://<world>/<device>` and `replay://<world>/<device>`."""

@@ -1,0 +1,162 @@
+"""Replay: recorded operations stand in for instruments, strictly in their order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from serial import SerialException
+
+from hil.clock.port import Clock
+from hil.model.errors import Diverged
+from hil.wire.tap import message_bytes
+from hil.wire.transcript import Operation, read_transcript
+
+if TYPE_CHECKING:
+    from smbus2 import i2c_msg
+
+__all__ = ["MONITOR", "Playback", "ReplayedBus", "ReplayedStream"]
+
+MONITOR = "monitor"
+"""The operation that marks the turn of a monitor; its device is the monitor's limit."""
+
+_READ_FLAG = 0x0001
+_HEX_SHOWN = 48
+
+
+class Playback:
+    """The one cursor over a transcript that all replayed ports and buses share.
+
+    Args:
+        path: the transcript of the run.
+        clock: set to the recorded end of every operation.
+        where: tells the present step, for messages.
+    """
+
+    def __init__(self, path: Path, clock: Clock, where: Callable[[], str]) -> None:
+        self._operations = read_transcript(path)
+        self._next = next(self._operations, None)
+        self._clock = clock
+        self._where = where
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether every recorded operation was asked for."""
+        return self._next is None
+
+    def due_monitor(self) -> str:
+        """Return the limit whose monitor came next in the record, or nothing."""
+        return self._next.device if self._next is not None and self._next.name == MONITOR else ""
+
+    def take(self, device: str, name: str, sent: bytes = b"") -> Operation:
+        """Return the next operation if it is this one, and set the clock to its end.
+
+        Raises:
+            Diverged: if another operation, device or other bytes were recorded here.
+        """
+        found = self._next
+        if found is None:
+            raise Diverged(f"{device}: {name} at {self._where()}, but the record has ended")
+        if (found.device, found.name, found.sent) != (device, name, sent):
+            raise Diverged(self._difference(found, device, name, sent))
+        self._next = next(self._operations, None)
+        self._clock.wait_until(found.end_ns)
+        return found
+
+    def _difference(self, found: Operation, device: str, name: str, sent: bytes) -> str:
+        offset = next((i for i, (a, b) in enumerate(zip(found.sent, sent, strict=False)) if a != b), 0)
+        return (
+            f"{device}: {name} {sent.hex()[:_HEX_SHOWN]} at {self._where()}, but the record holds {found.device}:"
+            f" {found.name} {found.sent.hex()[:_HEX_SHOWN]} (operation {found.sequence}, byte {offset})"
+        )
+
+
+class ReplayedStream:
+    """The recorded far end of one byte stream."""
+
+    def __init__(self, device: str, playback: Playback) -> None:
+        self._device = device
+        self._playback = playback
+
+    def opened(self) -> None:
+        """Do nothing: opening is not recorded."""
+
+    def closed(self) -> None:
+        """Do nothing: closing is not recorded."""
+
+    def write(self, data: bytes) -> None:
+        """Compare the bytes with the record."""
+        self._take("write", data)
+
+    def read(self, size: int, timeout: float) -> bytes:  # noqa: ARG002 - the record knows what came in time
+        """Give what was received then."""
+        return self._take("read").received
+
+    def waiting(self) -> int:
+        """Give the number that was waiting then."""
+        return int.from_bytes(self._take("waiting").received)
+
+    def discard(self) -> None:
+        """Take the recorded discard."""
+        self._take("discard")
+
+    def _take(self, name: str, sent: bytes = b"") -> Operation:
+        operation = self._playback.take(self._device, name, sent)
+        if operation.error:
+            raise SerialException(int(operation.error), "the port was gone in the record, too")
+        return operation
+
+
+class ReplayedBus:
+    """The recorded far end of one device's view of an I2C bus."""
+
+    def __init__(self, device: str, playback: Playback) -> None:
+        self._device = device
+        self._playback = playback
+
+    def read_byte(self, i2c_addr: int) -> int:
+        """Give the recorded byte."""
+        return self._take("read_byte", bytes([i2c_addr]))[0]
+
+    def write_byte(self, i2c_addr: int, value: int) -> None:
+        """Compare with the record."""
+        self._take("write_byte", bytes([i2c_addr, value]))
+
+    def read_byte_data(self, i2c_addr: int, register: int) -> int:
+        """Give the recorded byte."""
+        return self._take("read_byte_data", bytes([i2c_addr, register]))[0]
+
+    def write_byte_data(self, i2c_addr: int, register: int, value: int) -> None:
+        """Compare with the record."""
+        self._take("write_byte_data", bytes([i2c_addr, register, value]))
+
+    def read_word_data(self, i2c_addr: int, register: int) -> int:
+        """Give the recorded word."""
+        return int.from_bytes(self._take("read_word_data", bytes([i2c_addr, register])), "little")
+
+    def write_word_data(self, i2c_addr: int, register: int, value: int) -> None:
+        """Compare with the record."""
+        self._take("write_word_data", bytes([i2c_addr, register]) + value.to_bytes(2, "little"))
+
+    def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> list[int]:
+        """Give the recorded bytes."""
+        return list(self._take("read_i2c_block_data", bytes([i2c_addr, register, length])))
+
+    def write_i2c_block_data(self, i2c_addr: int, register: int, data: Sequence[int]) -> None:
+        """Compare with the record."""
+        self._take("write_i2c_block_data", bytes([i2c_addr, register, *data]))
+
+    def i2c_rdwr(self, *i2c_msgs: i2c_msg) -> None:
+        """Compare what is written with the record, and fill the reads from it."""
+        received = self._take("i2c_rdwr", message_bytes(i2c_msgs))
+        for message in (message for message in i2c_msgs if message.flags & _READ_FLAG):
+            for index in range(message.len):
+                message.buf[index] = received[index : index + 1]
+            received = received[message.len :]
+
+    def _take(self, name: str, sent: bytes) -> bytes:
+        operation = self._playback.take(self._device, name, sent)
+        if operation.error:
+            raise OSError(int(operation.error), "no acknowledge in the record, too")
+        return operation.received

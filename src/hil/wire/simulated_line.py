@@ -1,0 +1,95 @@
+"""A simulated byte stream: the line's speed, its finite buffer, and the peer at its end."""
+
+from __future__ import annotations
+
+from hil.clock.port import NANOSECONDS, ClockError
+from hil.clock.virtual import VirtualClock
+from hil.wire.peer import SerialPeer
+
+__all__ = ["SimulatedLine"]
+
+_BITS_PER_BYTE = 10
+_MOST_LOOKS_AT_ONE_INSTANT = 100_000
+
+
+class SimulatedLine:
+    """The stream between a port and its peer.
+
+    Both directions take the time that their bits take at `baud`; 0 stands for a network, whose
+    latency is the peer's own. What the host does not fetch overflows after `buffer` bytes: the
+    bytes are lost, as they are in a driver's ring, and counted in `lost`.
+
+    Args:
+        device: the instrument's name, for messages.
+        peer: the simulated instrument.
+        clock: the bench's clock.
+        number: the device's place in the bench file; it orders events of one instant.
+        baud: bits per second, 0 for a network.
+        buffer: bytes that the host's side holds.
+    """
+
+    def __init__(
+        self, device: str, peer: SerialPeer, clock: VirtualClock, *, number: int = 0, baud: int = 0, buffer: int = 4096
+    ) -> None:
+        self.device = device
+        self.lost = 0
+        self._peer = peer
+        self._clock = clock
+        self._number = number
+        self._ns_per_byte = round(_BITS_PER_BYTE * NANOSECONDS / baud) if baud else 0
+        self._buffer = buffer
+        self._received = bytearray()
+        self._free_at_ns = 0
+        self._last_look_ns = -1
+        self._looks = 0
+        self._open = False
+
+    def opened(self) -> None:
+        """Start with an empty buffer."""
+        self._received.clear()
+        self._open = True
+
+    def closed(self) -> None:
+        """Drop what comes from now on."""
+        self._open = False
+
+    def write(self, data: bytes) -> None:
+        """Let the bits take their time, then give the bytes to the peer."""
+        if self._ns_per_byte:
+            self._clock.wait_until(self._clock.now_ns() + len(data) * self._ns_per_byte)
+        self._peer.receive(data)
+
+    def read(self, size: int, timeout: float) -> bytes:
+        """Let time pass until `size` bytes are here, or until the timeout."""
+        deadline_ns = self._clock.now_ns() + round(timeout * NANOSECONDS)
+        with self._clock.waiting(self.device):
+            self._clock.run(deadline_ns, lambda: len(self._received) >= size)
+        data = bytes(self._received[:size])
+        del self._received[:size]
+        return data
+
+    def waiting(self) -> int:
+        """Return the bytes at hand; looking for ever without letting time pass is an error."""
+        now_ns = self._clock.now_ns()
+        self._looks = self._looks + 1 if now_ns == self._last_look_ns else 0
+        self._last_look_ns = now_ns
+        if self._looks > _MOST_LOOKS_AT_ONE_INSTANT:
+            raise ClockError(f"{self.device} is polled for ever at {self._clock.now():.9f} s without letting time pass")
+        return len(self._received)
+
+    def discard(self) -> None:
+        """Throw received bytes away."""
+        self._received.clear()
+
+    def send(self, data: bytes, after_ns: int = 0) -> None:
+        """Take bytes from the peer; the first leaves after `after_ns`, behind what is still being sent."""
+        start_ns = max(self._clock.now_ns() + after_ns, self._free_at_ns)
+        self._free_at_ns = start_ns + len(data) * self._ns_per_byte
+        self._clock.at(self._free_at_ns, lambda: self._arrive(data), device=self._number)
+
+    def _arrive(self, data: bytes) -> None:
+        if not self._open:
+            return
+        room = self._buffer - len(self._received)
+        self.lost += max(0, len(data) - room)
+        self._received += data[:room]

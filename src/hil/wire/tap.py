@@ -1,0 +1,244 @@
+"""Taps: the only way to a port or a bus, so that no byte passes unrecorded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+from serial import SerialException
+
+from hil.clock.port import Clock
+from hil.model.errors import NoReply
+from hil.wire.port import I2cBus
+from hil.wire.transcript import Transcript
+
+if TYPE_CHECKING:
+    from smbus2 import i2c_msg
+
+__all__ = ["LONGEST_TRANSACTION", "TappedBus", "TappedPort", "message_bytes"]
+
+LONGEST_TRANSACTION = 0.5
+"""Seconds that one operation may take at most: nothing looks at stop flags and monitors in the meantime."""
+
+_READ_FLAG = 0x0001
+_Result = TypeVar("_Result")
+
+
+class _Serial(Protocol):
+    """The part of a pyserial port that the tap uses; pyserial's classes share no typed base that has it."""
+
+    timeout: float | None
+
+    @property
+    def in_waiting(self) -> int: ...
+
+    def read(self, size: int = 1, /) -> bytes: ...
+
+    def write(self, data: bytes, /) -> int | None: ...
+
+    def reset_input_buffer(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class _Tap:
+    """What both taps do: time an operation, note it with its bytes, and turn a lost port into a fault."""
+
+    def __init__(self, device: str, clock: Clock, transcript: Transcript) -> None:
+        self.device = device
+        self._clock = clock
+        self._transcript = transcript
+
+    def _operate(
+        self,
+        name: str,
+        operation: Callable[[], _Result],
+        *,
+        sent: bytes = b"",
+        received: Callable[[_Result], bytes] | None = None,
+    ) -> _Result:
+        start_ns = self._clock.now_ns()
+        self._transcript.in_transaction = True
+        try:
+            result = operation()
+        except (OSError, SerialException) as error:
+            number = getattr(error, "errno", None) or 0
+            self._transcript.note(self.device, name, start_ns, self._clock.now_ns(), sent=sent, error=f"{number}")
+            raise
+        finally:
+            self._transcript.in_transaction = False
+        self._transcript.note(
+            self.device,
+            name,
+            start_ns,
+            self._clock.now_ns(),
+            sent=sent,
+            received=received(result) if received else b"",
+        )
+        return result
+
+
+class TappedPort(_Tap):
+    """A byte stream with its tap. See `hil.wire.port.Port`.
+
+    Args:
+        device: the instrument's name.
+        serial: the open pyserial port, whatever its URL.
+        clock: the bench's clock.
+        transcript: where operations are noted.
+        timeout: seconds that a read waits, 0.5 at most.
+    """
+
+    def __init__(
+        self,
+        device: str,
+        serial: _Serial,
+        clock: Clock,
+        transcript: Transcript,
+        timeout: float = LONGEST_TRANSACTION,
+    ) -> None:
+        super().__init__(device, clock, transcript)
+        self._serial = serial
+        self._ahead = bytearray()
+        self.timeout = timeout
+
+    @property
+    def timeout(self) -> float:
+        """Seconds that a read waits."""
+        return self._timeout
+
+    @timeout.setter
+    def timeout(self, seconds: float) -> None:
+        if not 0 <= seconds <= LONGEST_TRANSACTION:
+            raise ValueError(f"{self.device}: a timeout is 0 to {LONGEST_TRANSACTION} s, not {seconds}")
+        self._timeout = seconds
+        self._serial.timeout = seconds
+
+    @property
+    def in_waiting(self) -> int:
+        """The number of bytes that can be read without waiting."""
+        return len(self._ahead) + self._guard(
+            lambda: self._operate("waiting", lambda: self._serial.in_waiting, received=lambda n: n.to_bytes(4))
+        )
+
+    def write(self, data: bytes) -> int:
+        """Write all bytes and return their number."""
+        self._guard(lambda: self._operate("write", lambda: self._serial.write(data), sent=data))
+        return len(data)
+
+    def read(self, size: int = 1) -> bytes:
+        """Return `size` bytes, or what came until the timeout."""
+        ahead = bytes(self._ahead[:size])
+        del self._ahead[:size]
+        missing = size - len(ahead)
+        return ahead + self._read(missing) if missing else ahead
+
+    def read_line(self, terminator: bytes = b"\n", limit: int = 4096) -> bytes:
+        """Return bytes up to and with `terminator`; without it at the end they are what came until the timeout."""
+        while (end := self._ahead.find(terminator)) < 0 and len(self._ahead) < limit:
+            first = self._read(1)
+            if not first:
+                return self.read(len(self._ahead)) if self._ahead else b""
+            self._ahead += first
+            if more := self.in_waiting - len(self._ahead):
+                self._ahead += self._read(more)
+        return self.read(end + len(terminator) if end >= 0 else limit)
+
+    def reset_input_buffer(self) -> None:
+        """Throw away what was received and not read."""
+        self._ahead.clear()
+        self._guard(lambda: self._operate("discard", self._serial.reset_input_buffer))
+
+    def close(self) -> None:
+        """Close the stream."""
+        self._serial.close()
+
+    def _read(self, size: int) -> bytes:
+        return self._guard(lambda: self._operate("read", lambda: self._serial.read(size), received=lambda data: data))
+
+    def _guard(self, operation: Callable[[], _Result]) -> _Result:
+        try:
+            return operation()
+        except (SerialException, OSError) as error:
+            raise NoReply(self.device, f"its port is gone ({error})", "check cable, power and hub") from error
+
+
+class TappedBus(_Tap):
+    """One device's view of an I2C bus, with its tap. See `hil.wire.port.I2cBus`."""
+
+    def __init__(self, device: str, bus: I2cBus, clock: Clock, transcript: Transcript) -> None:
+        super().__init__(device, clock, transcript)
+        self._bus = bus
+
+    def read_byte(self, i2c_addr: int) -> int:
+        """Return one byte without naming a register."""
+        return self._number("read_byte", lambda: self._bus.read_byte(i2c_addr), 1, bytes([i2c_addr]))
+
+    def write_byte(self, i2c_addr: int, value: int) -> None:
+        """Write one byte without naming a register."""
+        self._operate("write_byte", lambda: self._bus.write_byte(i2c_addr, value), sent=bytes([i2c_addr, value]))
+
+    def read_byte_data(self, i2c_addr: int, register: int) -> int:
+        """Return one byte of a register."""
+        sent = bytes([i2c_addr, register])
+        return self._number("read_byte_data", lambda: self._bus.read_byte_data(i2c_addr, register), 1, sent)
+
+    def write_byte_data(self, i2c_addr: int, register: int, value: int) -> None:
+        """Write one byte to a register."""
+        self._operate(
+            "write_byte_data",
+            lambda: self._bus.write_byte_data(i2c_addr, register, value),
+            sent=bytes([i2c_addr, register, value]),
+        )
+
+    def read_word_data(self, i2c_addr: int, register: int) -> int:
+        """Return two bytes from a register on, low byte first."""
+        sent = bytes([i2c_addr, register])
+        return self._number("read_word_data", lambda: self._bus.read_word_data(i2c_addr, register), 2, sent)
+
+    def write_word_data(self, i2c_addr: int, register: int, value: int) -> None:
+        """Write two bytes from a register on, low byte first."""
+        self._operate(
+            "write_word_data",
+            lambda: self._bus.write_word_data(i2c_addr, register, value),
+            sent=bytes([i2c_addr, register]) + value.to_bytes(2, "little"),
+        )
+
+    def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> list[int]:
+        """Return up to 32 bytes from a register on."""
+        return self._operate(
+            "read_i2c_block_data",
+            lambda: self._bus.read_i2c_block_data(i2c_addr, register, length),
+            sent=bytes([i2c_addr, register, length]),
+            received=bytes,
+        )
+
+    def write_i2c_block_data(self, i2c_addr: int, register: int, data: Sequence[int]) -> None:
+        """Write up to 32 bytes from a register on."""
+        self._operate(
+            "write_i2c_block_data",
+            lambda: self._bus.write_i2c_block_data(i2c_addr, register, data),
+            sent=bytes([i2c_addr, register, *data]),
+        )
+
+    def i2c_rdwr(self, *i2c_msgs: i2c_msg) -> None:
+        """Run combined messages of smbus2 with repeated starts; reads fill their message."""
+        self._operate(
+            "i2c_rdwr",
+            lambda: self._bus.i2c_rdwr(*i2c_msgs),
+            sent=message_bytes(i2c_msgs),
+            received=lambda _: b"".join(bytes(message) for message in i2c_msgs if message.flags & _READ_FLAG),
+        )
+
+    def _number(self, name: str, operation: Callable[[], int], size: int, sent: bytes) -> int:
+        return self._operate(name, operation, sent=sent, received=lambda number: number.to_bytes(size, "little"))
+
+
+def message_bytes(messages: Sequence[i2c_msg]) -> bytes:
+    """Return what identifies combined messages: address, direction and length of each, and what is written."""
+    parts = []
+    for message in messages:
+        reading = message.flags & _READ_FLAG
+        parts.append(bytes([message.addr, reading]) + message.len.to_bytes(2, "little"))
+        parts.append(b"" if reading else bytes(message))
+    return b"".join(parts)
