@@ -1,0 +1,81 @@
+"""JSON that is the same bytes for the same meaning, and a reader that lets nothing slip."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+
+import rfc8785
+
+from hil.model.errors import HilError
+
+__all__ = ["JsonError", "canonical", "digest", "parse_strict"]
+
+
+class JsonError(HilError, ValueError):
+    """JSON that cannot be written canonically, or must not be read."""
+
+
+def canonical(value: object) -> bytes:
+    """Return the canonical JSON of `value` (RFC 8785).
+
+    Raises:
+        JsonError: for NaN and infinities, for integers beyond 2**53 - 1, and for what JSON does not have.
+    """
+    try:
+        return rfc8785.dumps(value)  # type: ignore[arg-type]  # it checks every value itself
+    except rfc8785.FloatDomainError as error:
+        raise JsonError("NaN and infinity have no place in JSON", "write null where there is no number") from error
+    except (rfc8785.CanonicalizationError, RecursionError, UnicodeEncodeError) as error:
+        raise JsonError(f"this has no canonical JSON: {error}") from error
+
+
+def digest(value: object) -> str:
+    """Return the SHA-256 of the canonical JSON of `value`, as hexadecimal digits."""
+    return hashlib.sha256(canonical(value)).hexdigest()
+
+
+def parse_strict(data: bytes) -> object:
+    """Return what the JSON in `data` says.
+
+    Raises:
+        JsonError: for anything but UTF-8 JSON with unique keys and finite numbers.
+    """
+    try:
+        return json.loads(
+            data.decode("utf-8"),
+            object_pairs_hook=_unique,
+            parse_constant=_refuse_constant,
+            parse_float=_finite,
+        )
+    except JsonError:
+        raise
+    except UnicodeDecodeError as error:
+        raise JsonError(f"not UTF-8 at byte {error.start}") from error
+    except json.JSONDecodeError as error:
+        raise JsonError(f"not JSON at line {error.lineno}, column {error.colno}: {error.msg}") from error
+    except RecursionError as error:
+        raise JsonError("JSON nested too deeply") from error
+    except ValueError as error:
+        raise JsonError(f"not JSON: {error}") from error
+
+
+def _unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    unique: dict[str, object] = {}
+    for key, value in pairs:
+        if key in unique:
+            raise JsonError(f"duplicate key {key!r}")
+        unique[key] = value
+    return unique
+
+
+def _refuse_constant(name: str) -> object:
+    raise JsonError(f"{name} has no place in JSON")
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise JsonError(f"{text} is too large for a number")
+    return number

@@ -1,0 +1,33 @@
+"""Everything that is wrong with a set of files, gathered before anyone is told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from hil.documents.node import Place
+from hil.model.errors import ConfigurationError, Finding
+
+__all__ = ["Findings"]
+
+
+class Findings:
+    """Findings in the order in which they were made; each is kept once."""
+
+    def __init__(self) -> None:
+        self._findings: dict[Finding, None] = {}
+
+    def add(self, place: Place, message: str) -> None:
+        """Note that something is wrong at a node or place."""
+        finding = Finding(path=place.path, line=place.line, column=place.column, message=message)
+        self._findings[finding] = None
+
+    def raise_if_any(self) -> None:
+        """Raise ConfigurationError with every finding, if there is one."""
+        if self._findings:
+            raise ConfigurationError(tuple(self._findings))
+
+    def __iter__(self) -> Iterator[Finding]:
+        return iter(self._findings)
+
+    def __len__(self) -> int:
+        return len(self._findings)
