@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 from hil.clock.port import Clock
 from hil.model.bench import Clamp, Wire
@@ -57,7 +57,17 @@ class Connection:
 
 
 class Driver(Protocol):
-    """One instrument's protocol. The constructor takes a Connection and sends nothing."""
+    """One instrument's protocol.
+
+    Attributes:
+        roles: the names of the roles that the driver can fill.
+    """
+
+    roles: ClassVar[frozenset[str]]
+
+    def __init__(self, connection: Connection) -> None:
+        """Keep the connection; send nothing."""
+        ...
 
     def identify(self) -> Identity:
         """Ask the instrument who it is; reads only."""

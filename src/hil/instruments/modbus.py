@@ -1,0 +1,240 @@
+"""A Modbus RTU session on a port: pymodbus frames and decodes, the bench's clock bounds.
+
+pymodbus' own serial client reads and sleeps on the wall clock. Here it is given our port instead of
+one that it opens, `send` and `recv` wait on the port alone, and its deadline is infinite, so that no
+wall time decides anything; what ends an exchange is the port's timeout and the bench's clock.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Sequence
+from typing import Protocol, TypeVar
+
+from pymodbus.client import ModbusSerialClient
+from pymodbus.exceptions import ModbusException
+
+from hil.clock.port import Clock
+from hil.model.errors import DeviceFault, Garbled, NoReply, Rejected
+from hil.wire.port import Port
+
+__all__ = ["LONGEST_S", "ModbusSession"]
+
+LONGEST_S = 0.5
+"""The longest that one exchange may take, in seconds."""
+
+_ATTEMPTS = 3
+_QUIET_S = 0.05
+_IS_EXCEPTION = 0x80
+# Modbus Application Protocol Specification V1.1b3, section 7.
+_EXCEPTIONS = {
+    1: "it does not know this function",
+    2: "it has no such address",
+    3: "it does not accept this value",
+    4: "it failed while it carried the request out",
+    5: "it accepted the request and needs long to carry it out",
+    6: "it is busy",
+    8: "its memory failed a parity check",
+    10: "the gateway has no path to it",
+    11: "the gateway got no reply from it",
+}
+
+_LOGGER = logging.getLogger("pymodbus")
+_LOGGER.addHandler(logging.NullHandler())
+_LOGGER.propagate = False
+
+_T = TypeVar("_T")
+
+
+class _Reply(Protocol):
+    """What is read of pymodbus' decoded replies; each kind has some of it."""
+
+    function_code: int
+    exception_code: int
+    address: int
+    count: int
+    bits: list[bool]
+    registers: list[int]
+
+
+class _Client(ModbusSerialClient):  # type: ignore[misc]  # pymodbus is followed as untyped
+    """pymodbus' serial client on a port that is already open."""
+
+    def __init__(self, port: Port, clock: Clock, timeout: float) -> None:
+        super().__init__("a port of the bench", timeout=math.inf, retries=0)
+        self._port = port
+        self._clock = clock
+        self._timeout = timeout
+        self._deadline = 0.0
+        self.sent = b""
+        self.received = b""
+        self.discarded = 0
+
+    def connect(self) -> bool:
+        """Say that there is a connection: the port was open before the session."""
+        return True
+
+    def send(self, request: bytes, addr: tuple[str, int] | None = None) -> int:
+        """Throw away what nobody asked for, then write the request."""
+        del addr
+        if waiting := self._port.in_waiting:
+            self.discarded += waiting
+            self._port.reset_input_buffer()
+        self.sent, self.received = request, b""
+        self._deadline = self._clock.now() + self._timeout
+        return self._port.write(request)
+
+    def recv(self, size: int | None) -> bytes:
+        """Return what has come, or wait for the first byte until the deadline; empty ends the exchange."""
+        del size
+        left = self._deadline - self._clock.now()
+        if left <= 0:
+            return b""
+        self._port.timeout = left
+        first = self._port.read(1)
+        data = first + self._port.read(self._port.in_waiting) if first else b""
+        self.received += data
+        return data
+
+    def settle(self) -> None:
+        """Let a late reply come and throw it away, so that it answers no later request."""
+        self._port.timeout = _QUIET_S
+        deadline = self._clock.now() + LONGEST_S
+        while self._clock.now() < deadline and self._port.read(1):
+            self.discarded += 1 + self._port.in_waiting
+            self._port.reset_input_buffer()
+
+
+class ModbusSession:
+    """The host's end of one Modbus RTU line to one unit.
+
+    Reads are asked again where nothing or nonsense comes; writes are sent once, and the driver
+    reads back what became of them.
+
+    Args:
+        device: the instrument's name in the bench file, for messages.
+        port: the open byte stream.
+        clock: the bench's clock.
+        unit: the unit's address, 1 to 247.
+        timeout: longest wait for one reply in seconds.
+    """
+
+    def __init__(self, device: str, port: Port, clock: Clock, unit: int, *, timeout: float = LONGEST_S) -> None:
+        self._device = device
+        self._unit = unit
+        self._timeout = min(timeout, LONGEST_S)
+        self._client = _Client(port, clock, self._timeout)
+        self._settled = True
+
+    @property
+    def discarded(self) -> int:
+        """How many bytes came that nobody had asked for."""
+        return self._client.discarded
+
+    def read_coils(self, address: int, count: int) -> tuple[bool, ...]:
+        """Read `count` coils from `address` on (function 01)."""
+
+        def parse(reply: _Reply) -> tuple[bool, ...]:
+            bits = tuple(bool(bit) for bit in reply.bits)
+            if len(bits) != (count + 7) // 8 * 8:
+                raise ValueError(f"{count} coils")
+            return bits[:count]
+
+        asked = f"coils {address} to {address + count - 1}"
+        return self._read(asked, 1, lambda: self._client.read_coils(address, count=count, device_id=self._unit), parse)
+
+    def read_holding(self, address: int, count: int) -> tuple[int, ...]:
+        """Read `count` holding registers from `address` on (function 03)."""
+
+        def parse(reply: _Reply) -> tuple[int, ...]:
+            if len(reply.registers) != count:
+                raise ValueError(f"{count} registers")
+            return tuple(int(register) for register in reply.registers)
+
+        asked = f"holding register {address:#06x}, {count} long"
+        return self._read(
+            asked, 3, lambda: self._client.read_holding_registers(address, count=count, device_id=self._unit), parse
+        )
+
+    def write_coil(self, address: int, on: bool) -> None:
+        """Switch one coil (function 05); the unit echoes the request byte by byte."""
+
+        def parse(_reply: _Reply) -> None:
+            if self._client.received != self._client.sent:
+                raise ValueError(f"the echo {self._client.sent.hex(' ')}")
+
+        asked = f"coil {address} {'on' if on else 'off'}"
+        self._exchange(asked, 5, lambda: self._client.write_coil(address, on, device_id=self._unit), parse)
+
+    def write_coils(self, address: int, values: Sequence[bool]) -> None:
+        """Switch coils from `address` on (function 0F); the unit repeats address and count."""
+
+        def parse(reply: _Reply) -> None:
+            if (reply.address, reply.count) != (address, len(values)):
+                raise ValueError("address and count of the request")
+
+        asked = f"coils {address} to {address + len(values) - 1} switched"
+        self._exchange(asked, 15, lambda: self._client.write_coils(address, list(values), device_id=self._unit), parse)
+
+    def _read(self, asked: str, function: int, request: Callable[[], _Reply], parse: Callable[[_Reply], _T]) -> _T:
+        faults: list[DeviceFault] = []
+        while len(faults) < _ATTEMPTS:
+            try:
+                return self._exchange(asked, function, request, parse)
+            except (NoReply, Garbled) as fault:
+                faults.append(fault)
+        raise faults[0]
+
+    def _exchange(self, asked: str, function: int, request: Callable[[], _Reply], parse: Callable[[_Reply], _T]) -> _T:
+        """Make one request and judge its reply.
+
+        Raises:
+            NoReply: not one byte came, or the port failed.
+            Garbled: what came is no reply to this request.
+            Rejected: the unit answered with an exception.
+        """
+        try:
+            if not self._settled:
+                self._client.settle()
+            self._settled = False
+            reply = request()
+        except OSError as error:
+            raise NoReply(self._device, f"the port failed at {asked}: {error}", "look at cable and power") from error
+        except ModbusException:
+            raise self._silence(asked) from None
+        if reply.function_code == function | _IS_EXCEPTION:
+            self._settled = True
+            raise self._rejected(asked, reply.exception_code)
+        if reply.function_code != function:
+            raise self._garbled(asked, f"a reply to function {function:02X}")
+        try:
+            value = parse(reply)
+        except ValueError as error:
+            raise self._garbled(asked, str(error)) from None
+        self._settled = True
+        return value
+
+    def _rejected(self, asked: str, code: int) -> Rejected:
+        meaning = _EXCEPTIONS.get(code, "a code that the protocol does not name")
+        return Rejected(
+            self._device,
+            f"asked for {asked}, unit {self._unit} answered exception {code}: {meaning}",
+            "compare the request with the instrument's register table",
+        )
+
+    def _silence(self, asked: str) -> DeviceFault:
+        if self._client.received:
+            return self._garbled(asked, f"a frame of unit {self._unit}")
+        return NoReply(
+            self._device,
+            f"asked for {asked}, unit {self._unit} gave no reply within {self._timeout:g} s",
+            "look at its power, its A and B wires, its address and its speed",
+        )
+
+    def _garbled(self, asked: str, expected: str) -> Garbled:
+        return Garbled(
+            self._device,
+            f"asked for {asked}, expected {expected}, got {self._client.received.hex(' ') or 'nothing'}",
+            "look at the line's speed, termination and shielding, and who else talks on it",
+        )

@@ -1,0 +1,228 @@
+"""A SCPI session on a port: lines out, strict replies in, and never a reply taken for another query's.
+
+Every exchange is bounded by the port's timeout, 0.5 s at most. Queries only read, so they are asked
+again; settings are written once and proven by what the instrument says afterwards. A query that got
+no reply, or nonsense, leaves the session out of step: its reply may still come, and would be taken
+for the reply to the next query. Instruments answer in order, so the session then asks `*IDN?` and
+throws away every line before the four fields that only this query gives.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from typing import TypeVar
+
+from hil.model.errors import DeviceFault, Garbled, NoReply, Rejected
+from hil.wire.port import Port
+
+__all__ = ["LONGEST_S", "ScpiSession", "as_identification", "as_number", "as_register", "as_switch", "as_text"]
+
+LONGEST_S = 0.5
+"""The longest that one exchange may take, in seconds."""
+
+_ATTEMPTS = 3
+_LONGEST_ERROR_QUEUE = 32
+_MOST_LINES_OUT_OF_STEP = 4
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[Ee][+-]?\d+)?")
+_ERROR = re.compile(r'([+-]?\d+),"(.*)"')
+_NO_NUMBER_FROM = 9.9e37  # SCPI-1999 volume 1, 7.2.1: 9.9E37 is infinity, 9.91E37 is not a number
+
+_T = TypeVar("_T")
+
+
+class ScpiSession:
+    """The host's end of one SCPI dialogue.
+
+    Args:
+        device: the instrument's name in the bench file, for messages.
+        port: the open byte stream.
+        terminator: what ends every line, both ways.
+        timeout: longest wait for one reply in seconds.
+        error_query: the query that takes the oldest entry out of the error queue.
+    """
+
+    def __init__(
+        self,
+        device: str,
+        port: Port,
+        *,
+        terminator: bytes = b"\n",
+        timeout: float = LONGEST_S,
+        error_query: str = "SYST:ERR?",
+    ) -> None:
+        self._device = device
+        self._port = port
+        self._terminator = terminator
+        self._timeout = min(timeout, LONGEST_S)
+        self._error_query = error_query
+        self._in_step = True
+        self._queue_known = False
+        self._discarded = 0
+
+    @property
+    def discarded(self) -> int:
+        """How many bytes came that nobody had asked for."""
+        return self._discarded
+
+    def query(self, command: str, parse: Callable[[str], _T]) -> _T:
+        """Ask, and return the parsed reply; asked again where nothing or nonsense comes.
+
+        Args:
+            command: the query, without its terminator.
+            parse: makes a value of the reply's text, or raises ValueError with what it expected.
+
+        Raises:
+            NoReply: nothing, or half a line, came each time.
+            Garbled: a line came that `parse` does not accept.
+        """
+        faults: list[DeviceFault] = []
+        while len(faults) < _ATTEMPTS:
+            try:
+                if not self._in_step:
+                    self._step_again()
+                return self._ask(command, parse)
+            except (NoReply, Garbled) as fault:
+                self._in_step = self._queue_known = False
+                faults.append(fault)
+        raise faults[0]
+
+    def setting(self, command: str, *, urgent: bool = False) -> None:
+        """Send a setting once, and take everything out of the error queue.
+
+        Entries from before this setting are not held against it.
+
+        Args:
+            command: the setting, without its terminator.
+            urgent: let it leave before anything is asked, even out of step: for switching off.
+
+        Raises:
+            Rejected: the instrument queued an error.
+        """
+        if not self._queue_known and not urgent:
+            self.errors()
+        ours = self._queue_known
+        self._send(command)
+        queued = self.errors()
+        if queued and ours:
+            raise Rejected(
+                self._device,
+                f"`{command}` was answered with {'; '.join(queued)}",
+                "compare the setting with the instrument's ratings and its programming guide",
+            )
+
+    def errors(self) -> tuple[str, ...]:
+        """Take every entry out of the error queue, oldest first."""
+        queued: list[str] = []
+        while len(queued) < _LONGEST_ERROR_QUEUE:
+            number, text = self.query(self._error_query, _as_error)
+            if number == 0:
+                self._queue_known = True
+                return tuple(queued)
+            queued.append(f'{number:+d} "{text}"')
+        raise Garbled(
+            self._device,
+            f"`{self._error_query}` gave {_LONGEST_ERROR_QUEUE} errors without an end, the newest {queued[-1]}",
+            "switch the instrument off and on, and look who else talks to it",
+        )
+
+    def _ask(self, command: str, parse: Callable[[str], _T]) -> _T:
+        self._send(command)
+        line = self._line(command)
+        try:
+            return parse(line)
+        except ValueError as error:
+            raise Garbled(
+                self._device,
+                f"asked `{command}`, expected {error}, got {line!r}",
+                "look at the driver that the bench file names, the line's speed and its shielding",
+            ) from None
+
+    def _send(self, command: str) -> None:
+        try:
+            self._discard()
+            self._port.timeout = self._timeout
+            self._port.write(command.encode("ascii") + self._terminator)
+        except OSError as error:
+            raise self._dead_port(command, error) from error
+
+    def _line(self, command: str) -> str:
+        try:
+            line = self._port.read_line(self._terminator)
+        except OSError as error:
+            raise self._dead_port(command, error) from error
+        if not line.endswith(self._terminator):
+            came = f"only {line!r} came" if line else "nothing came"
+            raise NoReply(
+                self._device,
+                f"asked `{command}`, {came} within {self._timeout:g} s",
+                "look at the instrument's power, cable and remote settings",
+            )
+        return line.removesuffix(self._terminator).decode("ascii", errors="backslashreplace")
+
+    def _dead_port(self, command: str, error: OSError) -> NoReply:
+        return NoReply(self._device, f"the port failed at `{command}`: {error}", "look at cable and power")
+
+    def _step_again(self) -> None:
+        """Bring queries and replies back into step, by the one reply that cannot be mistaken."""
+        self._send("*IDN?")
+        for _ in range(_MOST_LINES_OUT_OF_STEP):
+            line = self._line("*IDN?")
+            try:
+                as_identification(line)
+            except ValueError:
+                self._discarded += len(line) + len(self._terminator)
+            else:
+                self._in_step = True
+                return
+        raise Garbled(self._device, "lines come without an end that no query asked for", "look who else talks to it")
+
+    def _discard(self) -> None:
+        if waiting := self._port.in_waiting:
+            self._discarded += waiting
+            self._port.reset_input_buffer()
+
+
+def as_text(reply: str) -> str:
+    """Accept printable text."""
+    if not reply or not reply.isascii() or not reply.isprintable() or "\\x" in reply:
+        raise ValueError("printable text")
+    return reply
+
+
+def as_identification(reply: str) -> tuple[str, str, str, str]:
+    """Accept the four fields of `*IDN?`: manufacturer, model, serial number, firmware."""
+    fields = [field.strip() for field in as_text(reply).split(",")]
+    if len(fields) != 4 or not fields[0] or not fields[1]:
+        raise ValueError("manufacturer, model, serial number and firmware")
+    return fields[0], fields[1], fields[2], fields[3]
+
+
+def as_number(reply: str) -> float:
+    """Accept a decimal number; SCPI's infinities and its not-a-number are NaN."""
+    if not _NUMBER.fullmatch(reply):
+        raise ValueError("a number")
+    value = float(reply)
+    return math.nan if abs(value) >= _NO_NUMBER_FROM else value
+
+
+def as_register(reply: str) -> int:
+    """Accept the bits of a status register as a whole number that is not negative."""
+    if not re.fullmatch(r"\+?\d{1,10}", reply):
+        raise ValueError("a whole number")
+    return int(reply)
+
+
+def as_switch(reply: str) -> bool:
+    """Accept 0 or 1."""
+    if reply not in {"0", "1"}:
+        raise ValueError("0 or 1")
+    return reply == "1"
+
+
+def _as_error(reply: str) -> tuple[int, str]:
+    match = _ERROR.fullmatch(reply)
+    if not match:
+        raise ValueError('a number and a text like +0,"No error"')
+    return int(match[1]), match[2]

@@ -1,0 +1,183 @@
+"""The supply role over SCPI, by a dialect: the table of one family's commands."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from hil.instruments.driver import Clamps
+from hil.instruments.roles import drives, reads
+from hil.instruments.scpi import ScpiSession, as_number, as_register, as_switch
+from hil.model.errors import Refused, Rejected
+from hil.model.figure import Figure
+
+__all__ = ["Dialect", "ScpiOutput"]
+
+_CONSTANT_CURRENT = 1 << 0
+_CONSTANT_VOLTAGE = 1 << 1
+_MODES = {0: "unregulated", _CONSTANT_CURRENT: "CC", _CONSTANT_VOLTAGE: "CV", 3: "unregulated"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dialect:
+    """One family's commands; `{channel}` and `{value}` are filled in.
+
+    Attributes:
+        channels: the outputs that the family has.
+        decimals: digits after the point that are sent.
+        tolerance: how far a setting that is read back may lie from what was sent (V or A): the
+            family's coarsest programming step.
+        condition: query of the output's condition register; bit 0 is set in constant current, bit 1
+            in constant voltage, both where neither is regulated.
+    """
+
+    channels: tuple[int, ...]
+    decimals: int
+    tolerance: float
+    set_voltage: str
+    get_voltage: str
+    set_current: str
+    get_current: str
+    set_over_voltage: str
+    get_over_voltage: str
+    over_voltage_tripped: str
+    switch_on: str
+    switch_off: str
+    is_on: str
+    measure_voltage: str
+    measure_current: str
+    condition: str
+
+
+class ScpiOutput:
+    """One output of a power supply; fills the role `supply`.
+
+    Every setting is permitted by the clamps right before its bytes leave, sent once, followed by the
+    error queue, and read back. Switching on asks the clamps too: what the instrument has been set to
+    before, from its front panel or by an earlier run, must be permitted as well. Over-voltage
+    protection that has tripped stays tripped: clearing it is a person's decision at the instrument.
+
+    Args:
+        name: the wire's dotted name.
+        device: the instrument's name, for messages.
+        session: the instrument's session.
+        dialect: its commands.
+        clamps: what its outputs may be told.
+        channel: which output.
+        over_voltage: level of the over-voltage protection in V; None leaves it alone.
+    """
+
+    def __init__(
+        self,
+        *,
+        name: str,
+        device: str,
+        session: ScpiSession,
+        dialect: Dialect,
+        clamps: Clamps,
+        channel: int,
+        over_voltage: float | None = None,
+    ) -> None:
+        self._name = name
+        self._device = device
+        self._session = session
+        self._dialect = dialect
+        self._clamps = clamps
+        self._channel = channel
+        self._over_voltage = over_voltage
+
+    @drives
+    def configure(self, voltage: float, current: float) -> None:
+        """Set over-voltage protection, current limit [A] and voltage [V], in this order.
+
+        Raises:
+            ClampExceeded: one of them is not permitted; nothing was sent.
+            Rejected: the instrument refused one, or reads back another.
+        """
+        voltage, current = self._sendable("voltage", voltage), self._sendable("current", current)
+        if self._over_voltage is not None and voltage > self._over_voltage:
+            raise Refused(
+                f"{self._name}: {voltage:g} V is above its over-voltage protection of {self._over_voltage:g} V",
+                "lower the voltage, or change `over_voltage` in the wiring after a review",
+            )
+        self._clamps.permit(self._channel, "voltage", voltage)
+        self._clamps.permit(self._channel, "current", current)
+        self._protect()
+        self._set("current", self._dialect.set_current, self._dialect.get_current, current)
+        self._set("voltage", self._dialect.set_voltage, self._dialect.get_voltage, voltage)
+
+    @drives
+    def enable(self) -> None:
+        """Switch the output on, if what it is set to is permitted."""
+        self._clamps.permit(self._channel, "voltage", self._number(self._dialect.get_voltage))
+        self._clamps.permit(self._channel, "current", self._number(self._dialect.get_current))
+        self._protect()
+        self._session.setting(self._filled(self._dialect.switch_on))
+        if not self.enabled():
+            tripped = self._session.query(self._filled(self._dialect.over_voltage_tripped), as_switch)
+            why = "its over-voltage protection has tripped" if tripped else "no protection says why"
+            raise Rejected(
+                self._device,
+                f"{self._name} was switched on and is off, {why}",
+                "look at the instrument's display, remove the cause, clear it there",
+            )
+
+    @drives
+    def disable(self) -> None:
+        """Switch the output off; its bytes leave first, whatever state the dialogue is in."""
+        self._session.setting(self._filled(self._dialect.switch_off), urgent=True)
+        if self.enabled():
+            raise Rejected(self._device, f"{self._name} was switched off and is on", "cut its mains, then look at it")
+
+    @reads
+    def enabled(self) -> bool:
+        """Return whether the instrument says that the output is on."""
+        return self._session.query(self._filled(self._dialect.is_on), as_switch)
+
+    @reads
+    def voltage(self) -> Figure:
+        """Return the measured voltage in V; its uncertainty is the certificate's, not the driver's."""
+        return Figure(value=self._number(self._dialect.measure_voltage), unit="V")
+
+    @reads
+    def current(self) -> Figure:
+        """Return the measured current in A; its uncertainty is the certificate's, not the driver's."""
+        return Figure(value=self._number(self._dialect.measure_current), unit="A")
+
+    @reads
+    def mode(self) -> str:
+        """Return `CV`, `CC`, `off` or `unregulated`."""
+        if not self.enabled():
+            return "off"
+        bits = self._session.query(self._filled(self._dialect.condition), as_register)
+        return _MODES[bits & (_CONSTANT_CURRENT | _CONSTANT_VOLTAGE)]
+
+    def _protect(self) -> None:
+        if self._over_voltage is not None:
+            level = self._sendable("over_voltage", self._over_voltage)
+            self._set("over_voltage", self._dialect.set_over_voltage, self._dialect.get_over_voltage, level)
+
+    def _set(self, quantity: str, command: str, question: str, value: float) -> None:
+        """Permit, send, ask the error queue, read back, compare."""
+        text = f"{value:.{self._dialect.decimals}f}"
+        self._clamps.permit(self._channel, quantity, value)
+        self._session.setting(self._filled(command, value=text))
+        taken = self._number(question)
+        if not abs(taken - value) <= self._dialect.tolerance:
+            raise Rejected(
+                self._device,
+                f"{self._name}: {quantity} was set to {text} and reads back {taken:g}",
+                "look whether the front panel or another program changes it, and at the instrument's ratings",
+            )
+
+    def _sendable(self, quantity: str, value: float) -> float:
+        """Return the number that will be sent, so that the clamps judge that one."""
+        if not math.isfinite(value):
+            raise Refused(f"{self._name}: {quantity} {value} is not a number to set", "give a finite number")
+        return round(value, self._dialect.decimals)
+
+    def _number(self, question: str) -> float:
+        return self._session.query(self._filled(question), as_number)
+
+    def _filled(self, template: str, value: str = "") -> str:
+        return template.format(channel=self._channel, value=value)

@@ -1,0 +1,48 @@
+"""What a wire's settings say, read strictly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from hil.documents.suggest import did_you_mean
+from hil.model.bench import Wire
+from hil.model.errors import Refused
+
+__all__ = ["choice", "only", "quantity"]
+
+
+def only(wire: Wire, *known: str) -> None:
+    """Refuse a setting that the driver does not know, and name the nearest that it does."""
+    for key in wire.settings:
+        if key not in known:
+            raise Refused(
+                f"wiring {wire.name}: unknown setting '{key}'{did_you_mean(key, known)}",
+                f"known here: {', '.join(sorted(known)) or 'none'}",
+            )
+
+
+def quantity(wire: Wire, key: str, unit: str) -> float | None:
+    """Return the number of a setting like `5.5` or `5.5 V`, or None where the wire does not name it."""
+    text = wire.settings.get(key)
+    if text is None:
+        return None
+    number = text.strip().removesuffix(unit).strip()
+    try:
+        value = float(number)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise Refused(f"wiring {wire.name}: setting {key} is {text!r}", f"write a number in {unit}, like '5.5 {unit}'")
+    return value
+
+
+def choice(wire: Wire, key: str, unit: str, allowed: Sequence[float], default: float) -> float:
+    """Return the number of a setting that must be one of a few."""
+    value = quantity(wire, key, unit)
+    if value is None:
+        return default
+    if value not in allowed:
+        listed = ", ".join(f"{number:g}" for number in allowed)
+        raise Refused(f"wiring {wire.name}: {key} {value:g} {unit} does not exist", f"choose one of {listed} {unit}")
+    return value

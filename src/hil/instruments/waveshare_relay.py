@@ -1,0 +1,153 @@
+"""Waveshare Modbus RTU Relay, the board with eight relays.
+
+Coils 0 to 7 are the relays that the board prints as 1 to 8 (development protocol V2, which is
+standard Modbus): function 05 switches one, 0F several, 01 reads them. The vendor's toggle (function
+05 with 5500) is never sent: what it does depends on what was before. What is read back is the
+board's own idea of its relays; a welded contact shows only in what it switches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import ClassVar
+
+from hil.instruments import settings
+from hil.instruments.driver import Connection, Outlet
+from hil.instruments.modbus import ModbusSession
+from hil.instruments.roles import Relays, drives, reads
+from hil.model.bench import Wire
+from hil.model.errors import DeviceFault, Garbled, NoReply, Refused, Rejected
+from hil.model.identity import Identity
+
+__all__ = ["WaveshareRelay", "WaveshareRelays"]
+
+_RELAYS = 8
+_FACTORY_UNIT = 1
+_VERSION_REGISTER = 0x8000
+_HIGHEST_VERSION = 9999
+
+
+class WaveshareRelays:
+    """Named contacts of one board; fills the role `relays`.
+
+    A setting is sent once and then read back; a lost or damaged acknowledgement is forgiven where the
+    board has done what it was told.
+
+    Args:
+        name: the wire's dotted name.
+        device: the instrument's name, for messages.
+        session: the board's session.
+        contacts: name of a contact to its number on the board, 1 to 8.
+    """
+
+    def __init__(self, *, name: str, device: str, session: ModbusSession, contacts: Mapping[str, int]) -> None:
+        self._name = name
+        self._device = device
+        self._session = session
+        self._contacts = dict(contacts)
+
+    @drives
+    def close(self, contact: str) -> None:
+        """Energise one contact."""
+        self._switch(self._coil(contact), on=True)
+
+    @drives
+    def open(self, contact: str) -> None:
+        """Release one contact."""
+        self._switch(self._coil(contact), on=False)
+
+    @drives
+    def release_all(self) -> None:
+        """Release every relay of the board, also those of other wires."""
+        wanted = dict.fromkeys(range(_RELAYS), False)
+        self._prove(lambda: self._session.write_coils(0, [False] * _RELAYS), wanted)
+
+    @reads
+    def closed(self) -> tuple[str, ...]:
+        """Return the names of the energised contacts, sorted."""
+        states = self._session.read_coils(0, _RELAYS)
+        return tuple(sorted(name for name, number in self._contacts.items() if states[number - 1]))
+
+    def _switch(self, coil: int, *, on: bool) -> None:
+        self._prove(lambda: self._session.write_coil(coil, on), {coil: on})
+
+    def _prove(self, write: Callable[[], None], wanted: Mapping[int, bool]) -> None:
+        """Write once and read back what became of it.
+
+        Raises:
+            NoReply: nothing came, or a reply was lost and the relays are not as wanted.
+            Garbled: the same with nonsense.
+            Rejected: the board refused, or says that its relays are otherwise.
+        """
+        fault: DeviceFault | None = None
+        try:
+            write()
+        except (NoReply, Garbled) as error:
+            fault = error
+        states = self._session.read_coils(0, _RELAYS)
+        wrong = [coil + 1 for coil, on in wanted.items() if states[coil] != on]
+        if wrong and fault:
+            raise fault
+        if wrong:
+            raise Rejected(
+                self._device,
+                f"{self._name}: the board acknowledged, but reads back relay {', '.join(map(str, wrong))} otherwise",
+                "look at the board's supply voltage, and who else talks to it",
+            )
+
+    def _coil(self, contact: str) -> int:
+        if contact not in self._contacts:
+            raise Refused(
+                f"{self._name} has no contact '{contact}'", f"its contacts are {', '.join(sorted(self._contacts))}"
+            )
+        return self._contacts[contact] - 1
+
+
+class WaveshareRelay:
+    """Driver `waveshare-relay`: role `relays`; every contact of the wire is a number from 1 to 8.
+
+    The instrument's `address` is the board's unit address; 0 stands for the factory's 1.
+    """
+
+    roles: ClassVar[frozenset[str]] = frozenset({"relays"})
+
+    def __init__(self, connection: Connection) -> None:
+        if connection.port is None:
+            raise Refused(f"{connection.device}: a waveshare-relay is reached by a port", "give it `port:`")
+        self._connection = connection
+        unit = connection.address or _FACTORY_UNIT
+        self._session = ModbusSession(connection.device, connection.port, connection.clock, unit)
+
+    def identify(self) -> Identity:
+        """Read the version register, the only thing the board says of itself.
+
+        The register (8000h, version times 100) is the vendor's own. A board that answers there and
+        has eight coils is taken for this model; one that rejects it gets an identity without model.
+        Manufacturer and serial number cannot be read.
+        """
+        try:
+            version = self._session.read_holding(_VERSION_REGISTER, 1)[0]
+        except Rejected:
+            return Identity()
+        self._session.read_coils(0, _RELAYS)
+        if not 0 < version <= _HIGHEST_VERSION:
+            return Identity()
+        return Identity(model="Modbus RTU Relay", firmware=f"{version // 100}.{version % 100:02d}")
+
+    def outlets(self) -> Sequence[Outlet]:
+        """Read every relay; the channel is its number on the board."""
+        return tuple(Outlet(coil + 1, on) for coil, on in enumerate(self._session.read_coils(0, _RELAYS)))
+
+    def role(self, wire: Wire) -> Relays:
+        """Return the contacts that the wire names."""
+        if wire.role not in self.roles:
+            raise Refused(f"wiring {wire.name}: a waveshare-relay fills the role relays, not {wire.role}")
+        if not wire.contacts:
+            raise Refused(f"wiring {wire.name}: no contacts", "name them: `contacts: {heater: 1}`")
+        for contact, number in wire.contacts.items():
+            if not 1 <= number <= _RELAYS:
+                raise Refused(f"wiring {wire.name}: contact {contact} is relay {number}, the board has 1 to {_RELAYS}")
+        settings.only(wire)
+        return WaveshareRelays(
+            name=wire.name, device=self._connection.device, session=self._session, contacts=wire.contacts
+        )
