@@ -19,6 +19,7 @@ __all__ = [
     "PlantSpec",
     "Proof",
     "Rating",
+    "ReducedLevel",
     "SafeStep",
     "SimulatedBench",
     "Wire",
@@ -70,7 +71,8 @@ class Rating:
 class InstrumentSpec:
     """One instrument: its driver, where it is, who it must be, what it may do.
 
-    Either `port` (a URL for pyserial) or `bus` and `address` (I2C) is set.
+    Either `port` (a URL for pyserial) or `bus` and `address` (I2C) is set. `powered_by` names the
+    output that feeds it, empty where it has power of its own.
     """
 
     name: str
@@ -79,10 +81,25 @@ class InstrumentSpec:
     baud: int = 0
     bus: str = ""
     address: int = 0
+    powered_by: str = ""
     identity: Identity = field(default_factory=Identity)
     ratings: tuple[Rating, ...] = ()
     calibration: Calibration | None = None
     dut: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReducedLevel:
+    """What arm does with a supply output before anybody relies on it.
+
+    The output is set to this voltage [V] and current limit [A] and switched on; its measured voltage
+    must come up with the right sign and its current [A] must stay between the two bounds.
+    """
+
+    voltage: float
+    current: float
+    lowest_current: float
+    highest_current: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,6 +113,7 @@ class Wire:
         channel: the instrument's channel, 0 where it has none.
         contacts: for relays, name of a contact to its number on the board.
         settings: what the role needs besides (measurement range, output rate), as strings.
+        reduced: for supplies, the level at which arm tries the output.
         note: polarity, fuse, cable: printed in the report's wiring table.
     """
 
@@ -105,6 +123,7 @@ class Wire:
     channel: int = 0
     contacts: Mapping[str, int] = field(default_factory=dict)
     settings: Mapping[str, str] = field(default_factory=dict)
+    reduced: ReducedLevel | None = None
     note: str = ""
 
     @property

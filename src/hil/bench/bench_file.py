@@ -1,0 +1,95 @@
+"""Read a bench file: every section, every finding at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hil.bench.bench_checks import Located, check_bench
+from hil.bench.bench_sections import (
+    read_buses,
+    read_clamp,
+    read_envelope_limit,
+    read_instruments,
+    read_safe_step,
+    read_twin,
+    read_wire,
+)
+from hil.documents.findings import Findings
+from hil.documents.node import Place
+from hil.documents.reader import MappingReader, read_document
+from hil.documents.suggest import did_you_mean
+from hil.model.bench import BenchSpec, SafeStep
+from hil.model.errors import Refused
+
+__all__ = ["SCHEMA", "bench_names", "load_bench", "read_bench"]
+
+SCHEMA = "hil/bench/1"
+
+
+def bench_names(benches: Path) -> tuple[str, ...]:
+    """Return the names of the benches in a folder, sorted."""
+    return tuple(sorted(path.parent.name for path in benches.glob("*/bench.yaml")))
+
+
+def load_bench(benches: Path, name: str, root: Path) -> BenchSpec:
+    """Read and check `<benches>/<name>/bench.yaml`.
+
+    Args:
+        benches: the folder that holds the benches.
+        name: the bench.
+        root: the workspace; findings show paths relative to it.
+
+    Raises:
+        Refused: if there is no such bench.
+        ConfigurationError: with everything that is wrong with the file.
+    """
+    known = bench_names(benches)
+    if name not in known:
+        raise Refused(
+            f"there is no bench '{name}' in {benches.relative_to(root)}{did_you_mean(name, known)}",
+            f"benches are: {', '.join(known) or 'none'}",
+        )
+    findings = Findings()
+    path = benches / name / "bench.yaml"
+    spec = read_bench(path, str(path.relative_to(root)), findings)
+    findings.raise_if_any()
+    if spec is None:
+        raise Refused(f"{path} cannot be read")
+    return spec
+
+
+def read_bench(path: Path, shown: str, findings: Findings) -> BenchSpec | None:
+    """Read one bench file and add what is wrong to the findings; None where nothing could be read."""
+    document = read_document(path, shown, findings, schema=SCHEMA)
+    if document is None:
+        return None
+    places = Located()
+    head = document.child("bench", required=True)
+    spec = BenchSpec(
+        name=head.text("name", pattern="[a-z][a-z0-9-]*") if head else "",
+        title=head.text("title") if head else "",
+        place=head.text("place", "") if head else "",
+        buses=read_buses(document, places),
+        instruments=read_instruments(document, places),
+        wiring=tuple(places.keep(read_wire(item), item.place()) for item in document.children("wiring", required=True)),
+        clamps=tuple(places.keep(read_clamp(item), item.place()) for item in document.children("clamps")),
+        envelope=tuple(places.keep(read_envelope_limit(item), item.place()) for item in document.children("envelope")),
+        safe_off=_steps(document, "safe_off", places),
+        rest=_steps(document, "rest", places),
+        simulated=read_twin(document, places),
+    )
+    if head:
+        head.done()
+        _check_name(spec.name, path, head.place("name"), findings)
+    document.done()
+    check_bench(spec, places, findings)
+    return spec
+
+
+def _steps(document: MappingReader, key: str, places: Located) -> tuple[SafeStep, ...]:
+    return tuple(places.keep(read_safe_step(item), item.place()) for item in document.children(key, required=True))
+
+
+def _check_name(name: str, path: Path, place: Place, findings: Findings) -> None:
+    if name and path.parent.name != name and path.name == "bench.yaml" and path.parent.name != "bench":
+        findings.add(place, f"the bench is called '{name}', but its folder '{path.parent.name}'")

@@ -1,0 +1,257 @@
+"""The sections of a bench file, each read into its data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import cast
+
+from hil.bench.bench_checks import Located
+from hil.documents.reader import MappingReader
+from hil.model.bench import (
+    Bus,
+    CalibratedRange,
+    Calibration,
+    Clamp,
+    EnvelopeLimit,
+    InstrumentSpec,
+    PeerSpec,
+    PlantSpec,
+    Proof,
+    Rating,
+    ReducedLevel,
+    SafeStep,
+    SimulatedBench,
+    Wire,
+)
+from hil.model.identity import Identity
+
+__all__ = [
+    "read_buses",
+    "read_clamp",
+    "read_envelope_limit",
+    "read_instruments",
+    "read_safe_step",
+    "read_twin",
+    "read_wire",
+]
+
+_DATE = r"\d{4}-\d{2}-\d{2}"
+
+
+def read_buses(document: MappingReader, places: Located) -> tuple[Bus, ...]:
+    """Read the I2C buses."""
+    buses = []
+    for name, reader in document.entries("buses"):
+        bus = Bus(name=name.text, port=reader.text("port"), frequency_hz=reader.frequency("frequency", 100_000.0))
+        reader.done()
+        buses.append(places.keep(bus, name))
+    return tuple(buses)
+
+
+def read_instruments(document: MappingReader, places: Located) -> tuple[InstrumentSpec, ...]:
+    """Read the instruments."""
+    instruments = []
+    for name, reader in document.entries("instruments", required=True):
+        instruments.append(places.keep(_instrument(name.text, reader), name))
+        reader.done()
+    return tuple(instruments)
+
+
+def read_wire(reader: MappingReader) -> Wire:
+    """Read one role instance."""
+    contacts = reader.child("contacts")
+    names = contacts.keys() if contacts else ()
+    wire = Wire(
+        role=reader.text("role"),
+        instance=reader.text("instance", ""),
+        instrument=reader.text("instrument"),
+        channel=reader.integer("channel", 0),
+        contacts={name: contacts.integer(name) for name in names} if contacts else {},
+        settings=_texts(reader.plain("settings", {})),
+        reduced=_reduced(reader.child("reduced")),
+        note=reader.text("note", ""),
+    )
+    reader.done()
+    return wire
+
+
+def read_clamp(reader: MappingReader) -> Clamp:
+    """Read one clamp."""
+    clamp = Clamp(
+        output=reader.text("output"),
+        quantity=reader.text("quantity"),
+        unit=reader.text("unit"),
+        minimum=reader.number("min"),
+        maximum=reader.number("max"),
+    )
+    reader.done()
+    return clamp
+
+
+def read_envelope_limit(reader: MappingReader) -> EnvelopeLimit:
+    """Read one limit of the envelope."""
+    limit = EnvelopeLimit(
+        id=reader.text("id", pattern="[a-z][a-z0-9-]*"),
+        output=reader.text("output"),
+        quantity=reader.text("quantity"),
+        unit=reader.text("unit"),
+        minimum=reader.number("min", None),
+        maximum=reader.number("max", None),
+        period_s=reader.duration("period"),
+        max_age_s=reader.duration("max_age"),
+        debounce=reader.integer("debounce", 1),
+    )
+    reader.done()
+    return limit
+
+
+def read_safe_step(reader: MappingReader) -> SafeStep:
+    """Read one line of safe-off or rest."""
+    proof = reader.child("proof")
+    step = SafeStep(
+        output=reader.text("output"),
+        state=reader.text("state"),
+        within_s=reader.duration("within"),
+        proof=_proof(proof) if proof else None,
+    )
+    reader.done()
+    return step
+
+
+def read_twin(document: MappingReader, places: Located) -> SimulatedBench | None:
+    """Read the simulated twin, None where the bench has none."""
+    reader = document.child("simulated")
+    if reader is None:
+        return None
+    plants, peers = [], []
+    for name, item in reader.entries("plants", required=True):
+        plant = PlantSpec(
+            name=name.text,
+            model=item.text("model"),
+            grid_s=item.duration("grid"),
+            truth=_mapping(item.plain("truth", {})),
+        )
+        item.done()
+        plants.append(places.keep(plant, name))
+    for name, item in reader.entries("peers", required=True):
+        peers.append(places.keep(_peer(name.text, item), name))
+        item.done()
+    twin = SimulatedBench(
+        epoch=reader.text("epoch", pattern=r"\d{4}-\d{2}-\d{2}T\d{2}:\d{2}:\d{2}Z"),
+        seed=reader.integer("seed"),
+        plants=tuple(plants),
+        peers=tuple(peers),
+        person=_texts(reader.plain("person", {})),
+    )
+    reader.done()
+    return places.keep(twin, reader.place())
+
+
+def _instrument(name: str, reader: MappingReader) -> InstrumentSpec:
+    return InstrumentSpec(
+        name=name,
+        driver=reader.text("driver"),
+        port=reader.text("port", ""),
+        baud=reader.integer("baud", 0),
+        bus=reader.text("bus", ""),
+        address=reader.integer("address", 0),
+        powered_by=reader.text("powered_by", ""),
+        identity=_identity(reader.child("identity")),
+        ratings=tuple(_rating(item) for item in reader.children("ratings")),
+        calibration=_calibration(reader.child("calibration")),
+        dut=reader.flag("dut", default=False),
+    )
+
+
+def _identity(reader: MappingReader | None) -> Identity:
+    if reader is None:
+        return Identity()
+    identity = Identity(
+        manufacturer=reader.text("manufacturer", ""),
+        model=reader.text("model", ""),
+        serial=reader.text("serial", ""),
+        firmware=reader.text("firmware", ""),
+    )
+    reader.done()
+    return identity
+
+
+def _rating(reader: MappingReader) -> Rating:
+    rating = Rating(
+        channel=reader.integer("channel", 0),
+        quantity=reader.text("quantity"),
+        unit=reader.text("unit"),
+        maximum=reader.number("max"),
+    )
+    reader.done()
+    return rating
+
+
+def _calibration(reader: MappingReader | None) -> Calibration | None:
+    if reader is None:
+        return None
+    calibration = Calibration(
+        certificate=reader.text("certificate"),
+        due=reader.text("due", pattern=_DATE),
+        ranges=tuple(_range(item) for item in reader.children("ranges", required=True)),
+    )
+    reader.done()
+    return calibration
+
+
+def _range(reader: MappingReader) -> CalibratedRange:
+    entry = CalibratedRange(
+        quantity=reader.text("quantity"),
+        unit=reader.text("unit"),
+        low=reader.number("from"),
+        high=reader.number("to"),
+        absolute=reader.number("absolute"),
+        relative=reader.number("relative", 0.0),
+        k=reader.number("k", 2.0),
+    )
+    reader.done()
+    return entry
+
+
+def _reduced(reader: MappingReader | None) -> ReducedLevel | None:
+    if reader is None:
+        return None
+    level = ReducedLevel(
+        voltage=reader.number("voltage"),
+        current=reader.number("current"),
+        lowest_current=reader.number("lowest_current"),
+        highest_current=reader.number("highest_current"),
+    )
+    reader.done()
+    return level
+
+
+def _proof(reader: MappingReader) -> Proof:
+    proof = Proof(
+        output=reader.text("output"),
+        quantity=reader.text("quantity"),
+        unit=reader.text("unit"),
+        minimum=reader.number("min"),
+        maximum=reader.number("max"),
+    )
+    reader.done()
+    return proof
+
+
+def _peer(name: str, reader: MappingReader) -> PeerSpec:
+    faults = reader.plain("faults", [])
+    return PeerSpec(
+        device=name,
+        model=reader.text("model", ""),
+        truth=_mapping(reader.plain("truth", {})),
+        connects=_texts(reader.plain("connects", {})),
+        faults=tuple(_mapping(fault) for fault in faults) if isinstance(faults, list) else (),
+    )
+
+
+def _mapping(plain: object) -> Mapping[str, object]:
+    return cast("Mapping[str, object]", plain) if isinstance(plain, dict) else {}
+
+
+def _texts(plain: object) -> Mapping[str, str]:
+    return {str(key): str(value) for key, value in plain.items()} if isinstance(plain, dict) else {}

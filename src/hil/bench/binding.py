@@ -1,0 +1,168 @@
+"""The composition root: a bench file becomes drivers on ports, whatever is behind the ports."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hil.clock.virtual import VirtualClock
+from hil.instruments.driver import Clamps, Connection, Driver
+from hil.instruments.registry import driver_class
+from hil.model.bench import BenchSpec, InstrumentSpec, SimulatedBench
+from hil.model.errors import Refused
+from hil.model.identity import Source
+from hil.simulation.person import Person
+from hil.simulation.world import World, build_world
+from hil.wire.exchange import publish_bus, publish_stream, withdraw
+from hil.wire.opening import open_bus, open_port
+from hil.wire.replay import Playback, ReplayedBus, ReplayedStream
+from hil.wire.simulated_bus import SimulatedBus
+from hil.wire.simulated_line import SimulatedLine
+from hil.wire.tap import TappedPort
+from hil.wire.transcript import Transcript
+
+__all__ = ["BoundBench", "bind_replayed", "bind_simulated"]
+
+
+@dataclass(kw_only=True)
+class BoundBench:
+    """A bench with its drivers on open ports. Close it, so that its URLs are free again.
+
+    Attributes:
+        spec: the bench file.
+        source: where the bytes come from.
+        clock: the bench's clock.
+        transcript: where every operation is noted.
+        drivers: per instrument.
+        roles: per dotted name of the wiring.
+        person: the simulated person, on a simulated bench only.
+        playback: the record that answers, on a replayed bench only.
+    """
+
+    spec: BenchSpec
+    source: Source
+    clock: VirtualClock
+    transcript: Transcript
+    drivers: Mapping[str, Driver]
+    roles: Mapping[str, object]
+    world: World | None = None
+    playback: Playback | None = None
+    _ports: list[TappedPort] = field(default_factory=list)
+
+    @property
+    def person(self) -> Person | None:
+        """The simulated person, on a simulated bench only."""
+        return self.world.person if self.world else None
+
+    def close(self) -> None:
+        """Close every port and free the bench's URLs."""
+        for port in self._ports:
+            port.close()
+        withdraw(_world_url(self.source, self.spec.name))
+
+
+def bind_simulated(spec: BenchSpec, transcript: Transcript) -> BoundBench:
+    """Build the simulated twin: plants, peers and a virtual clock behind `sim://` ports.
+
+    Raises:
+        Refused: if the bench file has no simulated twin.
+        TruthError: if a truth of plants or peers is wrong (`hil.simulation.world`).
+    """
+    twin = simulated_twin(spec)
+    clock = VirtualClock(twin.epoch)
+    world = build_world(twin, spec.instruments, clock)
+    for number, instrument in enumerate(spec.instruments, start=1):
+        if not instrument.bus:
+            peer = world.serial_peers[instrument.name]
+            line = SimulatedLine(instrument.name, peer, clock, number=number, baud=instrument.baud)
+            peer.attach(line, world.clock_of(instrument.name))
+            publish_stream(_url(Source.SIMULATED, spec, instrument.name), line)
+    for bus in spec.buses:
+        peers = world.bus_peers.get(bus.name, ())
+        publish_bus(_url(Source.SIMULATED, spec, bus.name), SimulatedBus(clock, bus.frequency_hz, peers))
+    return _bound(spec, Source.SIMULATED, clock, transcript, world=world)
+
+
+def bind_replayed(spec: BenchSpec, transcript: Transcript, record: Path, where: Callable[[], str]) -> BoundBench:
+    """Build the bench on a recorded transcript behind `replay://` ports."""
+    clock = VirtualClock(spec.simulated.epoch if spec.simulated else "1970-01-01T00:00:00Z")
+    playback = Playback(record, clock, where)
+    for instrument in spec.instruments:
+        url = _url(Source.REPLAYED, spec, instrument.name)
+        if instrument.bus:
+            publish_bus(url, ReplayedBus(instrument.name, playback))
+        else:
+            publish_stream(url, ReplayedStream(instrument.name, playback))
+    return _bound(spec, Source.REPLAYED, clock, transcript, playback=playback)
+
+
+def simulated_twin(spec: BenchSpec) -> SimulatedBench:
+    """Return the twin of a bench file, or refuse."""
+    if spec.simulated is None:
+        raise Refused(f"bench '{spec.name}' has no simulated twin", "add a 'simulated' section to its bench.yaml")
+    return spec.simulated
+
+
+def _bound(
+    spec: BenchSpec,
+    source: Source,
+    clock: VirtualClock,
+    transcript: Transcript,
+    *,
+    world: World | None = None,
+    playback: Playback | None = None,
+) -> BoundBench:
+    ports: list[TappedPort] = []
+    drivers: dict[str, Driver] = {}
+    for instrument in spec.instruments:
+        connection = _connect(spec, instrument, source, clock, transcript, ports)
+        drivers[instrument.name] = driver_class(instrument.driver)(connection)
+    roles = {wire.name: drivers[wire.instrument].role(wire) for wire in spec.wiring}
+    return BoundBench(
+        spec=spec,
+        source=source,
+        clock=clock,
+        transcript=transcript,
+        drivers=drivers,
+        roles=roles,
+        world=world,
+        playback=playback,
+        _ports=ports,
+    )
+
+
+def _connect(
+    spec: BenchSpec,
+    instrument: InstrumentSpec,
+    source: Source,
+    clock: VirtualClock,
+    transcript: Transcript,
+    ports: list[TappedPort],
+) -> Connection:
+    clamps = _clamps(spec, instrument.name)
+    if instrument.bus:
+        # A replayed device has its own record; a simulated one shares its bus with others.
+        end = instrument.name if source is Source.REPLAYED else instrument.bus
+        bus = open_bus(instrument.name, _url(source, spec, end), clock, transcript)
+        return Connection(device=instrument.name, clock=clock, clamps=clamps, bus=bus, address=instrument.address)
+    port = open_port(instrument.name, _url(source, spec, instrument.name), clock, transcript, baud=instrument.baud)
+    ports.append(port)
+    return Connection(device=instrument.name, clock=clock, clamps=clamps, port=port)
+
+
+def _clamps(spec: BenchSpec, instrument: str) -> Clamps:
+    by_channel = {
+        wire.channel: tuple(clamp for clamp in spec.clamps if clamp.output == wire.name)
+        for wire in spec.wiring
+        if wire.instrument == instrument
+    }
+    return Clamps(by_channel)
+
+
+def _url(source: Source, spec: BenchSpec, end: str) -> str:
+    return f"{_world_url(source, spec.name)}{end}"
+
+
+def _world_url(source: Source, name: str) -> str:
+    return f"{'replay' if source is Source.REPLAYED else 'sim'}://{name}/"

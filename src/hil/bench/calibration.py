@@ -1,0 +1,41 @@
+"""What an instrument's certificate says of a reading."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from hil.model.bench import Calibration
+from hil.model.figure import Figure
+
+__all__ = ["calibrated", "out_of_calibration", "standard_uncertainty"]
+
+
+def standard_uncertainty(calibration: Calibration | None, unit: str, value: float) -> float | None:
+    """Return the standard uncertainty of a reading in its own unit, or None where no range covers it.
+
+    The certificate's expanded uncertainty `absolute + relative * |value|` is divided by its coverage
+    factor (GUM 4.3.3).
+    """
+    if calibration is None or not math.isfinite(value):
+        return None
+    for entry in calibration.ranges:
+        if entry.unit == unit and entry.low <= value <= entry.high:
+            return (entry.absolute + entry.relative * abs(value)) / entry.k
+    return None
+
+
+def calibrated(figure: Figure, calibration: Calibration | None) -> Figure:
+    """Return the reading with its certificate's uncertainty; a figure that has one already keeps it."""
+    if figure.uncertainty is not None:
+        return figure
+    return replace(figure, uncertainty=standard_uncertainty(calibration, figure.unit, figure.value))
+
+
+def out_of_calibration(calibration: Calibration | None, date: str) -> str:
+    """Return why a reading on `date` (ISO 8601) cannot count, or nothing; the day of `due` still counts."""
+    if calibration is None:
+        return "no calibration record"
+    if date > calibration.due:
+        return f"calibration was due {calibration.due}"
+    return ""

@@ -1,0 +1,119 @@
+"""The envelope: one monitor per quantity, and when its readings trip the bench."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from hil.clock.port import NANOSECONDS
+from hil.model.bench import EnvelopeLimit
+from hil.model.figure import Figure
+
+__all__ = ["Monitor", "Trip", "self_test"]
+
+
+@dataclass(frozen=True, slots=True)
+class Trip:
+    """Why the bench must be made safe: the limit, the last reading (None if there was none), and a sentence."""
+
+    limit: str
+    value: float | None
+    unit: str
+    text: str
+
+
+class Monitor:
+    """Watches one limit.
+
+    A reading outside, or one that is no number, counts towards the debounce; a good one clears the
+    count. The absence of good readings for longer than the maximum age is a trip of its own.
+
+    Args:
+        limit: the limit of the bench file.
+        read: takes a reading through the driver.
+        start_ns: the bench time at which watching begins.
+    """
+
+    def __init__(self, limit: EnvelopeLimit, read: Callable[[], Figure], start_ns: int) -> None:
+        self.limit = limit
+        self._read = read
+        self._period_ns = round(limit.period_s * NANOSECONDS)
+        self._max_age_ns = round(limit.max_age_s * NANOSECONDS)
+        self._start_ns = start_ns
+        self._outside = 0
+        self.due_ns = start_ns
+        self.good_ns = start_ns
+
+    @property
+    def overdue_ns(self) -> int:
+        """The instant from which on waiting longer would let the reading grow too old."""
+        return self.good_ns + self._max_age_ns - self._period_ns
+
+    def restart(self, now_ns: int) -> None:
+        """Begin anew after a time in which nothing could be read, such as a safe-off."""
+        self._start_ns = self.due_ns = self.good_ns = now_ns
+        self._outside = 0
+
+    def take(self, now: Callable[[], int]) -> tuple[Figure, Trip | None]:
+        """Take a reading and judge it; the next is due one period after this one was."""
+        elapsed = max(0, now() - self._start_ns) // self._period_ns
+        self.due_ns = self._start_ns + (elapsed + 1) * self._period_ns
+        figure = self._read()
+        return figure, self.judge(figure, now())
+
+    def judge(self, figure: Figure, now_ns: int) -> Trip | None:
+        """Count a reading and return the trip that it causes, if any."""
+        problem = _problem(self.limit, figure.value)
+        if not problem:
+            self._outside = 0
+            self.good_ns = now_ns
+            return None
+        self._outside += 1
+        if self._outside < self.limit.debounce:
+            return self.stale(now_ns)
+        return Trip(self.limit.id, _or_none(figure.value), self.limit.unit, f"{self.limit.output}: {problem}")
+
+    def stale(self, now_ns: int) -> Trip | None:
+        """Return a trip if the last good reading is older than allowed."""
+        age_ns = now_ns - self.good_ns
+        if age_ns <= self._max_age_ns:
+            return None
+        text = (
+            f"{self.limit.output}: no good {self.limit.quantity} for {age_ns / NANOSECONDS:.3g} s,"
+            f" {self.limit.max_age_s:g} s allowed"
+        )
+        return Trip(self.limit.id, None, self.limit.unit, text)
+
+
+def self_test(limit: EnvelopeLimit) -> bool:
+    """Return whether a monitor of this limit trips on what it must trip on, and only on that.
+
+    Tried are a value beyond each bound, a value that is no number, and a value inside.
+    """
+    low = limit.minimum if limit.minimum is not None else -math.inf
+    high = limit.maximum if limit.maximum is not None else math.inf
+    inside = min(max(0.0, low), high)
+    bad = [math.nan] + [
+        math.nextafter(bound, away) for bound, away in ((low, -math.inf), (high, math.inf)) if math.isfinite(bound)
+    ]
+    return all(_trips(limit, value) for value in bad) and not _trips(limit, inside)
+
+
+def _trips(limit: EnvelopeLimit, value: float) -> bool:
+    monitor = Monitor(limit, lambda: Figure(value=value, unit=limit.unit), 0)
+    return any(monitor.judge(Figure(value=value, unit=limit.unit), 0) for _ in range(limit.debounce))
+
+
+def _problem(limit: EnvelopeLimit, value: float) -> str:
+    if math.isnan(value):
+        return f"{limit.quantity} is not a number"
+    if limit.maximum is not None and value > limit.maximum:
+        return f"{limit.quantity} {value:.6g} {limit.unit} is above {limit.maximum:g} {limit.unit}"
+    if limit.minimum is not None and value < limit.minimum:
+        return f"{limit.quantity} {value:.6g} {limit.unit} is below {limit.minimum:g} {limit.unit}"
+    return ""
+
+
+def _or_none(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,92 @@
+"""Bring outputs to their safe state, in order, and prove it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from hil.clock.port import NANOSECONDS, Clock
+from hil.instruments.roles import STATES
+from hil.model.bench import Proof, SafeStep
+from hil.model.errors import HilError
+from hil.model.figure import Figure
+
+__all__ = ["SafeResult", "make_safe"]
+
+_PAUSE_S = 0.05
+_ATTEMPTS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class SafeResult:
+    """What became of one line of the safe-off; `seconds` of bench time."""
+
+    output: str
+    state: str
+    ok: bool
+    detail: str
+    seconds: float
+
+
+def make_safe(
+    steps: Sequence[SafeStep],
+    roles: Mapping[str, object],
+    clock: Clock,
+    tell: Callable[[SafeResult], None],
+) -> bool:
+    """Take every line in order, whatever became of the one before; return whether all are proven.
+
+    A line is tried up to three times within its time limit. It never raises: an output that cannot
+    be reached is a result, because the lines behind it matter as much.
+
+    Args:
+        steps: the lines of the bench file.
+        roles: the role instances by their dotted names.
+        clock: the bench's clock.
+        tell: called with every result as soon as it is known.
+    """
+    safe = True
+    for step in steps:
+        result = _take(step, roles, clock)
+        tell(result)
+        safe = safe and result.ok
+    return safe
+
+
+def _take(step: SafeStep, roles: Mapping[str, object], clock: Clock) -> SafeResult:
+    start_ns = clock.now_ns()
+    deadline_ns = start_ns + round(step.within_s * NANOSECONDS)
+    detail, ok = "", False
+    for attempt in range(_ATTEMPTS):
+        if attempt and clock.now_ns() + _PAUSE_S * NANOSECONDS > deadline_ns:
+            break
+        if attempt:
+            clock.sleep(_PAUSE_S)
+        ok, detail = _try(step, roles, clock, deadline_ns)
+        if ok:
+            break
+    seconds = (clock.now_ns() - start_ns) / NANOSECONDS
+    if ok and clock.now_ns() > deadline_ns:
+        ok, detail = False, f"reached after {seconds:.3g} s, {step.within_s:g} s allowed"
+    return SafeResult(step.output, step.state, ok, detail, seconds)
+
+
+def _try(step: SafeStep, roles: Mapping[str, object], clock: Clock, deadline_ns: int) -> tuple[bool, str]:
+    role = roles[step.output]
+    try:
+        getattr(role, STATES[step.output.partition(".")[0]][step.state])()
+        return _proven(step.proof, roles, clock, deadline_ns) if step.proof else (True, "read back")
+    except HilError as error:
+        return False, str(error)
+
+
+def _proven(proof: Proof, roles: Mapping[str, object], clock: Clock, deadline_ns: int) -> tuple[bool, str]:
+    """Read until the proof holds or time is up: a current or temperature takes a while to fall."""
+    while True:
+        reading: Figure = getattr(roles[proof.output], proof.quantity)()
+        detail = f"{proof.output} {proof.quantity} {reading.value:.6g} {proof.unit}"
+        if proof.minimum <= reading.value <= proof.maximum:
+            return True, detail
+        if clock.now_ns() >= deadline_ns:
+            return False, f"{detail}, {proof.minimum:g} to {proof.maximum:g} {proof.unit} is safe"
+        clock.sleep(_PAUSE_S)
