@@ -1,0 +1,289 @@
+"""The field of a coil, told from the Earth's: its odd response to the current, and where that points."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hil.analysis.statistics import effective_dof, mean, not_observable
+from hil.model.figure import Figure
+
+__all__ = ["Direction", "Response", "direction", "odd_response"]
+
+_AXES = ("x", "y", "z")
+_Vector = NDArray[np.float64]
+_Phase = Sequence[ArrayLike] | _Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Response:
+    """What a coil adds to the field.
+
+    Attributes:
+        odd: (3,), the part that follows the sign of the current: the coil's field at +I.
+        odd_covariance: (3, 3), of `odd`; NaN where it is not observable.
+        even: (3,), the part that both signs of the current share. It should be zero: heat, remanence, or a supply
+            that disturbs the magnetometer show here.
+        even_covariance: (3, 3), of `even`; NaN where it is not observable.
+        drift: (3,), slope of the surrounding field that was taken out, in `unit` per unit of `times`.
+        unit: of the field.
+        repetitions: how many times the three phases were measured.
+    """
+
+    odd: _Vector
+    odd_covariance: _Vector
+    even: _Vector
+    even_covariance: _Vector
+    drift: _Vector
+    unit: str
+    repetitions: int
+
+    @property
+    def dof(self) -> float:
+        """Degrees of freedom of both covariances."""
+        return max(self.repetitions - 1.0, 1.0)
+
+    @property
+    def observable(self) -> bool:
+        """Whether the data show the field and its uncertainty."""
+        return bool(np.isfinite(self.odd_covariance).all())
+
+    def component(self, axis: str) -> Figure:
+        """Return one axis (`x`, `y` or `z`) of the odd part."""
+        if axis not in _AXES:
+            raise ValueError(f"axes are x, y and z, got {axis!r}")
+        return _along(self, np.eye(3)[_AXES.index(axis)])
+
+    def even_magnitude(self) -> Figure:
+        """Return the length of the even part; noise alone makes it about 1.6 times its uncertainty on one axis."""
+        length = float(np.linalg.norm(self.even))
+        if not self.observable:
+            return not_observable(self.unit, length)
+        # The sum over the three axes is what the length stands for when it is noise, and an upper bound otherwise.
+        spread = math.sqrt(float(np.trace(self.even_covariance)))
+        return Figure(value=length, unit=self.unit, uncertainty=spread, dof=self.dof)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Direction:
+    """Where a coil's field points.
+
+    Attributes:
+        angle: between the field and the outward normal, 0 to 180 deg.
+        projection: of the field on the outward normal; its sign decides the hand convention.
+        significance: |projection| in units of its standard uncertainty; a statistic, so it has none itself.
+        sense: +1 where the field leaves the outer face, -1 where it enters; NOT_OBSERVABLE where the projection is
+            not significant. A coil whose current runs counter-clockwise, seen from outside, gives +1 by the
+            right-hand rule.
+    """
+
+    angle: Figure
+    projection: Figure
+    significance: Figure
+    sense: Figure
+
+
+def odd_response(
+    plus: _Phase,
+    zero: _Phase,
+    minus: _Phase,
+    *,
+    times: ArrayLike | None = None,
+    unit: str = "uT",
+) -> Response:
+    """Separate a coil's field from the Earth's, the magnetometer's offset, and their drift.
+
+    Model for phase p (current +I, 0, -I) of repetition r at time t: B = E + d t + s b + s^2 e + noise, with s = +1, 0
+    or -1. The drift d is the slope of the repetitions' means over time; with it taken out,
+    odd_r = (B+ - B-) / 2 and even_r = (B+ + B- - 2 B0) / 2. A linear drift cancels exactly, in any order of the
+    phases. Of a quadratic drift q t^2 in equally spaced phases of one order nothing is left in the mean of `odd`, but
+    its scatter shows it, and `even` keeps q times the square of the spacing. Faster changes are noise.
+
+    The covariance is the scatter of the repetitions over their number, and that of the slope added; degrees of freedom
+    are repetitions - 1. Its diagonal is never below what the noise within the phases alone would give. One repetition,
+    or a number that is not finite, is not observable.
+
+    Args:
+        plus: at +I: (repetitions, 3) means, or (repetitions, samples, 3) raw samples; phases may differ in length.
+        zero: the same without current.
+        minus: the same at -I.
+        times: (repetitions, 3), middle of the phases at +I, 0, -I in any unit of time; without it equally long
+            phases in the order +I, 0, -I that follow each other without a pause.
+        unit: of the fields.
+    """
+    (high, high_noise), (rest, rest_noise), (low, low_noise) = (_phase(data) for data in (plus, zero, minus))
+    if not len(high) == len(rest) == len(low):
+        raise ValueError(f"+I was measured {len(high)} times, no current {len(rest)} times, -I {len(low)} times")
+    fields = np.stack([high, rest, low], axis=1)  # (repetitions, phase, axis)
+    when = _times(times, len(fields))
+    if len(fields) < 2 or not np.isfinite(fields).all():  # one repetition cannot tell drift from current
+        return _unobservable(fields, unit)
+    drift, drift_covariance = _drift(fields, when)
+    when = when - when.mean()
+    high, rest, low = np.moveaxis(fields - when[:, :, None] * drift, 1, 0)
+    lever = when.mean(axis=0)  # what an error of the slope moves the phases by
+    quarter = 4 * len(fields) ** 2
+    odd, even = (high - low) / 2, (high + low - 2 * rest) / 2
+    return Response(
+        odd=odd.mean(axis=0),
+        odd_covariance=_covariance(
+            odd,
+            drift_covariance * (lever[0] - lever[2]) ** 2 / 4,
+            (high_noise + low_noise).sum(axis=0) / quarter,
+        ),
+        even=even.mean(axis=0),
+        even_covariance=_covariance(
+            even,
+            drift_covariance * (lever[0] + lever[2] - 2 * lever[1]) ** 2 / 4,
+            (high_noise + low_noise + 4 * rest_noise).sum(axis=0) / quarter,
+        ),
+        drift=drift,
+        unit=unit,
+        repetitions=len(fields),
+    )
+
+
+def direction(
+    response: Response, outward_normal: ArrayLike, *, alignment: float = 0.0, significant: float = 5.0
+) -> Direction:
+    """Compare a coil's field with the outward normal of its board.
+
+    Angle = atan2(|b x n|, b . n), uncertainty to first order. The second direction across the field changes the angle
+    to second order only, unless the angle is not larger than its own noise; it is counted as far as that is so.
+
+    Args:
+        response: of the coil, from `odd_response`.
+        outward_normal: (3,), in the magnetometer's axes, any length but zero.
+        alignment: standard uncertainty in deg of how the magnetometer stands to the board.
+        significant: how many standard uncertainties a projection must have before its sign counts, and a field
+            before it has an angle.
+    """
+    normal = np.asarray(outward_normal, dtype=float)
+    if normal.shape != (3,) or not np.isfinite(normal).all() or not normal.any():
+        raise ValueError(f"the outward normal must be three finite numbers that are not all zero, got {normal}")
+    normal = normal / np.linalg.norm(normal)
+    projection = _along(response, normal)
+    if not projection.uncertainty:  # unknown; or no scatter at all, which says nothing of the noise
+        ratio, sense = not_observable("1"), not_observable("1")
+    else:
+        score = abs(projection.value) / projection.uncertainty
+        ratio = Figure(value=score, unit="1", uncertainty=0.0)
+        sign = math.copysign(1.0, projection.value)
+        seen = score >= significant
+        sense = Figure(value=sign, unit="1", uncertainty=0.0) if seen else not_observable("1", sign)
+    angle = _angle(response, normal, alignment, significant)
+    return Direction(angle=angle, projection=projection, significance=ratio, sense=sense)
+
+
+def _phase(data: _Phase) -> tuple[_Vector, _Vector]:
+    """Return means and their variances within the phases, both (repetitions, 3); given means have none."""
+    means, variances = [], []
+    for item in data:
+        block = np.asarray(item, dtype=float)
+        if block.ndim == 2 and block.shape[1] == 3:
+            figures = [mean(block[:, axis], "1") for axis in range(3)]
+            means.append([figure.value for figure in figures])
+            variances.append([(figure.uncertainty or 0.0) ** 2 for figure in figures])
+        elif block.shape == (3,):
+            means.append(block.tolist())
+            variances.append([0.0, 0.0, 0.0])
+        else:
+            raise ValueError(f"a phase is one vector (3,) or samples (n, 3), got an array of shape {block.shape}")
+    return np.array(means).reshape(-1, 3), np.array(variances).reshape(-1, 3)
+
+
+def _times(times: ArrayLike | None, repetitions: int) -> _Vector:
+    """Return the middles of the phases, (repetitions, 3), checked."""
+    if times is None:
+        return np.arange(3.0 * repetitions).reshape(repetitions, 3)
+    when = np.asarray(times, dtype=float)
+    if when.shape != (repetitions, 3):
+        raise ValueError(f"times have shape {when.shape}, the phases need ({repetitions}, 3)")
+    if not np.isfinite(when).all() or (repetitions > 1 and not np.ptp(when.mean(axis=1))):
+        raise ValueError("times must be finite, and the repetitions must follow each other")
+    return when
+
+
+def _drift(fields: _Vector, when: _Vector) -> tuple[_Vector, _Vector]:
+    """Return the slope (3,) of the repetitions' means and its covariance (3, 3).
+
+    In the mean of the three phases the coil's odd part cancels and the even part is the same every time; for equal
+    noise in all phases it is independent of the odd part.
+    """
+    middles = when.mean(axis=1) - when.mean()
+    level = fields.mean(axis=1)
+    length = float(middles @ middles)
+    slope = middles @ level / length
+    if len(fields) > 2:
+        rest = level - level.mean(axis=0) - np.outer(middles, slope)
+        spread = rest.T @ rest / (len(fields) - 2)
+    else:  # two points leave no rest; for equal noise the mean of three has 2/3 of the variance of half a difference
+        spread = np.cov((fields[:, 0] - fields[:, 2]).T / 2) * 2 / 3
+    return slope, spread / length
+
+
+def _covariance(parts: _Vector, drift: _Vector, floor: _Vector) -> _Vector:
+    """Return the covariance (3, 3) of the mean of `parts` (repetitions, 3), its diagonal not below `floor` (3,)."""
+    covariance: _Vector = np.cov(parts.T) / len(parts) + drift
+    covariance += np.diag(np.maximum(floor - np.diag(covariance), 0.0))
+    return covariance
+
+
+def _unobservable(fields: _Vector, unit: str) -> Response:
+    """Return what one repetition, or numbers that are not finite, still show: values without uncertainty."""
+    plus, zero, minus = fields.sum(axis=0) / len(fields) if len(fields) else np.full((3, 3), np.nan)
+    unknown = np.full((3, 3), np.nan)
+    return Response(
+        odd=(plus - minus) / 2,
+        odd_covariance=unknown,
+        even=(plus + minus - 2 * zero) / 2,
+        even_covariance=unknown,
+        drift=np.full(3, np.nan),
+        unit=unit,
+        repetitions=len(fields),
+    )
+
+
+def _along(response: Response, normal: _Vector) -> Figure:
+    """Return the odd part along a unit vector."""
+    value = float(response.odd @ normal)
+    if not response.observable:
+        return not_observable(response.unit, value)
+    spread = math.sqrt(max(float(normal @ response.odd_covariance @ normal), 0.0))
+    return Figure(value=value, unit=response.unit, uncertainty=spread, dof=response.dof)
+
+
+def _angle(response: Response, normal: _Vector, alignment: float, significant: float) -> Figure:
+    """Return the angle between the odd part and a unit vector; a field within its noise has none."""
+    field, covariance = response.odd, response.odd_covariance
+    along = float(field @ normal)
+    across = field - along * normal
+    offside = float(np.linalg.norm(across))
+    value = math.degrees(math.atan2(offside, along))
+    square = along**2 + offside**2
+    if not response.observable or not square > significant**2 * float(np.linalg.eigvalsh(covariance)[-1]):
+        return not_observable("deg", value)
+    aside = across / offside if offside else _any_perpendicular(normal)
+    third = np.cross(normal, aside)
+    slope = (along * aside - offside * normal) / square
+    first = float(slope @ covariance @ slope)
+    second = float(third @ covariance @ third)
+    noise = second + float(aside @ covariance @ aside)
+    share = min(1.0, noise / offside**2) if offside else 1.0
+    variance = (first + share * second / square) * math.degrees(1.0) ** 2
+    return Figure(
+        value=value,
+        unit="deg",
+        uncertainty=math.sqrt(max(variance, 0.0) + alignment**2),
+        dof=effective_dof([(variance, response.dof), (alignment**2, math.inf)]),
+    )
+
+
+def _any_perpendicular(normal: _Vector) -> _Vector:
+    """Return a unit vector across a unit vector."""
+    across: _Vector = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+    return across / float(np.linalg.norm(across))
