@@ -109,6 +109,7 @@ class Lis3mdlMagnetometer:
             Rejected: a setting reads back otherwise.
             NoReply: no acknowledge, or no sample within two periods and a margin.
         """
+        self._running = False
         name = self._registers.read(_WHO_AM_I)
         if name != _ITS_NAME:
             raise WrongIdentity(
@@ -123,8 +124,8 @@ class Lis3mdlMagnetometer:
         self._registers.block(_OUT_X_L, 6)  # takes away the flag of a sample from before
         self._registers.write(_CTRL_REG3, _CONTINUOUS)
         self._expect(_CTRL_REG1, wanted)
-        self._running = True
         self._await_sample()
+        self._running = True
 
     @drives
     def stop(self) -> None:

@@ -27,6 +27,7 @@ LONGEST_S = 0.5
 _ATTEMPTS = 3
 _QUIET_S = 0.05
 _IS_EXCEPTION = 0x80
+_ENVELOPE = 5  # unit, function, byte count, and two bytes of checksum
 # Modbus Application Protocol Specification V1.1b3, section 7.
 _EXCEPTIONS = {
     1: "it does not know this function",
@@ -136,10 +137,8 @@ class ModbusSession:
         """Read `count` coils from `address` on (function 01)."""
 
         def parse(reply: _Reply) -> tuple[bool, ...]:
-            bits = tuple(bool(bit) for bit in reply.bits)
-            if len(bits) != (count + 7) // 8 * 8:
-                raise ValueError(f"{count} coils")
-            return bits[:count]
+            self._must_measure(_ENVELOPE + (count + 7) // 8)
+            return tuple(bool(bit) for bit in reply.bits[:count])
 
         asked = f"coils {address} to {address + count - 1}"
         return self._read(asked, 1, lambda: self._client.read_coils(address, count=count, device_id=self._unit), parse)
@@ -148,8 +147,7 @@ class ModbusSession:
         """Read `count` holding registers from `address` on (function 03)."""
 
         def parse(reply: _Reply) -> tuple[int, ...]:
-            if len(reply.registers) != count:
-                raise ValueError(f"{count} registers")
+            self._must_measure(_ENVELOPE + 2 * count)
             return tuple(int(register) for register in reply.registers)
 
         asked = f"holding register {address:#06x}, {count} long"
@@ -176,6 +174,11 @@ class ModbusSession:
 
         asked = f"coils {address} to {address + len(values) - 1} switched"
         self._exchange(asked, 15, lambda: self._client.write_coils(address, list(values), device_id=self._unit), parse)
+
+    def _must_measure(self, size: int) -> None:
+        """Refuse a reply of another size; pymodbus takes what comes, half registers too."""
+        if len(self._client.received) != size:
+            raise ValueError(f"one frame of {size} bytes")
 
     def _read(self, asked: str, function: int, request: Callable[[], _Reply], parse: Callable[[_Reply], _T]) -> _T:
         faults: list[DeviceFault] = []

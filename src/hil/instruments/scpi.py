@@ -25,8 +25,9 @@ LONGEST_S = 0.5
 _ATTEMPTS = 3
 _LONGEST_ERROR_QUEUE = 32
 _MOST_LINES_OUT_OF_STEP = 4
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[Ee][+-]?\d+)?")
-_ERROR = re.compile(r'([+-]?\d+),"(.*)"')
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[Ee][+-]?\d+)?", re.ASCII)
+_ERROR = re.compile(r'([+-]?\d+),"(.*)"', re.ASCII)
+_REGISTER = re.compile(r"\+?\d{1,10}", re.ASCII)
 _NO_NUMBER_FROM = 9.9e37  # SCPI-1999 volume 1, 7.2.1: 9.9E37 is infinity, 9.91E37 is not a number
 
 _T = TypeVar("_T")
@@ -209,7 +210,7 @@ def as_number(reply: str) -> float:
 
 def as_register(reply: str) -> int:
     """Accept the bits of a status register as a whole number that is not negative."""
-    if not re.fullmatch(r"\+?\d{1,10}", reply):
+    if not _REGISTER.fullmatch(reply):
         raise ValueError("a whole number")
     return int(reply)
 
