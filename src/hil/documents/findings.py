@@ -18,7 +18,10 @@ class Findings:
 
     def add(self, place: Place, message: str) -> None:
         """Note that something is wrong at a node or place."""
-        finding = Finding(path=place.path, line=place.line, column=place.column, message=message)
+        self.repeat(Finding(path=place.path, line=place.line, column=place.column, message=message))
+
+    def repeat(self, finding: Finding) -> None:
+        """Take over a finding that was made elsewhere."""
         self._findings[finding] = None
 
     def raise_if_any(self) -> None:

@@ -1,0 +1,90 @@
+"""`hil requirements`: lock the meaning of a plan's requirements, and show what changed since."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hil.documents.findings import Findings
+from hil.executive.run.workspace import Workspace, find_workspace
+from hil.requirements.layout import LOCK
+
+if TYPE_CHECKING:
+    from hil.requirements.catalogue import Catalogue
+
+__all__ = ["command"]
+
+
+@click.group("requirements")
+def command() -> None:
+    """Lock the meaning of requirements, and show what changed since.
+
+    Every revision of a requirement has one meaning: its text, its limits, its records. The file
+    requirements.lock.json beside a plan says which, and is committed with it.
+
+    \b
+    Example:
+      hil requirements diff testplans/coil-field
+      hil requirements lock testplans/coil-field
+    """
+
+
+@command.command("lock")
+@click.argument("plans", metavar="PLAN...", nargs=-1, required=True)
+def lock(plans: tuple[str, ...]) -> None:
+    """Write requirements.lock.json beside each PLAN.
+
+    Refused where a meaning changed without a new rev, where a rev changed without a new meaning, and
+    where a requirement was removed instead of withdrawn.
+
+    \b
+    Example:
+      hil requirements lock testplans/coil-field
+    """
+    from hil.requirements.lock import check_lock, lock_text  # noqa: PLC0415 - start-up stays light
+
+    workspace, folders, catalogue = _opened(plans)
+    findings = Findings()
+    for folder in folders:
+        check_lock(folder, workspace.shown(folder), catalogue.of_plan(folder.name), findings, writing=True)
+    findings.raise_if_any()
+    for folder in folders:
+        requirements = catalogue.of_plan(folder.name)
+        (folder / LOCK).write_text(lock_text(requirements), encoding="utf-8")
+        click.echo(f"{workspace.shown(folder / LOCK)}: {len(requirements)} requirements locked")
+
+
+@command.command("diff")
+@click.argument("plans", metavar="PLAN...", nargs=-1, required=True)
+def diff(plans: tuple[str, ...]) -> None:
+    """Show what changed in each PLAN since its lock was written.
+
+    A line per requirement: added, removed, semantic (evidence for the older revision no longer counts)
+    or editorial (explanations and spacing only).
+
+    \b
+    Example:
+      hil requirements diff testplans/coil-field
+    """
+    from hil.requirements.lock import changes, read_lock  # noqa: PLC0415 - start-up stays light
+
+    workspace, folders, catalogue = _opened(plans)
+    findings = Findings()
+    locks = {folder: read_lock(folder, workspace.shown(folder), findings) for folder in folders}
+    findings.raise_if_any()
+    for folder, locked in locks.items():
+        found = changes(locked or {}, catalogue.of_plan(folder.name))
+        if not found:
+            click.echo(f"{workspace.shown(folder)}: no changes")
+        for change in found:
+            click.echo(f"{workspace.shown(folder)}: {change.kind.value:9} {change.id} ({change.detail})")
+
+
+def _opened(plans: tuple[str, ...]) -> tuple[Workspace, list[Path], Catalogue]:
+    from hil.requirements.catalogue import load_catalogue  # noqa: PLC0415 - start-up stays light
+
+    workspace = find_workspace(Path.cwd())
+    folders = list(dict.fromkeys(workspace.plan(plan, Path.cwd()) for plan in plans))
+    return workspace, folders, load_catalogue(workspace.root, folders, locked=False)

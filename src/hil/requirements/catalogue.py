@@ -1,0 +1,170 @@
+"""The catalogue: every requirement of the asked plans, checked against the whole workspace."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from hil.documents.canonical import digest
+from hil.documents.findings import Findings
+from hil.documents.suggest import did_you_mean
+from hil.model.errors import HilError
+from hil.requirements.layout import REQUIREMENTS, shown
+from hil.requirements.lock import check_lock
+from hil.requirements.requirement import Document, Limit, Requirement
+from hil.requirements.schema import RequirementFile, read_requirements
+from hil.requirements.workspace import check_workspace
+
+__all__ = ["Catalogue", "UnknownParameterOfRequirement", "UnknownRequirement", "load_catalogue", "load_frozen"]
+
+
+class UnknownRequirement(HilError, KeyError):
+    """An id that the catalogue does not hold."""
+
+
+class UnknownParameterOfRequirement(HilError, KeyError):
+    """A parameter for which a requirement has no limit."""
+
+
+class Catalogue:
+    """The requirements of the asked plans, in the order of the plans and their files.
+
+    Args:
+        files: what the asked plans hold.
+        parents: the requirements of the workspace, by id, that those serve.
+    """
+
+    def __init__(self, files: Sequence[RequirementFile], parents: Mapping[str, Requirement]) -> None:
+        self._files = {file.plan: file for file in files}
+        self._requirements = {item.id: item for file in files for item in file.requirements}
+        self._parents = dict(parents)
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Every id of the asked plans, withdrawn ones too."""
+        return tuple(self._requirements)
+
+    @property
+    def plans(self) -> tuple[str, ...]:
+        """The asked plans."""
+        return tuple(self._files)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 over the fingerprints of the asked plans."""
+        return digest({item.id: item.fingerprint for item in self._requirements.values()})
+
+    def requirement(self, requirement_id: str) -> Requirement:
+        """Return the requirement of that id.
+
+        Raises:
+            UnknownRequirement: with the nearest id.
+        """
+        if requirement_id not in self._requirements:
+            asked = ", ".join(self._files) or "no plan"
+            suggestion = did_you_mean(requirement_id, self._requirements)
+            raise UnknownRequirement(
+                f"there is no requirement '{requirement_id}' in {asked}{suggestion}",
+                "use an id of the plan's requirements.yaml",
+            )
+        return self._requirements[requirement_id]
+
+    def of_plan(self, plan: str) -> tuple[Requirement, ...]:
+        """Return the requirements of one asked plan."""
+        return self._files[plan].requirements
+
+    def document(self, plan: str) -> Document:
+        """Return the document that one asked plan's requirements stand for."""
+        return self._files[plan].document
+
+    def limit(self, requirement_id: str, parameter: str) -> Limit:
+        """Return the limit of a requirement's parameter.
+
+        Raises:
+            UnknownRequirement: with the nearest id.
+            UnknownParameterOfRequirement: with the nearest parameter.
+        """
+        limits = {limit.parameter: limit for limit in self.requirement(requirement_id).limits}
+        if parameter not in limits:
+            known = ", ".join(limits) or "none"
+            raise UnknownParameterOfRequirement(
+                f"{requirement_id} has no parameter '{parameter}'{did_you_mean(parameter, limits)}", f"it has {known}"
+            )
+        return limits[parameter]
+
+    def fingerprint(self, requirement_id: str) -> str:
+        """Return the fingerprint of a requirement's meaning."""
+        return self.requirement(requirement_id).fingerprint
+
+    def parent(self, requirement_id: str) -> Requirement | None:
+        """Return the requirement that others serve, None where only its id is known."""
+        return self._parents.get(requirement_id) or self._requirements.get(requirement_id)
+
+
+def load_catalogue(root: Path, plans: Sequence[Path], *, locked: bool = True) -> Catalogue:
+    """Return the catalogue of some plans of a workspace.
+
+    Ids are compared over every plan of the workspace. What else is wrong in a plan that was not asked
+    for is not this run's business.
+
+    Args:
+        root: the workspace.
+        plans: plan folders; relative ones are below the workspace.
+        locked: whether the lock files must agree; only the commands about locks go without.
+
+    Raises:
+        ConfigurationError: with everything that is wrong.
+    """
+    findings = Findings()
+    root = root.resolve()
+    asked = list(dict.fromkeys((root / plan).resolve() for plan in plans))
+    mine = {folder: file for folder in asked if (file := _read(folder, root, findings))}
+    others = _read_around(asked, root, findings)
+    check_workspace(tuple(mine.values()), others, findings)
+    if locked and not findings:
+        for folder, file in mine.items():
+            check_lock(folder, shown(folder, root), file.requirements, findings)
+    findings.raise_if_any()
+    return Catalogue(tuple(mine.values()), {item.id: item for file in others for item in file.requirements})
+
+
+def load_frozen(folder: Path) -> Catalogue:
+    """Return the catalogue that was frozen in a package: every plan below `folder`.
+
+    It was checked when it was frozen, and the workspace around it is not there any more.
+
+    Raises:
+        ConfigurationError: with everything that cannot be read.
+    """
+    findings = Findings()
+    plans = sorted(file.parent for file in folder.glob(f"*/{REQUIREMENTS}"))
+    files = [file for plan in plans if (file := _read(plan, folder, findings))]
+    findings.raise_if_any()
+    return Catalogue(files, {})
+
+
+def _read(plan: Path, root: Path, findings: Findings) -> RequirementFile | None:
+    file = plan / REQUIREMENTS
+    return read_requirements(file, shown(file, root), plan.name, findings)
+
+
+def _read_around(asked: Sequence[Path], root: Path, findings: Findings) -> tuple[RequirementFile, ...]:
+    """Return the requirements of the workspace and of the plans beside the asked ones."""
+    around = []
+    for testplans in dict.fromkeys(plan.parent for plan in asked):
+        above = testplans / REQUIREMENTS
+        if above.exists():
+            around.append(read_requirements(above, shown(above, root), "", findings))
+        beside = sorted(file.parent for file in testplans.glob(f"*/{REQUIREMENTS}"))
+        around.extend(_read_other(plan, root, findings) for plan in beside if plan not in asked)
+    return tuple(file for file in around if file is not None)
+
+
+def _read_other(plan: Path, root: Path, findings: Findings) -> RequirementFile | None:
+    of_other = Findings()
+    file = _read(plan, root, of_other)
+    if file is None:
+        # Where a file cannot be read at all, nobody knows whether its ids are unique.
+        for finding in of_other:
+            findings.repeat(finding)
+    return file

@@ -1,0 +1,224 @@
+"""Whether a figure meets its limit, given how well it is known.
+
+The rules follow ISO 14253-1 and ILAC-G8:09/2019. With the expanded uncertainty U95 = t * u, where t is the
+97.5 % quantile of Student's distribution at the figure's degrees of freedom (GUM, annex G.3), and the
+guard band w = U95 under `guarded`, w = 0 under `simple`:
+
+    acceptance zone   minimum + w  to  maximum - w    PASS
+    beyond a limit by more than w                     FAIL
+    in the guard band, on either side of a limit      INCONCLUSIVE
+
+So a pass under `guarded` is wrong in less than 2.5 % of cases per limit, and so is a failure. Whatever the
+zone, nothing passes that is not a number, that is known too poorly for the limit's `min_tur`, or whose
+uncertainty is missing, zero or infinite where the rule needs one. An insufficient `min_tur` leaves standing
+only a failure by more than U95.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from hil.model.figure import Figure, FigureStatus
+from hil.model.verdict import Verdict
+from hil.requirements.requirement import Decision, Limit
+from hil.requirements.units import convert, scale
+
+__all__ = ["Judgement", "judge"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judgement:
+    """A verdict with everything that led to it, in the limit's unit.
+
+    Attributes:
+        uncertainty: combined standard uncertainty, None where unknown or not finite.
+        dof: its effective degrees of freedom, infinite where it is taken as exact.
+        expanded: U95, None where the uncertainty is unknown.
+        margin: distance from the value to the nearest acceptance limit, positive inside; None where
+            there is none.
+        tur: test uncertainty ratio (maximum - minimum) / (2 U95) of a limit with two sides, else None.
+        reason: why the verdict is what it is; empty for a plain pass.
+    """
+
+    verdict: Verdict
+    value: float | str
+    unit: str
+    uncertainty: float | None = None
+    dof: float = math.inf
+    expanded: float | None = None
+    margin: float | None = None
+    tur: float | None = None
+    decision: Decision
+    reason: str = ""
+
+
+def judge(figure: Figure | str, limit: Limit, *, instrument_uncertainty: float | None = None) -> Judgement:
+    """Judge a figure, or a word, against a limit.
+
+    Args:
+        figure: what was found, in any unit that converts to the limit's.
+        limit: what it must be. Without minimum, maximum and word, the value is only recorded.
+        instrument_uncertainty: standard uncertainty of the instruments in the figure's unit, added in
+            quadrature; None where there is none to add.
+
+    Raises:
+        UnitError: where the units do not convert.
+    """
+    if isinstance(figure, str):
+        return _judge_word(figure, limit)
+    if limit.equals is not None or not limit.unit:
+        unit = figure.unit
+        return Judgement(
+            verdict=Verdict.INCONCLUSIVE,
+            value=figure.value,
+            unit=unit,
+            decision=limit.decision,
+            reason="a word is due, found a number",
+        )
+    known = _known(figure, limit, instrument_uncertainty)
+    verdict, reason = _verdict(known, limit, figure.status)
+    return replace(known, verdict=verdict, reason=reason)
+
+
+def _judge_word(word: str, limit: Limit) -> Judgement:
+    verdict, reason = Verdict.RECORDED, ""
+    if limit.equals is not None:
+        verdict = Verdict.PASS if word == limit.equals else Verdict.FAIL
+        reason = "" if word == limit.equals else f"'{limit.equals}' is due, found '{word}'"
+    elif limit.unit:
+        verdict, reason = Verdict.INCONCLUSIVE, f"a number in {limit.unit} is due, found a word"
+    return Judgement(verdict=verdict, value=word, unit="", decision=limit.decision, reason=reason)
+
+
+def _known(figure: Figure, limit: Limit, instrument_uncertainty: float | None) -> Judgement:
+    """Return all that is known before the verdict, which is INCONCLUSIVE so far."""
+    uncertainty, dof = _combined(figure, instrument_uncertainty)
+    value = convert(figure.value, figure.unit, limit.unit)
+    if uncertainty is not None:
+        uncertainty = _finite(uncertainty * scale(figure.unit, limit.unit))
+    expanded = None if uncertainty is None else _finite(_coverage(dof) * uncertainty)
+    low, high = _bounds(limit)
+    guard = _guard(limit, expanded)
+    margin = None
+    if limit.bounded and math.isfinite(value) and guard is not None:
+        margin = min(value - (low + guard), (high - guard) - value)
+    tur = None
+    if limit.minimum is not None and limit.maximum is not None and expanded:
+        tur = _finite((high - low) / (2 * expanded))
+    return Judgement(
+        verdict=Verdict.INCONCLUSIVE,
+        value=value,
+        unit=limit.unit,
+        uncertainty=uncertainty,
+        dof=dof,
+        expanded=expanded,
+        margin=margin,
+        tur=tur,
+        decision=limit.decision,
+    )
+
+
+def _verdict(known: Judgement, limit: Limit, status: FigureStatus) -> tuple[Verdict, str]:
+    value = float(known.value)
+    obstacle = _obstacle(known, limit, status)
+    if obstacle:
+        return Verdict.INCONCLUSIVE, obstacle
+    if not limit.bounded:
+        return Verdict.RECORDED, ""
+    low, high = _bounds(limit)
+    guard = _guard(limit, known.expanded) or 0.0
+    coarse = _too_coarse(known, limit)
+    band = (known.expanded or math.inf) if coarse else guard
+    # An upper limit bounds the true value from above only: it can pass a maximum, and fail nothing.
+    if status is not FigureStatus.UPPER_LIMIT and (value < low - band or value > high + band):
+        return Verdict.FAIL, _beyond(value, limit, low)
+    if coarse:
+        return Verdict.INCONCLUSIVE, coarse
+    if low + guard <= value <= high - guard:
+        return Verdict.PASS, ""
+    return Verdict.INCONCLUSIVE, _between(low, high, guard, limit.unit)
+
+
+def _obstacle(known: Judgement, limit: Limit, status: FigureStatus) -> str:
+    """Return why this value can show nothing, an empty string where it can."""
+    value = float(known.value)
+    if not math.isfinite(value):
+        return f"the value is {value}, not a finite number"
+    if status in {FigureStatus.NOT_OBSERVABLE, FigureStatus.MODEL_REJECTED}:
+        return f"the analysis says: {status.value}"
+    if status is FigureStatus.UPPER_LIMIT and limit.minimum is not None:
+        return "an upper limit can only meet a requirement that has a maximum and no minimum"
+    if limit.bounded and limit.decision is Decision.GUARDED and not known.expanded:
+        if known.expanded is None:
+            return "the uncertainty is missing or not finite, and the decision is guarded"
+        return "an uncertainty of zero is not believed where the decision is guarded"
+    return ""
+
+
+def _too_coarse(known: Judgement, limit: Limit) -> str:
+    """Return why the uncertainty is too large for the limit, an empty string where it is not."""
+    low, high = _bounds(limit)
+    if limit.min_tur is not None:
+        if known.tur is None:
+            return f"the test uncertainty ratio is not known, at least {limit.min_tur} is required"
+        if not known.tur >= float(limit.min_tur):
+            return f"the test uncertainty ratio is {known.tur:.3g}, at least {limit.min_tur} is required"
+    guard = _guard(limit, known.expanded)
+    if guard is not None and low + guard > high - guard:
+        return f"the guard band of {guard:.3g} {limit.unit} leaves no acceptance zone"
+    return ""
+
+
+def _between(low: float, high: float, guard: float, unit: str) -> str:
+    if guard == 0:
+        return f"an upper limit above the maximum of {high:g} {unit} shows nothing"
+    zone = " and ".join(
+        part
+        for part, bound in ((f"at least {low + guard:.6g}", low), (f"at most {high - guard:.6g}", high))
+        if math.isfinite(bound)
+    )
+    return f"within the guard band of {guard:.3g} {unit} around the limit, {zone} {unit} passes"
+
+
+def _beyond(value: float, limit: Limit, low: float) -> str:
+    if value < low:
+        return f"{value:.6g} {limit.unit} is below the minimum of {limit.minimum} {limit.unit}"
+    return f"{value:.6g} {limit.unit} is above the maximum of {limit.maximum} {limit.unit}"
+
+
+def _bounds(limit: Limit) -> tuple[float, float]:
+    low = -math.inf if limit.minimum is None else float(limit.minimum)
+    high = math.inf if limit.maximum is None else float(limit.maximum)
+    return low, high
+
+
+def _guard(limit: Limit, expanded: float | None) -> float | None:
+    return 0.0 if limit.decision is Decision.SIMPLE else expanded
+
+
+def _combined(figure: Figure, instrument: float | None) -> tuple[float | None, float]:
+    """Combine in quadrature; degrees of freedom by Welch and Satterthwaite (GUM, equation G.2b).
+
+    The instrument's uncertainty comes from a certificate and counts as exact.
+    """
+    if instrument is not None and not instrument >= 0:
+        return math.inf, math.inf
+    if figure.uncertainty is None or instrument is None or instrument == 0:
+        known = figure.uncertainty if figure.uncertainty is not None else instrument
+        return known, figure.dof if figure.uncertainty is not None else math.inf
+    combined = math.hypot(figure.uncertainty, instrument)
+    if figure.uncertainty == 0 or not math.isfinite(combined):
+        return combined, math.inf
+    ratio = combined / figure.uncertainty
+    return combined, figure.dof * ratio * ratio * ratio * ratio
+
+
+def _finite(number: float) -> float | None:
+    return number if math.isfinite(number) else None
+
+
+def _coverage(dof: float) -> float:
+    from scipy.special import ndtri, stdtrit  # noqa: PLC0415 - only checks pay for it
+
+    return float(ndtri(0.975) if math.isinf(dof) else stdtrit(dof, 0.975))

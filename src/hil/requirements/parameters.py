@@ -1,0 +1,188 @@
+"""The parameters of a plan: numbers and words that cases use and that are no limits."""
+
+from __future__ import annotations
+
+import keyword
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from hil.documents.canonical import digest
+from hil.documents.findings import Findings
+from hil.documents.reader import MappingReader, read_document
+from hil.documents.suggest import did_you_mean
+from hil.model.errors import HilError
+from hil.requirements.layout import PARAMETERS, shown
+from hil.requirements.units import check_unit
+
+__all__ = ["Parameter", "Parameters", "UnknownParameter", "load_parameters"]
+
+_SCHEMA = "hil/parameters/1"
+
+_Single = float | str
+
+
+class UnknownParameter(HilError, AttributeError):
+    """A parameter that the plan does not have."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """One parameter; numbers are in its unit, words have none. `planned` is what the plan says where it was changed."""
+
+    name: str
+    value: _Single | tuple[_Single, ...]
+    unit: str = ""
+    text: str = ""
+    planned: str = ""
+
+    @property
+    def deviation(self) -> str:
+        """How it differs from the plan, empty where it does not."""
+        if self.planned in {"", self.shown}:
+            return ""
+        return f"parameter {self.name} is {self.shown} instead of {self.planned}"
+
+    @property
+    def shown(self) -> str:
+        """The value with its unit, for people."""
+        values = self.value if isinstance(self.value, tuple) else (self.value,)
+        text = ", ".join(value if isinstance(value, str) else f"{value:.15g}" for value in values)
+        return text if self.unit in {"", "1"} else f"{text} {self.unit}"
+
+
+class Parameters:
+    """The parameters of one plan, each an attribute of its name.
+
+    A parameter with a unit is a float in that unit, one without is a text; lists are tuples of either.
+    """
+
+    def __init__(self, parameters: tuple[Parameter, ...] = ()) -> None:
+        self._parameters = {parameter.name: parameter for parameter in parameters}
+
+    def __getattr__(self, name: str) -> _Single | tuple[_Single, ...]:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return self._parameter(name).value
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self._parameters]
+
+    def override(self, name: str, text: str) -> Parameters:
+        """Return parameters in which one has another value; it is noted as a deviation.
+
+        Args:
+            name: an existing parameter.
+            text: the value as on the command line, in the parameter's unit; lists are separated by commas.
+
+        Raises:
+            UnknownParameter: where the plan does not have it.
+            HilError: where the text is no value for it.
+        """
+        before = self._parameter(name)
+        changed = replace(before, value=_value_of(before, text), planned=before.planned or before.shown)
+        return Parameters(tuple(changed if item.name == name else item for item in self._parameters.values()))
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 over names, values and units."""
+        return digest(
+            {
+                item.name: {
+                    "value": list(item.value) if isinstance(item.value, tuple) else item.value,
+                    "unit": item.unit,
+                }
+                for item in self._parameters.values()
+            }
+        )
+
+    @property
+    def deviations(self) -> tuple[str, ...]:
+        """What differs from the plan, a sentence each."""
+        return tuple(item.deviation for item in self._parameters.values() if item.deviation)
+
+    def rows(self) -> tuple[Parameter, ...]:
+        """Return every parameter in the order of the file."""
+        return tuple(self._parameters.values())
+
+    def _parameter(self, name: str) -> Parameter:
+        if name not in self._parameters:
+            known = ", ".join(self._parameters) or "none"
+            raise UnknownParameter(
+                f"the plan has no parameter '{name}'{did_you_mean(name, self._parameters)}", f"it has {known}"
+            )
+        return self._parameters[name]
+
+
+def load_parameters(root: Path, plan: Path) -> Parameters:
+    """Return the parameters of a plan; none where it has no `parameters.yaml`.
+
+    Raises:
+        ConfigurationError: with everything that is wrong with the file.
+    """
+    file = plan / PARAMETERS
+    if not file.exists():
+        return Parameters()
+    findings = Findings()
+    reader = read_document(file, shown(file, root), findings, schema=_SCHEMA)
+    found: dict[str, Parameter] = {}
+    if reader is not None:
+        for entry in reader.children("parameters", required=True):
+            parameter = _read(entry)
+            if parameter.name in found:
+                findings.add(entry.place("name"), f"duplicate parameter '{parameter.name}'")
+            found[parameter.name] = parameter
+        reader.done()
+    findings.raise_if_any()
+    return Parameters(tuple(found.values()))
+
+
+def _read(entry: MappingReader) -> Parameter:
+    name = entry.text("name", pattern="[a-z][a-z0-9_]*")
+    if hasattr(Parameters, name) or keyword.iskeyword(name):
+        entry.findings.add(entry.place("name"), f"'{name}' cannot be the name of a parameter, choose another")
+    unit = entry.text("unit", "")
+    wrong = check_unit(unit) if unit else None
+    if wrong:
+        entry.findings.add(entry.place("unit"), wrong)
+    if entry.has("value") == entry.has("values"):
+        entry.findings.add(entry.node, f"parameter '{name}' needs either value or values")
+    value: _Single | tuple[_Single, ...]
+    if entry.has("values"):
+        value = _list(entry, number=bool(unit))
+    else:
+        value = entry.number("value", 0.0) if unit else entry.text("value", "")
+    text = entry.text("text", "")
+    entry.done()
+    return Parameter(name=name, value=value, unit=unit, text=text)
+
+
+def _list(entry: MappingReader, *, number: bool) -> tuple[_Single, ...]:
+    texts = entry.texts("values")
+    if not number:
+        return texts
+    try:
+        return tuple(_number(text) for text in texts)
+    except ValueError:
+        entry.findings.add(entry.place("values"), "values with a unit must be decimal numbers in quotes")
+        return ()
+
+
+def _value_of(before: Parameter, text: str) -> _Single | tuple[_Single, ...]:
+    parts = [part.strip() for part in text.split(",")] if isinstance(before.value, tuple) else [text.strip()]
+    try:
+        values = tuple(_number(part) if before.unit else part for part in parts)
+    except ValueError as error:
+        raise HilError(
+            f"'{text}' is no value for parameter '{before.name}'", f"give a decimal number in {before.unit}"
+        ) from error
+    if not all(part for part in parts):
+        raise HilError(f"parameter '{before.name}' needs a value", f"it is {before.shown} in the plan")
+    return values if isinstance(before.value, tuple) else values[0]
+
+
+def _number(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number) or "_" in text:
+        raise ValueError(text)
+    return number

@@ -1,0 +1,191 @@
+"""A requirement as data, and the fingerprint of its meaning."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from hil.documents.canonical import digest
+from hil.documents.node import Place
+
+__all__ = ["Decision", "Document", "Kind", "Limit", "Method", "Records", "Requirement"]
+
+
+class Kind(StrEnum):
+    """What a requirement asks for."""
+
+    LIMIT = "limit"
+    RECORD = "record"
+    CHARACTERISE = "characterise"
+    PARENT = "parent"
+    """Met by the requirements below it; in `testplans/requirements.yaml` only."""
+
+
+class Method(StrEnum):
+    """How a requirement is verified."""
+
+    TEST = "test"
+    ANALYSIS = "analysis"
+    INSPECTION = "inspection"
+    REVIEW = "review"
+
+
+class Decision(StrEnum):
+    """How a figure is judged against a limit; see `hil.requirements.decision`."""
+
+    SIMPLE = "simple"
+    GUARDED = "guarded"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Document:
+    """The document that one `requirements.yaml` stands for."""
+
+    id: str = ""
+    issue: str = ""
+    title: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limit:
+    """What one parameter of a requirement must be.
+
+    Attributes:
+        parameter: its name in checks.
+        of: what it is evaluated for (axes, channels): the denominator; empty where it is evaluated once.
+        unit: unit of the limits, empty where a word is due.
+        minimum: lowest allowed value as a decimal string, or None.
+        maximum: highest allowed value as a decimal string, or None.
+        equals: the word that must have been found (a direction, a mode), or None.
+        decision: how uncertainty is taken into account.
+        min_tur: lowest test uncertainty ratio that can pass, as a decimal string, or None.
+    """
+
+    parameter: str
+    of: tuple[str, ...] = ()
+    unit: str = ""
+    minimum: str | None = None
+    maximum: str | None = None
+    equals: str | None = None
+    decision: Decision = Decision.GUARDED
+    min_tur: str | None = None
+
+    @property
+    def bounded(self) -> bool:
+        """Whether there is anything to be outside of; otherwise a value is only recorded."""
+        return self.minimum is not None or self.maximum is not None or self.equals is not None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Records:
+    """The recording that a requirement asks for.
+
+    Attributes:
+        recording: its name in the case.
+        channels: the channels that must be in it.
+        rate_hz: lowest rate, or None.
+        duration_s: shortest duration, or None.
+        max_gap_s: longest time without a row, or None.
+    """
+
+    recording: str
+    channels: tuple[str, ...]
+    rate_hz: float | None = None
+    duration_s: float | None = None
+    max_gap_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Requirement:
+    """One entry of a catalogue.
+
+    Attributes:
+        id: its name, unique in the workspace.
+        rev: its revision, from 1.
+        plan: the plan it belongs to; empty for those of `testplans/requirements.yaml`.
+        parents: ids of the requirements that this one serves.
+        over: case parameters to the values that planned cases must cover between them.
+        withdrawn: no longer asked for; its id is never used again.
+        anomaly: what is wrong with the text at its source.
+        place: where it is written.
+    """
+
+    id: str
+    rev: int
+    text: str
+    kind: Kind
+    method: Method = Method.TEST
+    plan: str = ""
+    source: str = ""
+    parents: tuple[str, ...] = ()
+    level: str = ""
+    stage: str = ""
+    limits: tuple[Limit, ...] = ()
+    records: Records | None = None
+    over: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    withdrawn: bool = False
+    anomaly: str = ""
+    rationale: str = ""
+    place: Place = field(default_factory=lambda: Place(path=""), compare=False)
+
+    @property
+    def fingerprint(self) -> str:
+        """SHA-256 of the canonical JSON of the meaning: what must be shown, not how it is explained."""
+        return digest(
+            {
+                "id": self.id,
+                "text": _collapsed(self.text),
+                "kind": self.kind,
+                "method": self.method,
+                "level": self.level,
+                "stage": self.stage,
+                "limits": [_limit(limit) for limit in sorted(self.limits, key=lambda limit: limit.parameter)],
+                "records": _records(self.records),
+                "over": {name: sorted(values) for name, values in self.over.items()},
+            }
+        )
+
+    @property
+    def wording(self) -> str:
+        """SHA-256 of what may change without a new revision: explanations, and the spacing of the text."""
+        return digest(
+            {
+                "text": self.text,
+                "source": self.source,
+                "parents": list(self.parents),
+                "withdrawn": self.withdrawn,
+                "anomaly": self.anomaly,
+                "rationale": self.rationale,
+            }
+        )
+
+
+def _collapsed(text: str) -> str:
+    return " ".join(unicodedata.normalize("NFC", text).split())
+
+
+def _limit(limit: Limit) -> dict[str, object]:
+    return {
+        "parameter": limit.parameter,
+        "of": sorted(limit.of),
+        "unit": limit.unit,
+        "min": limit.minimum,
+        "max": limit.maximum,
+        "equals": limit.equals,
+        "decision": limit.decision,
+        "min_tur": limit.min_tur,
+    }
+
+
+def _records(records: Records | None) -> dict[str, object] | None:
+    if records is None:
+        return None
+    return {
+        "recording": records.recording,
+        "channels": sorted(records.channels),
+        "rate_hz": records.rate_hz,
+        "duration_s": records.duration_s,
+        "max_gap_s": records.max_gap_s,
+    }
