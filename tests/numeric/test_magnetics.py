@@ -85,6 +85,17 @@ def test_quadratic_drift_cancels_from_the_mean_and_widens_it():
     assert response.component("x").uncertainty > 0.05
 
 
+def test_unsteady_surroundings_make_the_drift_and_so_the_coil_uncertain():
+    """A level that jumps between repetitions leaves the slope uncertain, and in one order of phases the coil too."""
+    (plus, zero, minus), _ = phases(4)
+    jumps = np.array([0.0, 1.0, 0.0, 1.0])[:, None]
+    response = odd_response(plus + jumps, zero + jumps, minus + jumps)
+    # Levels 0 1 0 1 at 0 3 6 9: slope 1/15, rest of squares 4/5, over 2 and over 45 the slope's variance.
+    assert response.drift == pytest.approx(np.full(3, 1 / 15))
+    assert response.odd == pytest.approx(COIL + 1 / 15)
+    assert response.component("x").uncertainty == pytest.approx(math.sqrt(0.8 / 2 / 45))
+
+
 @pytest.mark.parametrize(("repetitions", "seed"), [(2, 11), (3, 12), (6, 13)])
 def test_intervals_of_the_odd_part_cover(repetitions, seed):
     """95 % intervals hold the coil's field 95 times in 100, under noise and drift, from two repetitions on."""
