@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from io import FileIO
 from pathlib import Path
-from typing import BinaryIO
 
 from hil.model.errors import EvidenceError
 
@@ -30,18 +30,19 @@ class Operation:
 
 
 class Transcript:
-    """Writes operations as they happen; one for all devices, so that their order is kept.
+    """Collects operations as they happen; one for all devices, so that their order is kept.
+
+    Lines wait in memory until `flush`, so that a full disk never looks like a fault of a device.
 
     Args:
-        sink: where the lines go; None keeps none, for benches whose bytes nobody asks for.
+        sink: an unbuffered file; None keeps none, for benches whose bytes nobody asks for.
     """
 
-    def __init__(self, sink: BinaryIO | None) -> None:
+    def __init__(self, sink: FileIO | None) -> None:
         self._sink = sink
         self._sequence = 0
+        self._waiting = bytearray(HEADER.encode())
         self.in_transaction = False
-        if sink is not None:
-            sink.write(HEADER.encode())
 
     def note(
         self,
@@ -54,17 +55,24 @@ class Transcript:
         received: bytes = b"",
         error: str = "",
     ) -> None:
-        """Write one operation."""
-        sequence = self._sequence
+        """Take one operation."""
+        if self._sink is None:
+            return
+        line = f"{self._sequence}\t{device}\t{name}\t{start_ns}\t{end_ns}\t{sent.hex()}\t{received.hex()}\t{error}\n"
         self._sequence += 1
-        if self._sink is not None:
-            line = f"{sequence}\t{device}\t{name}\t{start_ns}\t{end_ns}\t{sent.hex()}\t{received.hex()}\t{error}\n"
-            self._sink.write(line.encode())
+        self._waiting += line.encode()
 
     def flush(self) -> None:
-        """Hand what was written to the operating system."""
-        if self._sink is not None:
-            self._sink.flush()
+        """Hand what is waiting to the operating system; what finds no space goes on waiting.
+
+        Raises:
+            OSError: where the disk is full or fails.
+        """
+        if self._sink is None:
+            return
+        while self._waiting:
+            written = self._sink.write(self._waiting)
+            del self._waiting[:written]
 
 
 def read_transcript(path: Path) -> Iterator[Operation]:

@@ -46,11 +46,12 @@ def recorded(tmp_path):
     publish_stream("sim://replay-test/psu1", line)
     publish_bus("sim://replay-test/i2c1", SimulatedBus(clock, 100_000, [MemoryPeer()]))
     path = tmp_path / "transcript.tsv"
-    with path.open("wb") as sink:
+    with path.open("wb", buffering=0) as sink:
         transcript = Transcript(sink)
         port = open_port("psu1", "sim://replay-test/psu1", clock, transcript)
         bus = open_bus("mem1", "sim://replay-test/i2c1", clock, transcript)
         got = converse(port, bus)
+        transcript.flush()
     withdraw("sim://replay-test/")
     return path, got, clock.now_ns()
 

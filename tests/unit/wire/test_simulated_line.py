@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-
 import pytest
 import serial
 from echo import EchoPeer
@@ -27,7 +25,7 @@ def bench():
     line = SimulatedLine("echo", peer, clock, baud=9600, buffer=16)
     peer.attach(line, clock)
     publish_stream(URL, line)
-    port = open_port("echo", URL, clock, Transcript(io.BytesIO()), timeout=0.3)
+    port = open_port("echo", URL, clock, Transcript(None), timeout=0.3)
     yield clock, peer, line, port
     port.close()
     withdraw("sim://wire-test/")
