@@ -47,6 +47,8 @@ _MICROTESLA_PER_GAUSS = 100.0
 _RAILS = (-32768, 32767)
 _MARGIN_S = 0.1
 _POLLS_PER_SAMPLE = 8
+# At 16 gauss the noise is 5 counts rms on each axis: three axes repeat once in 10,000 samples.
+_MOST_EQUAL_SAMPLES = 16
 
 _T = TypeVar("_T")
 
@@ -83,7 +85,8 @@ class Lis3mdlMagnetometer:
     """One sensor; fills the role `magnetometer`.
 
     An axis at the converter's rail or beyond the chosen full scale is NaN, which no check passes: the
-    true field is larger than the number, by an unknown amount.
+    true field is larger than the number, by an unknown amount. A sensor that gives the same numbers again
+    and again does not measure: noise moves the last bits of one that does.
 
     Args:
         device: the sensor's name, for messages.
@@ -99,6 +102,8 @@ class Lis3mdlMagnetometer:
         self._clock = clock
         self._mode = mode
         self._running = False
+        self._newest = b""
+        self._equal = 0
 
     @drives
     def start(self) -> None:
@@ -125,6 +130,7 @@ class Lis3mdlMagnetometer:
         self._registers.write(_CTRL_REG3, _CONTINUOUS)
         self._expect(_CTRL_REG1, wanted)
         self._await_sample()
+        self._newest, self._equal = b"", 0
         self._running = True
 
     @drives
@@ -143,8 +149,8 @@ class Lis3mdlMagnetometer:
         """Wait for a sample that was not read yet, and return it.
 
         Raises:
-            NoReply: no new sample within two periods and a margin: the sensor stands still, lost its
-                settings, or is gone.
+            NoReply: no new sample within two periods and a margin: the sensor lost its settings, or is
+                gone; or sixteen samples in a row were equal.
             Garbled: nothing but ones is read, and the sensor does not know its name any more.
         """
         if not self._running:
@@ -154,8 +160,20 @@ class Lis3mdlMagnetometer:
         temperature = self._registers.block(_TEMP_OUT_L, 2)
         if set(data + temperature) == {0xFF} and self._registers.read(_WHO_AM_I) != _ITS_NAME:
             raise Garbled(self._device, "the bus reads nothing but ones", "look at the sensor's power and its SDA wire")
-        axes = tuple(self._mode.field(raw) for raw in struct.unpack("<hhh", data))
+        counts = struct.unpack("<hhh", data)
+        self._must_move(data, saturated=all(raw in _RAILS for raw in counts))
+        axes = tuple(self._mode.field(raw) for raw in counts)
         return (*axes, 25.0 + struct.unpack("<h", temperature)[0] / 8.0)
+
+    def _must_move(self, data: bytes, *, saturated: bool) -> None:
+        self._equal = self._equal + 1 if data == self._newest and not saturated else 1
+        self._newest = data
+        if self._equal >= _MOST_EQUAL_SAMPLES:
+            raise NoReply(
+                self._device,
+                f"{self._equal} samples in a row are equal, the sensor stands still",
+                "switch the sensor off and on, and start it again",
+            )
 
     def _await_sample(self) -> None:
         longest = 2.0 / self._mode.rate + _MARGIN_S

@@ -92,7 +92,7 @@ class _Client(ModbusSerialClient):  # type: ignore[misc]  # pymodbus is followed
         left = self._deadline - self._clock.now()
         if left <= 0:
             return b""
-        self._port.timeout = left
+        self._port.timeout = min(left, self._timeout)  # a difference of clock readings can be longer by rounding
         first = self._port.read(1)
         data = first + self._port.read(self._port.in_waiting) if first else b""
         self.received += data

@@ -108,19 +108,15 @@ class ScpiOutput:
 
     @drives
     def enable(self) -> None:
-        """Switch the output on, if what it is set to is permitted."""
+        """Switch the output on, if what it is set to is permitted and no protection has tripped."""
+        self._must_not_have_tripped()
         self._clamps.permit(self._channel, "voltage", self._number(self._dialect.get_voltage))
         self._clamps.permit(self._channel, "current", self._number(self._dialect.get_current))
         self._protect()
         self._session.setting(self._filled(self._dialect.switch_on))
         if not self.enabled():
-            tripped = self._session.query(self._filled(self._dialect.over_voltage_tripped), as_switch)
-            why = "its over-voltage protection has tripped" if tripped else "no protection says why"
-            raise Rejected(
-                self._device,
-                f"{self._name} was switched on and is off, {why}",
-                "look at the instrument's display, remove the cause, clear it there",
-            )
+            self._must_not_have_tripped()
+            raise Rejected(self._device, f"{self._name} was switched on and is off", "look at the instrument's display")
 
     @drives
     def disable(self) -> None:
@@ -151,6 +147,14 @@ class ScpiOutput:
             return "off"
         bits = self._session.query(self._filled(self._dialect.condition), as_register)
         return _MODES[bits & (_CONSTANT_CURRENT | _CONSTANT_VOLTAGE)]
+
+    def _must_not_have_tripped(self) -> None:
+        if self._session.query(self._filled(self._dialect.over_voltage_tripped), as_switch):
+            raise Rejected(
+                self._device,
+                f"the over-voltage protection of {self._name} has tripped",
+                "look for what raised the voltage, then clear the protection at the instrument",
+            )
 
     def _protect(self) -> None:
         if self._over_voltage is not None:

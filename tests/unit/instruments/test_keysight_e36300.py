@@ -15,6 +15,7 @@ from hil.model.errors import ClampExceeded, Refused, Rejected
 from hil.model.identity import Identity
 
 NONE = (b"SYST:ERR?\n", b'+0,"No error"\n')
+SOUND, TRIPPED = (b"VOLT:PROT:TRIP? (@2)\n", b"0\n"), (b"VOLT:PROT:TRIP? (@2)\n", b"1\n")
 
 
 def clamp(quantity, unit, maximum):
@@ -147,6 +148,7 @@ def test_an_error_of_the_instrument_ends_the_configuration():
 def test_enable_switches_on_and_reads_back():
     """What is set must be permitted, then the output goes on."""
     psu, port = driver(
+        SOUND,
         (b"VOLT? (@2)\n", b"+4.2\n"),
         (b"CURR? (@2)\n", b"+0.2\n"),
         NONE,
@@ -161,24 +163,36 @@ def test_enable_switches_on_and_reads_back():
 
 def test_enable_refuses_what_a_person_left_on_the_front_panel():
     """An output that is set beyond its clamps is not switched on."""
-    psu, port = driver((b"VOLT? (@2)\n", b"+2.5E+01\n"), clamps=[clamp("voltage", "V", 5.0)])
+    psu, port = driver(SOUND, (b"VOLT? (@2)\n", b"+2.5E+01\n"), clamps=[clamp("voltage", "V", 5.0)])
     with pytest.raises(ClampExceeded, match="voltage 25 V"):
         psu.role(coil()).enable()
     assert port.done
 
 
-def test_enable_on_a_tripped_output_names_the_protection():
-    """The output stays off, and the error says why."""
+def test_enable_on_a_tripped_output_sends_nothing():
+    """A tripped protection is a person's to clear."""
+    psu, port = driver(TRIPPED)
+    with pytest.raises(Rejected, match="over-voltage protection of supply.coil has tripped"):
+        psu.role(coil()).enable()
+    assert port.done
+
+
+@pytest.mark.parametrize(
+    ("after", "sentence"), [(TRIPPED, "has tripped"), (SOUND, "supply.coil was switched on and is off")]
+)
+def test_an_output_that_stays_off_is_rejected(after, sentence):
+    """On that is not read back as on is no on, and the error says why if the instrument does."""
     psu, _ = driver(
+        SOUND,
         (b"VOLT? (@2)\n", b"+4.2\n"),
         (b"CURR? (@2)\n", b"+0.2\n"),
         NONE,
         (b"OUTP ON,(@2)\n", b""),
         NONE,
         (b"OUTP? (@2)\n", b"0\n"),
-        (b"VOLT:PROT:TRIP? (@2)\n", b"1\n"),
+        after,
     )
-    with pytest.raises(Rejected, match="over-voltage protection has tripped"):
+    with pytest.raises(Rejected, match=sentence):
         psu.role(coil()).enable()
 
 

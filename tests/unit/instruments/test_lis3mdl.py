@@ -124,6 +124,27 @@ def test_a_sensor_that_stands_still_is_no_reply():
     assert clock.now() == pytest.approx(0.125, abs=0.002)
 
 
+def test_a_sensor_that_repeats_itself_is_no_reply():
+    """New samples with the same numbers are no measurement; the sixteenth in a row says so."""
+    sensor, bus, _ = magnetometer([*starting(), NEW, *sampling(1, 2, 3, 0) * 16])
+    sensor.start()
+    for _ in range(15):
+        sensor.sample()
+    with pytest.raises(NoReply, match="16 samples in a row are equal"):
+        sensor.sample()
+    assert bus.done
+
+
+def test_equal_samples_are_counted_in_a_row_only():
+    """One other sample begins the count anew, and full saturation is not counted at all."""
+    moving = (sampling(1, 2, 3, 0) * 15 + sampling(1, 2, 4, 0)) * 2 + sampling(32767, -32768, 32767, 0) * 40
+    sensor, bus, _ = magnetometer([*starting(), NEW, *moving])
+    sensor.start()
+    for _ in range(72):
+        sensor.sample()
+    assert bus.done
+
+
 def test_a_sensor_that_is_gone_is_no_reply():
     """A missing acknowledge names the address."""
     clock = VirtualClock()
