@@ -1,0 +1,196 @@
+"""The package as a BagIt 1.0 bag (RFC 8493): manifests, seal, digest, and a reader that forgives nothing."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import stat
+from collections.abc import Iterator, Mapping
+from pathlib import Path, PurePosixPath
+
+from hil.evidence.durable import sha256_of, sync_file, sync_folder, write_whole
+from hil.evidence.folder import REPORT, SEAL
+from hil.model.errors import Finding
+
+__all__ = [
+    "DECLARATION",
+    "INFO",
+    "MANIFEST",
+    "TAG_MANIFEST",
+    "digest_of_manifest",
+    "evidence_digest",
+    "hash_payload",
+    "info_text",
+    "make_read_only",
+    "manifest_text",
+    "odd_entries",
+    "put_seal",
+    "read_manifest",
+    "tag_manifest_text",
+    "top_entries",
+    "write_manifests",
+]
+
+DECLARATION = b"BagIt-Version: 1.0\nTag-File-Character-Encoding: UTF-8\n"
+MANIFEST = "manifest-sha256.txt"
+TAG_MANIFEST = "tagmanifest-sha256.txt"
+INFO = "bag-info.txt"
+
+_ENCODED = {"%": "%25", "\n": "%0A", "\r": "%0D"}
+_LINE = re.compile(r"([0-9a-f]{64})  ([^\r\n]+)")
+
+
+def hash_payload(folder: Path) -> dict[str, str]:
+    """Return path and SHA-256 of every file below `data`, sorted as manifests are."""
+    return {path: sha256_of(folder / path) for path in _files(folder, "data")}
+
+
+def manifest_text(hashes: Mapping[str, str]) -> bytes:
+    """Return a manifest: hash, two spaces, path; sorted by the path's bytes."""
+    lines = (f"{hashes[path]}  {_encode(path)}\n" for path in sorted(hashes, key=os.fsencode))
+    return b"".join(os.fsencode(line) for line in lines)
+
+
+def digest_of_manifest(manifest: bytes) -> str:
+    """Return the evidence digest: SHA-256 over the manifest's lines without those of the report."""
+    kept = (line for line in manifest.splitlines(keepends=True) if not line[66:].startswith(f"{REPORT}/".encode()))
+    return hashlib.sha256(b"".join(kept)).hexdigest()
+
+
+def evidence_digest(folder: Path) -> str:
+    """Return the evidence digest of what is in a run's folder now; reports name this before the seal."""
+    return digest_of_manifest(manifest_text(hash_payload(folder)))
+
+
+def info_text(folder: Path, *, identifier: str, date: str, content: str, version: str) -> bytes:
+    """Return `bag-info.txt`.
+
+    Args:
+        folder: the run's folder; its payload is measured.
+        identifier: the name that the folder had at the seal.
+        date: the day of the run's end, ISO 8601.
+        content: the content digest.
+        version: the version of the product that made the run.
+    """
+    sizes = [(folder / path).stat().st_size for path in _files(folder, "data")]
+    fields = {
+        "Bag-Software-Agent": f"hil {version}",
+        "Bagging-Date": date,
+        "Content-Digest": content,
+        "External-Identifier": identifier,
+        "Payload-Oxum": f"{sum(sizes)}.{len(sizes)}",
+    }
+    return "".join(f"{name}: {value}\n" for name, value in fields.items()).encode()
+
+
+def tag_manifest_text(folder: Path) -> bytes:
+    """Return the manifest of the tag files; `bagit.txt` is always the same, so it need not be there yet."""
+    hashes = {name: sha256_of(folder / name) for name in (INFO, MANIFEST)}
+    return manifest_text(hashes | {SEAL: hashlib.sha256(DECLARATION).hexdigest()})
+
+
+def write_manifests(folder: Path, info: bytes) -> None:
+    """Write everything that makes the folder a bag, but for the seal; the payload is on the disk before."""
+    hashes = hash_payload(folder)
+    for path in hashes:
+        sync_file(folder / path)
+    for inner in sorted({PurePosixPath(path).parent for path in hashes}):
+        sync_folder(folder / inner)
+    write_whole(folder / MANIFEST, manifest_text(hashes))
+    write_whole(folder / INFO, info)
+    write_whole(folder / TAG_MANIFEST, tag_manifest_text(folder))
+
+
+def put_seal(folder: Path) -> None:
+    """Seal the bag: the declaration comes to its name whole, and last."""
+    write_whole(folder / SEAL, DECLARATION)
+
+
+def make_read_only(folder: Path) -> None:
+    """Take the right to write from everybody, files first and then their folders."""
+    for root, _, names in os.walk(folder, topdown=False):
+        for name in names:
+            Path(root, name).chmod(0o444)
+        Path(root).chmod(0o555)
+
+
+def odd_entries(folder: Path) -> Iterator[Finding]:
+    """Give a finding for everything in the folder that a bag must not have: links, devices, names that collide."""
+    seen: dict[str, str] = {}
+    for path in _entries(folder):
+        mode = (folder / path).lstat().st_mode
+        if not stat.S_ISREG(mode):
+            yield _finding(path, "only plain files belong into a package, this is a link or something special")
+        twin = seen.setdefault(path.casefold(), path)
+        if twin != path:
+            yield _finding(path, f"its name differs from {_shown(twin)} by case only")
+
+
+def top_entries(folder: Path) -> list[str]:
+    """Return every entry of the folder that is not below `data`, sorted."""
+    return [path for path in _entries(folder) if not path.startswith("data/")]
+
+
+def read_manifest(folder: Path, name: str) -> tuple[dict[str, str], list[Finding]]:
+    """Read a manifest strictly: what it names, and everything that is wrong with it."""
+    entries: dict[str, str] = {}
+    findings: list[Finding] = []
+    try:
+        lines = (folder / name).read_bytes().decode("utf-8", errors="surrogateescape").split("\n")
+    except OSError as error:
+        return {}, [_finding(name, f"cannot be read: {error.strerror}")]
+    if lines.pop() != "":
+        findings.append(_finding(name, "the last line is cut off"))
+    for number, line in enumerate(lines, 1):
+        match = _LINE.fullmatch(line)
+        path = _decode(match[2]) if match else ""
+        if not match:
+            findings.append(_finding(name, "a line is a SHA-256, two spaces and a path", number))
+        elif _leaves(path):
+            findings.append(_finding(name, f"{_shown(path)} leads out of the package", number))
+        elif path in entries:
+            findings.append(_finding(name, f"{_shown(path)} is named twice", number))
+        else:
+            entries[path] = match[1]
+    return entries, findings
+
+
+def _leaves(path: str) -> bool:
+    parts = path.split("/")
+    return path.startswith(("/", "~")) or "\\" in path or any(part in {"", ".", ".."} for part in parts)
+
+
+def _entries(folder: Path) -> Iterator[str]:
+    """Give every entry but folders, links to folders included, sorted."""
+    found = []
+    for root, folders, names in os.walk(folder):
+        links = [name for name in folders if Path(root, name).is_symlink()]
+        found += [Path(root, name).relative_to(folder).as_posix() for name in names + links]
+    yield from sorted(found, key=os.fsencode)
+
+
+def _files(folder: Path, below: str) -> list[str]:
+    return [path for path in _entries(folder) if path.startswith(f"{below}/") and _is_plain(folder / path)]
+
+
+def _is_plain(path: Path) -> bool:
+    return stat.S_ISREG(path.lstat().st_mode)
+
+
+def _encode(path: str) -> str:
+    return re.sub(r"[%\r\n]", lambda match: _ENCODED[match[0]], path)
+
+
+def _decode(text: str) -> str:
+    for character, code in reversed(_ENCODED.items()):
+        text = text.replace(code, character)
+    return text
+
+
+def _shown(path: str) -> str:
+    return os.fsencode(path).decode("utf-8", errors="replace")
+
+
+def _finding(path: str, message: str, line: int = 0) -> Finding:
+    return Finding(path=_shown(path), line=line, column=1 if line else 0, message=message)

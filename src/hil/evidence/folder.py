@@ -1,0 +1,165 @@
+"""The folder of one run: its name, what is in it from the first second, and who holds it."""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from hil.clock import wall
+from hil.evidence.durable import DISK_FULL, sync_folder
+from hil.model.errors import EvidenceError, Refused
+
+__all__ = [
+    "ATTACHMENTS",
+    "CALIBRATION",
+    "CATALOGUE",
+    "INBOX",
+    "INBOX_FILES",
+    "JOURNAL",
+    "RECORDINGS",
+    "REPORT",
+    "RESERVE",
+    "RESULTS",
+    "SEAL",
+    "TORN",
+    "TRANSCRIPT",
+    "create",
+    "free_reserve",
+    "hold",
+    "is_held",
+    "is_sealed",
+    "require_space",
+]
+
+JOURNAL = "data/journal.jsonl"
+TORN = "data/journal.torn"
+RESULTS = "data/results.json"
+CATALOGUE = "data/catalogue/catalogue.json"
+CALIBRATION = "data/bench/calibration.json"
+TRANSCRIPT = "data/transcript.tsv"
+RECORDINGS = "data/recordings"
+ATTACHMENTS = "data/attachments"
+REPORT = "data/report"
+INBOX = "inbox"
+INBOX_FILES = "inbox/files"
+RESERVE = "reserve.bin"
+SEAL = "bagit.txt"
+
+_RESERVED_BYTES = 8_000_000
+_LONGEST_PART = 40
+_ATTEMPTS = 5
+
+
+def create(reports: Path, *, bench: str, dut: str) -> Path:
+    """Create and return the folder `<UTC>-<bench>-<dut>-<6 hex>` in `reports`, ready for a journal.
+
+    Raises:
+        EvidenceError: where the folder cannot be written.
+    """
+    name = f"{wall.compact_utc()}-{_safe(bench)}-{_safe(dut)}-{secrets.token_hex(3)}"
+    folder = reports / name
+    try:
+        folder.mkdir(parents=True)
+        for inner in (RECORDINGS, ATTACHMENTS, INBOX_FILES):
+            (folder / inner).mkdir(parents=True)
+        _reserve(folder / RESERVE)
+        sync_folder(folder)
+        sync_folder(reports)
+    except OSError as error:
+        raise EvidenceError(
+            f"{folder}: the run's folder cannot be written: {error.strerror}", "choose another place with --output"
+        ) from error
+    return folder
+
+
+def require_space(place: Path, bytes_needed: int) -> None:
+    """Refuse a run for whose evidence there is no space at `place`, which need not exist yet.
+
+    Raises:
+        Refused: with both numbers.
+    """
+    while not place.exists():
+        place = place.parent
+    free, needed = shutil.disk_usage(place).free, bytes_needed + _RESERVED_BYTES
+    if free < needed:
+        raise Refused(
+            f"{place}: {free / 1e6:.0f} MB are free, and this run may need {needed / 1e6:.0f} MB",
+            "free some space, or choose another place with --output",
+        )
+
+
+def free_reserve(reserve: Path | None) -> bool:
+    """Give the reserved space back to a full disk; return whether there was any."""
+    if reserve is None or not reserve.exists():
+        return False
+    reserve.unlink()
+    return True
+
+
+def is_sealed(folder: Path) -> bool:
+    """Return whether the folder carries its seal."""
+    return (folder / SEAL).is_file()
+
+
+@contextmanager
+def hold(folder: Path) -> Iterator[None]:
+    """Hold a run's folder while this process lives, however it ends; nobody else can then seal it.
+
+    The lock lies on the folder itself, so that nothing of it is left in a package.
+
+    Raises:
+        Refused: while another process holds it.
+    """
+    import fcntl  # noqa: PLC0415 - packages are read where there is no fcntl
+
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        for attempt in range(_ATTEMPTS):
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if attempt == _ATTEMPTS - 1:
+                    raise Refused(
+                        f"{folder.name}: the run is going on in another process",
+                        "wait for its end, or stop it with hil stop",
+                    ) from None
+                wall.pause(0.01)  # somebody may only be looking, see is_held
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def is_held(folder: Path) -> bool:
+    """Return whether a living process holds the folder."""
+    import fcntl  # noqa: PLC0415 - packages are read where there is no fcntl
+
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False
+
+
+def _safe(text: str) -> str:
+    return re.sub(r"[^A-Za-z0-9._]+", "_", text).strip("._")[:_LONGEST_PART] or "unnamed"
+
+
+def _reserve(path: Path) -> None:
+    with path.open("wb") as stream:
+        try:
+            os.posix_fallocate(stream.fileno(), 0, _RESERVED_BYTES)
+        except (AttributeError, OSError) as error:
+            if getattr(error, "errno", None) in DISK_FULL:
+                raise
+            stream.write(bytes(_RESERVED_BYTES))
+        stream.flush()
+        os.fsync(stream.fileno())

@@ -1,0 +1,132 @@
+"""The inbox of a run: what other terminals ask of the executive, one file per message."""
+
+from __future__ import annotations
+
+import re
+import secrets
+import shutil
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from hil.clock import wall
+from hil.documents.canonical import JsonError, canonical, parse_strict
+from hil.evidence.durable import PART, sha256_of, sync_file, write_whole
+from hil.evidence.folder import ATTACHMENTS, INBOX, INBOX_FILES, is_sealed
+from hil.model.errors import EvidenceError, Refused
+
+__all__ = ["KINDS", "LARGEST_ATTACHMENT", "Message", "poll", "post"]
+
+KINDS = frozenset({"ack", "answer", "attachment", "hold", "note", "stop"})
+LARGEST_ATTACHMENT = 200_000_000
+
+_LONGEST_TEXT = 100_000
+_UNREADABLE = "unreadable"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Message:
+    """One message, as the executive gets it.
+
+    Attributes:
+        kind: one of `KINDS`, or `unreadable` with the reason as text.
+        by: who sent it, empty where nobody said.
+        text: a note's text, the reason of a stop, an answer.
+        utc: when it was sent, by the sender's clock.
+        urgent: whether a stop shall not wait for the end of the step.
+        file: an attachment's name in `data/attachments`.
+        sha256: its hash.
+    """
+
+    kind: str
+    by: str = ""
+    text: str = ""
+    utc: str = ""
+    urgent: bool = False
+    file: str = ""
+    sha256: str = ""
+
+
+def post(
+    folder: Path, kind: str, *, by: str = "", text: str = "", urgent: bool = False, attach: Path | None = None
+) -> str:
+    """Put a message into a run's inbox and return its name; it is there whole or not at all.
+
+    Raises:
+        Refused: where the run is sealed, the kind unknown, or the text or attachment too large.
+        EvidenceError: where the attachment cannot be read or the inbox not be written.
+    """
+    if is_sealed(folder):
+        raise Refused(f"{folder.name} is sealed", "what comes after the seal lives in reports/.ledger")
+    if kind not in KINDS:
+        raise Refused(f"{kind!r} is no message of a run", f"one of {', '.join(sorted(KINDS))}")
+    if len(text) > _LONGEST_TEXT:
+        raise Refused(f"a text of {len(text)} characters is too long", "attach it as a file")
+    moment = wall.utc_now()
+    name = f"{re.sub('[^0-9]', '', moment)}-{secrets.token_hex(4)}"
+    try:
+        file, sha256 = _bring(attach, folder / INBOX_FILES, name) if attach else ("", "")
+        message = Message(kind=kind, by=by, text=text, utc=moment, urgent=urgent, file=file, sha256=sha256)
+        write_whole(folder / INBOX / f"{name}.json", canonical(asdict(message)))
+    except OSError as error:
+        raise EvidenceError(
+            f"{folder / INBOX}: the message cannot be left: {error}", "is the run still going on?"
+        ) from error
+    return name
+
+
+def poll(folder: Path) -> Iterator[Message]:
+    """Give the messages in the order in which they were sent; each goes from the inbox once the next is asked for.
+
+    So a message whose event is written in the loop's body is never lost: whatever ends the process, it is either in
+    the journal or still in the inbox. Attachments are in `data/attachments` when their message is given.
+    """
+    inbox = folder / INBOX
+    try:
+        names = sorted(entry.name for entry in inbox.iterdir() if entry.suffix == ".json")
+    except FileNotFoundError:
+        return
+    for name in names:
+        yield _taken(folder, inbox / name)
+        (inbox / name).unlink(missing_ok=True)
+
+
+def _bring(attach: Path, files: Path, name: str) -> tuple[str, str]:
+    if not attach.is_file():
+        raise Refused(f"{attach}: this is not a file", "attach one file at a time")
+    if attach.stat().st_size > LARGEST_ATTACHMENT:
+        raise Refused(f"{attach}: larger than {LARGEST_ATTACHMENT / 1e6:.0f} MB", "attach a part of it")
+    file = f"{name}-{re.sub(r'[^A-Za-z0-9._]+', '_', attach.name).strip('._')[-80:] or 'file'}"
+    part = files / f"{file}{PART}"
+    shutil.copyfile(attach, part)
+    sync_file(part)
+    part.replace(files / file)
+    return file, sha256_of(files / file)
+
+
+def _taken(folder: Path, path: Path) -> Message:
+    try:
+        value = parse_strict(path.read_bytes())
+        message = Message(**value) if isinstance(value, dict) else None
+        if message is None or message.kind not in KINDS or not all(_is_plain(message)):
+            return Message(kind=_UNREADABLE, text=f"{path.name}: this is no message")
+        if message.file:
+            _move(folder, message)
+    except (OSError, TypeError, JsonError, EvidenceError) as error:
+        return Message(kind=_UNREADABLE, text=f"{path.name}: {error}")
+    return message
+
+
+def _is_plain(message: Message) -> Iterator[bool]:
+    yield all(isinstance(text, str) for text in (message.by, message.text, message.utc, message.file, message.sha256))
+    yield isinstance(message.urgent, bool)
+    yield re.fullmatch(r"([A-Za-z0-9][A-Za-z0-9._-]*)?", str(message.file)) is not None
+
+
+def _move(folder: Path, message: Message) -> None:
+    left, kept = folder / INBOX_FILES / message.file, folder / ATTACHMENTS / message.file
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    if left.exists():
+        left.replace(kept)
+    if sha256_of(kept) != message.sha256:
+        raise EvidenceError(f"{message.file}: the attachment is not the one that was sent", "attach it again")

@@ -1,0 +1,206 @@
+"""The journal's writer: one flushed line per event, chained by SHA-256, whole also on a full disk."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from hil.clock import wall
+from hil.documents.canonical import canonical
+from hil.evidence.durable import DISK_FULL, sync_folder
+from hil.evidence.folder import free_reserve
+from hil.evidence.reading import FIRST, read_journal
+from hil.model.errors import EvidenceError
+
+__all__ = ["SYNCED", "Journal"]
+
+SYNCED = frozenset(
+    {
+        "answer",
+        "armed",
+        "attachment",
+        "case",
+        "case-end",
+        "check",
+        "end",
+        "fault",
+        "planned",
+        "recording",
+        "recording-end",
+        "recovered",
+        "results",
+        "run",
+        "safe",
+        "safe-end",
+        "step",
+        "step-end",
+        "stop",
+        "trip",
+    }
+)
+"""Kinds that are on the disk before `write` returns; the others have left the process, and follow with the next."""
+
+
+class Journal:
+    """An append-only journal; a file that exists is continued.
+
+    Args:
+        path: the journal's file.
+        reserve: a file whose space is given back when the disk is full.
+        stamp: where wall time comes from.
+        write: `os.write`, or what stands in for a disk in tests.
+        sync: `os.fsync`, or the same.
+
+    Raises:
+        EvidenceError: where the existing journal is torn or its chain is broken.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        reserve: Path | None = None,
+        stamp: Callable[[], wall.WallStamp] = wall.stamp,
+        write: Callable[[int, memoryview], int] = os.write,
+        sync: Callable[[int], None] = os.fsync,
+    ) -> None:
+        self._path = path
+        self._reserve = reserve
+        self._stamp = stamp
+        self._os_write = write
+        self._os_sync = sync
+        self._content = hashlib.sha256()
+        self._head = FIRST.encode()
+        self._sequence = 0
+        self._size = 0
+        self._last_t = 0.0
+        self._lost = 0
+        self._full = self._told = False
+        if path.exists():
+            self._go_on()
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+        sync_folder(path.parent)
+
+    @property
+    def content_digest(self) -> str:
+        """SHA-256 over the bodies so far, each with a newline; equal runs have equal ones."""
+        return self._content.hexdigest()
+
+    @property
+    def lost(self) -> int:
+        """How many events found no space; the next one that fits is preceded by an anomaly that says so."""
+        return self._lost
+
+    @property
+    def last_t(self) -> float:
+        """Bench time of the newest event."""
+        return self._last_t
+
+    def write(self, kind: str, t: float, **fields: object) -> int:
+        """Write one event down and return its sequence number.
+
+        On a full disk the reserve is given back and the event still written; that is told once, by an error. From
+        then on events are written as far as space allows, so that making the bench safe is not disturbed again.
+
+        Args:
+            kind: the event's kind; kinds of `SYNCED` are on the disk when this returns.
+            t: bench time in seconds.
+            fields: the rest of the body: JSON values, no wall time, host, pid or path of this machine.
+
+        Raises:
+            JsonError: for values that have no canonical JSON; nothing is written.
+            EvidenceError: "disk full", once, or another error of the file system.
+        """
+        try:
+            if self._lost:
+                text = f"disk full: {self._lost} events before this one could not be written"
+                self._append("anomaly", t, {"text": text})
+                self._lost = 0
+            number = self._append(kind, t, fields)
+        except OSError as error:
+            if error.errno not in DISK_FULL:
+                raise EvidenceError(f"{self._path}: cannot be written: {error.strerror}", "check the disk") from error
+            self._lost += 1
+            self._full = True
+            number = -1
+        if self._full and not self._told:
+            self._told = True
+            raise EvidenceError(f"{self._path}: disk full", "free some space before the next run")
+        return number
+
+    def close(self) -> None:
+        """Bring everything to the disk and close the file; closing twice is allowed."""
+        if self._descriptor >= 0:
+            self._os_sync(self._descriptor)
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _go_on(self) -> None:
+        reading = read_journal(self._path)
+        if reading.torn or reading.findings:
+            first = reading.findings[0] if reading.findings else f"{self._path}: the last line is torn"
+            raise EvidenceError(str(first), "look at it with hil verify; a torn tail is cut when the run is recovered")
+        for line in reading.lines:
+            self._content.update(line.raw + b"\n")
+        self._head = reading.head.encode()
+        self._sequence = len(reading.lines)
+        self._size = self._path.stat().st_size
+        self._last_t = float(reading.lines[-1].body["t"]) if reading.lines else 0.0
+
+    def _append(self, kind: str, t: float, fields: dict[str, object]) -> int:
+        number = self._sequence
+        body = canonical({**fields, "seq": number, "t": round(t, 9), "kind": kind})
+        line = b'{"body":%b,"prev":"%b","wall":%b}' % (body, self._head, self._wall())
+        self._put(line + b"\n")
+        self._head = hashlib.sha256(line).hexdigest().encode()
+        self._content.update(body + b"\n")
+        self._sequence += 1
+        self._last_t = t
+        if kind in SYNCED:
+            self._sync()
+        return number
+
+    def _wall(self) -> bytes:
+        now = self._stamp()
+        return canonical({"boot": now.boot, "boot_id": now.boot_id, "utc": now.utc})
+
+    def _put(self, data: bytes) -> None:
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = rest[self._put_some(rest) :]
+        except OSError:
+            os.ftruncate(self._descriptor, self._size)  # half a line would break the chain of those that follow
+            raise
+        self._size += len(data)
+
+    def _put_some(self, data: memoryview) -> int:
+        try:
+            return self._os_write(self._descriptor, data)
+        except OSError as error:
+            self._make_room(error)
+            return self._os_write(self._descriptor, data)
+
+    def _sync(self) -> None:
+        try:
+            self._os_sync(self._descriptor)
+        except OSError as error:
+            self._make_room(error)
+            self._os_sync(self._descriptor)
+
+    def _make_room(self, error: OSError) -> None:
+        if error.errno not in DISK_FULL or not free_reserve(self._reserve):
+            raise error
+        self._full = True

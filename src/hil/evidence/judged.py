@@ -1,0 +1,96 @@
+"""Checks judged again: does the verdict follow from what was written down, and from the frozen catalogue?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from hil.evidence.facts import Entries, limit_of
+from hil.evidence.reading import Body
+from hil.model.figure import Figure, FigureStatus
+from hil.model.verdict import Verdict
+from hil.requirements.decision import Judgement, judge
+from hil.requirements.requirement import Kind, Limit
+
+__all__ = ["judge_again"]
+
+_LAST_DIGITS = 1e-9
+
+
+def judge_again(check: Body, catalogue: Entries) -> Iterator[str]:
+    """Give a sentence for everything in a check's event that does not follow from value, uncertainty and catalogue.
+
+    A good verdict must follow exactly. One that is not good may also come from what the event does not tell: a device
+    that fell silent, the analysis' own word, a value beyond the last digit written. A requirement that only asks for
+    data is RECORDED where its figures pass.
+
+    Args:
+        check: the body of the event; value, uncertainty and degrees of freedom combine figure and instruments.
+        catalogue: the frozen requirements, with their limits.
+    """
+    name = f"{check['requirement']} {check['parameter']}"
+    entry = catalogue.get(check["requirement"], {})
+    frozen = _frozen_limit(check, entry)
+    written = _written_limit(check)
+    if check["requirement"] not in catalogue:
+        yield f"{name}: the frozen catalogue has no such requirement"
+    if frozen is not None:
+        yield from _against_catalogue(name, written, frozen)
+    again = _judge(check, frozen or written)
+    due = Verdict.RECORDED if entry.get("kind") == Kind.RECORD and again.verdict is Verdict.PASS else again.verdict
+    verdict = Verdict(check["verdict"])
+    if verdict is not due and (verdict.good or not _may_be_worse(check, again)):
+        yield f"{name}: the verdict is {verdict}, and its value gives {due} {again.reason}".rstrip()
+    tolerance = _tolerance(check, again)
+    for field in ("expanded", "margin", "tur"):
+        if not _same(check[field], getattr(again, field), 0.0 if field == "tur" else tolerance):
+            yield f"{name}: {field} is {check[field]}, and its value gives {getattr(again, field)}"
+
+
+def _judge(check: Body, limit: Limit) -> Judgement:
+    if isinstance(check["value"], str):
+        return judge(check["value"], limit)
+    figure = Figure(
+        value=math.nan if check["value"] is None else float(check["value"]),
+        unit=check["unit"],
+        uncertainty=check["uncertainty"],
+        dof=math.inf if check["dof"] is None else check["dof"],
+        status=FigureStatus(check.get("status") or FigureStatus.MEASURED),
+    )
+    return judge(figure, limit)
+
+
+def _may_be_worse(check: Body, again: Judgement) -> bool:
+    if check["value"] is None or (check["verdict"] == Verdict.INCONCLUSIVE and "status" not in check):
+        return True
+    return again.margin is not None and abs(again.margin) <= _tolerance(check, again)
+
+
+def _tolerance(check: Body, again: Judgement) -> float:
+    """Return how far figures in the limit's unit may differ: they are written with 12 digits."""
+    bounds = [float(check["limit"][side]) for side in ("min", "max") if check["limit"][side] is not None]
+    value = again.value if isinstance(again.value, float) and math.isfinite(again.value) else 0.0
+    return _LAST_DIGITS * max(abs(number) for number in (value, again.expanded or 0.0, *bounds))
+
+
+def _written_limit(check: Body) -> Limit:
+    rest = {"parameter": check["parameter"], "of": [], "unit": check["limit_unit"] or "", "min_tur": None}
+    return limit_of({**check["limit"], **rest, "decision": check["decision"]})
+
+
+def _frozen_limit(check: Body, entry: Mapping[str, Any]) -> Limit | None:
+    limits = entry.get("limits") or []
+    return next((limit_of(item) for item in limits if item["parameter"] == check["parameter"]), None)
+
+
+def _against_catalogue(name: str, written: Limit, frozen: Limit) -> Iterator[str]:
+    for field in ("minimum", "maximum", "equals", "unit", "decision"):
+        if getattr(written, field) != getattr(frozen, field):
+            yield f"{name}: {field} was {getattr(written, field)}, and the catalogue has {getattr(frozen, field)}"
+
+
+def _same(written: float | None, again: float | None, tolerance: float) -> bool:
+    if written is None or again is None:
+        return written is again
+    return math.isclose(written, again, rel_tol=_LAST_DIGITS, abs_tol=tolerance)

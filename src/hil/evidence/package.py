@@ -1,0 +1,132 @@
+"""A run's folder, read: events, results, catalogue, recordings; for reports, replay and audit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from hil.evidence.bag import MANIFEST, digest_of_manifest, evidence_digest
+from hil.evidence.facts import Entries, facts_of, read_json
+from hil.evidence.folder import JOURNAL, RECORDINGS, RESULTS, TRANSCRIPT, is_sealed
+from hil.evidence.reading import Body, JournalLine, JournalReading, read_journal
+from hil.evidence.recordings import Recorded, read_recording
+from hil.evidence.results import Derived, results_of
+from hil.model.errors import EvidenceError
+
+__all__ = ["Package"]
+
+
+class Package:
+    """What a run's folder holds, sealed or not; it is read when asked for, and believed: `verify` comes first.
+
+    Args:
+        folder: the run's folder.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    @property
+    def name(self) -> str:
+        """The run's name."""
+        return self.folder.name
+
+    @property
+    def sealed(self) -> bool:
+        """Whether the package carries its seal."""
+        return is_sealed(self.folder)
+
+    @property
+    def transcript_path(self) -> Path:
+        """Where the transcript of ports and buses is."""
+        return self.folder / TRANSCRIPT
+
+    @property
+    def evidence_digest(self) -> str:
+        """What the seal says it is; before the seal, the digest of what is in the folder now."""
+        if self.sealed:
+            return digest_of_manifest((self.folder / MANIFEST).read_bytes())
+        return evidence_digest(self.folder)
+
+    @property
+    def content_digest(self) -> str:
+        """SHA-256 over the bodies before the results; equal runs have equal ones."""
+        return self._reading.content_digest
+
+    @cached_property
+    def _reading(self) -> JournalReading:
+        return read_journal(self.folder / JOURNAL)
+
+    def lines(self) -> tuple[JournalLine, ...]:
+        """Return the journal's lines, with wall stamps."""
+        return self._reading.lines
+
+    def events(self, *kinds: str) -> tuple[Body, ...]:
+        """Return the bodies of all events, or of those of some kinds."""
+        events = self._reading.events
+        return tuple(event for event in events if event["kind"] in kinds) if kinds else events
+
+    def run(self) -> Body:
+        """Return the body of the `run` event, empty where there is none yet."""
+        return next(iter(self.events("run")), {})
+
+    def results(self) -> Derived:
+        """Return the results: as sealed, or derived from the journal so far."""
+        path = self.folder / RESULTS
+        if not path.exists():
+            return results_of(self.folder, self._reading)
+        results = read_json(path)
+        if not isinstance(results, dict):
+            raise EvidenceError(f"{path}: these are no results", "see hil verify")
+        return results
+
+    def catalogue(self) -> Entries:
+        """Return the requirements as they were frozen, by id."""
+        return facts_of(self.folder, self._reading).catalogue
+
+    def calibration(self) -> Entries:
+        """Return the instruments' calibration records as they were frozen, by instrument."""
+        return facts_of(self.folder, self._reading).calibration
+
+    def recordings(self) -> tuple[Body, ...]:
+        """Return the bodies of the `recording` events, in order."""
+        return self.events("recording")
+
+    def recording(self, identifier: str) -> Recorded:
+        """Return one recording, from its rows where the run goes on.
+
+        Raises:
+            EvidenceError: where the run has no such recording, or it cannot be read.
+        """
+        begun = self._of(self.recordings(), identifier)
+        if begun is None:
+            known = ", ".join(event["recording"] for event in self.recordings()) or "none"
+            raise EvidenceError(f"{self.name}: there is no recording {identifier!r}", f"it has {known}")
+        ended = self._of(self.events("recording-end"), identifier)
+        return read_recording(self.folder / RECORDINGS, begun, ended)
+
+    def json(self, relative: str) -> Any:  # noqa: ANN401 - JSON holds what it holds
+        """Return what a JSON file of the package says; the path is relative to the folder."""
+        return read_json(self._inside(relative))
+
+    def text(self, relative: str) -> str:
+        """Return the text of a file of the package; the path is relative to the folder.
+
+        Raises:
+            EvidenceError: where there is no such text inside the package.
+        """
+        try:
+            return self._inside(relative).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise EvidenceError(f"{self.name}/{relative}: cannot be read: {error}", "see hil verify") from error
+
+    def _inside(self, relative: str) -> Path:
+        path = (self.folder / relative).resolve()
+        if not path.is_relative_to(self.folder.resolve()):
+            raise EvidenceError(f"{self.name}: {relative} is outside of the package", "name a file of the package")
+        return path
+
+    def _of(self, events: tuple[Body, ...], identifier: str) -> Mapping[str, Any] | None:
+        return next((event for event in events if event["recording"] == identifier), None)

@@ -1,0 +1,205 @@
+"""Recordings: from rows to HDF5, proven equal to the journal's hashes, and read back as arrays."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hil.evidence.durable import PART, sync_file, sync_folder
+from hil.evidence.rows import BLOCK, RowsFile, read_rows, row_blocks, table
+from hil.model.errors import EvidenceError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["Recorded", "convert", "hashes_of", "read_hdf5", "read_recording", "write_hdf5"]
+
+_CHUNK = 16_384
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recorded:
+    """A recording: its channels over time.
+
+    Attributes:
+        id: its id in the run.
+        name: the name that the case gave it.
+        rate: nominal rate in Hz.
+        time: bench time of every row in s, shape (rows,).
+        arrays: per channel its numbers, shape (rows,); NaN where the device marked a sample invalid.
+        units: per channel its unit.
+        instruments: per channel the instrument it came from.
+        source: hardware, simulated or replayed.
+        complete: whether it lasted as long as it was asked to.
+    """
+
+    id: str
+    name: str
+    rate: float
+    time: NDArray[np.float64]
+    arrays: Mapping[str, NDArray[np.float64]]
+    units: Mapping[str, str]
+    instruments: Mapping[str, str]
+    source: str
+    complete: bool
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The names of the channels, in order."""
+        return tuple(self.arrays)
+
+    def unit(self, channel: str) -> str:
+        """Return the unit of one channel."""
+        return self.units[channel]
+
+    def __getitem__(self, channel: str) -> NDArray[np.float64]:
+        return self.arrays[channel]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+def convert(rows: Path, hdf5: Path, *, begun: Mapping[str, Any], ended: Mapping[str, Any]) -> None:
+    """Turn a row file into HDF5, prove by reading back that nothing was lost, and only then remove the rows.
+
+    Args:
+        rows: the row file.
+        hdf5: the file to write; it is there whole or not at all.
+        begun: the body of the `recording` event.
+        ended: the body of the `recording-end` event.
+
+    Raises:
+        EvidenceError: where the rows are not those that the journal names; the row file stays.
+    """
+    found = read_rows(rows)
+    part = hdf5.with_name(hdf5.name + PART)
+    write_hdf5(found, part, begun=begun, ended=ended)
+    ((count, digest),) = hashes_of(part, [ended["rows"]])
+    if found.rows != ended["rows"] or count != ended["rows"] or digest != ended["sha256"]:
+        raise EvidenceError(
+            f"{rows}: {found.rows} rows with hash {digest}, but the journal names {ended['rows']} rows with hash"
+            f" {ended['sha256']}",
+            "keep the folder as it is; the recording was changed behind the run's back",
+        )
+    part.replace(hdf5)
+    sync_folder(hdf5.parent)
+    rows.unlink()
+    sync_folder(rows.parent)
+
+
+def write_hdf5(found: RowsFile, path: Path, *, begun: Mapping[str, Any], ended: Mapping[str, Any]) -> None:
+    """Write the rows as HDF5: dataset `time`, and one per channel in group `channels`; same rows, same bytes."""
+    import h5py  # noqa: PLC0415 - slow to import
+
+    options: dict[str, Any] = {"dtype": "<f8", "shape": (found.rows,), "track_times": False}
+    if found.rows:
+        options |= {"chunks": (min(found.rows, _CHUNK),), "compression": "gzip", "compression_opts": 4, "shuffle": True}
+    with h5py.File(path, "w", libver=("v110", "v110")) as file:
+        file.attrs.update(_facts(begun, ended))
+        sets = [file.create_dataset("time", **options)]
+        sets[0].attrs.update({"unit": "s", "meaning": "bench time"})
+        group = file.create_group("channels")
+        for channel in begun["channels"]:
+            sets.append(group.create_dataset(channel["name"], **options))
+            sets[-1].attrs.update({key: value for key, value in channel.items() if value is not None})
+        file.attrs["order"] = [channel["name"] for channel in begun["channels"]] or [""]
+        for start, block in enumerate(row_blocks(found)):
+            for column, dataset in zip(table(block, found.width).T, sets, strict=True):
+                dataset[start * BLOCK : start * BLOCK + len(column)] = column
+    sync_file(path)
+
+
+def read_recording(folder: Path, begun: Mapping[str, Any], ended: Mapping[str, Any] | None) -> Recorded:
+    """Return a recording from HDF5, or from its rows where the run is not sealed yet.
+
+    Args:
+        folder: the run's `data/recordings`.
+        begun: the body of the `recording` event.
+        ended: the body of the `recording-end` event, None while it is going on.
+
+    Raises:
+        EvidenceError: where neither file can be read.
+    """
+    name, hdf5 = begun["recording"], folder / f"{begun['recording']}.h5"
+    if hdf5.exists():
+        columns = read_hdf5(hdf5)
+    else:
+        found = read_rows(folder / f"{name}.rows")
+        whole = table(b"".join(row_blocks(found)), found.width)
+        names = ["time", *(channel["name"] for channel in found.header["channels"])]
+        columns = {key: whole[:, index].copy() for index, key in enumerate(names)}
+    return Recorded(
+        id=name,
+        name=begun["name"],
+        rate=float(begun["rate"]),
+        time=columns.pop("time"),
+        arrays=columns,
+        units={channel["name"]: channel["unit"] for channel in begun["channels"]},
+        instruments={channel["name"]: channel["instrument"] for channel in begun["channels"]},
+        source=begun["source"],
+        complete=bool(ended and ended["complete"]),
+    )
+
+
+def read_hdf5(path: Path) -> dict[str, NDArray[np.float64]]:
+    """Return `time` and every channel of a recording's HDF5 file.
+
+    Raises:
+        EvidenceError: where it cannot be read.
+    """
+    import h5py  # noqa: PLC0415 - slow to import
+
+    try:
+        with h5py.File(path, "r") as file:
+            return {name: dataset[:] for name, dataset in zip(["time", *_order(file)], _sets(file), strict=True)}
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError) as error:
+        raise EvidenceError(f"{path}: this HDF5 file cannot be read: {error}", "see hil verify") from error
+
+
+def hashes_of(path: Path, at: Sequence[int]) -> list[tuple[int, str]]:
+    """Compute the row hash of an HDF5 file after each of these numbers of rows.
+
+    Returns:
+        Per number of `at`, ascending, the rows that are there up to it and the hash over their bytes.
+
+    Raises:
+        EvidenceError: where the file cannot be read.
+    """
+    import h5py  # noqa: PLC0415 - slow to import
+
+    try:
+        with h5py.File(path, "r") as file:
+            return list(_hashes(_sets(file), at))
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError) as error:
+        raise EvidenceError(f"{path}: this HDF5 file cannot be read: {error}", "see hil verify") from error
+
+
+def _hashes(sets: list[Any], at: Sequence[int]) -> Iterator[tuple[int, str]]:
+    import numpy as np  # noqa: PLC0415 - slow to import
+
+    running, done = hashlib.sha256(), 0
+    for target in sorted(at):
+        while done < min(target, len(sets[0])):
+            stop = min(target, done + BLOCK, len(sets[0]))
+            columns = [np.asarray(dataset[done:stop], "<f8") for dataset in sets]
+            running.update(np.ascontiguousarray(np.column_stack(columns)).tobytes())
+            done = stop
+        yield done, running.hexdigest()
+
+
+def _order(file: Any) -> list[str]:  # noqa: ANN401 - h5py publishes no types
+    return [str(name) for name in file.attrs["order"] if name]
+
+
+def _sets(file: Any) -> list[Any]:  # noqa: ANN401 - h5py publishes no types
+    return [file["time"], *(file["channels"][name] for name in _order(file))]
+
+
+def _facts(begun: Mapping[str, Any], ended: Mapping[str, Any]) -> dict[str, Any]:
+    facts = {key: begun[key] for key in ("recording", "name", "case", "step", "rate", "duration", "source")}
+    facts |= {key: ended[key] for key in ("rows", "sha256", "complete", "gaps")}
+    return {"format": 1} | {key: value for key, value in facts.items() if value is not None}

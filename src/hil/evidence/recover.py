@@ -1,0 +1,95 @@
+"""An interrupted run, sealed as it is: nothing is added but the word that it was interrupted."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+from hil.evidence.bag import MANIFEST, digest_of_manifest, make_read_only
+from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE, hold, is_sealed
+from hil.evidence.journal import Journal
+from hil.evidence.reading import Body, cut_torn_tail, read_journal
+from hil.evidence.rows import Rows
+from hil.evidence.seal import ReportWriter, finish, seal
+from hil.model.errors import EvidenceError, Refused
+from hil.model.verdict import Verdict
+
+__all__ = ["EXIT_CODE", "recover"]
+
+EXIT_CODE = 2
+"""The exit code of a run that was interrupted, as pytest has it."""
+
+
+def recover(folder: Path, *, write_reports: ReportWriter) -> str:
+    """Seal an interrupted run as it is and return its evidence digest.
+
+    A torn tail of the journal is cut and kept, recordings end incomplete with the rows that are there, and the
+    verdict is not better than ABORTED. A seal that was interrupted is finished; one that is whole is left alone.
+
+    Raises:
+        Refused: while the run's process is alive, and where nothing was recorded at all.
+        EvidenceError: where the journal is damaged beyond a torn tail.
+    """
+    with hold(folder):
+        if not is_sealed(folder):
+            return _seal_as_it_is(folder, write_reports)
+        make_read_only(folder)
+        return digest_of_manifest((folder / MANIFEST).read_bytes())
+
+
+def _seal_as_it_is(folder: Path, write_reports: ReportWriter) -> str:
+    torn = cut_torn_tail(folder)
+    reading = read_journal(folder / JOURNAL)
+    if reading.findings:
+        raise EvidenceError(f"{folder.name}: {reading.findings[0]}", "a damaged journal is not sealed; keep the folder")
+    if not reading.lines:
+        raise Refused(f"{folder.name}: nothing was recorded", "the folder can be deleted")
+    kinds = {event["kind"] for event in reading.events}
+    if "end" in kinds:
+        return finish(folder, write_reports)
+    with Journal(folder / JOURNAL, reserve=folder / RESERVE) as journal:
+        if "results" in kinds:
+            _write_end(journal, reading.events)
+            return finish(folder, write_reports)
+        if torn or "recovered" not in kinds:
+            text = "the run was interrupted and is sealed as it is"
+            journal.write("recovered", journal.last_t, torn_bytes=torn, text=text)
+        _end_recordings(folder, journal, reading.events)
+        return seal(folder, journal, exit_code=EXIT_CODE, write_reports=write_reports)
+
+
+def _write_end(journal: Journal, events: tuple[Body, ...]) -> None:
+    verdict = Verdict(next(event["verdict"] for event in events if event["kind"] == "results"))
+    journal.write("end", journal.last_t, state="SEALED", exit_code=0 if verdict.good else 1)
+    journal.close()
+
+
+def _end_recordings(folder: Path, journal: Journal, events: tuple[Body, ...]) -> None:
+    ended = {event["recording"] for event in events if event["kind"] == "recording-end"}
+    for begun in events:
+        if begun["kind"] == "recording" and begun["recording"] not in ended:
+            _end_recording(folder, journal, begun)
+
+
+def _end_recording(folder: Path, journal: Journal, begun: Body) -> None:
+    identifier = begun["recording"]
+    rows = Rows(
+        folder / RECORDINGS / f"{identifier}.rows",
+        recording=identifier,
+        channels=[(channel["name"], channel["unit"]) for channel in begun["channels"]],
+        on_block=partial(_write_rows, journal, identifier),
+    )
+    end = rows.finish()
+    journal.write(
+        "recording-end",
+        journal.last_t,
+        recording=identifier,
+        rows=end.rows,
+        sha256=end.sha256,
+        complete=False,
+        gaps=end.largest_gap_s,
+    )
+
+
+def _write_rows(journal: Journal, identifier: str, rows: int, sha256: str) -> None:
+    journal.write("rows", journal.last_t, recording=identifier, rows=rows, sha256=sha256)

@@ -1,0 +1,196 @@
+"""Results: what the journal's events and the frozen catalogue say, derived and never typed."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
+
+from hil.evidence.eligibility import reasons_against
+from hil.evidence.facts import Facts, facts_of
+from hil.evidence.reading import Body, JournalReading
+from hil.model.verdict import Verdict, worst
+
+__all__ = ["Derived", "derive", "results_of"]
+
+Derived = dict[str, Any]
+"""The content of `data/results.json`."""
+
+_OVERRIDING = frozenset({Verdict.ERROR, Verdict.ABORTED, Verdict.NOT_RUN})
+
+
+@dataclass(slots=True, kw_only=True)
+class _Case:
+    """What the events say of one planned case; checks and steps are those of the last attempt."""
+
+    planned: Mapping[str, Any]
+    begun: bool = False
+    end: Body | None = None
+    attempts: list[dict[str, Any]] = field(default_factory=list)
+    checks: list[Body] = field(default_factory=list)
+    steps: list[dict[str, Any]] = field(default_factory=list)
+    recordings: list[str] = field(default_factory=list)
+    not_run: list[str] = field(default_factory=list)
+
+    def take(self, event: Body) -> None:
+        """Take one event that names this case."""
+        match event["kind"]:
+            case "case":
+                self.begun, self.end = True, None
+                self.attempts.append({"attempt": event["attempt"], "verdict": None, "reasons": []})
+                self.checks, self.steps = [], []
+            case "case-end":
+                self.end = event
+                if self.attempts:
+                    self.attempts[-1] |= {"verdict": event["verdict"], "reasons": event["reasons"]}
+            case "check":
+                self.checks.append(event)
+            case "step":
+                step = {"path": event["path"], "number": event["number"], "outcome": None, "duration": None}
+                self.steps.append(step)
+            case "step-end":
+                self._end_step(event)
+            case "recording":
+                self.recordings.append(event["recording"])
+            case "not-run":
+                self.not_run.append(event["reason"])
+
+    def own_verdict(self) -> Verdict:
+        """Return how the case ended, whatever its checks say."""
+        if self.end is not None:
+            return Verdict(self.end["verdict"])
+        return Verdict.ABORTED if self.begun else Verdict.NOT_RUN
+
+    def reasons(self) -> list[str]:
+        """Return why the case ended so."""
+        if self.end is not None:
+            return list(self.end["reasons"])
+        if self.begun:
+            return ["the run ended within this case"]
+        return self.not_run or ["the run ended before this case"]
+
+    def _end_step(self, event: Body) -> None:
+        for step in reversed(self.steps):
+            if step["number"] == event["number"] and step["outcome"] is None:
+                step |= {"outcome": event["outcome"], "duration": event["duration"]}
+                return
+
+
+def results_of(folder: Path, reading: JournalReading) -> Derived:
+    """Derive the results of a run's folder from its journal and what was frozen in it.
+
+    Raises:
+        EvidenceError: where what was frozen cannot be read.
+    """
+    return derive(reading.events, facts_of(folder, reading), content_digest=reading.content_digest)
+
+
+def derive(events: Sequence[Body], facts: Facts, *, content_digest: str) -> Derived:
+    """Derive cases, requirements and the run's verdict; none is better than its evidence.
+
+    A planned case that did not end is ABORTED if it began and NOT_RUN if it did not. A requirement's verdict is the
+    worst of all planned cases that carry it. Events from `results` on are not looked at.
+    """
+    events = list(takewhile(lambda event: event["kind"] != "results", events))
+    run = next((event for event in events if event["kind"] == "run"), {})
+    kinds = {event["kind"] for event in events}
+    safe_ends = [bool(event["ok"]) for event in events if event["kind"] == "safe-end"]
+    results: Derived = {
+        "format": 1,
+        "run": {key: value for key, value in run.items() if key not in {"seq", "t", "kind"}},
+        "interrupted": bool(kinds & {"recovered", "stop"}) or not run,
+        "tripped": "trip" in kinds,
+        "safe": all(safe_ends) if safe_ends else None,
+        "content_digest": content_digest,
+    }
+    cases = [_case(case, facts) for case in _cases(events)]
+    results["cases"] = cases
+    results["requirements"] = [
+        _requirement(identifier, results, events, facts)
+        for identifier in sorted({identifier for case in cases for identifier in case["requirements"]})
+    ]
+    results["counts"] = dict(Counter(case["verdict"] for case in cases))
+    results["verdict"] = _verdict_of_run(results, armed="armed" in kinds)
+    return results
+
+
+def _cases(events: Sequence[Body]) -> list[_Case]:
+    cases: dict[str, _Case] = {}
+    for event in events:
+        if event["kind"] == "planned":
+            for planned in event["cases"]:
+                cases.setdefault(planned["case"], _Case(planned=planned))
+        elif isinstance(event.get("case"), str):
+            unplanned = {"case": event["case"], "title": "", "plan": "", "requirements": []}
+            cases.setdefault(event["case"], _Case(planned=unplanned)).take(event)
+    return list(cases.values())
+
+
+def _case(case: _Case, facts: Facts) -> dict[str, Any]:
+    identifiers = {*case.planned["requirements"], *(check["requirement"] for check in case.checks)}
+    requirements = {identifier: _within(identifier, case, facts) for identifier in sorted(identifiers)}
+    return {
+        "case": case.planned["case"],
+        "title": case.planned["title"],
+        "plan": case.planned["plan"],
+        "verdict": worst([case.own_verdict(), *requirements.values()]),
+        "reasons": case.reasons(),
+        "requirements": requirements,
+        "duration": case.end["duration"] if case.end else None,
+        "attempts": case.attempts,
+        "used": dict(case.end["used"]) if case.end else {},
+        "checks": [dict(check) for check in case.checks],
+        "steps": case.steps,
+        "recordings": case.recordings,
+    }
+
+
+def _within(identifier: str, case: _Case, facts: Facts) -> Verdict:
+    """Return what one case says of one requirement: the worst of its checks, of the case's word, and of its end."""
+    own = case.own_verdict()
+    if own is Verdict.NOT_RUN:
+        return own
+    checks = [check for check in case.checks if check["requirement"] == identifier]
+    verdicts = [worst(Verdict(check["verdict"]) for check in checks)]
+    if _is_short(facts.catalogue.get(identifier, {}), checks):
+        verdicts.append(Verdict.NOT_EVALUATED)
+    if case.end is not None and identifier in case.end["requirements"]:
+        verdicts.append(Verdict(case.end["requirements"][identifier]))
+    if own in _OVERRIDING:
+        verdicts.append(own)
+    return worst(verdicts)
+
+
+def _is_short(entry: Mapping[str, Any], checks: Sequence[Body]) -> bool:
+    due = {(limit["parameter"], of) for limit in entry.get("limits") or [] for of in limit.get("of") or [None]}
+    return not due <= {(check["parameter"], check["of"]) for check in checks}
+
+
+def _requirement(identifier: str, results: Derived, events: Sequence[Body], facts: Facts) -> dict[str, Any]:
+    entry = facts.catalogue.get(identifier, {})
+    cases = [case for case in results["cases"] if identifier in case["requirements"]]
+    checks = [check for case in cases for check in case["checks"] if check["requirement"] == identifier]
+    verdict = worst(case["requirements"][identifier] for case in cases)
+    reasons = reasons_against(identifier, verdict, results, events, facts)
+    return {
+        "id": identifier,
+        **{key: entry.get(key) for key in ("rev", "text", "kind", "method", "source")},
+        "verdict": verdict,
+        "cases": [{"case": case["case"], "verdict": case["requirements"][identifier]} for case in cases],
+        "checks": len(checks),
+        "eligible": not reasons,
+        "reasons": reasons,
+    }
+
+
+def _verdict_of_run(results: Derived, *, armed: bool) -> Verdict:
+    verdicts = [worst(case["verdict"] for case in results["cases"])]
+    if results["interrupted"]:
+        verdicts.append(Verdict.ABORTED)
+    never_made_safe = armed and results["safe"] is None and not results["interrupted"]
+    if results["tripped"] or results["safe"] is False or never_made_safe:
+        verdicts.append(Verdict.ERROR)
+    return worst(verdicts)

@@ -1,0 +1,252 @@
+"""Row files: samples as they come, packed, hashed, and never a second away from the disk."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hil.clock import wall
+from hil.documents.canonical import JsonError, canonical, parse_strict
+from hil.evidence.durable import DISK_FULL, sync_folder
+from hil.evidence.folder import free_reserve
+from hil.model.errors import EvidenceError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["BLOCK", "Rows", "RowsEnd", "RowsFile", "read_rows", "row_blocks", "table"]
+
+BLOCK = 65_536
+"""After how many rows the running hash goes into the journal."""
+
+_FLUSH_ROWS = 4_096
+_OLDEST_S = 0.5
+_NUMBER = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowsEnd:
+    """What a finished row file holds; the largest gap is 0 with fewer than two rows."""
+
+    rows: int
+    sha256: str
+    largest_gap_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowsFile:
+    """A row file as it was found: its header, where its rows begin, and how many are whole."""
+
+    path: Path
+    header: dict[str, Any]
+    start: int
+    rows: int
+    torn: int
+
+    @property
+    def width(self) -> int:
+        """Numbers per row: time, then the channels."""
+        return len(self.header["channels"]) + 1
+
+
+class Rows:
+    """One recording's row file while it grows: a header line, then little-endian float64 rows of time and channels.
+
+    Args:
+        path: the file; one that exists is continued after its last whole row.
+        recording: the recording's id.
+        channels: name and unit of every channel.
+        on_block: called with the number of rows so far and the hash over all their bytes, every `BLOCK` rows and at
+            the end; those rows are on the disk by then.
+        reserve: a file whose space is given back when the disk is full.
+        now: seconds on a wall clock that only goes forward.
+        write: `os.write`, or what stands in for a disk in tests.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        recording: str,
+        channels: Sequence[tuple[str, str]],
+        on_block: Callable[[int, str], None],
+        reserve: Path | None = None,
+        now: Callable[[], float] = wall.monotonic,
+        write: Callable[[int, memoryview], int] = os.write,
+    ) -> None:
+        self._path = path
+        self._on_block = on_block
+        self._reserve = reserve
+        self._now = now
+        self._os_write = write
+        self._width = len(channels) + 1
+        self._pack = struct.Struct(f"<{self._width}d").pack
+        self._hash = hashlib.sha256()
+        self._rows = self._told = 0
+        self._gap = 0.0
+        self._last_time: float | None = None
+        self._buffer = bytearray()
+        header = canonical(
+            {
+                "channels": [{"name": name, "unit": unit} for name, unit in channels],
+                "format": 1,
+                "recording": recording,
+                "row": "float64 little-endian: time in s, then the channels",
+            }
+        )
+        self._open(header + b"\n")
+        self._due = self._next_due()
+        self._synced_at = now()
+
+    @property
+    def rows(self) -> int:
+        """How many rows there are."""
+        return self._rows
+
+    def append(self, row: Sequence[float]) -> None:
+        """Take one row: time in seconds, then a number per channel, NaN where there is none."""
+        self._buffer += self._pack(*row)
+        self._rows += 1
+        if self._rows >= self._due:
+            self._flush()
+
+    def tick(self) -> None:
+        """Bring rows to the disk that wait for long; called at every scheduling point, twice a second or more often."""
+        now = self._now()
+        if not self._buffer and not self._unsynced:
+            self._synced_at = now
+        elif now - self._synced_at >= _OLDEST_S:
+            self._flush()
+            self._sync(now)
+
+    def finish(self) -> RowsEnd:
+        """Bring everything to the disk, tell the last hash, close the file, and say what it holds."""
+        self._flush()
+        self._sync(self._now())
+        if self._told != self._rows or not self._rows:
+            self._on_block(self._rows, self._hash.hexdigest())
+        os.close(self._descriptor)
+        return RowsEnd(rows=self._rows, sha256=self._hash.hexdigest(), largest_gap_s=self._gap)
+
+    def _open(self, header: bytes) -> None:
+        continued = self._path.exists() and self._path.stat().st_size > 0
+        if continued:
+            self._go_on(header)
+        self._descriptor = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+        self._unsynced = True
+        if not continued:
+            self._put(header)
+            os.fsync(self._descriptor)
+            sync_folder(self._path.parent)
+
+    def _go_on(self, header: bytes) -> None:
+        found = read_rows(self._path)
+        if canonical(found.header) + b"\n" != header:
+            raise EvidenceError(f"{self._path}: the recording on the disk has other channels", "start a new run")
+        os.truncate(self._path, found.start + found.rows * found.width * _NUMBER)
+        for block in row_blocks(found):
+            self._take(block)
+        self._rows = found.rows
+        self._told = found.rows - found.rows % BLOCK
+
+    def _next_due(self) -> int:
+        return min(self._rows + _FLUSH_ROWS, (self._rows // BLOCK + 1) * BLOCK)
+
+    def _flush(self) -> None:
+        if self._buffer:
+            self._put(self._buffer)
+            self._take(bytes(self._buffer))
+            self._buffer.clear()
+            self._unsynced = True
+        self._due = self._next_due()
+        if self._rows and self._rows % BLOCK == 0 and self._told != self._rows:
+            self._sync(self._now())
+            self._told = self._rows
+            self._on_block(self._rows, self._hash.hexdigest())
+
+    def _take(self, block: bytes) -> None:
+        import numpy as np  # noqa: PLC0415 - rows are packed without it
+
+        self._hash.update(block)
+        times = np.frombuffer(block, "<f8")[:: self._width]
+        if self._last_time is not None:
+            times = np.concatenate(([self._last_time], times))
+        if len(times) > 1:
+            self._gap = max(self._gap, float(np.max(np.diff(times))))
+        self._last_time = float(times[-1])
+
+    def _put(self, data: bytes | bytearray) -> None:
+        size = os.fstat(self._descriptor).st_size
+        with memoryview(data) as whole:
+            done = 0
+            try:
+                while done < len(whole):
+                    done += self._put_some(whole[done:])
+            except OSError as error:
+                os.ftruncate(self._descriptor, size)  # the rows stay in the buffer, and may fit later
+                raise self._failed(error) from error
+
+    def _put_some(self, data: memoryview) -> int:
+        try:
+            return self._os_write(self._descriptor, data)
+        except OSError as error:
+            if error.errno not in DISK_FULL or not free_reserve(self._reserve):
+                raise
+            return self._os_write(self._descriptor, data)
+
+    def _sync(self, now: float) -> None:
+        try:
+            os.fsync(self._descriptor)
+        except OSError as error:
+            raise self._failed(error) from error
+        self._unsynced = False
+        self._synced_at = now
+
+    def _failed(self, error: OSError) -> EvidenceError:
+        what = "disk full" if error.errno in DISK_FULL else f"cannot be written: {error.strerror}"
+        return EvidenceError(f"{self._path}: {what}", "free some space before the next run")
+
+
+def read_rows(path: Path) -> RowsFile:
+    """Read a row file's header and count its whole rows; a torn last row is left out.
+
+    Raises:
+        EvidenceError: where there is no such file, or its header cannot be read.
+    """
+    try:
+        with path.open("rb") as stream:
+            line = stream.readline()
+            size = os.fstat(stream.fileno()).st_size
+        header = parse_strict(line) if line.endswith(b"\n") else None
+    except (OSError, JsonError) as error:
+        raise EvidenceError(f"{path}: this is no row file: {error}", "the recording cannot be read back") from error
+    if not isinstance(header, dict) or not isinstance(header.get("channels"), list):
+        raise EvidenceError(f"{path}: its header is not that of a row file", "the recording cannot be read back")
+    rows, torn = divmod(size - len(line), (len(header["channels"]) + 1) * _NUMBER)
+    return RowsFile(path=path, header=header, start=len(line), rows=rows, torn=torn)
+
+
+def row_blocks(found: RowsFile) -> Iterator[bytes]:
+    """Give the bytes of the whole rows, in blocks of `BLOCK` rows."""
+    left = found.rows * found.width * _NUMBER
+    with found.path.open("rb") as stream:
+        stream.seek(found.start)
+        while left:
+            block = stream.read(min(left, BLOCK * found.width * _NUMBER))
+            if not block:
+                raise EvidenceError(f"{found.path}: the file became shorter while it was read", "read it again")
+            left -= len(block)
+            yield block
+
+
+def table(block: bytes, width: int) -> NDArray[np.float64]:
+    """Return rows as an array of shape (rows, width)."""
+    import numpy as np  # noqa: PLC0415 - rows are packed without it
+
+    return np.frombuffer(block, "<f8").reshape(-1, width)

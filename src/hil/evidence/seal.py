@@ -1,0 +1,142 @@
+"""The end of a run: rows become HDF5, results are derived, reports written, and the package is sealed."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from hil.documents.canonical import canonical
+from hil.evidence.bag import (
+    MANIFEST,
+    digest_of_manifest,
+    info_text,
+    make_read_only,
+    put_seal,
+    write_manifests,
+)
+from hil.evidence.durable import DISK_FULL, PART, sync_folder, write_whole
+from hil.evidence.folder import INBOX, JOURNAL, RECORDINGS, RESERVE, RESULTS, SEAL, free_reserve
+from hil.evidence.inbox import Message, poll
+from hil.evidence.journal import Journal
+from hil.evidence.reading import Body, JournalReading, read_journal
+from hil.evidence.recordings import convert
+from hil.evidence.results import results_of
+from hil.model.errors import EvidenceError
+
+__all__ = ["ReportWriter", "end_journal", "finish", "info_of", "seal", "write_message"]
+
+ReportWriter = Callable[[Path], None]
+"""Writes `data/report/*` into the run's folder; everything else in `data` is final by then."""
+
+
+def seal(folder: Path, journal: Journal, *, exit_code: int, write_reports: ReportWriter) -> str:
+    """Seal a run and return its evidence digest; the journal is ended and closed.
+
+    Each step can be the last one of this process: `recover` then goes on from there.
+
+    Args:
+        folder: the run's folder, held by this process.
+        journal: its journal.
+        exit_code: the exit code of the run.
+        write_reports: writes the reports; where it fails, the package is sealed before the error goes on.
+
+    Raises:
+        EvidenceError: where the disk is full or fails; the folder stays as it is, and can be recovered.
+    """
+    try:
+        end_journal(folder, journal, exit_code=exit_code)
+        return finish(folder, write_reports)
+    except OSError as error:
+        what = "disk full" if error.errno in DISK_FULL else str(error)
+        raise EvidenceError(
+            f"{folder.name}: cannot be sealed: {what}", "nothing is lost; free some space and seal it with hil resume"
+        ) from error
+
+
+def end_journal(folder: Path, journal: Journal, *, exit_code: int) -> None:
+    """Empty the inbox, convert the recordings, derive the results, and write the journal's last two events."""
+    for message in poll(folder):
+        write_message(journal, journal.last_t, message)
+    _convert_all(folder, journal)
+    results = results_of(folder, read_journal(folder / JOURNAL))
+    data = canonical(results)
+    write_whole(folder / RESULTS, data)
+    journal.write("results", journal.last_t, sha256=hashlib.sha256(data).hexdigest(), verdict=results["verdict"])
+    journal.write("end", journal.last_t, state="SEALED", exit_code=exit_code)
+    journal.close()
+
+
+def finish(folder: Path, write_reports: ReportWriter) -> str:
+    """Write the reports, remove what a package does not hold, and seal; the journal has its `end`."""
+    try:
+        write_reports(folder)
+    finally:  # the evidence does not wait for a report, which can be written again
+        reading = read_journal(folder / JOURNAL)
+        _tidy(folder)
+        write_manifests(folder, info_of(folder, folder.name, reading))
+        put_seal(folder)
+        make_read_only(folder)
+        sync_folder(folder.parent)
+    return digest_of_manifest((folder / MANIFEST).read_bytes())
+
+
+def info_of(folder: Path, identifier: str, reading: JournalReading) -> bytes:
+    """Return the `bag-info.txt` that belongs to a journal with its `end`."""
+    return info_text(
+        folder,
+        identifier=identifier,
+        date=str(reading.lines[-1].wall.get("utc", ""))[:10],
+        content=reading.content_digest,
+        version=str(reading.lines[0].body.get("version", "")),
+    )
+
+
+def write_message(journal: Journal, t: float, message: Message) -> None:
+    """Write down what came through the inbox, where nothing else has to be done about it."""
+    if message.kind == "attachment":
+        journal.write("attachment", t, file=message.file, sha256=message.sha256, by=message.by, text=message.text)
+    elif message.kind == "note":
+        journal.write("note", t, text=message.text, by=message.by)
+    else:
+        journal.write("anomaly", t, text=f"inbox, {message.kind} by {message.by or 'nobody'}: {message.text}")
+
+
+def _convert_all(folder: Path, journal: Journal) -> None:
+    events = read_journal(folder / JOURNAL).events
+    for begun in events:
+        if begun["kind"] == "recording":
+            _convert_one(folder / RECORDINGS, begun, _end_of(begun["recording"], events), journal)
+
+
+def _convert_one(place: Path, begun: Body, ended: Mapping[str, Any] | None, journal: Journal) -> None:
+    identifier = begun["recording"]
+    rows, hdf5 = place / f"{identifier}.rows", place / f"{identifier}.h5"
+    if ended is None:
+        raise EvidenceError(f"recording {identifier} has not ended", "recordings end before the run is sealed")
+    if rows.exists():
+        try:
+            convert(rows, hdf5, begun=begun, ended=ended)
+        except EvidenceError:
+            text = f"recording {identifier}: its rows are not those that the journal names; the row file is kept"
+            journal.write("anomaly", journal.last_t, text=text)
+    elif not hdf5.exists():
+        journal.write("anomaly", journal.last_t, text=f"recording {identifier}: its rows are gone")
+
+
+def _end_of(identifier: str, events: Sequence[Body]) -> Body | None:
+    ends = (event for event in events if event["kind"] == "recording-end" and event["recording"] == identifier)
+    return next(ends, None)
+
+
+def _tidy(folder: Path) -> None:
+    """Remove the reserve, the inbox, and files that a killed process left half written."""
+    free_reserve(folder / RESERVE)
+    if (folder / INBOX).exists():
+        shutil.rmtree(folder / INBOX)
+    (folder / f"{SEAL}{PART}").unlink(missing_ok=True)
+    for place in (folder, folder / "data", folder / RECORDINGS):
+        for half in place.glob(f"*{PART}"):
+            half.unlink()

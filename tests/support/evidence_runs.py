@@ -1,0 +1,155 @@
+"""A small run, written as the executive would write it."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+from hil.clock.wall import WallStamp
+from hil.evidence.facts import digest_of, entries_of, freeze_calibration, freeze_catalogue
+from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE
+from hil.evidence.journal import Journal
+from hil.evidence.rows import Rows
+from hil.evidence.seal import seal
+from hil.requirements.decision import judge
+from hil.requirements.requirement import Kind, Limit, Requirement
+
+from hil.model.figure import Figure
+
+__all__ = [
+    "LIMIT",
+    "REQUIREMENTS",
+    "begin",
+    "case_end",
+    "check",
+    "planned",
+    "record",
+    "run_fields",
+    "sealed_run",
+    "stamps",
+    "write_report",
+]
+
+LIMIT = Limit(parameter="rate_error", of=("x", "y"), unit="deg/s", minimum="-0.5", maximum="0.5")
+REQUIREMENTS = (
+    Requirement(id="GYR-030", rev=1, text="The error shall be small.", kind=Kind.LIMIT, limits=(LIMIT,), source="s 30"),
+    Requirement(id="GYR-010", rev=1, text="The rest shall be recorded.", kind=Kind.RECORD),
+)
+
+
+def stamps(day: str = "2026-11-21"):
+    """Return a wall clock of its own: a second later every time it is looked at."""
+    seconds = itertools.count()
+    return lambda: WallStamp(utc=f"{day}T10:00:{next(seconds) % 60:02d}.000000Z", boot=1.5, boot_id="one-boot")
+
+
+def run_fields(**changes):
+    """Return the fields of the `run` event."""
+    dut = {"serial": "SN1", "part": "P1", "model": "QM", "hardware": "A", "firmware": "", "title": "Gyroscope"}
+    fields = {
+        "format": 1, "bench": "flight", "source": "hardware", "purpose": "qualification", "dut": dut, "operator": "Ada",
+        "plans": ["gyro"], "seed": "7", "catalogue": digest_of(entries_of(REQUIREMENTS)), "parameters": "0" * 64,
+        "sources": "0" * 64, "version": "0.1.0", "deviations": [],
+    }  # fmt: skip
+    return fields | changes
+
+
+def planned(case: str = "test_rest", requirements=("GYR-010", "GYR-030"), plan: str = "gyro"):
+    """Return one case of the `planned` event."""
+    return {
+        "case": case, "title": f"{case}.", "plan": plan, "requirements": list(requirements), "max_duration": 60.0,
+    }  # fmt: skip
+
+
+def begin(folder: Path, **changes) -> Journal:
+    """Write what stands in a journal before the first case, freeze the catalogue, and return the journal."""
+    folder.joinpath(RECORDINGS).mkdir(parents=True, exist_ok=True)
+    freeze_catalogue(folder, entries_of(REQUIREMENTS))
+    freeze_calibration(folder, {"psu1": {"certificate": "C-1", "due": "2026-12-31", "dut": False}})
+    journal = Journal(folder / JOURNAL, reserve=folder / RESERVE, stamp=stamps())
+    journal.write("run", 0.0, **run_fields(**changes))
+    journal.write("planned", 0.0, cases=[planned()])
+    journal.write("gate", 0.0, name="identity", ok=True, detail="as expected")
+    journal.write("armed", 0.0)
+    return journal
+
+
+def record(folder: Path, journal: Journal, rows: int = 100, *, identifier: str = "001-rest", complete: bool = True):
+    """Record `rows` rows of one channel, and end the recording."""
+    channels = [{"name": "x", "unit": "deg/s", "instrument": "psu1", "calibration": "C-1", "uncertainty": None}]
+    journal.write(
+        "recording", 1.0, case="test_rest", step="1", recording=identifier, name="rest", channels=channels, rate=100.0,
+        duration=1.0, source="hardware",
+    )  # fmt: skip
+    file = Rows(
+        folder / RECORDINGS / f"{identifier}.rows",
+        recording=identifier,
+        channels=[("x", "deg/s")],
+        on_block=lambda count, digest: journal.write("rows", 1.0, recording=identifier, rows=count, sha256=digest),
+    )
+    for index in range(rows):
+        file.append((1.0 + index / 100, float("nan") if index == 3 else index / 7))
+    end = file.finish()
+    journal.write(
+        "recording-end", 2.0, recording=identifier, rows=end.rows, sha256=end.sha256, complete=complete,
+        gaps=end.largest_gap_s,
+    )  # fmt: skip
+
+
+def check(journal: Journal, measured: float | None = 0.1, *, of: str = "x", **changes):
+    """Judge a rate error and write the check down; `changes` are what a liar would write."""
+    figure = Figure(value=float("nan") if measured is None else measured, unit="deg/s", uncertainty=0.01)
+    judged = judge(figure, LIMIT)
+    fields = {
+        "case": "test_rest", "step": "1", "requirement": "GYR-030", "parameter": "rate_error", "of": of, "value": measured,
+        "unit": "deg/s", "uncertainty": judged.uncertainty, "dof": None,
+        "limit": {"min": "-0.5", "max": "0.5", "equals": None}, "limit_unit": "deg/s", "decision": "guarded",
+        "expanded": judged.expanded, "margin": judged.margin, "tur": judged.tur, "verdict": judged.verdict,
+        "reason": judged.reason, "instruments": ["psu1"],
+    }  # fmt: skip
+    journal.write("check", 3.0, **(fields | changes))
+
+
+def recorded_check(journal: Journal):
+    """Write down that the recording is there."""
+    fields = {
+        "requirement": "GYR-010", "parameter": "channels", "of": None, "value": "complete", "unit": "",
+        "uncertainty": None, "limit": {"min": None, "max": None, "equals": "complete"}, "limit_unit": "",
+        "decision": "simple", "expanded": None, "margin": None, "tur": None, "verdict": "RECORDED", "instruments": [],
+    }  # fmt: skip
+    check(journal, **(fields | {"of": None}))
+
+
+def case_end(journal: Journal, verdict: str = "PASS", **changes):
+    """End the case."""
+    fields = {
+        "case": "test_rest", "attempt": 1, "verdict": verdict, "reasons": [], "duration": 4.0,
+        "requirements": {"GYR-010": "RECORDED", "GYR-030": verdict}, "used": {"psu1": "hardware"},
+    }  # fmt: skip
+    journal.write("case-end", 4.0, **(fields | changes))
+
+
+def whole_case(folder: Path, journal: Journal) -> None:
+    """Run the case from its beginning to its end."""
+    journal.write("case", 0.0, case="test_rest", attempt=1)
+    journal.write("step", 0.0, case="test_rest", path=["Hold"], number="1")
+    record(folder, journal)
+    check(journal, of="x")
+    check(journal, -0.2, of="y")
+    recorded_check(journal)
+    journal.write("step-end", 4.0, case="test_rest", path=["Hold"], number="1", outcome="done", duration=4.0)
+    case_end(journal)
+    journal.write("safe-end", 5.0, ok=True)
+
+
+def write_report(folder: Path) -> None:
+    """Write a report of one line."""
+    (folder / "data/report").mkdir(exist_ok=True)
+    (folder / "data/report/report.html").write_text("<p>report</p>\n", encoding="utf-8")
+
+
+def sealed_run(folder: Path, **changes) -> str:
+    """Write a whole run, seal it, and return its evidence digest."""
+    journal = begin(folder, **changes)
+    whole_case(folder, journal)
+    return seal(folder, journal, exit_code=0, write_reports=write_report)
