@@ -1,0 +1,1 @@
+"""Simulated instruments: bytes in, bytes out, each written from its protocol description."""

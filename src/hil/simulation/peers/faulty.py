@@ -1,0 +1,140 @@
+"""Wrappers that let any peer go dead, late, garbled, partial or chatty."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from hil.simulation.faults import Fault, Faults
+from hil.simulation.seeds import Stream
+from hil.wire.peer import BusPeer, Line, Nack, PeerClock, SerialPeer
+
+__all__ = ["FaultyBusPeer", "FaultySerialPeer"]
+
+_BITS = 8
+
+
+class FaultySerialPeer:
+    """A peer on a byte stream with what goes wrong around it.
+
+    Dead means without power: nothing comes in and nothing goes out. The faults decide at the instant a
+    byte would leave.
+
+    Args:
+        peer: the healthy peer.
+        faults: what goes wrong.
+        noise: decides which bits are hit.
+    """
+
+    def __init__(self, peer: SerialPeer, faults: Faults, noise: Stream) -> None:
+        self._peer = peer
+        self._faults = faults
+        self._noise = noise
+        self._line: Line
+        self._clock: PeerClock
+
+    def attach(self, line: Line, clock: PeerClock) -> None:
+        """Connect the peer behind the faults, and start what comes unasked."""
+        self._line = line
+        self._clock = clock
+        self._peer.attach(self, clock)
+        for fault in self._faults.of("chatty"):
+            self._chat_after(fault, fault.start_ns)
+
+    def receive(self, data: bytes) -> None:
+        """Pass bytes on, unless the peer is dead."""
+        if not self._faults.now("dead", self._clock.now_ns()):
+            self._peer.receive(data)
+
+    def send(self, data: bytes, after_ns: int = 0) -> None:
+        """Spoil what the peer sends, as a line that the peer takes for the real one."""
+        now_ns = self._clock.now_ns()
+        if self._faults.now("dead", now_ns):
+            return
+        if partial := self._faults.now("partial", now_ns):
+            data = data[: partial.number]
+        if garbled := self._faults.now("garbled", now_ns):
+            data = _spoil(data, garbled, self._noise, now_ns)
+        if late := self._faults.now("late", now_ns):
+            after_ns += late.duration_ns
+        if data:
+            self._line.send(data, after_ns)
+
+    def state(self) -> Mapping[str, object]:
+        """Return the peer's state; the faults follow from the clock."""
+        return self._peer.state()
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        self._peer.restore(state)
+
+    def _chat_after(self, fault: Fault, earliest_ns: int) -> None:
+        late_by_ns = max(0, self._clock.now_ns() - fault.start_ns)
+        pauses = -(-late_by_ns // fault.duration_ns)
+        when_ns = max(earliest_ns, fault.start_ns + pauses * fault.duration_ns)
+        if when_ns < fault.end_ns:
+            self._clock.at(when_ns, lambda: self._chat(fault, when_ns))
+
+    def _chat(self, fault: Fault, when_ns: int) -> None:
+        if not self._faults.now("dead", when_ns):
+            self._line.send(fault.text.encode("utf-8"))
+        self._chat_after(fault, when_ns + fault.duration_ns)
+
+
+class FaultyBusPeer:
+    """A device on an I2C bus with what goes wrong around it.
+
+    Args:
+        peer: the healthy peer.
+        faults: what goes wrong.
+        noise: decides which bits are hit.
+    """
+
+    def __init__(self, peer: BusPeer, faults: Faults, noise: Stream) -> None:
+        self._peer = peer
+        self._faults = faults
+        self._noise = noise
+        self._clock: PeerClock
+
+    @property
+    def addresses(self) -> tuple[int, ...]:
+        """The addresses of the peer."""
+        return self._peer.addresses
+
+    def attach(self, clock: PeerClock) -> None:
+        """Connect the peer behind the faults."""
+        self._clock = clock
+        self._peer.attach(clock)
+
+    def write(self, address: int, data: bytes) -> None:
+        """Pass a message on, unless the device is dead."""
+        self._live()
+        self._peer.write(address, data)
+
+    def read(self, address: int, count: int) -> bytes:
+        """Pass a reply on, spoiled where the fault says so."""
+        self._live()
+        data = self._peer.read(address, count)
+        garbled = self._faults.now("garbled", self._clock.now_ns())
+        return _spoil(data, garbled, self._noise, self._clock.now_ns()) if garbled else data
+
+    def state(self) -> Mapping[str, object]:
+        """Return the peer's state; the faults follow from the clock."""
+        return self._peer.state()
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        self._peer.restore(state)
+
+    def _live(self) -> None:
+        if self._faults.now("dead", self._clock.now_ns()):
+            raise Nack
+
+
+def _spoil(data: bytes, fault: Fault, noise: Stream, now_ns: int) -> bytes:
+    """Flip one bit of some bytes; which ones depends on the instant and the place only."""
+    spoiled = bytearray(data)
+    for place in range(len(data)):
+        index = 2 * (now_ns + place)
+        if noise.uniform(index) < fault.share:
+            spoiled[place] ^= 1 << int(noise.uniform(index + 1) * _BITS)
+    return bytes(spoiled)

@@ -1,0 +1,232 @@
+"""One output of the simulated supply: what was set, what it gives, what it reads back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import inf
+from typing import cast
+
+from hil.simulation.faults import Faults
+from hil.simulation.plants.terminal import Terminal
+from hil.simulation.seeds import Stream
+from hil.simulation.truth import Truth
+
+__all__ = ["NOT_A_NUMBER", "OutputTruth", "Rating", "SupplyOutput", "read_output_truth"]
+
+NOT_A_NUMBER = 9.91e37
+"""SCPI's word for not a number (SCPI-1999 vol. 1, 7.2.1.5)."""
+
+_OVER_RANGE = 1.03  # programmable to 103 % of the rating, protection to 110 %
+_PROTECTION_RANGE = 1.1
+_READING_NS = 1_000_000
+_EPSILON = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Rating:
+    """What an output can give [V, A]."""
+
+    volts: float
+    amperes: float
+
+    @property
+    def most_volts(self) -> float:
+        """The highest voltage that can be set."""
+        return self.volts * _OVER_RANGE
+
+    @property
+    def most_amperes(self) -> float:
+        """The highest current limit that can be set."""
+        return self.amperes * _OVER_RANGE
+
+    @property
+    def most_protection(self) -> float:
+        """The highest over-voltage level that can be set, and the one after a reset."""
+        return self.volts * _PROTECTION_RANGE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutputTruth:
+    """How one output deviates from its settings and readings; gains are relative errors, 0.001 is +0.1 %.
+
+    Attributes:
+        output_voltage_offset: [V], and the gain, of what is given against what is set.
+        output_current_offset: [A], and the gain, of the limit against what is set.
+        voltage_offset: [V], the gain, and the noise [V rms] of the reading.
+        current_offset: [A], the gain, and the noise [A rms] of the reading.
+        voltage_resolution: [V] of settings.
+        current_resolution: [A] of settings.
+        load: resistor [ohm] at an output that no plant is connected to.
+    """
+
+    output_voltage_offset: float = 0.0
+    output_voltage_gain: float = 0.0
+    output_current_offset: float = 0.0
+    output_current_gain: float = 0.0
+    voltage_offset: float = 0.0
+    voltage_gain: float = 0.0
+    voltage_noise: float = 1e-4
+    current_offset: float = 0.0
+    current_gain: float = 0.0
+    current_noise: float = 1e-5
+    voltage_resolution: float = 1e-3
+    current_resolution: float = 1e-4
+    load: float = inf
+
+
+_SIGNED = (
+    "output_voltage_offset",
+    "output_voltage_gain",
+    "output_current_offset",
+    "output_current_gain",
+    "voltage_offset",
+    "voltage_gain",
+    "current_offset",
+    "current_gain",
+)
+_UNSIGNED = ("voltage_noise", "current_noise")
+_POSITIVE = ("voltage_resolution", "current_resolution", "load")
+
+
+def read_output_truth(truth: Truth, base: OutputTruth) -> OutputTruth:
+    """Read one output's truth; what is not said is as in `base`."""
+    values: dict[str, float] = {key: truth.number(key, getattr(base, key)) for key in _SIGNED}
+    values |= {key: truth.number(key, getattr(base, key), minimum=0) for key in _UNSIGNED}
+    values |= {key: truth.number(key, getattr(base, key), above=0) for key in _POSITIVE}
+    return replace(base, **values)
+
+
+class SupplyOutput:
+    """One output: settings, protection, and what hangs on it.
+
+    Args:
+        number: the channel's number.
+        rating: what it can give.
+        truth: how it deviates.
+        terminal: what hangs on it.
+        faults: of the whole instrument.
+        noise: streams of the voltage and the current reading.
+    """
+
+    def __init__(
+        self,
+        number: int,
+        rating: Rating,
+        *,
+        truth: OutputTruth,
+        terminal: Terminal,
+        faults: Faults,
+        noise: tuple[Stream, Stream],
+    ) -> None:
+        self.number = number
+        self.rating = rating
+        self._truth = truth
+        self._terminal = terminal
+        self._faults = faults
+        self._noise = noise
+        self.volts = 0.0
+        self.limit = rating.amperes
+        self.protection = rating.most_protection
+        self.current_protection = False
+        self.on = False
+        self.over_voltage = False
+        self.over_current = False
+        self._stuck_on = False
+
+    def set_volts(self, volts: float) -> None:
+        """Take a voltage setting, rounded to the resolution."""
+        self.volts = _rounded(volts, self._truth.voltage_resolution)
+        self.apply()
+
+    def set_limit(self, amperes: float) -> None:
+        """Take a current limit, rounded to the resolution."""
+        self.limit = _rounded(amperes, self._truth.current_resolution)
+        self.apply()
+
+    def switch(self, on: bool, now_ns: int) -> None:
+        """Switch the output; the fault `refuse-off` keeps it on whatever it says."""
+        refused = self._faults.now("refuse-off", now_ns, self.number) if self.on and not on else None
+        self.on = on or (refused is not None and refused.text == "on")
+        self._stuck_on = refused is not None and not self.on
+        self.apply()
+
+    def reset(self, now_ns: int) -> None:
+        """Return to the settings of power-on."""
+        self.volts, self.limit, self.protection = 0.0, self.rating.amperes, self.rating.most_protection
+        self.current_protection = self.over_voltage = self.over_current = False
+        self.switch(on=False, now_ns=now_ns)
+
+    def protect(self, now_ns: int) -> None:
+        """Trip the protections that are due."""
+        if not self.on:
+            return
+        if self._terminal.volts() > self.protection:
+            self.over_voltage = True
+        if self.current_protection and self.mode() == "CC":
+            self.over_current = True
+        if self.over_voltage or self.over_current:
+            self.switch(on=False, now_ns=now_ns)
+
+    @property
+    def watched(self) -> bool:
+        """Whether a protection could trip without another command."""
+        return self.on and (self.current_protection or self._given_volts() > self.protection)
+
+    def mode(self) -> str:
+        """Return `CV`, `CC` or `off`, from what the terminals show."""
+        if not self.on:
+            return "off"
+        limiting = self._terminal.amperes() >= self._given_limit() * (1 - _EPSILON)
+        return "CC" if limiting and self._terminal.volts() < self._given_volts() * (1 - _EPSILON) else "CV"
+
+    def read_volts(self, now_ns: int) -> float:
+        """Return the voltage as this instrument measures it; readings of one millisecond are equal."""
+        truth = self._truth
+        noise = truth.voltage_noise * self._noise[0].normal(now_ns // _READING_NS)
+        reading = self._terminal.volts() * (1 + truth.voltage_gain) + truth.voltage_offset + noise
+        return NOT_A_NUMBER if self._faults.now("not-a-number", now_ns, self.number) else reading
+
+    def read_amperes(self, now_ns: int) -> float:
+        """Return the current as this instrument measures it; readings of one millisecond are equal."""
+        truth = self._truth
+        noise = truth.current_noise * self._noise[1].normal(now_ns // _READING_NS)
+        reading = self._terminal.amperes() * (1 + truth.current_gain) + truth.current_offset + noise
+        return NOT_A_NUMBER if self._faults.now("not-a-number", now_ns, self.number) else reading
+
+    def apply(self) -> None:
+        """Give to the terminals what the settings say."""
+        giving = self.on or self._stuck_on
+        self._terminal.drive(self._given_volts() if giving else 0.0, self._given_limit())
+
+    def state(self) -> Mapping[str, object]:
+        """Return settings and latches as JSON values."""
+        return {key: getattr(self, key) for key in _STATE}
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned; a plant restores itself, so that only a resistor is driven again."""
+        for key in _STATE:
+            setattr(self, key, cast("float | bool", state[key]))
+        self.apply()
+
+    def _given_volts(self) -> float:
+        return max(0.0, self.volts * (1 + self._truth.output_voltage_gain) + self._truth.output_voltage_offset)
+
+    def _given_limit(self) -> float:
+        return max(0.0, self.limit * (1 + self._truth.output_current_gain) + self._truth.output_current_offset)
+
+
+_STATE = (
+    "volts",
+    "limit",
+    "protection",
+    "current_protection",
+    "on",
+    "over_voltage",
+    "over_current",
+    "_stuck_on",
+)
+
+
+def _rounded(value: float, resolution: float) -> float:
+    return round(value / resolution) * resolution

@@ -1,0 +1,155 @@
+"""What a peer model is made of, and what it is given to build one peer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from hil.model.bench import InstrumentSpec
+from hil.simulation.faults import Faults
+from hil.simulation.plants.plant import Plant
+from hil.simulation.plants.terminal import InputPoint, PlantPort, Resistor, SignalPoint, Terminal
+from hil.simulation.seeds import Seeds, Stream
+from hil.simulation.truth import Path, Truth, TruthError, suggestion
+from hil.wire.peer import BusPeer, SerialPeer
+
+__all__ = ["Connections", "PeerModel", "PeerSetup"]
+
+
+class Connections:
+    """A peer's terminals, each to a plant or to nothing.
+
+    Args:
+        wiring: terminal to `plant.point`, as the bench file has it.
+        plants: every plant by name.
+        taken: points that something drives already, over all peers of the world.
+        path: where the wiring stands, for messages.
+    """
+
+    def __init__(self, wiring: Mapping[str, str], plants: Mapping[str, Plant], taken: set[str], path: Path) -> None:
+        self._wiring = wiring
+        self._plants = plants
+        self._taken = taken
+        self._path = path
+        self._asked: list[str] = []
+
+    def port(self, terminal: str, ohms: float) -> Terminal:
+        """Return what a supply's output drives: a plant's port, or a resistor of `ohms` where none is named."""
+        found = self._find(terminal)
+        if found is None:
+            return Resistor(ohms)
+        plant, name = found
+        self._must_have(terminal, plant, name, tuple(plant.ports), "supply port")
+        self._take(terminal)
+        return PlantPort(plant, plant.ports[name])
+
+    def input(self, terminal: str) -> InputPoint | None:
+        """Return the plant's input behind a terminal, or None where nothing is connected."""
+        found = self._find(terminal)
+        if found is None:
+            return None
+        plant, name = found
+        self._must_have(terminal, plant, name, tuple(plant.inputs), "input")
+        self._take(terminal)
+        return InputPoint(plant, name)
+
+    def signal(self, terminal: str) -> SignalPoint | None:
+        """Return the plant's signal behind a terminal, or None where nothing is connected."""
+        found = self._find(terminal)
+        if found is None:
+            return None
+        plant, name = found
+        self._must_have(terminal, plant, name, tuple(plant.signals), "signal")
+        return SignalPoint(plant, name)
+
+    def axes(self, terminal: str) -> tuple[SignalPoint, SignalPoint, SignalPoint] | None:
+        """Return the three signals `.x`, `.y`, `.z` behind a terminal, or None where nothing is connected."""
+        found = self._find(terminal)
+        if found is None:
+            return None
+        plant, name = found
+        groups = tuple(signal.removesuffix(".x") for signal in plant.signals if signal.endswith(".x"))
+        self._must_have(terminal, plant, name, groups, "signal with three axes")
+        x, y, z = (SignalPoint(plant, f"{name}.{axis}") for axis in "xyz")
+        return x, y, z
+
+    def finish(self) -> None:
+        """Refuse terminals that nobody asked for.
+
+        Raises:
+            TruthError: if there is one.
+        """
+        for terminal in self._wiring:
+            if terminal not in self._asked:
+                hint = suggestion(terminal, self._asked)
+                raise TruthError((*self._path, terminal), f"unknown terminal '{terminal}'{hint}")
+
+    def _find(self, terminal: str) -> tuple[Plant, str] | None:
+        self._asked.append(terminal)
+        text = self._wiring.get(terminal)
+        if text is None:
+            return None
+        name, _, point = text.partition(".")
+        if name not in self._plants:
+            hint = suggestion(name, tuple(self._plants))
+            raise TruthError((*self._path, terminal), f"unknown plant '{name}'{hint}")
+        return self._plants[name], point
+
+    def _must_have(self, terminal: str, plant: Plant, name: str, known: tuple[str, ...], kind: str) -> None:
+        if name not in known:
+            hint = suggestion(name, known)
+            raise TruthError((*self._path, terminal), f"plant '{plant.name}' has no {kind} '{name}'{hint}")
+
+    def _take(self, terminal: str) -> None:
+        point = self._wiring[terminal]
+        if point in self._taken:
+            raise TruthError((*self._path, terminal), f"'{point}' is driven by another terminal already")
+        self._taken.add(point)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PeerSetup:
+    """What a peer is built from.
+
+    Attributes:
+        instrument: the instrument it stands for.
+        truth: what this article really is.
+        connections: its terminals.
+        faults: what goes wrong with it.
+        seeds: the bench's random numbers.
+    """
+
+    instrument: InstrumentSpec
+    truth: Truth
+    connections: Connections
+    faults: Faults = field(default_factory=Faults)
+    seeds: Seeds = field(default_factory=lambda: Seeds(0))
+
+    def stream(self, name: str) -> Stream:
+        """Return a stream of random numbers of this device."""
+        return self.seeds.stream(self.instrument.name, name)
+
+    def finish(self) -> None:
+        """Refuse what the peer did not ask for in its truth and its terminals.
+
+        Raises:
+            TruthError: with everything that is wrong.
+        """
+        self.truth.finish()
+        self.connections.finish()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PeerModel:
+    """One kind of simulated instrument; entry points of the group `hil.peers` name objects of this class.
+
+    Attributes:
+        link: whether it hangs on a byte stream or on an I2C bus.
+        fault_kinds: the faults that it knows besides those of its link.
+        build: makes one peer; a serial one for `serial`, a bus peer for `bus`.
+    """
+
+    link: Literal["serial", "bus"]
+    fault_kinds: tuple[str, ...]
+    build: Callable[[PeerSetup], SerialPeer] | Callable[[PeerSetup], BusPeer]

@@ -1,0 +1,252 @@
+"""A Waveshare Modbus RTU relay board with eight changeover contacts.
+
+Facts from its published protocol (second version): 01 reads relays, 05 writes one (FF00 on, 0000 off,
+5500 toggles, address 00FF all), 0F writes several, 03 and 06 reach the slave's address (4000h), 06 the
+line's parameters (2000h), 03 the version in hundredths (8000h). The address 0 reaches every board: relay
+commands are then carried out without an answer, 03 and 06 are answered as published for finding a board.
+Timed relay commands (0200h, 0400h) are answered with exception 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import cast
+
+from hil.clock.port import NANOSECONDS
+from hil.simulation.faults import Faults
+from hil.simulation.peers.modbus_rtu import FrameReader, checked, seal
+from hil.simulation.peers.model import PeerModel, PeerSetup
+from hil.simulation.plants.terminal import InputPoint
+from hil.wire.peer import Line, PeerClock
+
+__all__ = ["MODEL", "WaveshareRelay", "build"]
+
+_CONTACTS = 8
+_READ_REGISTER, _WRITE_REGISTER = 0x03, 0x06
+_ALL = 0x00FF
+_ON, _OFF, _TOGGLE = 0xFF00, 0x0000, 0x5500
+_ADDRESS, _LINE, _VERSION = 0x4000, 0x2000, 0x8000
+_VERSION_2_00 = 200
+_USUAL_BAUD = 9600
+_REPLY_NS = 2_000_000
+
+
+class _Exceptional(Exception):
+    """The request is answered with an exception code."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(code)
+        self.code = code
+
+
+class WaveshareRelay:
+    """The board: coils as commanded, and contacts that follow them a little later, unless they are welded.
+
+    The fault `welded` lets a contact that is closed, or closes later, not open again while it lasts.
+
+    Args:
+        address: slave address, 1 to 255.
+        baud: of its line.
+        operate_ns: from the command to the contact.
+        welded: contacts that stay closed from the start on.
+        contacts: plant inputs by contact number.
+        faults: what goes wrong.
+    """
+
+    def __init__(
+        self,
+        *,
+        address: int,
+        baud: int,
+        operate_ns: int,
+        welded: tuple[int, ...],
+        contacts: Mapping[int, InputPoint],
+        faults: Faults,
+    ) -> None:
+        self._address = address
+        self._operate_ns = operate_ns
+        self._welded = welded
+        self._points = contacts
+        self._faults = faults
+        self._coils = [False] * _CONTACTS
+        self._closed: set[int] = set()
+        self._moving: dict[int, int] = {}
+        self._reader = FrameReader(baud, self._frame)
+        self._line: Line
+        self._clock: PeerClock
+
+    def attach(self, line: Line, clock: PeerClock) -> None:
+        """Connect the line; all coils are released, welded contacts are closed."""
+        self._line = line
+        self._clock = clock
+        for contact in range(1, _CONTACTS + 1):
+            self._follow(contact)
+        for fault in self._faults.of("welded"):
+            self._follow_at(fault.number, fault.end_ns)
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes of the line."""
+        self._reader.receive(data, self._clock)
+
+    def state(self) -> Mapping[str, object]:
+        """Return coils, moving contacts, address, and the unfinished frame."""
+        return {
+            "address": self._address,
+            "coils": list(self._coils),
+            "closed": sorted(self._closed),
+            "moving": {str(contact): due_ns for contact, due_ns in self._moving.items()},
+            "reader": dict(self._reader.state()),
+        }
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        self._address = cast("int", state["address"])
+        self._coils = list(cast("list[bool]", state["coils"]))
+        self._closed = set(cast("list[int]", state["closed"]))
+        self._moving = {}
+        for contact, due_ns in cast("dict[str, int]", state["moving"]).items():
+            self._move(int(contact), due_ns)
+        self._reader.restore(cast("dict[str, object]", state["reader"]), self._clock)
+
+    def _frame(self, frame: bytes) -> None:
+        body = checked(frame)
+        if body is None or body[0] not in {0, self._address}:
+            return
+        function, data = body[1], body[2:]
+        answered = body[0] != 0 or function in {_READ_REGISTER, _WRITE_REGISTER}
+        reply = self._reply(function, data)
+        if answered:
+            sender = self._address if function == _READ_REGISTER else body[0]
+            self._line.send(seal(bytes([sender]) + reply), _REPLY_NS)
+
+    def _reply(self, function: int, data: bytes) -> bytes:
+        action = self._functions.get(function)
+        if action is None:
+            return bytes([function | 0x80, 1])
+        try:
+            return bytes([function]) + action(data)
+        except _Exceptional as refusal:
+            return bytes([function | 0x80, refusal.code])
+
+    @property
+    def _functions(self) -> Mapping[int, Callable[[bytes], bytes]]:
+        return {
+            0x01: self._read_coils,
+            _READ_REGISTER: self._read_register,
+            0x05: self._write_coil,
+            _WRITE_REGISTER: self._write_register,
+            0x0F: self._write_coils,
+        }
+
+    def _read_coils(self, data: bytes) -> bytes:
+        start, count = _words(data, 2)
+        _in_range(start, count)
+        value = sum(1 << place for place, on in enumerate(self._coils[start : start + count]) if on)
+        return bytes([1, value])
+
+    def _write_coil(self, data: bytes) -> bytes:
+        number, value = _words(data, 2)
+        if number >= _CONTACTS and number != _ALL:
+            raise _Exceptional(2)
+        if value not in {_ON, _OFF, _TOGGLE}:
+            raise _Exceptional(3)
+        for coil in range(_CONTACTS) if number == _ALL else (number,):
+            self._set(coil, on=not self._coils[coil] if value == _TOGGLE else value == _ON)
+        return data
+
+    def _write_coils(self, data: bytes) -> bytes:
+        if len(data) < 6:
+            raise _Exceptional(3)
+        start, count = _words(data[:4], 2)
+        _in_range(start, count)
+        if data[4] != 1 or len(data) != 6:
+            raise _Exceptional(3)
+        for place in range(count):
+            self._set(start + place, on=bool(data[5] >> place & 1))
+        return data[:4]
+
+    def _read_register(self, data: bytes) -> bytes:
+        register, count = _words(data, 2)
+        values = {_ADDRESS: self._address, _VERSION: _VERSION_2_00}
+        if register not in values:
+            raise _Exceptional(2)
+        if count != 1:
+            raise _Exceptional(3)
+        return b"\x02" + values[register].to_bytes(2, "big")
+
+    def _write_register(self, data: bytes) -> bytes:
+        register, value = _words(data, 2)
+        if register == _ADDRESS:
+            if not 1 <= value <= 0xFF:
+                raise _Exceptional(3)
+            self._address = value
+        elif register != _LINE:
+            raise _Exceptional(2)
+        elif value >> 8 > 2 or value & 0xFF > 7:
+            raise _Exceptional(3)
+        return data
+
+    def _set(self, coil: int, *, on: bool) -> None:
+        if self._coils[coil] != on:
+            self._coils[coil] = on
+            self._move(coil + 1, self._clock.now_ns() + self._operate_ns)
+
+    def _move(self, contact: int, due_ns: int) -> None:
+        self._moving[contact] = due_ns
+        self._follow_at(contact, due_ns)
+
+    def _follow_at(self, contact: int, when_ns: int) -> None:
+        self._clock.at(when_ns, lambda: self._follow(contact))
+
+    def _follow(self, contact: int) -> None:
+        """Bring a contact to where its coil has it by now; one that still moves stays."""
+        now_ns = self._clock.now_ns()
+        if self._moving.get(contact, 0) > now_ns:
+            return
+        self._moving.pop(contact, None)
+        sticks = contact in self._closed and self._faults.now("welded", now_ns, contact) is not None
+        if sticks or contact in self._welded or self._coils[contact - 1]:
+            self._closed.add(contact)
+        else:
+            self._closed.discard(contact)
+        if contact in self._points:
+            self._points[contact].command(contact in self._closed)
+
+
+def _words(data: bytes, count: int) -> tuple[int, ...]:
+    if len(data) != 2 * count:
+        raise _Exceptional(3)
+    return tuple(int.from_bytes(data[place : place + 2], "big") for place in range(0, len(data), 2))
+
+
+def _in_range(start: int, count: int) -> None:
+    if not 1 <= count <= _CONTACTS:
+        raise _Exceptional(3)
+    if start + count > _CONTACTS:
+        raise _Exceptional(2)
+
+
+def build(setup: PeerSetup) -> WaveshareRelay:
+    """Build the board; terminals `1` to `8` go to inputs of plants.
+
+    Raises:
+        TruthError: with everything that is wrong in its truth or terminals.
+    """
+    truth = setup.truth
+    address = truth.integer("address", 1, minimum=1, maximum=255)
+    welded = truth.integers("welded", minimum=1, maximum=_CONTACTS)
+    operate = truth.number("operate_time", 8e-3, minimum=0)
+    points = {number: setup.connections.input(str(number)) for number in range(1, _CONTACTS + 1)}
+    setup.finish()
+    return WaveshareRelay(
+        address=address,
+        baud=setup.instrument.baud or _USUAL_BAUD,
+        operate_ns=round(operate * NANOSECONDS),
+        welded=welded,
+        contacts={number: point for number, point in points.items() if point is not None},
+        faults=setup.faults,
+    )
+
+
+MODEL = PeerModel(link="serial", fault_kinds=("welded",), build=build)
+"""The model behind the driver `waveshare-relay`."""

@@ -1,0 +1,115 @@
+"""The simulated person: hands that attach boards, and eyes that see a compass."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from hil.model.errors import Refused
+from hil.simulation.plants.plant import Plant
+from hil.simulation.truth import TruthError, suggestion
+
+__all__ = ["Person"]
+
+_OUTWARD, _INWARD, _UNCLEAR = "outward", "inward", "unclear"
+_NONE = "none"
+_COMPASS_THRESHOLD = 1.0
+"""Change of field [uT] that a phone's compass shows beyond doubt."""
+
+
+class Person:
+    """Answers the operator's questions on a simulated bench.
+
+    The bench file maps names of questions to `plant.point`. `attach` needs an input, `choose` and
+    `measure` need a signal. `confirm` is always yes: on a simulated bench there is nothing to be afraid of.
+
+    For a direction the person does what one does with a phone: notes the field without current, switches on,
+    and looks at the change along the outward normal. So the signal to map is what the coil adds along it
+    (`coil.outward`), without the Earth's field. From 1 uT on the change is plain; below, it is unclear.
+
+    Args:
+        knows: question name to `plant.point`.
+        plants: every plant by name.
+
+    Raises:
+        TruthError: if a point does not exist.
+    """
+
+    def __init__(self, knows: Mapping[str, str], plants: Mapping[str, Plant]) -> None:
+        self._points = {question: _find(question, point, plants) for question, point in knows.items()}
+
+    def answer(self, form: str, name: str, text: str, options: Sequence[str] = ()) -> str | float | bool:
+        """Answer one question.
+
+        Args:
+            form: `confirm`, `choose`, `measure` or `attach`.
+            name: the question's name.
+            text: what the operator reads.
+            options: what can be answered.
+
+        Raises:
+            Refused: if the person does not know, or what is known is not among the options.
+        """
+        match form:
+            case "confirm":
+                return True
+            case "attach":
+                return self._attach(name, text, options)
+            case "choose":
+                return self._choose(name, options)
+            case "measure":
+                plant, signal = self._point(name, "signal")
+                return plant.observe(signal)
+        raise Refused(f"the simulated person does not know questions of the form '{form}'")
+
+    def _attach(self, name: str, text: str, options: Sequence[str]) -> str:
+        """Put the board in place; of several options it is the one that the question names."""
+        plant, point = self._point(name, "input")
+        words = f"{name} {text}".replace(",", " ").replace(".", " ").replace("'", " ").split()
+        named = [option for option in options if option in words]
+        chosen = named[0] if named else options[0] if options else ""
+        value = "" if chosen == _NONE else chosen
+        choices = plant.choices(point)
+        if not chosen or (choices and value not in choices):
+            raise Refused(
+                f"the simulated person has no '{chosen}' to attach for '{name}'",
+                f"plant '{plant.name}' has {', '.join(choice for choice in choices if choice) or 'no list of them'}",
+            )
+        plant.command(**{point: value})
+        return chosen
+
+    def _choose(self, name: str, options: Sequence[str]) -> str:
+        plant, signal = self._point(name, "signal")
+        change = plant.observe(signal)
+        seen = _UNCLEAR
+        if abs(change) >= _COMPASS_THRESHOLD:
+            seen = _OUTWARD if change > 0 else _INWARD
+        if options and seen not in options:
+            raise Refused(
+                f"the simulated person saw '{seen}' for '{name}', which is not among {', '.join(options)}",
+                f"offer {_OUTWARD}, {_INWARD} and {_UNCLEAR}",
+            )
+        return seen
+
+    def _point(self, name: str, kind: str) -> tuple[Plant, str]:
+        if name not in self._points:
+            raise Refused(
+                f"the simulated person does not know what '{name}' is",
+                f"map '{name}' to a plant's {kind} under simulated.person in the bench file",
+            )
+        plant, point = self._points[name]
+        if (point in plant.inputs) != (kind == "input"):
+            raise Refused(
+                f"the simulated person knows '{name}' as '{plant.name}.{point}', which is no {kind}",
+                "correct simulated.person in the bench file",
+            )
+        return plant, point
+
+
+def _find(question: str, point: str, plants: Mapping[str, Plant]) -> tuple[Plant, str]:
+    name, _, rest = point.partition(".")
+    if name not in plants:
+        raise TruthError(("person", question), f"unknown plant '{name}'{suggestion(name, tuple(plants))}")
+    known = (*plants[name].inputs, *plants[name].signals)
+    if rest not in known:
+        raise TruthError(("person", question), f"plant '{name}' has no '{rest}'{suggestion(rest, known)}")
+    return plants[name], rest

@@ -1,0 +1,1 @@
+"""Physics behind the peers: stepped on an absolute grid, whoever looks."""

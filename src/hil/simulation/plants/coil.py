@@ -1,0 +1,267 @@
+"""A magnetorquer on an outer board, in the Earth's field: reverser, copper, field at the sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import exp, inf
+from types import MappingProxyType
+from typing import ClassVar
+
+from hil.simulation.plants.circuit import drive
+from hil.simulation.plants.magnetics import field_per_ampere, rotation
+from hil.simulation.plants.plant import Inputs, Plant, Port, Vector
+from hil.simulation.truth import Truth
+
+__all__ = ["CoilAndEarthField", "CoilTruth", "EarthTruth", "build"]
+
+_COPPER_PER_KELVIN = 0.00393  # at 20 degC, IEC 60028
+_REFERENCE_TEMPERATURE = 20.0
+_AXES = "xyz"
+_SENSOR_NEEDS_VOLTS = 1.9
+_SIGNALS = frozenset(
+    (
+        "voltage",
+        "current",
+        "winding_current",
+        "temperature",
+        "ambient",
+        "outward",
+        "sensor_power.voltage",
+        "sensor_power.current",
+        *(f"field.{axis}" for axis in _AXES),
+    )
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CoilTruth:
+    """One outer board's coil.
+
+    Attributes:
+        turns: number of turns.
+        sides: lengths [m] along x and y of the jig.
+        distance: from the coil's plane to the sensor, outwards [m].
+        resistance: at 20 degC [ohm].
+        inductance: [H].
+        winding: `right`: current from ADCS to VCC_MAG makes a field along the outward normal; `left`: against it.
+        broken: an open winding.
+        heat_capacity: of the copper [J/K].
+        thermal_resistance: copper to air [K/W].
+    """
+
+    turns: int
+    sides: tuple[float, float]
+    distance: float
+    resistance: float
+    inductance: float = 1e-3
+    winding: str = "right"
+    broken: bool = False
+    heat_capacity: float = 5.0
+    thermal_resistance: float = 40.0
+
+    def ohms(self, temperature: float) -> float:
+        """Return the resistance at a copper temperature [degC]."""
+        return self.resistance * (1 + _COPPER_PER_KELVIN * (temperature - _REFERENCE_TEMPERATURE))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EarthTruth:
+    """What is there without a coil: field [uT], its drift [uT/s], the jig's errors, the air."""
+
+    field: tuple[float, float, float]
+    drift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    misalignment: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sensor_offset: tuple[float, float] = (0.0, 0.0)
+    ambient: float = 20.0
+    sensor_current: float = 4e-4
+
+
+class CoilAndEarthField(Plant):
+    """One coil at a time, fed through two changeover contacts; the outward normal of its board is +z.
+
+    Both contacts released feed the coil forward, both energised feed it in reverse. One energised puts
+    both ends on the same pole: the coil is shorted and the supply sees nothing. Without a board, or with
+    a broken winding, the supply sees an open circuit. While contacts change the coil's current flows on.
+
+    Signals: `voltage` and `current` as the supply sees them, `winding_current` [A] from ADCS to VCC_MAG,
+    `temperature` of the copper, `ambient`, `field.x/y/z` [uT] in the sensor's frame, `outward` [uT]: what the
+    coil alone adds along the board's outward normal, `sensor_power.voltage/current`.
+
+    Args:
+        name: the plant's name.
+        grid_ns: distance of grid points.
+        coil: the coil of every board that is not in `boards`.
+        boards: the boards that exist, with their coils; empty accepts any name.
+        earth: the surroundings.
+        attached: the board on the jig at the epoch, empty for none.
+    """
+
+    ports: ClassVar[Mapping[str, Port]] = MappingProxyType(
+        {
+            "supply": Port("supply_voltage", "supply_current", "voltage", "current"),
+            "sensor_power": Port(
+                "sensor_power_voltage", "sensor_power_current", "sensor_power.voltage", "sensor_power.current"
+            ),
+        }
+    )
+
+    def __init__(
+        self,
+        name: str,
+        grid_ns: int,
+        *,
+        coil: CoilTruth,
+        boards: Mapping[str, CoilTruth],
+        earth: EarthTruth,
+        attached: str = "",
+    ) -> None:
+        inputs: Inputs = {
+            "supply_voltage": 0.0,
+            "supply_current": 0.0,
+            "contact_a": False,
+            "contact_b": False,
+            "board": attached,
+            "sensor_power_voltage": 0.0,
+            "sensor_power_current": 0.0,
+        }
+        super().__init__(name, grid_ns, (0.0, earth.ambient), inputs, _SIGNALS)
+        self._coil = coil
+        self._boards = boards
+        self._earth = earth
+        turn = rotation(earth.misalignment)
+        self._background = tuple(float(part) for part in turn @ earth.field)
+        self._drift = tuple(float(part) for part in turn @ earth.drift)
+        self._outward = {board: self._field(truth) for board, truth in {**boards, "": coil}.items()}
+        self._sensed = {board: tuple(float(part) for part in turn @ field) for board, field in self._outward.items()}
+
+    def choices(self, name: str) -> tuple[str, ...]:
+        """Return the boards that exist, and the empty text for none."""
+        return ("", *self._boards) if name == "board" and self._boards else ()
+
+    def step(self, state: Vector, inputs: Inputs, dt: float) -> Vector:
+        """Step current and copper; resistance is the one at the step's start, all else is exact."""
+        current, temperature = state
+        coil = self._connected(inputs)
+        square, ohms = 0.0, 0.0
+        if coil is not None:
+            ohms = coil.ohms(temperature)
+            direction = _direction(inputs)
+            volts = float(inputs["supply_voltage"]) if direction else 0.0
+            limit = float(inputs["supply_current"]) if direction else inf
+            sign = direction or 1
+            current, square = drive(sign * current, volts, limit, ohms=ohms, henries=coil.inductance, seconds=dt)
+            current *= sign
+        thermal = self._truth(inputs)
+        final = self._earth.ambient + ohms * square * thermal.thermal_resistance
+        decay = exp(-dt / (thermal.thermal_resistance * thermal.heat_capacity))
+        return (current, final + (temperature - final) * decay)
+
+    def commanded(self, state: Vector, before: Inputs, after: Inputs) -> Vector:
+        """Another board brings a coil without current at the temperature of the air."""
+        if before["board"] != after["board"]:
+            return (0.0, self._earth.ambient)
+        return state
+
+    def signal(self, name: str, state: Vector, inputs: Inputs, at: float) -> float:
+        """Return one of the signals of this plant."""
+        current, temperature = state
+        if name.startswith("field."):
+            axis = _AXES.index(name[-1])
+            coil = self._sensed[self._board(inputs)][axis] * current
+            return self._background[axis] + self._drift[axis] * at + coil
+        readers: Mapping[str, Callable[[], float]] = {
+            "ambient": lambda: self._earth.ambient,
+            "current": lambda: _direction(inputs) * current,
+            "outward": lambda: self._outward[self._board(inputs)][2] * current,
+            "sensor_power.current": lambda: self._sensor_supply(inputs)[1],
+            "sensor_power.voltage": lambda: self._sensor_supply(inputs)[0],
+            "temperature": lambda: temperature,
+            "voltage": lambda: self._terminal_voltage(current, temperature, inputs),
+            "winding_current": lambda: current,
+        }
+        return readers[name]()
+
+    def _terminal_voltage(self, current: float, temperature: float, inputs: Inputs) -> float:
+        volts, limit = float(inputs["supply_voltage"]), float(inputs["supply_current"])
+        coil = self._connected(inputs)
+        direction = _direction(inputs)
+        if coil is None or not direction:
+            return volts
+        ohms = coil.ohms(temperature)
+        limiting = volts / ohms > limit and direction * current >= limit
+        return direction * current * ohms if limiting else volts
+
+    def _sensor_supply(self, inputs: Inputs) -> tuple[float, float]:
+        volts, limit = float(inputs["sensor_power_voltage"]), float(inputs["sensor_power_current"])
+        if volts < _SENSOR_NEEDS_VOLTS:
+            return (volts, 0.0)
+        # A limit below what the sensor draws lets the voltage collapse.
+        return (volts, self._earth.sensor_current) if limit >= self._earth.sensor_current else (0.0, limit)
+
+    def _connected(self, inputs: Inputs) -> CoilTruth | None:
+        truth = self._truth(inputs)
+        return truth if inputs["board"] and not truth.broken else None
+
+    def _truth(self, inputs: Inputs) -> CoilTruth:
+        return self._boards.get(str(inputs["board"]), self._coil)
+
+    def _board(self, inputs: Inputs) -> str:
+        board = str(inputs["board"])
+        return board if board in self._boards else ""
+
+    def _field(self, coil: CoilTruth) -> tuple[float, float, float]:
+        offset = self._earth.sensor_offset
+        field = field_per_ampere(coil.turns, coil.sides, (offset[0], offset[1], coil.distance))
+        sign = 1 if coil.winding == "right" else -1
+        return (sign * float(field[0]), sign * float(field[1]), sign * float(field[2]))
+
+
+def _direction(inputs: Inputs) -> int:
+    """Return how the reverser connects the coil: 1 forward, -1 reverse, 0 shorted."""
+    if inputs["contact_a"] != inputs["contact_b"]:
+        return 0
+    return -1 if inputs["contact_a"] else 1
+
+
+def build(name: str, grid_ns: int, truth: Truth) -> CoilAndEarthField:
+    """Build the plant from the truth section of a bench file.
+
+    Raises:
+        TruthError: with everything that is wrong in the section.
+    """
+    coil = _coil(truth, None)
+    boards = {board: _coil(section, coil) for board, section in truth.sections("boards").items()}
+    drift, misalignment = truth.vector("earth_drift", 3, (0.0,) * 3), truth.vector("misalignment", 3, (0.0,) * 3)
+    field, offset = truth.vector("earth_field", 3), truth.vector("sensor_offset", 2, (0.0,) * 2)
+    earth = EarthTruth(
+        field=(field[0], field[1], field[2]),
+        drift=(drift[0], drift[1], drift[2]),
+        misalignment=(misalignment[0], misalignment[1], misalignment[2]),
+        sensor_offset=(offset[0], offset[1]),
+        ambient=truth.number("ambient", 20.0, minimum=-273.15, maximum=200),
+        sensor_current=truth.number("sensor_current", 4e-4, minimum=0),
+    )
+    attached = truth.text("attached", "", choices=("", *boards) if boards else ())
+    truth.finish()
+    return CoilAndEarthField(name, grid_ns, coil=coil, boards=boards, earth=earth, attached=attached)
+
+
+def _coil(truth: Truth, base: CoilTruth | None) -> CoilTruth:
+    """Read one coil; a board's section says only what differs from the base."""
+    sides = truth.vector("sides", 2, base.sides if base else None)
+    usual = base or CoilTruth(turns=1, sides=(1.0, 1.0), distance=1.0, resistance=1.0)
+    coil = CoilTruth(
+        turns=truth.integer("turns", base.turns if base else None, minimum=1),
+        sides=(sides[0], sides[1]),
+        distance=truth.number("distance", base.distance if base else None, above=0),
+        resistance=truth.number("resistance", base.resistance if base else None, above=0),
+        inductance=truth.number("inductance", usual.inductance, above=0),
+        winding=truth.text("winding", usual.winding, choices=("left", "right")),
+        broken=truth.flag("broken", usual.broken),
+        heat_capacity=truth.number("heat_capacity", usual.heat_capacity, above=0),
+        thermal_resistance=truth.number("thermal_resistance", usual.thermal_resistance, above=0),
+    )
+    if min(coil.sides) <= 0 and len(sides) == 2:
+        truth.wrong("sides", f"expected lengths above 0, not {list(sides)}")
+    return coil

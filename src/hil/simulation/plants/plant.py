@@ -1,0 +1,170 @@
+"""What every plant is: pure physics on an absolute grid, observed without being disturbed."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import ClassVar, cast
+
+from hil.clock.port import NANOSECONDS
+
+__all__ = ["Inputs", "Plant", "Port", "Value", "Vector"]
+
+Value = float | bool | str
+"""What an input can be."""
+
+Inputs = Mapping[str, Value]
+Vector = tuple[float, ...]
+"""A plant's state: numbers only, so that it interpolates and survives JSON bit by bit."""
+
+_KEPT_NS = 2 * NANOSECONDS
+
+
+@dataclass(frozen=True, slots=True)
+class Port:
+    """Where a supply can be connected: two inputs of the plant, and the two signals seen there."""
+
+    voltage_input: str
+    current_input: str
+    voltage_signal: str
+    current_signal: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Moment:
+    """A break point: from here on these inputs hold, and the state was this."""
+
+    at_ns: int
+    state: Vector
+    inputs: Inputs
+
+
+class Plant(ABC):
+    """Physics that steps from grid point to grid point; commands are extra break points.
+
+    Whoever observes, and when, changes nothing: the state at an instant lies on the line between the
+    last break point's state and the state that the next grid point would have, and only grid points
+    and commands are ever committed. The last two seconds stay observable, for sensors whose
+    conversion ended before somebody read it.
+
+    Args:
+        name: the plant's name in the bench file.
+        grid_ns: the distance of grid points, which count from the bench's epoch.
+        state: the state at the epoch.
+        inputs: every input with its value at the epoch.
+        signals: the names of everything that can be observed.
+    """
+
+    ports: ClassVar[Mapping[str, Port]] = MappingProxyType({})
+
+    def __init__(self, name: str, grid_ns: int, state: Vector, inputs: Inputs, signals: frozenset[str]) -> None:
+        self.name = name
+        self.signals = signals
+        self._grid_ns = grid_ns
+        self._now_ns = 0
+        self._moments = deque([_Moment(0, state, MappingProxyType(dict(inputs)))])
+        self._ahead: tuple[_Moment, Vector] | None = None
+        self._listeners: list[Callable[[], None]] = []
+
+    @abstractmethod
+    def step(self, state: Vector, inputs: Inputs, dt: float) -> Vector:
+        """Return the state `dt` seconds later under constant inputs; pure."""
+
+    @abstractmethod
+    def signal(self, name: str, state: Vector, inputs: Inputs, at: float) -> float:
+        """Return a signal for a state, inputs and the bench's time in s; pure."""
+
+    def commanded(self, state: Vector, before: Inputs, after: Inputs) -> Vector:
+        """Return the state just after inputs changed; only what jumps with an input differs. Pure."""
+        del before, after
+        return state
+
+    def choices(self, name: str) -> tuple[str, ...]:
+        """Return the values that a text input may have; empty means any."""
+        del name
+        return ()
+
+    @property
+    def inputs(self) -> Inputs:
+        """The inputs that hold now."""
+        return self._moments[-1].inputs
+
+    def listen(self, callback: Callable[[], None]) -> None:
+        """Call back after every command that changed an input."""
+        self._listeners.append(callback)
+
+    def advance(self, when_ns: int) -> None:
+        """Commit every grid point up to `when_ns`; the clock calls this before an instant's events."""
+        self._now_ns = when_ns
+        while (end_ns := self._end_ns(self._moments[-1])) <= when_ns:
+            last = self._moments[-1]
+            self._moments.append(_Moment(end_ns, self._state_ahead(last), last.inputs))
+            self._forget()
+
+    def command(self, **values: Value) -> None:
+        """Set inputs at the present instant; what changes nothing is no break point."""
+        last = self._moments[-1]
+        unknown = values.keys() - last.inputs.keys()
+        if unknown:
+            raise ValueError(f"plant {self.name} has no input {', '.join(sorted(unknown))}")
+        if all(last.inputs[name] == value for name, value in values.items()):
+            return
+        inputs = MappingProxyType({**last.inputs, **values})
+        state = last.state
+        if last.at_ns == self._now_ns:
+            self._moments.pop()
+        else:
+            state = self.step(state, last.inputs, (self._now_ns - last.at_ns) / NANOSECONDS)
+        self._moments.append(_Moment(self._now_ns, self.commanded(state, last.inputs, inputs), inputs))
+        for callback in self._listeners:
+            callback()
+
+    def observe(self, signal: str) -> float:
+        """Return a signal at the present instant, commands of this instant included."""
+        return self._signal(signal, self._moments[-1], self._now_ns)
+
+    def observe_at(self, signal: str, at_ns: int) -> float:
+        """Return a signal at an instant of the last two seconds, before any command of that instant.
+
+        So the answer does not depend on whether somebody asks before or after such a command.
+        """
+        moment = next((item for item in reversed(self._moments) if item.at_ns < at_ns), self._moments[0])
+        if at_ns < moment.at_ns or at_ns > self._now_ns:
+            raise ValueError(f"plant {self.name} cannot be observed at {at_ns} ns, it is {self._now_ns} ns")
+        return self._signal(signal, moment, at_ns)
+
+    def state(self) -> Mapping[str, object]:
+        """Return everything that the plant needs to go on, as JSON values."""
+        moments = [[item.at_ns, list(item.state), dict(item.inputs)] for item in self._moments]
+        return {"now_ns": self._now_ns, "moments": moments}
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        rows = cast("list[tuple[int, list[float], dict[str, Value]]]", state["moments"])
+        self._moments = deque(_Moment(at, tuple(row), MappingProxyType(dict(inputs))) for at, row, inputs in rows)
+        self._now_ns = cast("int", state["now_ns"])
+        self._ahead = None
+
+    def _signal(self, name: str, moment: _Moment, at_ns: int) -> float:
+        state = moment.state
+        if at_ns > moment.at_ns:
+            share = (at_ns - moment.at_ns) / (self._end_ns(moment) - moment.at_ns)
+            ahead = self._state_ahead(moment)
+            state = tuple(a + (b - a) * share for a, b in zip(state, ahead, strict=True))
+        return self.signal(name, state, moment.inputs, at_ns / NANOSECONDS)
+
+    def _end_ns(self, moment: _Moment) -> int:
+        return (moment.at_ns // self._grid_ns + 1) * self._grid_ns
+
+    def _state_ahead(self, moment: _Moment) -> Vector:
+        if self._ahead is None or self._ahead[0] is not moment:
+            dt = (self._end_ns(moment) - moment.at_ns) / NANOSECONDS
+            self._ahead = (moment, self.step(moment.state, moment.inputs, dt))
+        return self._ahead[1]
+
+    def _forget(self) -> None:
+        while len(self._moments) > 2 and self._moments[1].at_ns < self._now_ns - _KEPT_NS:
+            self._moments.popleft()

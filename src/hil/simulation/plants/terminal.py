@@ -1,0 +1,96 @@
+"""What hangs on the terminals of simulated instruments: plants, resistors, or nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import Protocol
+
+from hil.simulation.plants.plant import Plant, Port, Value
+
+__all__ = ["InputPoint", "PlantPort", "Resistor", "SignalPoint", "Terminal"]
+
+
+class Terminal(Protocol):
+    """What an output of a supply sees. Volts and amperes."""
+
+    def drive(self, volts: float, limit: float) -> None:
+        """Apply a voltage with a current limit; 0 V stands for an output that is off."""
+        ...
+
+    def volts(self) -> float:
+        """Return the voltage between the terminals."""
+        ...
+
+    def amperes(self) -> float:
+        """Return the current out of the supply."""
+        ...
+
+
+class Resistor:
+    """A fixed load; infinite ohms are open terminals, which show the supply's own voltage."""
+
+    def __init__(self, ohms: float = inf) -> None:
+        self._ohms = ohms
+        self._volts = 0.0
+        self._limit = 0.0
+
+    def drive(self, volts: float, limit: float) -> None:
+        """Apply a voltage with a current limit."""
+        self._volts, self._limit = volts, limit
+
+    def volts(self) -> float:
+        """Return the voltage at the load."""
+        return self._volts if self._volts / self._ohms <= self._limit else self._limit * self._ohms
+
+    def amperes(self) -> float:
+        """Return the current through the load."""
+        return min(self._volts / self._ohms, self._limit)
+
+
+class PlantPort:
+    """A supply port of a plant."""
+
+    def __init__(self, plant: Plant, port: Port) -> None:
+        self._plant = plant
+        self._port = port
+
+    def drive(self, volts: float, limit: float) -> None:
+        """Command the plant."""
+        self._plant.command(**{self._port.voltage_input: volts, self._port.current_input: limit})
+
+    def volts(self) -> float:
+        """Observe the voltage."""
+        return self._plant.observe(self._port.voltage_signal)
+
+    def amperes(self) -> float:
+        """Observe the current."""
+        return self._plant.observe(self._port.current_signal)
+
+
+@dataclass(frozen=True, slots=True)
+class InputPoint:
+    """One input of a plant."""
+
+    plant: Plant
+    name: str
+
+    def command(self, value: Value) -> None:
+        """Set it."""
+        self.plant.command(**{self.name: value})
+
+
+@dataclass(frozen=True, slots=True)
+class SignalPoint:
+    """One signal of a plant, or with `axis` one of a group."""
+
+    plant: Plant
+    name: str
+
+    def observe(self) -> float:
+        """Return it now."""
+        return self.plant.observe(self.name)
+
+    def observe_at(self, at_ns: int) -> float:
+        """Return it as it was within the last two seconds."""
+        return self.plant.observe_at(self.name, at_ns)

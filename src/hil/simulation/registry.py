@@ -1,0 +1,55 @@
+"""Which plant models and which peers there are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib.metadata import entry_points
+
+from hil.simulation.peers import keysight_e36312a, lis3mdl, waveshare_relay
+from hil.simulation.peers.model import PeerModel
+from hil.simulation.plants import coil
+from hil.simulation.plants.plant import Plant
+from hil.simulation.truth import Path, Truth, TruthError, suggestion
+
+__all__ = ["PEERS", "PLANTS", "peer_model", "plant_model"]
+
+_GROUP = "hil.peers"
+
+PLANTS: Mapping[str, Callable[[str, int, Truth], Plant]] = {"coil-and-earth-field": coil.build}
+"""Plant models by the name that bench files use."""
+
+PEERS: Mapping[str, PeerModel] = {
+    "keysight-e36300": keysight_e36312a.MODEL,
+    "lis3mdl": lis3mdl.MODEL,
+    "waveshare-relay": waveshare_relay.MODEL,
+}
+"""Our own peers by the driver that they are the counterpart of."""
+
+
+def plant_model(name: str, path: Path) -> Callable[[str, int, Truth], Plant]:
+    """Return a plant model.
+
+    Raises:
+        TruthError: if there is none of that name.
+    """
+    if name not in PLANTS:
+        raise TruthError(path, f"unknown plant model '{name}'{suggestion(name, tuple(PLANTS))}")
+    return PLANTS[name]
+
+
+def peer_model(name: str, path: Path) -> PeerModel:
+    """Return a peer model: one of ours, or one that another package declares in the group `hil.peers`.
+
+    Raises:
+        TruthError: if there is none of that name.
+    """
+    if name in PEERS:
+        return PEERS[name]
+    foreign = entry_points(group=_GROUP)
+    if name not in foreign.names:
+        known = (*PEERS, *foreign.names)
+        raise TruthError(path, f"no simulated instrument for '{name}'{suggestion(name, known)}")
+    model = foreign[name].load()
+    if not isinstance(model, PeerModel):
+        raise TruthError(path, f"the entry point '{name}' of {_GROUP} is no peer model")
+    return model

@@ -1,0 +1,63 @@
+"""The one place that draws random numbers: by index, so that polling cannot change them."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Seeds", "Stream"]
+
+_BLOCK = 64
+_KEY_BYTES = 16
+
+
+class Stream:
+    """Numbers of one purpose, addressed by index (Philox 4x64, counter-based).
+
+    A value depends on the key and the index only. There is nothing to save or restore.
+
+    Args:
+        key: the 128-bit key of the generator.
+    """
+
+    def __init__(self, key: int) -> None:
+        self._key = key
+        self._normal_block = -1
+        self._normals: NDArray[np.float64] = np.empty(0)
+        self._uniform_block = -1
+        self._uniforms: NDArray[np.float64] = np.empty(0)
+
+    def normal(self, index: int) -> float:
+        """Return the standard normal number of that index, counted from 0."""
+        block, place = divmod(index, _BLOCK)
+        if block != self._normal_block:
+            self._normals = self._generator(block, 0).standard_normal(_BLOCK)
+            self._normal_block = block
+        return float(self._normals[place])
+
+    def uniform(self, index: int) -> float:
+        """Return the number of that index, counted from 0, uniform in [0, 1)."""
+        block, place = divmod(index, _BLOCK)
+        if block != self._uniform_block:
+            self._uniforms = self._generator(block, 1).random(_BLOCK)
+            self._uniform_block = block
+        return float(self._uniforms[place])
+
+    def _generator(self, block: int, purpose: int) -> np.random.Generator:
+        # The lowest 64 bits of the counter are left to the block itself, so that blocks never overlap.
+        return np.random.Generator(np.random.Philox(key=self._key, counter=(purpose << 192) | (block << 64)))
+
+
+class Seeds:
+    """Streams of one bench: keyed by the bench's seed, the device and the stream's name."""
+
+    def __init__(self, bench: int) -> None:
+        self._bench = bench
+
+    def stream(self, device: str, name: str) -> Stream:
+        """Return the stream of that name; equal names give equal numbers."""
+        text = "\0".join((str(self._bench), device, name))
+        digest = hashlib.sha256(text.encode("utf-8")).digest()
+        return Stream(int.from_bytes(digest[:_KEY_BYTES], "big"))

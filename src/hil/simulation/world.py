@@ -1,0 +1,208 @@
+"""The world of one simulated bench: plants, peers, person, and the clock that moves them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import cast
+
+from hil.clock.port import NANOSECONDS
+from hil.clock.virtual import Event, VirtualClock
+from hil.model.bench import InstrumentSpec, PeerSpec, PlantSpec, SimulatedBench
+from hil.simulation.faults import BUS_FAULTS, SERIAL_FAULTS, read_faults
+from hil.simulation.peers.faulty import FaultyBusPeer, FaultySerialPeer
+from hil.simulation.peers.model import Connections, PeerModel, PeerSetup
+from hil.simulation.person import Person
+from hil.simulation.plants.plant import Plant
+from hil.simulation.registry import peer_model, plant_model
+from hil.simulation.seeds import Seeds
+from hil.simulation.truth import Truth, TruthError, suggestion
+from hil.wire.peer import BusPeer, SerialPeer
+
+__all__ = ["DeviceClock", "World", "build_world", "truth_errors"]
+
+
+class DeviceClock:
+    """The bench's clock as one peer sees it: its events come in the order of its place in the bench file."""
+
+    def __init__(self, clock: VirtualClock, device: int) -> None:
+        self._clock = clock
+        self._device = device
+
+    def now_ns(self) -> int:
+        """Return the nanoseconds since the bench's epoch."""
+        return self._clock.now_ns()
+
+    def at(self, when_ns: int, action: Callable[[], None]) -> Event:
+        """Let `action` happen at `when_ns`."""
+        return self._clock.at(when_ns, action, device=self._device)
+
+
+@dataclass(slots=True, kw_only=True)
+class World:
+    """Everything behind the ports of one simulated bench.
+
+    Bus peers are attached to the clock already; a serial peer is attached by whoever gives it its line, with
+    `clock_of(device)`.
+
+    Attributes:
+        clock: the bench's virtual clock.
+        plants: physics by name.
+        serial_peers: simulated instruments on byte streams, by device.
+        bus_peers: simulated devices on I2C buses, by bus.
+        devices: every device's place in the bench file, which orders events of one instant.
+        person: the simulated operator.
+    """
+
+    clock: VirtualClock
+    plants: dict[str, Plant] = field(default_factory=dict)
+    serial_peers: dict[str, SerialPeer] = field(default_factory=dict)
+    bus_peers: dict[str, list[BusPeer]] = field(default_factory=dict)
+    devices: dict[str, int] = field(default_factory=dict)
+    person: Person
+    by_device: dict[str, SerialPeer | BusPeer] = field(default_factory=dict)
+
+    def clock_of(self, device: str) -> DeviceClock:
+        """Return the clock that a serial peer is attached with, beside its line."""
+        return DeviceClock(self.clock, self.devices[device])
+
+    def state(self) -> Mapping[str, object]:
+        """Return everything that the world needs to go on, as JSON values; the clock stands beside it."""
+        return {
+            "now_ns": self.clock.now_ns(),
+            "plants": {name: dict(plant.state()) for name, plant in self.plants.items()},
+            "peers": {name: dict(peer.state()) for name, peer in self.by_device.items()},
+        }
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned.
+
+        The world is a fresh one of the same bench file with its serial peers attached, and its clock has reached the
+        instant at which the state was taken. Bytes on their way in a line belong to the line.
+        """
+        if state["now_ns"] != self.clock.now_ns():
+            raise ValueError(f"the state is of {state['now_ns']} ns, the clock is at {self.clock.now_ns()} ns")
+        plants = cast("dict[str, dict[str, object]]", state["plants"])
+        for name, plant in self.plants.items():
+            plant.restore(plants[name])
+        peers = cast("dict[str, dict[str, object]]", state["peers"])
+        for name, peer in self.by_device.items():
+            peer.restore(peers[name])
+
+
+def build_world(spec: SimulatedBench, instruments: tuple[InstrumentSpec, ...], clock: VirtualClock) -> World:
+    """Build the world of a bench on a clock that stands at the epoch.
+
+    An instrument without an entry under `peers` has no simulated end.
+
+    Raises:
+        TruthError: with the first thing that is wrong in the simulated part of the bench file; `truth_errors`
+            finds all of them.
+    """
+    builder = _Builder(spec, instruments, clock)
+    builder.build()
+    if builder.errors:
+        raise builder.errors[0]
+    return builder.world()
+
+
+def truth_errors(spec: SimulatedBench, instruments: tuple[InstrumentSpec, ...]) -> tuple[TruthError, ...]:
+    """Return everything that is wrong in the simulated part of a bench file, in its order."""
+    builder = _Builder(spec, instruments, VirtualClock())
+    builder.build()
+    return tuple(builder.errors)
+
+
+class _Builder:
+    """Builds section by section, and notes what is wrong instead of stopping."""
+
+    def __init__(self, spec: SimulatedBench, instruments: tuple[InstrumentSpec, ...], clock: VirtualClock) -> None:
+        self.errors: list[TruthError] = []
+        self._spec = spec
+        self._instruments = {instrument.name: instrument for instrument in instruments}
+        self._devices = {name: number for number, name in enumerate(self._instruments, start=1)}
+        self._clock = clock
+        self._seeds = Seeds(spec.seed)
+        self._taken: set[str] = set()
+        self._plants: dict[str, Plant] = {}
+        self._serial: dict[str, SerialPeer] = {}
+        self._bus: dict[str, list[BusPeer]] = {}
+        self._by_device: dict[str, SerialPeer | BusPeer] = {}
+        self._person = Person({}, {})
+
+    def build(self) -> None:
+        """Build plants, peers, and the person who knows the plants."""
+        for plant in self._spec.plants:
+            self._guard(lambda plant=plant: self._build_plant(plant))  # type: ignore[misc]  # binds the loop's value
+        for peer in self._spec.peers:
+            self._guard(lambda peer=peer: self._build_peer(peer))  # type: ignore[misc]  # binds the loop's value
+        self._guard(self._build_person)
+
+    def world(self) -> World:
+        """Return what was built, with plants and buses on the clock."""
+        for plant in self._plants.values():
+            self._clock.advance_first(plant.advance)
+        world = World(
+            clock=self._clock,
+            plants=self._plants,
+            serial_peers=self._serial,
+            bus_peers=self._bus,
+            devices=self._devices,
+            person=self._person,
+            by_device=self._by_device,
+        )
+        for device, peer in self._by_device.items():
+            if device not in self._serial:
+                cast("BusPeer", peer).attach(DeviceClock(self._clock, self._devices[device]))
+        return world
+
+    def _guard(self, build: Callable[[], None]) -> None:
+        try:
+            build()
+        except TruthError as error:
+            self.errors += (error, *error.others)
+
+    def _build_plant(self, spec: PlantSpec) -> None:
+        path = ("plants", spec.name)
+        model = plant_model(spec.model, (*path, "model"))
+        grid_ns = round(spec.grid_s * NANOSECONDS)
+        if grid_ns < 1:
+            raise TruthError((*path, "grid"), f"expected a duration above 0 s, not {spec.grid_s} s")
+        self._plants[spec.name] = model(spec.name, grid_ns, Truth(spec.truth, (*path, "truth")))
+
+    def _build_peer(self, spec: PeerSpec) -> None:
+        path = ("peers", spec.device)
+        instrument = self._instruments.get(spec.device)
+        if instrument is None:
+            hint = suggestion(spec.device, tuple(self._instruments))
+            raise TruthError(path, f"no instrument '{spec.device}'{hint}")
+        model = peer_model(spec.model or instrument.driver, (*path, "model"))
+        if (model.link == "bus") != bool(instrument.bus):
+            raise TruthError((*path, "model"), f"this peer hangs on a {_LINKS[model.link]}, '{spec.device}' does not")
+        kinds = (*_FAULTS[model.link], *model.fault_kinds)
+        setup = PeerSetup(
+            instrument=instrument,
+            truth=Truth(spec.truth, (*path, "truth")),
+            connections=Connections(spec.connects, self._plants, self._taken, (*path, "connects")),
+            faults=read_faults(spec.faults, (*path, "faults"), kinds),
+            seeds=self._seeds,
+        )
+        self._place(model, setup)
+
+    def _place(self, model: PeerModel, setup: PeerSetup) -> None:
+        device, noise = setup.instrument.name, setup.stream("faults")
+        built = model.build(setup)
+        if model.link == "serial":
+            self._serial[device] = FaultySerialPeer(cast("SerialPeer", built), setup.faults, noise)
+            self._by_device[device] = self._serial[device]
+        else:
+            wrapped = FaultyBusPeer(cast("BusPeer", built), setup.faults, noise)
+            self._bus.setdefault(setup.instrument.bus, []).append(wrapped)
+            self._by_device[device] = wrapped
+
+    def _build_person(self) -> None:
+        self._person = Person(self._spec.person, self._plants)
+
+
+_LINKS = {"bus": "bus", "serial": "byte stream"}
+_FAULTS = {"bus": BUS_FAULTS, "serial": SERIAL_FAULTS}
