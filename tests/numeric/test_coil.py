@@ -196,6 +196,14 @@ def test_departure_is_relative_to_full_scale():
     assert found.uncertainty == pytest.approx(0.06 * math.sqrt(2 / 3) / 10, rel=0.01)
 
 
+def test_uncertainty_of_the_full_scale_counts():
+    """Where the departure is large, so is the part of the uncertainty that comes from the full scale."""
+    currents = [figure(value, "A") for value in (0.0, 1.0, 2.0)]
+    found = linearity(currents, [figure(value, "uT", 0.1) for value in (0.0, 10.0, 0.0)])
+    assert found.value == pytest.approx(2 / 3)
+    assert found.uncertainty == pytest.approx(0.01 * math.sqrt(2 / 3 + (2 / 3) ** 2))
+
+
 def test_poor_points_weigh_less():
     """A point that is known badly bends the line little."""
     currents = [figure(value, "A") for value in (0.0, 1.0, 2.0, 3.0)]

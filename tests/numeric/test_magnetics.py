@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import binom
 from scipy.stats import t as student
 
-from hil.analysis.magnetics import direction, odd_response
+from hil.analysis.magnetics import Response, direction, odd_response
 from hil.model.figure import FigureStatus
 
 COIL = np.array([3.0, -4.0, 12.0])
@@ -96,6 +96,14 @@ def test_unsteady_surroundings_make_the_drift_and_so_the_coil_uncertain():
     assert response.component("x").uncertainty == pytest.approx(math.sqrt(0.8 / 2 / 45))
 
 
+def test_two_repetitions_allow_for_the_slope_that_they_cannot_judge():
+    """Two levels leave no rest, so the slope is taken to be as noisy as the halves of the differences say."""
+    (plus, zero, minus), _ = phases(2)
+    response = odd_response(plus + np.array([[0.0], [0.6]]), zero, minus)
+    spread = np.var([0.0, 0.3], ddof=1)
+    assert response.component("y").uncertainty == pytest.approx(math.sqrt(spread / 2 + spread * 2 / 3 / 4.5))
+
+
 @pytest.mark.parametrize(("repetitions", "seed"), [(2, 11), (3, 12), (6, 13)])
 def test_intervals_of_the_odd_part_cover(repetitions, seed):
     """95 % intervals hold the coil's field 95 times in 100, under noise and drift, from two repetitions on."""
@@ -121,6 +129,30 @@ def test_intervals_of_the_angle_cover(tilt, seed):
         response = odd_response(plus + noise[0], zero + noise[1], minus + noise[2])
         hits += inside(direction(response, [0, 0, 1]).angle, tilt)
     assert_coverage(hits, 600)
+
+
+def test_uncertainty_of_the_angle_is_its_slope_times_the_covariance():
+    """For a field known unequally well in its directions, the uncertainty is that of the angle's derivatives."""
+    root = np.array([[0.2, 0.0, 0.0], [-0.1, 0.05, 0.0], [0.15, 0.02, 0.3]]) / 10
+    field, normal = np.array([6.0, -7.0, 5.0]), np.array([0.0, 0.6, 0.8])
+    response = Response(
+        odd=field,
+        odd_covariance=root @ root.T,
+        even=np.zeros(3),
+        even_covariance=np.zeros((3, 3)),
+        drift=np.zeros(3),
+        unit="uT",
+        repetitions=9,
+    )
+
+    def angle(vector):
+        return math.degrees(math.acos(vector @ normal / np.linalg.norm(vector)))
+
+    slopes = [(angle(field + step) - angle(field - step)) / 2e-5 for step in np.eye(3) * 1e-5]
+    found = direction(response, normal).angle
+    assert found.value == pytest.approx(angle(field))
+    assert found.uncertainty == pytest.approx(np.linalg.norm(slopes @ root), rel=1e-3)
+    assert found.dof == pytest.approx(8)
 
 
 def test_angle_near_zero_is_not_claimed_too_well():

@@ -50,6 +50,13 @@ def test_alternating_samples_are_not_rewarded():
     assert correlation_time(np.tile([1.0, -1.0], 50)) == 1.0
 
 
+def test_independent_samples_have_the_textbook_uncertainty():
+    """With a correlation time of one sample the uncertainty is s / sqrt(n), with n - 1 degrees of freedom."""
+    found = mean(np.tile([1.0, -1.0], 5), "uT")
+    assert found.uncertainty == pytest.approx(math.sqrt(10 / 9 / 10))
+    assert found.dof == pytest.approx(9)
+
+
 def test_systematic_part_is_added_with_infinite_degrees_of_freedom():
     """What all samples share is not averaged away."""
     samples = np.random.default_rng(7).standard_normal(100)

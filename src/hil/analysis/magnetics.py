@@ -72,10 +72,12 @@ class Response:
 class Direction:
     """Where a coil's field points.
 
+    Significance and sense are statistics, exact as computed: a limit on them is decided `simple`.
+
     Attributes:
         angle: between the field and the outward normal, 0 to 180 deg.
         projection: of the field on the outward normal; its sign decides the hand convention.
-        significance: |projection| in units of its standard uncertainty; a statistic, so it has none itself.
+        significance: |projection| in units of its standard uncertainty.
         sense: +1 where the field leaves the outer face, -1 where it enters; NOT_OBSERVABLE where the projection is
             not significant. A coil whose current runs counter-clockwise, seen from outside, gives +1 by the
             right-hand rule.
