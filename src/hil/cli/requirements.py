@@ -28,7 +28,7 @@ def command() -> None:
     Example:
       hil requirements diff testplans/coil-field
       hil requirements lock testplans/coil-field
-    """
+    """  # noqa: D301 - click reads \b
 
 
 @command.command("lock")
@@ -42,7 +42,7 @@ def lock(plans: tuple[str, ...]) -> None:
     \b
     Example:
       hil requirements lock testplans/coil-field
-    """
+    """  # noqa: D301 - click reads \b
     from hil.requirements.lock import check_lock, lock_text  # noqa: PLC0415 - start-up stays light
 
     workspace, folders, catalogue = _opened(plans)
@@ -67,7 +67,7 @@ def diff(plans: tuple[str, ...]) -> None:
     \b
     Example:
       hil requirements diff testplans/coil-field
-    """
+    """  # noqa: D301 - click reads \b
     from hil.requirements.lock import changes, read_lock  # noqa: PLC0415 - start-up stays light
 
     workspace, folders, catalogue = _opened(plans)

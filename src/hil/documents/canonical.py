@@ -12,6 +12,8 @@ from hil.model.errors import HilError
 
 __all__ = ["JsonError", "canonical", "digest", "parse_strict"]
 
+_LARGEST = 2**53 - 1
+
 
 class JsonError(HilError, ValueError):
     """JSON that cannot be written canonically, or must not be read."""
@@ -48,6 +50,7 @@ def parse_strict(data: bytes) -> object:
             object_pairs_hook=_unique,
             parse_constant=_refuse_constant,
             parse_float=_finite,
+            parse_int=_exact,
         )
     except JsonError:
         raise
@@ -74,8 +77,18 @@ def _refuse_constant(name: str) -> object:
     raise JsonError(f"{name} has no place in JSON")
 
 
+def _exact(text: str) -> int | float:
+    if len(text) <= len(str(_LARGEST)) + 1 and abs(int(text)) <= _LARGEST:
+        return int(text)
+    # Canonical JSON writes large floats without point or exponent; any other integer would lose digits.
+    number = _finite(text)
+    if canonical(number) != text.encode():
+        raise JsonError(f"{text[:40]} has more digits than a number can hold")
+    return number
+
+
 def _finite(text: str) -> float:
     number = float(text)
     if not math.isfinite(number):
-        raise JsonError(f"{text} is too large for a number")
+        raise JsonError(f"{text[:40]} is too large for a number")
     return number

@@ -78,9 +78,11 @@ class MappingReader:
         """Return a decimal number in quotes as it is written."""
         return self._read(key, default, decimal_of, "0")
 
-    def integer(self, key: str, default: _Default | Required = Required.REQUIRED) -> int | _Default:
+    def integer(
+        self, key: str, default: _Default | Required = Required.REQUIRED, *, minimum: int | None = None
+    ) -> int | _Default:
         """Return a whole number, decimal or with 0x."""
-        return self._read(key, default, integer_of, 0)
+        return self._read(key, default, partial(integer_of, minimum=minimum), minimum or 0)
 
     def flag(self, key: str, default: _Default | Required = Required.REQUIRED) -> bool | _Default:
         """Return an unquoted true or false."""

@@ -77,14 +77,15 @@ def number_of(node: Node) -> float:
     return float(decimal_of(node))
 
 
-def integer_of(node: Node) -> int:
+def integer_of(node: Node, minimum: int | None = None) -> int:
     """Return a whole number, decimal or with 0x, quoted or not."""
     scalar = _scalar(node, "a whole number")
-    if scalar.kind in {ScalarKind.TEXT, ScalarKind.INTEGER}:
-        if _INTEGER.fullmatch(scalar.text):
-            return int(scalar.text)
-        if _HEXADECIMAL.fullmatch(scalar.text):
-            return int(scalar.text, 16)
+    if scalar.kind is ScalarKind.TEXT or scalar.kind is ScalarKind.INTEGER:
+        number = _integer(scalar.text)
+        if number is not None and (minimum is None or number >= minimum):
+            return number
+        if number is not None:
+            raise Complaint(f"must be at least {minimum}, found {scalar.described}")
     raise Complaint(f"must be a whole number, decimal or with 0x, found {scalar.described}")
 
 
@@ -107,6 +108,12 @@ def frequency_of(node: Node) -> float:
     if not hertz > 0:
         raise Complaint("must be a frequency above zero")
     return hertz
+
+
+def _integer(text: str) -> int | None:
+    if _INTEGER.fullmatch(text):
+        return int(text)
+    return int(text, 16) if _HEXADECIMAL.fullmatch(text) else None
 
 
 def _quantity_of(node: Node, units: Mapping[str, Decimal], expected: str) -> float:

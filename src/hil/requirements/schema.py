@@ -67,12 +67,9 @@ def _requirement(reader: MappingReader, plan: str) -> Requirement:
     method = (
         reader.text("method", choices=tuple(Method)) if plan else reader.text("method", "test", choices=tuple(Method))
     )
-    rev = reader.integer("rev")
-    if rev < 1 and reader.has("rev"):
-        reader.findings.add(reader.place("rev"), f"rev counts from 1, found {rev}")
     requirement = Requirement(
         id=reader.text("id", pattern=_ID),
-        rev=rev,
+        rev=reader.integer("rev", minimum=1),
         text=reader.text("text"),
         kind=Kind(kind) if kind else Kind.PARENT,
         method=Method(method) if method else Method.TEST,
@@ -106,10 +103,7 @@ def _check(requirement: Requirement, reader: MappingReader) -> None:
         add(reader.place("limits"), f"{who} is of kind characterise, name its parameters and units under limits")
     for limit in requirement.limits:
         if kind is Kind.CHARACTERISE and limit.bounded:
-            message = (
-                f"'{limit.parameter}' of {who} has a bound, but kind characterise asks for data; make it kind limit"
-            )
-            add(reader.place("limits"), message)
+            add(reader.place("limits"), f"'{limit.parameter}' of {who} has a bound, make it of kind limit")
         if kind is Kind.LIMIT and not limit.bounded:
             add(reader.place("limits"), f"'{limit.parameter}' of {who} needs min, max or equals")
     _check_once(reader.place("limits"), reader, "parameter", [limit.parameter for limit in requirement.limits])
@@ -117,6 +111,7 @@ def _check(requirement: Requirement, reader: MappingReader) -> None:
 
 
 def _limit(reader: MappingReader) -> Limit:
+    before = len(reader.findings)
     decision = reader.text("decision", Decision.GUARDED, choices=tuple(Decision))
     limit = Limit(
         parameter=reader.text("parameter", pattern=_NAME),
@@ -129,7 +124,8 @@ def _limit(reader: MappingReader) -> Limit:
         min_tur=reader.decimal("min_tur", None),
     )
     _check_once(reader.place("of"), reader, "name", list(limit.of))
-    _check_limit(limit, reader)
+    if len(reader.findings) == before:
+        _check_limit(limit, reader)
     reader.done()
     return limit
 

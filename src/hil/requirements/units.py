@@ -7,6 +7,7 @@ Angle, count (LSB) and ratio are dimensions of their own: nothing turns degrees 
 from __future__ import annotations
 
 import re
+import unicodedata
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,7 +21,7 @@ __all__ = ["UnitError", "check_unit", "compatible", "convert", "scale"]
 
 _DEFINITIONS = Path(__file__).with_name("units.txt")
 _LONGEST = 80
-_ALLOWED = re.compile(r"[A-Za-z0-9_µμΩΩ°%‰√·.²³⁻¹*^/()\- ]+")
+_ALLOWED = re.compile(r"[A-Za-z0-9_µμΩ°%‰√·.²³⁻¹*^/()\- ]+")
 _NOTATION = (
     (re.compile(r"(?:sqrt|√)\s*\(([^()]+)\)"), r"((\1)**0.5)"),
     (re.compile(r"√([A-Za-zµμΩ°%]+)"), r"((\1)**0.5)"),
@@ -90,9 +91,9 @@ def _registry() -> pint.UnitRegistry[float]:
 def _unit(text: str) -> pint.Unit:
     if not text.strip():
         raise UnitError("a unit is missing", "write 1 for a plain number")
-    if len(text) > _LONGEST or not _ALLOWED.fullmatch(text):
+    if len(text) > _LONGEST or not _ALLOWED.fullmatch(unicodedata.normalize("NFC", text)):
         raise UnitError(f"'{text[:_LONGEST]}' is not a unit", "write it as in deg/s/sqrt(Hz), W.h, uT, 1 or %")
-    notation = text
+    notation = unicodedata.normalize("NFC", text)
     for pattern, replacement in _NOTATION:
         notation = pattern.sub(replacement, notation)
     try:

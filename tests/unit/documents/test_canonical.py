@@ -55,7 +55,9 @@ def test_what_json_cannot_hold_is_not_written(value):
         (b"[1,\n2", "not JSON at line 2, column 2"),
         (b'["\xff"]', "not UTF-8 at byte 2"),
         (b"[" * 200_000, "nested too deeply"),
-        (b"1" * 10_000, "not JSON"),
+        (b"1" * 10_000, "is too large"),
+        (b"[9007199254740993]", "more digits than a number can hold"),
+        (b"{", "not JSON at line 1, column 2"),
     ],
 )
 def test_json_that_hides_something_is_refused(data, message):
@@ -66,7 +68,7 @@ def test_json_that_hides_something_is_refused(data, message):
 
 def test_json_comes_back_as_it_was_written():
     """What was written canonically is read as the same value."""
-    value = {"a": [1, 2.5, None, True, "ü"], "b": {}}
+    value = {"a": [1, 2.5, None, True, "ü", 2.0**53, -1e20, 2**53 - 1], "b": {}}
     assert parse_strict(canonical(value)) == value
 
 

@@ -204,3 +204,10 @@ def test_a_document_without_schema_is_still_read(tmp_path):
     reader = read_document(file, "bench.yaml", findings, schema="hil/bench/1")
     assert reader is not None
     assert [str(finding) for finding in findings] == ["bench.yaml:1:1: bench: key 'schema' is missing"]
+
+
+def test_a_whole_number_may_have_a_minimum():
+    """A number below it is a finding, and the placeholder is the minimum."""
+    reader = reader_of("rev: 0\n")
+    assert reader.integer("rev", minimum=1) == 1
+    assert messages(reader) == ["bench.yaml:1:6: clamp: 'rev' must be at least 1, found `0`"]

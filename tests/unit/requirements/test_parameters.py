@@ -1,0 +1,132 @@
+from __future__ import annotations
+
+import pytest
+
+from hil.model.errors import ConfigurationError, HilError
+from hil.requirements.parameters import Parameters, load_parameters
+
+_TEXT = """\
+schema: hil/parameters/1
+parameters:
+- {name: rest_duration, value: "14400", unit: s, text: How long a rest takes.}
+- {name: gain, value: "0.1234567890123", unit: "1"}
+- {name: temperatures, values: ["10", "25", "45"], unit: degC}
+- {name: direction, value: up}
+- {name: boards, values: [x_plus, x_minus]}
+"""
+
+
+@pytest.fixture
+def load(tmp_path):
+    """Loads a plan with this text as its parameters."""
+
+    def load(text=_TEXT):
+        plan = tmp_path / "testplans" / "gyro"
+        plan.mkdir(parents=True, exist_ok=True)
+        (plan / "parameters.yaml").write_text(text)
+        return load_parameters(tmp_path, plan)
+
+    return load
+
+
+def test_parameters_are_attributes(load):
+    """Numbers are floats in their unit, words are texts, lists are tuples."""
+    parameters = load()
+    assert parameters.rest_duration == 14400.0
+    assert parameters.temperatures == (10.0, 25.0, 45.0)
+    assert parameters.direction == "up"
+    assert parameters.boards == ("x_plus", "x_minus")
+    assert "rest_duration" in dir(parameters)
+    assert parameters.deviations == ()
+
+
+def test_an_unknown_parameter_names_the_nearest(load):
+    """Asking for it, changing it, and looking for an attribute that may be missing."""
+    parameters = load()
+    with pytest.raises(HilError, match="no parameter 'rest_durations', did you mean 'rest_duration'"):
+        _ = parameters.rest_durations
+    with pytest.raises(HilError, match="no parameter 'rest'; it has rest_duration, gain"):
+        parameters.override("rest", "1")
+    assert not hasattr(parameters, "nothing_like_it")
+    assert not hasattr(parameters, "__wrapped__")
+
+
+def test_a_changed_parameter_is_a_deviation(load):
+    """The text says what the plan asks for, also after a second change; the first parameters stay."""
+    planned = load()
+    changed = planned.override("rest_duration", "60")
+    assert planned.rest_duration == 14400.0
+    assert changed.rest_duration == 60.0
+    assert changed.deviations == ("parameter rest_duration is 60 s instead of 14400 s",)
+    assert changed.digest != planned.digest
+    again = changed.override("rest_duration", "30").override("temperatures", "20, 30").override("direction", "down")
+    assert again.deviations == (
+        "parameter rest_duration is 30 s instead of 14400 s",
+        "parameter temperatures is 20, 30 degC instead of 10, 25, 45 degC",
+        "parameter direction is down instead of up",
+    )
+    assert again.temperatures == (20.0, 30.0)
+
+
+def test_the_planned_value_is_no_deviation(load):
+    """Another notation of the same number is the same number."""
+    planned = load()
+    same = planned.override("rest_duration", "60").override("rest_duration", "1.44e4")
+    assert same.deviations == ()
+    assert same.digest == planned.digest
+
+
+def test_a_small_change_is_still_a_deviation(load):
+    """No digit is rounded away."""
+    assert load().override("gain", "0.1234567890124").deviations != ()
+
+
+@pytest.mark.parametrize("text", ["", "abc", "nan", "inf", "1_0", "1,2"])
+def test_what_is_no_value_is_refused(load, text):
+    """A number stays a finite number."""
+    with pytest.raises(HilError, match=r"is no value for parameter 'rest_duration'; give a decimal number in s"):
+        load().override("rest_duration", text)
+
+
+def test_an_empty_word_is_refused(load):
+    """Words need letters."""
+    with pytest.raises(HilError, match="'direction' needs a value; it is up in the plan"):
+        load().override("direction", " ")
+
+
+def test_rows_serve_the_report(load):
+    """Name, value, unit, explanation and deviation, in the order of the file."""
+    row = load().override("rest_duration", "60").rows()[0]
+    assert (row.name, row.shown, row.unit, row.text) == ("rest_duration", "60 s", "s", "How long a rest takes.")
+    assert row.deviation == "parameter rest_duration is 60 s instead of 14400 s"
+
+
+def test_a_plan_may_have_no_parameters(tmp_path):
+    """A missing file is no parameters."""
+    assert load_parameters(tmp_path, tmp_path).rows() == ()
+    assert Parameters().digest == Parameters().digest
+
+
+@pytest.mark.parametrize(
+    ("entry", "expected"),
+    [
+        ('{name: a, value: "x", unit: s}', "'value' must be a decimal number in quotes"),
+        ("{name: a, value: 5, unit: s}", "'value' must be a number in quotes"),
+        ("{name: a, value: 5}", "'value' must be text"),
+        ('{name: a, value: "5", unit: furlong}', "'furlong' is not a known unit"),
+        ('{name: a, values: ["1", x], unit: s}', "values with a unit must be decimal numbers"),
+        ("{name: a, unit: s}", "parameter 'a' needs either value or values"),
+        ("{name: a, value: b, values: [c]}", "parameter 'a' needs either value or values"),
+        ("{name: digest, value: b}", "'digest' cannot be the name of a parameter"),
+        ("{name: lambda, value: b}", "'lambda' cannot be the name of a parameter"),
+        ("{name: A b, value: b}", "'name' must look like"),
+        ("{name: a, value: b}\n- {name: a, value: c}", "duplicate parameter 'a'"),
+        ("{name: a, value: b, nuit: s}", "unknown key 'nuit', did you mean 'unit'?"),
+    ],
+)
+def test_wrong_parameters_are_errors_at_load(load, entry, expected):
+    """With file, line and column."""
+    with pytest.raises(ConfigurationError) as error:
+        load(f"schema: hil/parameters/1\nparameters:\n- {entry}\n")
+    assert expected in str(error.value)
+    assert str(error.value).startswith("testplans/gyro/parameters.yaml:")

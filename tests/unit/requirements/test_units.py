@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from hil.requirements.units import UnitError, check_unit, compatible, convert, scale
+
+
+@pytest.mark.parametrize(
+    "unit",
+    ["deg/s/sqrt(Hz)", "deg/s/√Hz", "deg/√(h)", "√Hz", "W.h", "W·h", "A.h", "mAh", "Wh", "uT", "µT", "LSB", "counts",
+     "ohm", "kohm", "Ω", "k\N{OHM SIGN}", "mA", "degC", "°C", "K", "delta_degC", "1", "%", "ppm/K", "LSB/(deg/s)",
+     "deg/s/degC", "nT/√Hz", "m/s²", "V^2", "V**2", "1/s", "min", "d", "ms", "dps", "rpm", "lx", "g0"],
+)  # fmt: skip
+def test_units_parse_as_people_write_them(unit):
+    """The notation of data sheets and requirements is understood."""
+    assert check_unit(unit) is None
+
+
+@pytest.mark.parametrize("unit", ["", " ", "furlong", "V/", "()", "3 V", "2", "V**", "a" * 100, "__import__", "V;A"])
+def test_what_is_no_unit_is_said_so(unit):
+    """The answer is a sentence, whatever the text."""
+    assert isinstance(check_unit(unit), str)
+
+
+@pytest.mark.parametrize(
+    ("value", "from_unit", "to_unit", "expected"),
+    [
+        (180.0, "deg", "rad", math.pi),
+        (1.0, "turn", "deg", 360.0),
+        (1.0, "rpm", "deg/s", 6.0),
+        (1.0, "W.h", "J", 3600.0),
+        (2600.0, "mAh", "A.h", 2.6),
+        (50.0, "%", "1", 0.5),
+        (1.0, "deg/s/sqrt(Hz)", "deg/√h", 60.0),
+        (3.0, "LSB/degC", "LSB/K", 3.0),
+        (2.0, "delta_degC", "K", 2.0),
+        (0.5, "G", "uT", 50.0),
+        (25.0, "degC", "°C", 25.0),
+        (1500.0, "mV", "V", 1.5),
+    ],
+)
+def test_conversions_are_right(value, from_unit, to_unit, expected):
+    """Factors agree with the definition of the units."""
+    assert convert(value, from_unit, to_unit) == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [("mAh", "Wh"), ("degC", "K"), ("degC", "delta_degC"), ("deg", "LSB"), ("deg", "1"), ("deg/s", "Hz"), ("LSB", "1"),
+     ("rad/s", "1/s"), ("V", "A"), ("deg/s", "deg/s/sqrt(Hz)"), ("cycle", "1"), ("K", "1")],
+)  # fmt: skip
+def test_what_is_not_the_same_kind_does_not_convert(one, other):
+    """The error names both units, in both directions, and says how they differ."""
+    assert not compatible(one, other)
+    with pytest.raises(UnitError, match=r"'.+' does not convert to '.+'; .+") as error:
+        convert(1.0, one, other)
+    assert f"'{one}'" in str(error.value)
+    assert f"'{other}'" in str(error.value)
+    with pytest.raises(UnitError):
+        convert(1.0, other, one)
+
+
+def test_uncertainties_of_temperatures_have_no_offset():
+    """The uncertainty of 25 degC +- 0.1 is 0.1 K."""
+    assert scale("degC", "degC") == 1.0
+    assert scale("degC", "K") == 1.0
+    with pytest.raises(UnitError, match="'degC' does not convert to 'V'"):
+        scale("degC", "V")
+
+
+def test_a_unit_that_nobody_knows_is_an_error_in_conversions_too():
+    """Also where both sides are the same text."""
+    with pytest.raises(UnitError, match="'furlong' is not a known unit"):
+        convert(1.0, "furlong", "furlong")
