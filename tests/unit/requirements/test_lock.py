@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from hil.cli.requirements import command
-from hil.model.errors import ConfigurationError
+from hil.model.errors import ConfigurationError, Refused
 
 
 def only_finding(workspace):
@@ -192,3 +192,10 @@ def test_the_commands_have_help_with_an_example(hil):
         result = hil(*arguments)
         assert result.exit_code == 0
         assert "Example:\n" in result.output
+
+
+def test_the_commands_name_the_plans_there_are(hil):
+    """A misspelt plan is refused with the nearest."""
+    result = hil("lock", "testplans/gyr")
+    assert isinstance(result.exception, Refused)
+    assert "there is no plan 'testplans/gyr', did you mean 'gyro'?" in str(result.exception)
