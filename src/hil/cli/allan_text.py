@@ -1,0 +1,185 @@
+"""What `hil analyse allan` prints: a table for people, or one JSON document for machines."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+import click
+
+from hil.analysis.allan import NoiseModel
+from hil.analysis.sampling import SamplingReport
+from hil.model.figure import Figure, FigureStatus
+
+__all__ = ["Axis", "Result", "as_json", "show", "stated"]
+
+_TERMS = ("white", "flicker", "random_walk", "averaging_window")
+_NOISE = {2: "white angle", 1: "flicker angle", 0: "white", -1: "flicker", -2: "random walk"}
+_HEAD = ("tau [s]", "deviation", "low", "high", "edf", "noise")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Axis:
+    """One column of a log and what it says."""
+
+    name: str
+    model: NoiseModel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result:
+    """Everything one call found out."""
+
+    file: str
+    sampling: SamplingReport | None
+    axes: tuple[Axis, ...]
+    remarks: tuple[str, ...]
+
+
+def as_json(result: Result) -> str:
+    """Return the result as one JSON document; what is not finite is null."""
+    document = {
+        "format": 1,
+        "file": result.file,
+        "sampling": asdict(result.sampling) if result.sampling else None,
+        "remarks": list(result.remarks),
+        "axes": [_axis(axis) for axis in result.axes],
+    }
+    return json.dumps(document, allow_nan=False, indent=2)
+
+
+def _axis(axis: Axis) -> dict[str, object]:
+    model, curve = axis.model, axis.model.curve
+    rows = zip(
+        curve.tau.tolist(), curve.deviation.tolist(), curve.low.tolist(), curve.high.tolist(), curve.edf.tolist(),
+        curve.alpha.tolist(), curve.m.tolist(), curve.terms.tolist(), strict=True,
+    )  # fmt: skip
+    keys = ("tau", "deviation", "low", "high", "edf", "alpha", "m", "terms")
+    return {
+        "name": axis.name,
+        "unit": curve.unit,
+        "rate": curve.rate,
+        "samples": curve.samples,
+        "confidence": curve.confidence,
+        **{term: _figure(getattr(model, term)) for term in _TERMS},
+        "chi": _finite(model.chi),
+        "tau_min": model.tau_min,
+        "model_error": model.model_error,
+        "remark": model.remark,
+        "curve": [dict(zip(keys, row, strict=True)) for row in rows],
+    }
+
+
+def _figure(figure: Figure) -> Mapping[str, object]:
+    return {
+        "value": _finite(figure.value),
+        "unit": figure.unit,
+        "uncertainty": figure.uncertainty,
+        "dof": _finite(figure.dof),
+        "status": figure.status.value,
+    }
+
+
+def _finite(number: float) -> float | None:
+    return number if math.isfinite(number) else None
+
+
+def show(result: Result) -> None:
+    """Print the result for a person: plain text, or with rules and colour where standard output is a terminal."""
+    click.echo(_heading(result))
+    for remark in result.remarks:
+        click.echo(f"note: {remark}")
+    for axis in result.axes:
+        click.echo()
+        if sys.stdout.isatty():
+            _rich_table(axis)
+        else:
+            click.echo(_plain_table(axis))
+        click.echo(_summary(axis.model))
+
+
+def _heading(result: Result) -> str:
+    sampling = result.sampling
+    if sampling is None:
+        curve = result.axes[0].model.curve
+        return f"{result.file}: {curve.samples} samples at {curve.rate:g} Hz, as given"
+    gaps = (
+        f"{sampling.gaps} gaps (longest {sampling.longest_gap:.4g} s, about {sampling.missing} samples missing)"
+        if sampling.gaps
+        else "no gaps"
+    )
+    return (
+        f"{result.file}: {sampling.samples} samples in {sampling.duration:.6g} s\n"
+        f"sampling: {sampling.rate:.6g} Hz, jitter {sampling.jitter_rms * 1e6:.3g} us rms, "
+        f"{sampling.jitter_max * 1e6:.3g} us at most, {gaps}, {sampling.duplicates} repeated and "
+        f"{sampling.reversals} reversed timestamps"
+    )
+
+
+def _title(axis: Axis) -> str:
+    curve = axis.model.curve
+    return f"{axis.name}: overlapping Allan deviation in {curve.unit}, intervals at {curve.confidence:.4g}"
+
+
+def _rows(axis: Axis) -> list[tuple[str, ...]]:
+    curve = axis.model.curve
+    columns = (curve.tau, curve.deviation, curve.low, curve.high, curve.edf, curve.alpha)
+    return [
+        (f"{tau:.5g}", f"{deviation:.4e}", f"{low:.4e}", f"{high:.4e}", f"{edf:.1f}", _NOISE[alpha])
+        for tau, deviation, low, high, edf, alpha in zip(*(column.tolist() for column in columns), strict=True)
+    ]
+
+
+def _plain_table(axis: Axis) -> str:
+    rows = [_HEAD, *_rows(axis)]
+    widths = [max(len(row[place]) for row in rows) for place in range(len(_HEAD) - 1)]
+    lines = [
+        "  ".join([*(cell.rjust(width) for cell, width in zip(row, widths, strict=False)), row[-1]]) for row in rows
+    ]
+    return "\n".join([_title(axis), *lines])
+
+
+def _rich_table(axis: Axis) -> None:
+    from rich.console import Console  # noqa: PLC0415 - rich is slow to import
+    from rich.table import Table  # noqa: PLC0415 - rich is slow to import
+
+    table = Table(title=_title(axis), title_justify="left")
+    for name in _HEAD:
+        table.add_column(name, justify="left" if name == "noise" else "right")
+    for row in _rows(axis):
+        table.add_row(*row)
+    Console().print(table)
+
+
+def _summary(model: NoiseModel) -> str:
+    labels = ("white noise", "flicker", "random walk", "best averaging")
+    lines = [
+        f"{label:<15} {stated(figure):<36} {figure.status.value}"
+        for label, figure in zip(labels, (getattr(model, term) for term in _TERMS), strict=True)
+    ]
+    if math.isfinite(model.chi):
+        error = f", model error {model.model_error:.0%} allowed for" if model.model_error else ""
+        lines.append(f"{'fit':<15} chi {model.chi:.2f} from {model.tau_min:.4g} s on{error}")
+    if model.remark:
+        lines.append(f"note: {model.remark}")
+    return "\n".join(lines)
+
+
+def stated(figure: Figure) -> str:
+    """Return a figure as text: the uncertainty with two digits, the value down to the same place."""
+    if not math.isfinite(figure.value):
+        return "-"
+    if figure.status is FigureStatus.UPPER_LIMIT and not figure.uncertainty:
+        return f"< {figure.value:.3g} {figure.unit} (95 %)"
+    if not figure.uncertainty:
+        return f"{figure.value:.4g} {figure.unit}"
+    places = 1 - math.floor(math.log10(figure.uncertainty))
+    if not 0 <= places <= 6:
+        power = math.floor(math.log10(max(abs(figure.value), figure.uncertainty)))
+        digits = max(0, places + power)
+        scale = 10.0**power
+        return f"({figure.value / scale:.{digits}f} ± {figure.uncertainty / scale:.{digits}f})e{power:+d} {figure.unit}"
+    return f"{figure.value:.{places}f} ± {figure.uncertainty:.{places}f} {figure.unit}"

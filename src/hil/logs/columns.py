@@ -1,0 +1,156 @@
+"""Reader of foreign text tables: the chosen columns as numbers, or where and why that is not possible."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.documents.suggest import did_you_mean
+from hil.logs.layout import COMMENT_MARKS, Layout, recognise
+from hil.model.errors import Refused
+
+__all__ = ["Table", "read"]
+
+_SAMPLE = 400  # lines from which the layout is recognised
+_MARKS = tuple({mark[0] for mark in COMMENT_MARKS})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """The chosen columns of a text table.
+
+    Attributes:
+        names: the columns' names, or their numbers counted from 1 where the table names none.
+        values: shape (rows, columns), in the order in which the columns were asked for.
+        remarks: what was left out, in sentences.
+    """
+
+    names: tuple[str, ...]
+    values: NDArray[np.float64]
+    remarks: tuple[str, ...]
+
+
+def read(path: Path, columns: Sequence[str] = (), *, first: str = "") -> Table:
+    """Read columns of numbers from a text table.
+
+    Cells stand between tabs, semicolons, commas or white space; the decimal sign is a point, or a comma where cells
+    are not separated by commas. Lines above the first row, blank lines and comments are skipped. A last line without
+    its end that does not hold a whole row was torn off, and is left out with a remark.
+
+    Args:
+        path: the file, UTF-8 or another code in which digits are ASCII.
+        columns: each by its number, counted from 1, or by its name; all others than `first` where empty.
+        first: a column to put before them, by number or name.
+
+    Raises:
+        Refused: no such file, no table, no such column, a row with more or fewer cells, a cell that is no number.
+    """
+    try:
+        _refuse_binary(path)
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            layout = recognise(list(islice(file, _SAMPLE)))
+        if layout is None:
+            raise Refused(f"{path}: no row of numbers in the first {_SAMPLE} lines", "is this a table of samples?")
+        leading = [_place(path, layout, first)] if first else []
+        chosen = [_place(path, layout, column) for column in columns]
+        return _rows(path, layout, leading + (chosen or [each for each in range(layout.width) if each not in leading]))
+    except OSError as error:
+        raise Refused(f"{path}: {error.strerror}", "name a text table that can be read") from None
+
+
+def _refuse_binary(path: Path) -> None:
+    with path.open("rb") as file:
+        start = file.read(8192)
+    if not start.strip():
+        raise Refused(f"{path}: the file is empty", "name a table with at least one row")
+    if b"\0" in start:
+        raise Refused(f"{path}: not a text file", "export the log as text (CSV) in UTF-8 first")
+
+
+def _place(path: Path, layout: Layout, column: str) -> int:
+    if column in layout.names:
+        return layout.names.index(column)
+    if column.isdecimal() and 1 <= int(column) <= layout.width:
+        return int(column) - 1
+    known = ", ".join(layout.names) if layout.names else "without names"
+    raise Refused(
+        f"{path}: no column '{column}'{did_you_mean(column, layout.names)}",
+        f"there are {layout.width} columns, numbered from 1 ({known})",
+    )
+
+
+def _rows(path: Path, layout: Layout, chosen: list[int]) -> Table:
+    remarks: list[str] = []
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        lines = _whole(path, layout, chosen, file, remarks)
+        try:
+            values = np.loadtxt(
+                lines,
+                delimiter=layout.separator,
+                usecols=chosen,
+                ndmin=2,
+                comments=None,
+                quotechar='"' if layout.quoted else None,
+            )
+        except ValueError as error:
+            raise _located(path, layout, chosen, error) from None
+    names = tuple(layout.names[place] if layout.names else str(place + 1) for place in chosen)
+    return Table(names=names, values=values, remarks=tuple(remarks))
+
+
+def _whole(path: Path, layout: Layout, chosen: list[int], file: TextIO, remarks: list[str]) -> Iterator[str]:
+    """Yield the rows as lines with decimal points; refuse the first with another number of cells."""
+    for number, raw in enumerate(islice(file, layout.first - 1, None), start=layout.first):
+        line = raw.replace(",", ".") if layout.decimal == "," else raw
+        if line.isspace() or (line.lstrip().startswith(COMMENT_MARKS) if line[0] in _MARKS else False):
+            continue
+        if line[-1] != "\n" and not _is_row(layout, chosen, raw):
+            remarks.append(f"line {number}, the last, is torn off and left out")
+            return
+        count = len(line.split()) if layout.separator is None else line.count(layout.separator) + 1
+        if count != layout.width and not layout.quoted:
+            raise Refused(
+                f"{path}:{number}:1: {count} cells, where the rows above have {layout.width}",
+                "mend or remove the line",
+            )
+        yield line
+
+
+def _is_row(layout: Layout, chosen: list[int], line: str) -> bool:
+    cells = layout.cells(line)
+    return len(cells) == layout.width and all(layout.number(cells[place]) is not None for place in chosen)
+
+
+def _located(path: Path, layout: Layout, chosen: list[int], error: ValueError) -> Refused:
+    """Find the first cell that is no number; only a table with such a cell is read twice."""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        for number, line in enumerate(file, start=1):
+            if number < layout.first or not line.strip() or line.lstrip().startswith(COMMENT_MARKS):
+                continue
+            cells = layout.cells(line)
+            for place in chosen:
+                if place < len(cells) and layout.number(cells[place]) is None:
+                    column = _position(layout, line, place)
+                    return Refused(
+                        f"{path}:{number}:{column}: '{cells[place]}' in column {place + 1} is not a number",
+                        "mend or remove the line, or choose other columns",
+                    )
+    return Refused(f"{path}: {error}", "mend the table")
+
+
+def _position(layout: Layout, line: str, place: int) -> int:
+    """Return the position of a cell in its line, counted from 1."""
+    if layout.separator is not None:
+        before = sum(len(cell) + 1 for cell in line.split(layout.separator)[:place])
+        rest = line[before:]
+        return before + len(rest) - len(rest.lstrip()) + 1
+    position = 0
+    for cell in line.split()[:place]:
+        position = line.index(cell, position) + len(cell)
+    return position + len(line[position:]) - len(line[position:].lstrip()) + 1
