@@ -6,14 +6,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from hil.bench.places import place_of
 from hil.clock.virtual import VirtualClock
+from hil.documents.findings import Findings
 from hil.instruments.driver import Clamps, Connection, Driver
 from hil.instruments.registry import driver_class
 from hil.model.bench import BenchSpec, InstrumentSpec, SimulatedBench
 from hil.model.errors import Refused
 from hil.model.identity import Source
 from hil.simulation.person import Person
-from hil.simulation.world import World, build_world
+from hil.simulation.world import World, build_world, truth_errors
 from hil.wire.exchange import publish_bus, publish_stream, withdraw
 from hil.wire.opening import open_bus, open_port
 from hil.wire.replay import Playback, ReplayedBus, ReplayedStream
@@ -22,7 +24,7 @@ from hil.wire.simulated_line import SimulatedLine
 from hil.wire.tap import TappedPort
 from hil.wire.transcript import Transcript
 
-__all__ = ["BoundBench", "bind_replayed", "bind_simulated"]
+__all__ = ["BoundBench", "bind_replayed", "bind_simulated", "check_twin", "simulated_twin"]
 
 
 @dataclass(kw_only=True)
@@ -67,7 +69,7 @@ def bind_simulated(spec: BenchSpec, transcript: Transcript) -> BoundBench:
 
     Raises:
         Refused: if the bench file has no simulated twin.
-        TruthError: if a truth of plants or peers is wrong (`hil.simulation.world`).
+        TruthError: if a truth of plants or peers is wrong; `check_twin` finds all of them, with their places.
     """
     twin = simulated_twin(spec)
     clock = VirtualClock(twin.epoch)
@@ -102,6 +104,18 @@ def simulated_twin(spec: BenchSpec) -> SimulatedBench:
     if spec.simulated is None:
         raise Refused(f"bench '{spec.name}' has no simulated twin", "add a 'simulated' section to its bench.yaml")
     return spec.simulated
+
+
+def check_twin(spec: BenchSpec, file: Path, shown: str) -> None:
+    """Check the truth of the simulated twin, which only plants and peers understand.
+
+    Raises:
+        ConfigurationError: with everything that is wrong, and where.
+    """
+    findings = Findings()
+    for error in truth_errors(simulated_twin(spec), spec.instruments):
+        findings.add(place_of(file, shown, ("simulated", *map(str, error.path))), error.message)
+    findings.raise_if_any()
 
 
 def _bound(
@@ -148,7 +162,7 @@ def _connect(
         return Connection(device=instrument.name, clock=clock, clamps=clamps, bus=bus, address=instrument.address)
     port = open_port(instrument.name, _url(source, spec, instrument.name), clock, transcript, baud=instrument.baud)
     ports.append(port)
-    return Connection(device=instrument.name, clock=clock, clamps=clamps, port=port)
+    return Connection(device=instrument.name, clock=clock, clamps=clamps, port=port, address=instrument.address)
 
 
 def _clamps(spec: BenchSpec, instrument: str) -> Clamps:

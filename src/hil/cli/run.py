@@ -1,0 +1,93 @@
+"""`hil run`: run plans on a bench and seal the evidence."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import click
+
+from hil.model.errors import Refused
+from hil.model.identity import Purpose, Source
+
+__all__ = ["command"]
+
+
+@click.command(name="run", epilog="Example: hil run testplans/magnetorquer --bench adcs --source simulated --dut SIM-ADCS-1")
+@click.argument("plans", nargs=-1, required=True, metavar="PLAN...")
+@click.option("--bench", required=True, metavar="NAME", help="The bench: fixtures/benches/NAME.")
+@click.option("--dut", required=True, metavar="SERIAL", help="Serial number of the device under test.")
+@click.option("--source", type=click.Choice([Source.HARDWARE.value, Source.SIMULATED.value]), default="hardware")
+@click.option("--purpose", type=click.Choice([purpose.value for purpose in Purpose]), default="development")
+@click.option("--operator", default="", metavar="NAME", help="Who runs it.")
+@click.option("--skip", "skips", multiple=True, metavar="CASE", help="A case that is not run; give its --reason next.")
+@click.option("--reason", "reasons", multiple=True, metavar="TEXT", help="Why the case is skipped.")
+@click.option("--parameter", "overrides", multiple=True, metavar="NAME=VALUE", help="Change a parameter: a deviation.")
+@click.option("--answers", type=click.Path(path_type=Path, exists=True, dir_okay=False), help="Answers to questions.")
+@click.option("--ask", is_flag=True, help="Ask at the terminal, also on a simulated bench.")
+@click.option("--output", type=click.Path(path_type=Path, file_okay=False), help="Where the package goes.")
+@click.option("-v", "--verbose", is_flag=True, help="Show every step, every driving call, every gate.")
+def command(
+    *,
+    plans: tuple[str, ...],
+    bench: str,
+    dut: str,
+    source: str,
+    purpose: str,
+    operator: str,
+    skips: tuple[str, ...],
+    reasons: tuple[str, ...],
+    overrides: tuple[str, ...],
+    answers: Path | None,
+    ask: bool,
+    output: Path | None,
+    verbose: bool,
+) -> int:
+    """Run plans on a bench and seal the evidence.
+
+    The last line of standard output is the package's path. Exit codes: 0 every case passed, 1 not
+    every case did, 2 interrupted, 3 internal error, 4 wrong usage or files, 5 no cases, 6 the
+    envelope tripped, 7 the bench could not be proven safe.
+    """
+    _pin()
+    from hil.executive.run.configuration import Request  # noqa: PLC0415 - after the pins
+    from hil.plugin.running import run  # noqa: PLC0415 - after the pins
+
+    request = Request(
+        start=Path.cwd(),
+        plans=plans,
+        bench=bench,
+        dut=dut,
+        source=Source(source),
+        purpose=Purpose(purpose),
+        operator=operator,
+        skips=_skips(skips, reasons),
+        overrides=dict(_pair(text) for text in overrides),
+        answers=answers.resolve() if answers else None,
+        person=ask,
+        output=output.resolve() if output else None,
+    )
+    return run(request, sys.stdout, verbose=verbose)
+
+
+def _pin() -> None:
+    """Start this process anew where the environment would change the last digits of numbers."""
+    from hil.executive.run.software import PINNED, pinned_environment  # noqa: PLC0415 - only when a run starts
+
+    if any(os.environ.get(name) != value for name, value in PINNED.items()):
+        sys.stdout.flush()
+        os.execve(sys.executable, [sys.executable, "-m", "hil", *sys.argv[1:]], pinned_environment())  # noqa: S606
+
+
+def _skips(cases: tuple[str, ...], reasons: tuple[str, ...]) -> dict[str, str]:
+    if len(cases) != len(reasons):
+        raise Refused(f"{len(cases)} --skip and {len(reasons)} --reason were given", "every skipped case has a reason")
+    return dict(zip(cases, reasons, strict=True))
+
+
+def _pair(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise Refused(f"--parameter {text} has no value", "write --parameter NAME=VALUE")
+    return name, value

@@ -1,0 +1,1 @@
+"""One case while it runs: effects, steps, recordings, checks, and the operator."""

@@ -1,0 +1,186 @@
+"""One case from its first event to its verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from hil.executive.case.checks import CheckFailed, Checks
+from hil.executive.case.effects import Effects
+from hil.executive.case.operator import Operator
+from hil.executive.case.recorder import Recorder
+from hil.executive.case.records import data_checks
+from hil.executive.case.steps import Steps
+from hil.executive.run.scheduler import CaseTimeout, Scheduler
+from hil.executive.run.stop import Stopped
+from hil.model.bench import InstrumentSpec
+from hil.model.errors import DeviceFault
+from hil.model.verdict import Verdict, worst
+from hil.requirements.requirement import Kind, Requirement
+
+__all__ = ["ANSWERS", "CaseRun", "Outcome", "PlannedCase"]
+
+ANSWERS = "answers"
+"""A requirement with a limit on this parameter speaks of whether its device answers at all."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedCase:
+    """One case as collected.
+
+    Attributes:
+        id: the pytest node id, relative to the workspace.
+        title: the first line of its docstring.
+        plan: its plan's name.
+        requirements: ids of its marker.
+        max_duration_s: bench time that it may take.
+    """
+
+    id: str
+    title: str
+    plan: str
+    requirements: tuple[str, ...]
+    max_duration_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What became of a case: its verdict, one per requirement, and the reasons in sentences."""
+
+    verdict: Verdict
+    requirements: dict[str, Verdict]
+    reasons: tuple[str, ...]
+
+
+@dataclass
+class CaseRun:
+    """One case while it runs; its verdict comes from here, not from what its code lets through."""
+
+    planned: PlannedCase
+    requirements: dict[str, Requirement]
+    steps: Steps
+    effects: Effects
+    check: Checks
+    record: Recorder
+    operator: Operator
+    scheduler: Scheduler
+    write: Callable[..., None]
+    source: str
+    used: dict[str, str] = field(default_factory=dict)
+    _bench_faults: list[str] = field(default_factory=list)
+    _dut_faults: list[str] = field(default_factory=list)
+    _problems: list[str] = field(default_factory=list)
+    _aborted: str = ""
+    _skipped: str = ""
+
+    def iterations(self, name: str, count: int) -> Iterator[int]:
+        """Count from 1; each turn is a step, and its beginning a checkpoint."""
+        for index in range(1, count + 1):
+            with self.steps(f"{name} {index} of {count}"):
+                yield index
+
+    @property
+    def bench_fault(self) -> str:
+        """The first silence or nonsense of the bench, empty where there was none."""
+        return self._bench_faults[0] if self._bench_faults else ""
+
+    def point(self) -> None:
+        """Be a scheduling point."""
+        self.scheduler.point()
+
+    def uses(self, instrument: InstrumentSpec) -> None:
+        """Note that the case uses this instrument; the weakest source decides what the evidence is worth."""
+        self.used[instrument.name] = self.source
+
+    def fault(self, instrument: InstrumentSpec, fault: DeviceFault) -> None:
+        """Note silence or nonsense of a device, whether or not the case lets it through."""
+        self.write(
+            "fault",
+            case=self.planned.id,
+            device=fault.device,
+            dut=instrument.dut,
+            error=type(fault).__name__,
+            message=fault.message,
+            hint=fault.hint,
+        )
+        (self._dut_faults if instrument.dut else self._bench_faults).append(str(fault))
+
+    def skip(self, reason: str) -> None:
+        """Note that the case took itself out; whatever it did before, it is NOT_RUN."""
+        self._skipped = reason or "skipped"
+
+    def raised(self, error: BaseException) -> None:
+        """Note what came out of the case's code."""
+        if isinstance(error, Stopped):
+            self._aborted = f"stopped by {error}"
+        elif isinstance(error, CaseTimeout):
+            self._problems.append(f"the case took longer than its {self.planned.max_duration_s:g} s of bench time")
+        elif not isinstance(error, CheckFailed | DeviceFault):
+            self._problems.append(f"{type(error).__name__}: {error}".rstrip(": "))
+
+    def finish(self) -> None:
+        """Evaluate the criteria of the recordings that requirements ask for."""
+        for requirement in self.requirements.values():
+            if requirement.records is not None:
+                for limit, value in data_checks(requirement.records, self.record.taken):
+                    self.check.data(requirement, limit, value)
+
+    def outcome(self) -> Outcome:
+        """Return the verdict as it stands now."""
+        requirements = {name: self._requirement(item) for name, item in self.requirements.items()}
+        case = worst(requirements.values())
+        reasons = self._check_reasons()
+        if self._problems or self._bench_faults or self.scheduler.tripped:
+            case = Verdict.ERROR
+        elif self._aborted:
+            case = Verdict.ABORTED
+        elif self._skipped:
+            return Outcome(
+                verdict=Verdict.NOT_RUN,
+                requirements=dict.fromkeys(self.requirements, Verdict.NOT_RUN),
+                reasons=(self._skipped,),
+            )
+        if case in {Verdict.ERROR, Verdict.ABORTED}:
+            requirements = {name: worst((verdict, case)) for name, verdict in requirements.items()}
+        trip = [self.scheduler.tripped.text] if self.scheduler.tripped else []
+        told = (*trip, *self._problems, *self._bench_faults, *self._dut_faults, *reasons)
+        if not requirements:
+            told = (*told, "the case carries no requirement")
+        reasons = tuple(dict.fromkeys([*([self._aborted] if self._aborted else []), *told]))
+        return Outcome(verdict=case, requirements=requirements, reasons=reasons)
+
+    def _requirement(self, requirement: Requirement) -> Verdict:
+        verdicts = [item.verdict for item in self.check.evaluated if item.requirement == requirement.id]
+        missing = self._missing(requirement)
+        if self._dut_faults:
+            verdicts.append(Verdict.FAIL if _speaks_of_answers(requirement) else Verdict.INCONCLUSIVE)
+        elif missing:
+            verdicts.append(Verdict.NOT_EVALUATED)
+        return worst(verdicts)
+
+    def _missing(self, requirement: Requirement) -> list[str]:
+        done = {(item.parameter, item.of) for item in self.check.evaluated if item.requirement == requirement.id}
+        due = [(limit.parameter, of) for limit in requirement.limits for of in (limit.of or (None,))]
+        return [
+            parameter if of is None else f"{parameter} of {of}" for parameter, of in due if (parameter, of) not in done
+        ]
+
+    def _check_reasons(self) -> tuple[str, ...]:
+        reasons = [
+            f"{item.requirement} {item.parameter}{f' of {item.of}' if item.of else ''} is {item.verdict}: {item.reason}"
+            for item in self.check.evaluated
+            if not item.verdict.good
+        ]
+        for requirement in self.requirements.values():
+            if missing := self._missing(requirement):
+                reasons.append(f"{requirement.id} got no check of {', '.join(missing)}")
+            elif requirement.kind is Kind.RECORD and not any(
+                item.requirement == requirement.id for item in self.check.evaluated
+            ):
+                name = requirement.records.recording if requirement.records else ""
+                reasons.append(f"{requirement.id} got no recording '{name}'")
+        return tuple(reasons)
+
+
+def _speaks_of_answers(requirement: Requirement) -> bool:
+    return any(limit.parameter == ANSWERS for limit in requirement.limits)

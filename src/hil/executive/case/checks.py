@@ -1,0 +1,177 @@
+"""`check`: one evaluated criterion, with limit, unit and decision rule from the catalogue."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from hil.bench.calibration import standard_uncertainty
+from hil.documents.suggest import did_you_mean
+from hil.executive.case.facade import Facade
+from hil.executive.case.steps import Steps
+from hil.model.errors import HilError
+from hil.model.figure import Figure
+from hil.model.verdict import Verdict
+from hil.requirements.decision import Judgement, judge
+from hil.requirements.requirement import Kind, Limit, Requirement
+
+__all__ = ["CheckFailed", "Checks", "Evaluated", "Misused"]
+
+
+class Misused(HilError):
+    """A case asks for a check that the catalogue does not hold, or gives it something that is no figure."""
+
+
+class CheckFailed(HilError):
+    """A required check did not pass; the case stops there."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evaluated:
+    """One check that was evaluated."""
+
+    requirement: str
+    parameter: str
+    of: str | None
+    verdict: Verdict
+    reason: str
+
+
+class Checks:
+    """The `check` fixture of one case.
+
+    Args:
+        requirements: the requirements of the case's marker, by id.
+        steps: tells case and step.
+        write: writes an event.
+    """
+
+    def __init__(self, requirements: dict[str, Requirement], steps: Steps, write: Callable[..., None]) -> None:
+        self._requirements = requirements
+        self._steps = steps
+        self._write = write
+        self.evaluated: list[Evaluated] = []
+
+    def __call__(
+        self,
+        requirement: str,
+        parameter: str,
+        value: Figure | float | str,
+        *,
+        of: str | None = None,
+        instrument: Facade | None = None,
+    ) -> Verdict:
+        """Evaluate one criterion, record it, and go on; the case fails at its end.
+
+        Args:
+            requirement: id, one of the case's marker.
+            parameter: a parameter of its limits.
+            value: a figure; a bare number only where the unit is `1`; a word where a word is due.
+            of: which member of the limit's denominator (axis, channel).
+            instrument: the role whose certificate adds its uncertainty in quadrature; readings and
+                recordings of roles carry theirs already.
+
+        Raises:
+            Misused: if catalogue and call do not fit together.
+        """
+        limit = self._limit(requirement, parameter, of)
+        found = _figure(value, limit, f"{requirement} {parameter}")
+        judgement = judge(found, limit, instrument_uncertainty=_of_instrument(instrument, found))
+        self._note(requirement, limit, of, judgement, [instrument.instrument.name] if instrument else [])
+        return self.evaluated[-1].verdict
+
+    def require(
+        self,
+        requirement: str,
+        parameter: str,
+        value: Figure | float | str,
+        *,
+        of: str | None = None,
+        instrument: Facade | None = None,
+    ) -> None:
+        """Evaluate like a call, and stop the case unless it passes.
+
+        Raises:
+            CheckFailed: if the verdict is not good.
+        """
+        verdict = self(requirement, parameter, value, of=of, instrument=instrument)
+        if not verdict.good:
+            last = self.evaluated[-1]
+            raise CheckFailed(f"{requirement} {parameter} is {verdict}: {last.reason}")
+
+    def data(self, requirement: Requirement, limit: Limit, value: Figure | str) -> None:
+        """Evaluate one criterion that a recording has to meet; met, it is RECORDED."""
+        self._note(requirement.id, limit, None, judge(value, limit), [])
+
+    def _limit(self, requirement: str, parameter: str, of: str | None) -> Limit:
+        if requirement not in self._requirements:
+            raise Misused(
+                f"this case is not marked with requirement '{requirement}'"
+                f"{did_you_mean(requirement, self._requirements)}",
+                "add it to the marker, so that the plan knows before the case runs",
+            )
+        limits = {limit.parameter: limit for limit in self._requirements[requirement].limits}
+        if parameter not in limits:
+            raise Misused(f"{requirement} has no parameter '{parameter}'{did_you_mean(parameter, limits)}")
+        limit = limits[parameter]
+        if (of or None) not in (limit.of or (None,)):
+            raise Misused(
+                f"{requirement} {parameter} is evaluated of {', '.join(limit.of) or 'nothing in particular'}, not of"
+                f" '{of}'{did_you_mean(of or '', limit.of)}"
+            )
+        return limit
+
+    def _note(
+        self, requirement: str, limit: Limit, of: str | None, judgement: Judgement, instruments: Sequence[str]
+    ) -> None:
+        verdict = judgement.verdict
+        if verdict is Verdict.PASS and self._requirements[requirement].kind is Kind.RECORD:
+            verdict = Verdict.RECORDED
+        self._write(
+            "check",
+            case=self._steps.case,
+            step=self._steps.number,
+            requirement=requirement,
+            parameter=limit.parameter,
+            of=of,
+            value=_told(judgement.value),
+            unit=judgement.unit,
+            uncertainty=_told(judgement.uncertainty),
+            dof=_told(judgement.dof),
+            limit={"min": limit.minimum, "max": limit.maximum, "equals": limit.equals},
+            limit_unit=limit.unit,
+            decision=judgement.decision.value,
+            expanded=_told(judgement.expanded),
+            margin=_told(judgement.margin),
+            tur=_told(judgement.tur),
+            verdict=verdict.value,
+            reason=judgement.reason,
+            instruments=list(instruments),
+        )
+        self.evaluated.append(
+            Evaluated(
+                requirement=requirement, parameter=limit.parameter, of=of, verdict=verdict, reason=judgement.reason
+            )
+        )
+
+
+def _figure(value: Figure | float | str, limit: Limit, what: str) -> Figure | str:
+    if isinstance(value, Figure | str):
+        return value
+    if isinstance(value, bool) or limit.unit != "1":
+        raise Misused(f"{what}: a bare {value!r} has no unit, and {limit.unit or 'a word'} is due", "give a Figure")
+    return Figure(value=float(value), unit="1")
+
+
+def _of_instrument(instrument: Facade | None, found: Figure | str) -> float | None:
+    if instrument is None or isinstance(found, str):
+        return None
+    return standard_uncertainty(instrument.instrument.calibration, found.unit, found.value)
+
+
+def _told(number: float | str | None) -> float | str | None:
+    """Return a number for the journal: finite, to the 12 digits that every machine agrees on."""
+    if number is None or isinstance(number, str):
+        return number
+    return float(f"{number:.12g}") if math.isfinite(number) else None

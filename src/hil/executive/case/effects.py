@@ -1,0 +1,149 @@
+"""Effects: everything a case learns of the world, or does to it, keyed so that it can be run again."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol, TypeVar, cast
+
+from hil.model.errors import Diverged
+from hil.model.figure import Figure, FigureStatus
+
+__all__ = ["Effects", "Recall", "Where", "decoded", "encoded"]
+
+_Result = TypeVar("_Result")
+
+
+class Where(Protocol):
+    """Tells where a case is."""
+
+    @property
+    def case(self) -> str:
+        """The case's id."""
+        ...
+
+    @property
+    def number(self) -> str:
+        """The number of the present step, such as `1.2`; empty outside steps."""
+        ...
+
+
+class Recall:
+    """The effects of an earlier run, which a case that is run again must ask for in the same order.
+
+    Args:
+        effects: the bodies of the `effect` events, in order.
+        answered: which kinds are answered from the record instead of being performed again.
+    """
+
+    def __init__(self, effects: Sequence[Mapping[str, object]], answered: frozenset[str]) -> None:
+        self._effects: dict[str, list[Mapping[str, object]]] = {}
+        for effect in effects:
+            self._effects.setdefault(str(effect["case"]), []).append(effect)
+        self._answered = answered
+
+    def take(self, key: Mapping[str, object]) -> Mapping[str, object]:
+        """Return the recorded effect of that key.
+
+        Raises:
+            Diverged: if the case did something else here in the record, or had ended.
+        """
+        waiting = self._effects.get(str(key["case"]), [])
+        if not waiting:
+            raise Diverged(f"{_spoken(key)}, but the record of this case has ended")
+        found = waiting.pop(0)
+        if any(found[name] != value for name, value in key.items()):
+            raise Diverged(f"{_spoken(key)}, but the record holds {_spoken(found)}")
+        return found
+
+    def answers(self, effect: Mapping[str, object]) -> bool:
+        """Return whether the record answers in place of the world."""
+        return effect["effect"] in self._answered
+
+
+class Effects:
+    """Performs effects, numbers them, and writes them down with arguments and result.
+
+    Args:
+        write: writes an event.
+        where: tells case and step.
+        recall: the record that this run has to agree with, or None.
+    """
+
+    def __init__(self, write: Callable[..., None], where: Where, recall: Recall | None = None) -> None:
+        self._write = write
+        self._where = where
+        self._recall = recall
+        self._ordinals: Counter[tuple[str, str]] = Counter()
+
+    def perform(self, name: str, kind: str, arguments: Mapping[str, object], action: Callable[[], _Result]) -> _Result:
+        """Perform one effect and return its result.
+
+        Args:
+            name: what is done, such as `supply.coil.configure`.
+            kind: `drives`, `reads`, `waits` or `asks`.
+            arguments: JSON values.
+            action: does it.
+
+        Raises:
+            Diverged: if a record is to be agreed with, and does not.
+        """
+        number = self._where.number
+        self._ordinals[number, name] += 1
+        key = {
+            "case": self._where.case,
+            "step": number,
+            "name": name,
+            "ordinal": self._ordinals[number, name],
+            "effect": kind,
+            "arguments": encoded(arguments),
+        }
+        recorded = self._recall.take(key) if self._recall else None
+        if recorded is not None and self._recall and self._recall.answers(recorded):
+            result = cast("_Result", decoded(recorded["result"]))
+        else:
+            result = action()
+        told = encoded(result)
+        if recorded is not None and told != recorded["result"]:
+            raise Diverged(f"{_spoken(key)} gave {told}, but the record holds {recorded['result']}")
+        self._write("effect", **key, result=told)
+        return result
+
+
+def encoded(value: object) -> object:
+    """Return a value as JSON: figures become mappings, tuples lists, numbers that are none None."""
+    if isinstance(value, Figure):
+        return {
+            "value": encoded(value.value),
+            "unit": value.unit,
+            "uncertainty": value.uncertainty,
+            "dof": encoded(value.dof),
+            "status": value.status.value,
+        }
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, Mapping):
+        return {str(key): encoded(item) for key, item in value.items()}
+    if isinstance(value, tuple | list):
+        return [encoded(item) for item in value]
+    return value
+
+
+def decoded(value: object) -> object:
+    """Return what `encoded` was given, as far as a case can tell."""
+    if isinstance(value, Mapping) and set(value) == {"value", "unit", "uncertainty", "dof", "status"}:
+        return Figure(
+            value=math.nan if value["value"] is None else float(value["value"]),
+            unit=str(value["unit"]),
+            uncertainty=value["uncertainty"],
+            dof=math.inf if value["dof"] is None else float(value["dof"]),
+            status=FigureStatus(value["status"]),
+        )
+    if isinstance(value, list):
+        return tuple(decoded(item) for item in value)
+    return value
+
+
+def _spoken(key: Mapping[str, object]) -> str:
+    return f"{key['case']}, step {key['step'] or 'none'}: {key['name']} (no. {key['ordinal']}) with {key['arguments']}"

@@ -1,0 +1,133 @@
+"""Façades: what a case holds instead of a driver's role."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from hil.bench.calibration import calibrated
+from hil.documents.suggest import did_you_mean
+from hil.executive.case.effects import Effects
+from hil.instruments.roles import ROLES, Sampled
+from hil.model.bench import InstrumentSpec, Wire
+from hil.model.errors import DeviceFault
+from hil.model.figure import Figure
+
+__all__ = ["Facade", "Host", "RoleSet"]
+
+
+class Host(Protocol):
+    """The case that holds a façade."""
+
+    def point(self) -> None:
+        """Be a scheduling point."""
+        ...
+
+    def uses(self, instrument: InstrumentSpec) -> None:
+        """Note that the case uses this instrument."""
+        ...
+
+    def fault(self, instrument: InstrumentSpec, fault: DeviceFault) -> None:
+        """Note silence or nonsense, before the case learns of it."""
+        ...
+
+
+class Facade:
+    """One role instance as a case sees it.
+
+    Every operation of the role is a scheduling point and an effect; readings carry the uncertainty
+    of the instrument's certificate.
+
+    Args:
+        wire: the role instance.
+        instrument: the instrument behind it.
+        role: the driver's object.
+        effects: where operations are performed and noted.
+        host: the case that holds it.
+    """
+
+    def __init__(
+        self,
+        wire: Wire,
+        instrument: InstrumentSpec,
+        role: object,
+        effects: Effects,
+        host: Host,
+    ) -> None:
+        self.wire = wire
+        self.instrument = instrument
+        self._role = role
+        self._effects = effects
+        self._host = host
+        self._operations = {
+            name: operation
+            for name, operation in inspect.getmembers(ROLES[wire.role], callable)
+            if hasattr(operation, "effect")
+        }
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        operations: dict[str, Callable[..., Any]] = self.__dict__.get("_operations", {})
+        if name not in operations:
+            hint = did_you_mean(name, operations)
+            raise AttributeError(f"{self.__dict__['wire'].name} has no operation '{name}'{hint}")
+        return self._bound(name, operations[name])
+
+    def __repr__(self) -> str:
+        return f"<{self.wire.name} on {self.instrument.name}>"
+
+    @property
+    def sampled(self) -> Sampled:
+        """The role as `record` samples it; samples go to the recording, not into effects."""
+        if not hasattr(self._role, "sample"):
+            raise TypeError(f"{self.wire.name} has no channels that could be recorded")
+        return self._role  # type: ignore[return-value]  # the attribute was looked at
+
+    def sample(self) -> tuple[float, ...]:
+        """Take one sample; a fault is told before it is raised."""
+        numbers: tuple[float, ...] = self._guarded(self.sampled.sample)
+        return numbers
+
+    def _bound(self, name: str, operation: Callable[..., Any]) -> Callable[..., Any]:
+        signature = inspect.signature(operation)
+
+        def call(*args: object, **kwargs: object) -> object:
+            arguments = signature.bind(self, *args, **kwargs).arguments
+            arguments.pop("self")
+            self._host.point()
+            kind: str = operation.effect  # type: ignore[attr-defined]  # only marked operations come here
+            return self._effects.perform(
+                f"{self.wire.name}.{name}", kind, arguments, lambda: self._act(name, arguments)
+            )
+
+        call.__name__, call.__doc__ = name, operation.__doc__
+        return call
+
+    def _act(self, name: str, arguments: dict[str, Any]) -> object:
+        result = self._guarded(lambda: getattr(self._role, name)(**arguments))
+        return calibrated(result, self.instrument.calibration) if isinstance(result, Figure) else result
+
+    def _guarded(self, action: Callable[[], Any]) -> Any:  # noqa: ANN401 - whatever the operation returns
+        self._host.uses(self.instrument)
+        try:
+            return action()
+        except DeviceFault as fault:
+            self._host.fault(self.instrument, fault)
+            raise
+
+
+class RoleSet:
+    """The named instances of one role: `supply.coil`, `supply.sensor`."""
+
+    def __init__(self, role: str, instances: dict[str, Facade]) -> None:
+        self._role = role
+        self._instances = instances
+
+    def __getattr__(self, name: str) -> Facade:
+        instances: dict[str, Facade] = self.__dict__.get("_instances", {})
+        if name not in instances:
+            raise AttributeError(f"no '{name}' among the bench's {self._role}{did_you_mean(name, instances)}")
+        return instances[name]
+
+    def __repr__(self) -> str:
+        return f"<{self._role}: {', '.join(self._instances)}>"

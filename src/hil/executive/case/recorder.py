@@ -1,0 +1,173 @@
+"""`record`: named channels over time, on the disk while they grow."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+from hil.bench.calibration import standard_uncertainty
+from hil.clock.port import NANOSECONDS
+from hil.evidence.recordings import Recorded, read_recording
+from hil.executive.case.effects import Effects
+from hil.executive.case.facade import Facade
+from hil.executive.case.steps import Steps
+from hil.executive.run.row_store import RecordedChannel, RecordingFacts, RowStore
+from hil.executive.run.scheduler import Scheduler
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["Recorder", "Recording"]
+
+
+class Recording:
+    """A finished recording, as a case sees it.
+
+    Attributes:
+        id: its id in the run.
+        rate: nominal samples per second.
+    """
+
+    def __init__(self, recorded: Recorded, uncertainties: Mapping[str, float | None]) -> None:
+        self._recorded = recorded
+        self._uncertainties = uncertainties
+        self.id = recorded.id
+        self.rate = recorded.rate
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Bench time of every sample in s, shape (samples,)."""
+        return self._recorded.time
+
+    def __getitem__(self, channel: str) -> NDArray[np.float64]:
+        """Return one channel, shape (samples,)."""
+        return self._recorded[channel]
+
+    def __len__(self) -> int:
+        return len(self._recorded)
+
+    def unit(self, channel: str) -> str:
+        """Return the unit of one channel."""
+        return self._recorded.unit(channel)
+
+    def uncertainty(self, channel: str) -> float | None:
+        """Return the standard uncertainty that the certificate gives this channel, None where unknown."""
+        return self._uncertainties[channel]
+
+
+class Recorder:
+    """The `record` fixture of one case.
+
+    Args:
+        steps: tells case and step.
+        scheduler: lets bench time pass between samples.
+        effects: where a recording is noted as an effect.
+        store: opens row files.
+        source: where the bench's bytes come from.
+        ids: gives the next recording's number in the run.
+    """
+
+    def __init__(
+        self,
+        steps: Steps,
+        scheduler: Scheduler,
+        effects: Effects,
+        store: RowStore,
+        source: str,
+        ids: Callable[[], int],
+    ) -> None:
+        self._steps = steps
+        self._scheduler = scheduler
+        self._effects = effects
+        self._store = store
+        self._source = source
+        self._ids = ids
+        self.taken: list[Mapping[str, object]] = []
+
+    def __call__(self, name: str, *sources: Facade, duration: float, rate: float) -> Recording:
+        """Sample roles at `rate` [Hz] for `duration` [s] of bench time.
+
+        Sample k is taken at k / rate after the first, whatever the samples before it took. With one
+        role the channels have its names; with several they are `role.channel`.
+
+        Raises:
+            ValueError: for no role, or a duration or rate that is not above zero.
+            DeviceFault: if a device falls silent; what was recorded is kept as incomplete.
+        """
+        if not sources or not (duration > 0 and rate > 0 and math.isfinite(duration * rate)):
+            raise ValueError(f"record '{name}': needs a role, and a duration and rate above zero")
+        facts = RecordingFacts(
+            id=f"{self._ids():03d}-{_slug(self._steps.case)}-{_slug(name)}",
+            name=name,
+            case=self._steps.case,
+            step=self._steps.number,
+            channels=_channels(sources),
+            rate=rate,
+            duration=duration,
+            source=self._source,
+        )
+        arguments = {"duration": duration, "rate": rate, "channels": [channel.name for channel in facts.channels]}
+        self._effects.perform(f"record.{name}", "records", arguments, lambda: self._sample(facts, sources))
+        return self._finished(facts, sources)
+
+    def _sample(self, facts: RecordingFacts, sources: tuple[Facade, ...]) -> str:
+        recording = self._store.begin(facts)
+        complete = False
+        count = max(1, round((facts.duration or 0) * facts.rate))
+        start_ns = self._scheduler.now_ns()
+        try:
+            for index in range(count):
+                self._scheduler.wait_until(start_ns + round(index * NANOSECONDS / facts.rate))
+                row = [number for source in sources for number in source.sample()]
+                recording.append((self._scheduler.now_ns() / NANOSECONDS, *row))
+            complete = True
+        finally:
+            digest = recording.finish(complete=complete)
+        return digest
+
+    def _finished(self, facts: RecordingFacts, sources: tuple[Facade, ...]) -> Recording:
+        begun = {
+            "recording": facts.id,
+            "name": facts.name,
+            "rate": facts.rate,
+            "source": facts.source,
+            "channels": [
+                {"name": channel.name, "unit": channel.unit, "instrument": channel.instrument}
+                for channel in facts.channels
+            ],
+        }
+        recorded = read_recording(self._store.recordings, begun, {"complete": True})
+        self.taken.append({"facts": facts, "recorded": recorded})
+        return Recording(recorded, _uncertainties(facts, recorded, sources))
+
+
+def _channels(sources: tuple[Facade, ...]) -> tuple[RecordedChannel, ...]:
+    return tuple(
+        RecordedChannel(
+            name=channel.name if len(sources) == 1 else f"{source.wire.name}.{channel.name}",
+            unit=channel.unit,
+            instrument=source.instrument.name,
+            calibration=source.instrument.calibration.certificate if source.instrument.calibration else "",
+            uncertainty=standard_uncertainty(source.instrument.calibration, channel.unit, 0.0),
+        )
+        for source in sources
+        for channel in source.sampled.channels()
+    )
+
+
+def _uncertainties(facts: RecordingFacts, recorded: Recorded, sources: tuple[Facade, ...]) -> dict[str, float | None]:
+    """Return what the certificates say at the largest reading of every channel, the least certain one."""
+    calibrations = {source.instrument.name: source.instrument.calibration for source in sources}
+    return {
+        channel.name: standard_uncertainty(
+            calibrations[channel.instrument], channel.unit, max(recorded[channel.name], key=abs, default=0.0)
+        )
+        for channel in facts.channels
+    }
+
+
+def _slug(text: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_]+", "-", text.rpartition("::")[2]).strip("-")[:60]

@@ -1,0 +1,1 @@
+"""One run: workspace, session, scheduling, stopping, replay."""

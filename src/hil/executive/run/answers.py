@@ -1,0 +1,176 @@
+"""Who answers questions: an answers file, the simulated person, or a person at the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from hil.documents.findings import Findings
+from hil.documents.reader import read_document
+from hil.documents.suggest import did_you_mean
+from hil.executive.case.operator import Answer, AnswerSource, Declined, Question
+
+__all__ = ["AnswersFile", "FirstOf", "Nobody", "Prompt", "SimulatedPerson", "TerminalPerson", "load_answers"]
+
+_SCHEMA = "hil/answers/1"
+_YES = frozenset({"y", "yes"})
+
+
+class Prompt(Protocol):
+    """A terminal at which a person sits."""
+
+    def show(self, text: str) -> None:
+        """Show a line."""
+        ...
+
+    def line(self) -> str | None:
+        """Return a line if one was entered, None otherwise; waits a fraction of a second at most."""
+        ...
+
+
+class Person(Protocol):
+    """The simulated person of a simulated bench."""
+
+    def answer(self, form: str, name: str, text: str, options: Sequence[str]) -> str | float | bool:
+        """Answer from what is true in the simulated world."""
+        ...
+
+
+class AnswersFile:
+    """Answers by name, prepared for a run that nobody attends.
+
+    Args:
+        answers: name of the question to the answer.
+        shown: the file, for messages.
+    """
+
+    def __init__(self, answers: Mapping[str, str], shown: str) -> None:
+        self._answers = answers
+        self._shown = shown
+
+    def answer(self, question: Question) -> Answer:
+        """Answer from the file."""
+        if question.name not in self._answers:
+            hint = did_you_mean(question.name, self._answers)
+            raise Declined(f"{self._shown} has no answer to '{question.name}'{hint}", f"asked was: {question.text}")
+        value = self._answers[question.name]
+        return Answer(value in {"true", "yes"} if question.form == "confirm" else value, "answers file")
+
+
+class SimulatedPerson:
+    """The simulated bench's own person."""
+
+    def __init__(self, person: Person) -> None:
+        self._person = person
+
+    def answer(self, question: Question) -> Answer:
+        """Answer from what is true in the simulated world."""
+        value = self._person.answer(question.form, question.name, question.text, question.options)
+        return Answer(value, "simulated person")
+
+
+class TerminalPerson:
+    """A person at the terminal; monitors and stop requests are looked at while an answer is awaited.
+
+    Args:
+        prompt: the terminal.
+        name: the person's name.
+        idle: the scheduling point to pass while waiting.
+    """
+
+    def __init__(self, prompt: Prompt, name: str, idle: Callable[[], None]) -> None:
+        self._prompt = prompt
+        self._name = name
+        self._idle = idle
+
+    def answer(self, question: Question) -> Answer:
+        """Show the question and wait for a line that answers it."""
+        self._prompt.show(_spoken(question))
+        while True:
+            value = _understood(question, self._line())
+            if value is not None:
+                return Answer(value, self._name)
+            self._prompt.show(f"Please answer {_form(question)}")
+
+    def _line(self) -> str:
+        while (line := self._prompt.line()) is None:
+            self._idle()
+        return line.strip()
+
+
+class Nobody:
+    """What answers where nobody can."""
+
+    def answer(self, question: Question) -> Answer:
+        """Decline, and say what to do."""
+        raise Declined(
+            f"'{question.text}' needs a person, and there is no terminal",
+            f"run from a terminal, or give an answer to '{question.name}' with --answers FILE",
+        )
+
+
+class FirstOf:
+    """The first source that knows the question answers; the last one decides what is said if none does."""
+
+    def __init__(self, first: AnswersFile, last: AnswerSource, known: frozenset[str]) -> None:
+        self._first = first
+        self._last = last
+        self._known = known
+
+    def answer(self, question: Question) -> Answer:
+        """Answer from the file where it has the name, else from the other."""
+        return (self._first if question.name in self._known else self._last).answer(question)
+
+
+def load_answers(path: Path, shown: str) -> Mapping[str, str]:
+    """Read an answers file.
+
+    Raises:
+        ConfigurationError: with everything that is wrong with it.
+    """
+    findings = Findings()
+    document = read_document(path, shown, findings, schema=_SCHEMA)
+    answers: dict[str, str] = {}
+    inner = document.child("answers", required=True) if document else None
+    if document and inner:
+        answers = {key: inner.text(key) for key in inner.keys()}  # noqa: SIM118 - a reader, no dictionary
+        document.done()
+    findings.raise_if_any()
+    return answers
+
+
+def _spoken(question: Question) -> str:
+    return f"{question.text} [{_form(question)}]"
+
+
+def _form(question: Question) -> str:
+    match question.form:
+        case "confirm":
+            return "yes or no"
+        case "measure":
+            return f"a number in {question.unit}"
+        case "attach":
+            return "yes when it is done"
+        case _:
+            return " or ".join(question.options)
+
+
+def _understood(question: Question, line: str) -> str | float | bool | None:
+    """Return the answer that a line gives, None where it gives none."""
+    match question.form:
+        case "confirm":
+            return {True: True, False: False if line.lower() in {"n", "no"} else None}[line.lower() in _YES]
+        case "attach":
+            return question.options[0] if line.lower() in _YES else None
+        case "measure":
+            return _number(line)
+        case _:
+            return line if line in question.options else None
+
+
+def _number(line: str) -> float | None:
+    try:
+        return float(line.replace(",", "."))
+    except ValueError:
+        return None

@@ -1,0 +1,154 @@
+"""Everything that a run is made of, read and checked before anything is opened."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TypeVar
+
+from hil.bench.bench_file import load_bench
+from hil.bench.binding import check_twin, simulated_twin
+from hil.bench.duts import find_dut, load_duts
+from hil.documents.findings import Findings
+from hil.executive.run.workspace import Workspace, find_workspace
+from hil.model.bench import BenchSpec
+from hil.model.errors import ConfigurationError, Finding, Refused
+from hil.model.identity import Dut, Purpose, Source
+from hil.requirements.catalogue import Catalogue, load_catalogue
+from hil.requirements.parameters import Parameters, load_parameters
+
+__all__ = ["Configuration", "Request", "configure"]
+
+_Loaded = TypeVar("_Loaded")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """What a person asks of the executive.
+
+    Attributes:
+        start: the folder where the workspace is looked for.
+        plans: plans, as paths or names.
+        bench: the bench's name.
+        dut: serial number of the device under test.
+        source: hardware or simulated.
+        purpose: why the run is made.
+        operator: the person's name, empty where nobody said.
+        skips: parts of case ids to the reason why they are not run.
+        overrides: parameters changed on the command line.
+        answers: a file with answers to questions.
+        person: whether a person at the terminal answers, also on a simulated bench.
+        output: where the package goes, the workspace's reports where None.
+    """
+
+    start: Path
+    plans: tuple[str, ...]
+    bench: str
+    dut: str
+    source: Source = Source.HARDWARE
+    purpose: Purpose = Purpose.DEVELOPMENT
+    operator: str = ""
+    skips: Mapping[str, str] = field(default_factory=dict)
+    overrides: Mapping[str, str] = field(default_factory=dict)
+    answers: Path | None = None
+    person: bool = False
+    output: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Configuration:
+    """A request with everything it names, read and found consistent."""
+
+    request: Request
+    workspace: Workspace
+    plans: tuple[Path, ...]
+    catalogue: Catalogue
+    parameters: Mapping[str, Parameters]
+    bench: BenchSpec
+    dut: Dut
+
+    @property
+    def reports(self) -> Path:
+        """Where the package goes."""
+        return self.request.output or self.workspace.reports
+
+    @property
+    def deviations(self) -> tuple[str, ...]:
+        """What differs from the plans, a sentence each."""
+        skipped = [f"case {case} is skipped: {reason}" for case, reason in sorted(self.request.skips.items())]
+        return (*(text for each in self.parameters.values() for text in each.deviations), *skipped)
+
+
+def configure(request: Request) -> Configuration:
+    """Read everything that the request names.
+
+    Raises:
+        Refused: for a name that does not exist, and for hardware.
+        ConfigurationError: with everything that is wrong with all files.
+    """
+    workspace = find_workspace(request.start)
+    plans = tuple(dict.fromkeys(workspace.plan(plan, request.start) for plan in request.plans))
+    findings: list[Finding] = []
+    catalogue = _gather(lambda: load_catalogue(workspace.root, plans), findings)
+    parameters = {plan.name: _gather(partial(load_parameters, workspace.root, plan), findings) for plan in plans}
+    bench = _gather(lambda: _bench(workspace, request), findings)
+    duts = _gather(lambda: _duts(workspace), findings)
+    if findings or catalogue is None or bench is None or duts is None:
+        raise ConfigurationError(tuple(findings))
+    return Configuration(
+        request=request,
+        workspace=workspace,
+        plans=plans,
+        catalogue=catalogue,
+        parameters=_overridden({name: item for name, item in parameters.items() if item is not None}, request),
+        bench=bench,
+        dut=find_dut(duts, request.dut, workspace.shown(workspace.duts)),
+    )
+
+
+def refuse_hardware(source: Source) -> None:
+    """Refuse to drive hardware.
+
+    Raises:
+        Refused: always for hardware, until a guardian process can make the bench safe when this one dies.
+    """
+    if source is Source.HARDWARE:
+        raise Refused(
+            "this version does not drive hardware: nothing would switch the outputs off if it were killed",
+            "use --source simulated",
+        )
+
+
+def _bench(workspace: Workspace, request: Request) -> BenchSpec:
+    bench = load_bench(workspace.benches, request.bench, workspace.root)
+    refuse_hardware(request.source)
+    simulated_twin(bench)
+    path = workspace.benches / request.bench / "bench.yaml"
+    check_twin(bench, path, workspace.shown(path))
+    return bench
+
+
+def _duts(workspace: Workspace) -> tuple[Dut, ...]:
+    findings = Findings()
+    duts = load_duts(workspace.duts, workspace.shown(workspace.duts), findings)
+    findings.raise_if_any()
+    return duts
+
+
+def _gather(load: Callable[[], _Loaded], findings: list[Finding]) -> _Loaded | None:
+    try:
+        return load()
+    except ConfigurationError as error:
+        findings.extend(error.findings)
+        return None
+
+
+def _overridden(parameters: dict[str, Parameters], request: Request) -> dict[str, Parameters]:
+    """Change parameters as the command line says; each must exist in one of the plans at least."""
+    for name, text in request.overrides.items():
+        holders = [plan for plan, each in parameters.items() if name in {row.name for row in each.rows()}]
+        for plan in holders or list(parameters)[:1]:
+            parameters[plan] = parameters[plan].override(name, text)
+    return parameters

@@ -1,0 +1,47 @@
+"""Events: written to the journal first, then shown to whoever listens."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from hil.clock.port import Clock
+from hil.evidence.journal import Journal
+from hil.model.errors import EvidenceError
+
+__all__ = ["Events", "Listener"]
+
+Listener = Callable[[Mapping[str, object]], None]
+"""Takes one event body; what it raises would stop a run, so it must not raise."""
+
+
+class Events:
+    """The one vocabulary between the run and everything downstream.
+
+    Args:
+        journal: where every event is written before anybody sees it.
+        on_full: called once when the disk is full; later events go in as far as space allows.
+    """
+
+    def __init__(self, journal: Journal, on_full: Callable[[], None]) -> None:
+        self._journal = journal
+        self._on_full = on_full
+        self._clock: Clock | None = None
+        self._listeners: list[Listener] = []
+
+    def follow(self, clock: Clock) -> None:
+        """Stamp events with this clock from now on; before that they are at zero."""
+        self._clock = clock
+
+    def listen(self, listener: Listener) -> None:
+        """Show every further event to `listener`."""
+        self._listeners.append(listener)
+
+    def write(self, kind: str, **fields: object) -> None:
+        """Write an event down, then show it."""
+        t = self._clock.now() if self._clock else 0.0
+        try:
+            self._journal.write(kind, t, **fields)
+        except EvidenceError:
+            self._on_full()
+        for listener in self._listeners:
+            listener({"kind": kind, "t": t, **fields})

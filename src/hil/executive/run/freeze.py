@@ -1,0 +1,124 @@
+"""Freeze: what a run is judged by goes into its package before the first step."""
+
+from __future__ import annotations
+
+import getpass
+import hashlib
+import platform
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from hil.clock import wall
+from hil.documents.canonical import canonical
+from hil.evidence.facts import entries_of, freeze_calibration, freeze_catalogue
+from hil.executive.run.configuration import Configuration
+from hil.executive.run.software import software_identity
+from hil.model.bench import BenchSpec
+from hil.requirements.layout import LOCK, PARAMETERS, REQUIREMENTS
+
+__all__ = ["Frozen", "freeze"]
+
+_CATALOGUE_FILES = frozenset({REQUIREMENTS, LOCK, PARAMETERS})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frozen:
+    """Hashes of what was frozen, for the journal's first line."""
+
+    catalogue: str
+    parameters: str
+    sources: str
+    bench: str
+
+
+def freeze(configuration: Configuration, folder: Path) -> Frozen:
+    """Copy catalogue, parameters, sources, bench file and registers into the package."""
+    workspace = configuration.workspace
+    entries = entries_of(configuration.catalogue.requirement(id_) for id_ in configuration.catalogue.ids)
+    catalogue = freeze_catalogue(folder, entries)
+    parameters = _parameters(configuration, folder)
+    sources = hashlib.sha256()
+    for path in sorted(_sources(configuration)):
+        shown = path.relative_to(workspace.root).as_posix()
+        data = path.read_bytes()
+        place = "catalogue" if path.name in _CATALOGUE_FILES else "sources"
+        name = f"{path.parent.name}/{path.name}" if place == "catalogue" else shown
+        _put(folder / "data" / place / name, data)
+        sources.update(f"{hashlib.sha256(data).hexdigest()}  {shown}\n".encode())
+    bench = _bench(configuration, folder)
+    _put(folder / "data/dut.json", canonical({**asdict(configuration.dut), "format": 1}))
+    _put(folder / "data/software.json", canonical(software_identity(workspace.root)))
+    _put(folder / "data/place.json", canonical(_place(configuration)))
+    return Frozen(catalogue=catalogue, parameters=parameters, sources=sources.hexdigest(), bench=bench)
+
+
+def _sources(configuration: Configuration) -> Iterator[Path]:
+    for plan in configuration.plans:
+        yield from (path for path in plan.iterdir() if path.is_file() and path.suffix in {".py", ".yaml", ".json"})
+    yield from configuration.workspace.testplans.glob("*.py")
+    yield from configuration.workspace.fixtures.glob("*.py")
+
+
+def _bench(configuration: Configuration, folder: Path) -> str:
+    bench_folder = configuration.workspace.benches / configuration.bench.name
+    whole = hashlib.sha256()
+    for path in sorted(path for path in bench_folder.rglob("*") if path.is_file()):
+        data = path.read_bytes()
+        shown = path.relative_to(bench_folder).as_posix()
+        _put(folder / "data/bench" / shown, data)
+        whole.update(f"{hashlib.sha256(data).hexdigest()}  {shown}\n".encode())
+    _put(folder / "data/bench/duts.yaml", configuration.workspace.duts.read_bytes())
+    freeze_calibration(folder, _calibration(configuration.bench))
+    return whole.hexdigest()
+
+
+def _calibration(bench: BenchSpec) -> dict[str, dict[str, object]]:
+    return {
+        item.name: {
+            "certificate": item.calibration.certificate if item.calibration else "",
+            "due": item.calibration.due if item.calibration else "",
+            "dut": item.dut,
+        }
+        for item in bench.instruments
+    }
+
+
+def _parameters(configuration: Configuration, folder: Path) -> str:
+    rows = {
+        plan: [
+            {
+                "name": row.name,
+                "value": row.shown,
+                "unit": row.unit,
+                "text": row.text,
+                "deviation": row.deviation,
+            }
+            for row in parameters.rows()
+        ]
+        for plan, parameters in configuration.parameters.items()
+    }
+    data = canonical({"format": 1, "plans": rows})
+    _put(folder / "data/catalogue/parameters.json", data)
+    return hashlib.sha256(data).hexdigest()
+
+
+def _place(configuration: Configuration) -> dict[str, object]:
+    """Return what is true of this place and moment only, and therefore in no journal body."""
+    try:
+        user = getpass.getuser()
+    except (KeyError, OSError):
+        user = ""
+    return {
+        "format": 1,
+        "bench_place": configuration.bench.place,
+        "host": platform.node(),
+        "user": user,
+        "workspace": configuration.workspace.name,
+        "started": wall.utc_now(),
+    }
+
+
+def _put(path: Path, data: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)

@@ -1,0 +1,147 @@
+"""The bench's keeper: arms it, watches it, brings it to rest, and makes it safe."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+from hil.bench.binding import BoundBench
+from hil.bench.envelope import Monitor, Trip
+from hil.bench.readiness import Gate, energised_gates, unpowered_gates
+from hil.bench.safe_off import SafeResult, make_safe
+from hil.executive.run.row_store import OpenRecording, RecordedChannel, RecordingFacts, RowStore
+from hil.executive.run.scheduler import Scheduler
+from hil.executive.run.stop import StopFlags
+from hil.model.bench import EnvelopeLimit, SafeStep
+from hil.model.figure import Figure
+from hil.model.identity import Dut
+
+__all__ = ["BenchKeeper"]
+
+
+class BenchKeeper:
+    """Owns the state of the outputs from arm to the proven safe state, whatever cases do.
+
+    Args:
+        bench: the bench.
+        dut: the device under test, compared with what answers.
+        flags: stop requests; they wait while the bench is made safe.
+        write: writes an event.
+        store: opens recordings, one per monitor.
+        tick: what else has to be done every fraction of a wall second.
+    """
+
+    def __init__(
+        self,
+        bench: BoundBench,
+        dut: Dut,
+        flags: StopFlags,
+        write: Callable[..., None],
+        store: RowStore,
+        tick: Callable[[], None],
+    ) -> None:
+        self._bench = bench
+        self._dut = dut
+        self._flags = flags
+        self._write = write
+        self._store = store
+        self._watched: dict[str, OpenRecording] = {}
+        self.tick = tick
+        self.unsafe = False
+        self.touched = False
+        self.scheduler = Scheduler(bench, [self._monitor(limit) for limit in bench.spec.envelope], flags, self)
+
+    def arm(self) -> str:
+        """Look, make safe, try every output at reduced level, and begin to watch; return why not, if not."""
+        self.touched = True
+        for gate in self._gates():
+            self._write("gate", name=gate.name, ok=gate.ok, detail=gate.detail)
+            if not gate.ok:
+                return f"{gate.name}: {gate.detail}"
+        for limit in self._bench.spec.envelope:
+            self._watched[limit.id] = self._store.begin(self._facts(limit))
+        self.scheduler.watch_from_now()
+        self._write("armed")
+        return ""
+
+    def reading(self, limit: str, t: float, figure: Figure) -> None:
+        """Record one reading of a monitor."""
+        if limit in self._watched:
+            self._watched[limit].append((t, figure.value))
+
+    def trip(self, trip: Trip) -> None:
+        """Write the trip down and make the bench safe, before the case learns of it."""
+        self._write("trip", limit=trip.limit, value=trip.value, unit=trip.unit, text=trip.text)
+        self.safe()
+
+    def rest(self) -> str:
+        """Bring the bench to its rest state between cases; return what could not be."""
+        with self._flags.shielded():
+            problems = self._take("rest", self._bench.spec.rest)
+        return problems[0] if problems else ""
+
+    def safe(self) -> None:
+        """Make the bench safe and prove it, uninterrupted; it may be called again."""
+        with self._flags.shielded():
+            self.scheduler.rest()
+            problems = self._take("safe", self._bench.spec.safe_off)
+            self._write("safe-end", ok=not problems)
+            self.unsafe = bool(problems)
+
+    def release(self) -> None:
+        """Make the bench safe for the last time and end the monitors' recordings."""
+        if self.touched:
+            self.safe()
+        for recording in self._watched.values():
+            recording.finish(complete=True)
+        self._watched.clear()
+
+    def _gates(self) -> Iterator[Gate]:
+        """Yield the gates one by one; the first that does not hold ends the arming."""
+        yield from unpowered_gates(self._bench)
+        yield from energised_gates(self._bench, self._dut)
+
+    def _take(self, kind: str, steps: Sequence[SafeStep]) -> list[str]:
+        problems: list[str] = []
+
+        def tell(result: SafeResult) -> None:
+            self._write(
+                kind,
+                output=result.output,
+                state=result.state,
+                ok=result.ok,
+                detail=result.detail,
+                duration=round(result.seconds, 9),
+            )
+            if not result.ok:
+                problems.append(f"{result.output} is not {result.state}: {result.detail}")
+
+        make_safe(steps, self._bench.roles, self._bench.clock, tell)
+        return problems
+
+    def _monitor(self, limit: EnvelopeLimit) -> Monitor:
+        role = self._bench.roles[limit.output]
+
+        def read() -> Figure:
+            figure: Figure = getattr(role, limit.quantity)()
+            return figure
+
+        return Monitor(limit, read, 0)
+
+    def _facts(self, limit: EnvelopeLimit) -> RecordingFacts:
+        instrument = self._bench.spec.instrument(self._bench.spec.wire(limit.output).instrument)
+        channel = RecordedChannel(
+            name=limit.quantity,
+            unit=limit.unit,
+            instrument=instrument.name,
+            calibration=instrument.calibration.certificate if instrument.calibration else "",
+        )
+        return RecordingFacts(
+            id=f"envelope-{limit.id}",
+            name=limit.id,
+            case="",
+            step="",
+            channels=(channel,),
+            rate=1 / limit.period_s,
+            duration=None,
+            source=self._bench.source.value,
+        )

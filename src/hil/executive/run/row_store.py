@@ -1,0 +1,124 @@
+"""The row files that are open, whoever records."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from hil.evidence.folder import RECORDINGS, RESERVE
+from hil.evidence.rows import Rows
+
+__all__ = ["OpenRecording", "RecordedChannel", "RecordingFacts", "RowStore"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedChannel:
+    """One channel of a recording: name, unit, and what measured it how well (standard uncertainty)."""
+
+    name: str
+    unit: str
+    instrument: str
+    calibration: str = ""
+    uncertainty: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordingFacts:
+    """What is known of a recording before its first row."""
+
+    id: str
+    name: str
+    case: str
+    step: str
+    channels: tuple[RecordedChannel, ...]
+    rate: float
+    duration: float | None
+    source: str
+
+
+class OpenRecording:
+    """A recording that grows. Finish it, also after an error: what is there is kept as incomplete."""
+
+    def __init__(
+        self, facts: RecordingFacts, rows: Rows, write: Callable[..., None], forget: Callable[[Rows], None]
+    ) -> None:
+        self._facts = facts
+        self._rows = rows
+        self._write = write
+        self._forget = forget
+
+    @property
+    def append(self) -> Callable[[Sequence[float]], None]:
+        """Takes one row: time in s, then the channels."""
+        return self._rows.append
+
+    def finish(self, *, complete: bool) -> str:
+        """Write the end down and return the hash of all rows."""
+        self._forget(self._rows)
+        end = self._rows.finish()
+        self._write(
+            "recording-end",
+            recording=self._facts.id,
+            rows=end.rows,
+            sha256=end.sha256,
+            complete=complete,
+            gaps=round(end.largest_gap_s, 9),
+        )
+        return end.sha256
+
+
+class RowStore:
+    """Opens recordings in a run's folder and keeps those that are open near the disk.
+
+    Args:
+        folder: the run's folder.
+        write: writes an event.
+    """
+
+    def __init__(self, folder: Path, write: Callable[..., None]) -> None:
+        self._folder = folder
+        self._write = write
+        self._open: list[Rows] = []
+
+    @property
+    def recordings(self) -> Path:
+        """Where the row files are."""
+        return self._folder / RECORDINGS
+
+    def begin(self, facts: RecordingFacts) -> OpenRecording:
+        """Write the beginning down and open the row file."""
+        self._write(
+            "recording",
+            recording=facts.id,
+            name=facts.name,
+            case=facts.case,
+            step=facts.step,
+            channels=[
+                {
+                    "name": channel.name,
+                    "unit": channel.unit,
+                    "instrument": channel.instrument,
+                    "calibration": channel.calibration,
+                    "uncertainty": channel.uncertainty,
+                }
+                for channel in facts.channels
+            ],
+            rate=facts.rate,
+            duration=facts.duration,
+            source=facts.source,
+        )
+        rows = Rows(
+            self.recordings / f"{facts.id}.rows",
+            recording=facts.id,
+            channels=[(channel.name, channel.unit) for channel in facts.channels],
+            on_block=lambda count, digest: self._write("rows", recording=facts.id, rows=count, sha256=digest),
+            reserve=self._folder / RESERVE,
+        )
+        self._open.append(rows)
+        return OpenRecording(facts, rows, self._write, self._open.remove)
+
+    def tick(self) -> None:
+        """Bring waiting rows of every open recording to the disk."""
+        for rows in self._open:
+            rows.tick()

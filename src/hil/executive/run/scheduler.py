@@ -1,0 +1,165 @@
+"""Scheduling points: where time passes, monitors run, and a run can be stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from hil.bench.binding import BoundBench
+from hil.bench.envelope import Monitor, Trip
+from hil.clock import wall
+from hil.clock.port import NANOSECONDS
+from hil.executive.run.stop import StopFlags
+from hil.model.errors import DeviceFault, Tripped
+from hil.model.figure import Figure
+from hil.wire.replay import MONITOR
+
+__all__ = ["CaseTimeout", "Scheduler", "Watch"]
+
+_TICK_S = 0.2
+_SLOT_NS = 50_000_000
+"""A monitor does not start in the last 50 ms of a wait, so that the wait ends at its instant.
+
+Commands then happen at the same bench time whether or not there is one more monitor, and so does
+the physics that follows from them.
+"""
+
+
+class CaseTimeout(BaseException):
+    """The case is past its `max_duration`. Not an Exception, for the reason of `Stopped`."""
+
+
+class Watch(Protocol):
+    """What a scheduler reports to."""
+
+    def reading(self, limit: str, t: float, figure: Figure) -> None:
+        """Take one reading of a monitor."""
+        ...
+
+    def trip(self, trip: Trip) -> None:
+        """Make the bench safe; called once, before the case learns of it."""
+        ...
+
+    def tick(self) -> None:
+        """Do what has to be done every fraction of a wall second: flush, look into the inbox."""
+        ...
+
+
+class Scheduler:
+    """Runs due monitors and reads stop flags wherever a case lets time pass or calls a role.
+
+    Args:
+        bench: the bench, whose clock it drives.
+        monitors: one per limit of the envelope.
+        flags: stop requests.
+        watch: what it reports to.
+    """
+
+    def __init__(self, bench: BoundBench, monitors: Sequence[Monitor], flags: StopFlags, watch: Watch) -> None:
+        self._bench = bench
+        self._clock = bench.clock
+        self._monitors = list(monitors)
+        self._flags = flags
+        self._watch = watch
+        self._ticked = wall.monotonic()
+        self._trip: Trip | None = None
+        self._watching = False
+        self.deadline_ns: int | None = None
+
+    @property
+    def tripped(self) -> Trip | None:
+        """What tripped the bench, if anything did."""
+        return self._trip
+
+    def watch_from_now(self) -> None:
+        """Begin to run the monitors."""
+        for monitor in self._monitors:
+            monitor.restart(self._clock.now_ns())
+        self._watching = True
+
+    def rest(self) -> None:
+        """Stop running the monitors."""
+        self._watching = False
+
+    def now_ns(self) -> int:
+        """Return the bench's time."""
+        return self._clock.now_ns()
+
+    def point(self) -> None:
+        """Be a scheduling point in which no time passes.
+
+        Raises:
+            Stopped, CaseTimeout, Tripped: see there.
+        """
+        self._look()
+        self._run_monitors(lambda monitor, now_ns: now_ns >= monitor.overdue_ns)
+
+    def sleep(self, seconds: float) -> None:
+        """Let `seconds` of bench time pass."""
+        if not seconds >= 0:
+            raise ValueError(f"a wait cannot last {seconds} s")
+        self.wait_until(self._clock.now_ns() + round(seconds * NANOSECONDS))
+
+    def wait_until(self, when_ns: int) -> None:
+        """Let bench time pass until `when_ns`, with every monitor that is due on the way."""
+        self._look()
+        while self._clock.now_ns() < when_ns:
+            self._run_monitors(lambda monitor, now_ns: now_ns >= monitor.due_ns and when_ns - now_ns >= _SLOT_NS)
+            self._clock.wait_until(self._next_turn_ns(when_ns))
+            self._look()
+
+    def idle(self) -> None:
+        """Be a scheduling point while a person is awaited."""
+        self._look()
+
+    def _look(self) -> None:
+        now = wall.monotonic()
+        if now - self._ticked >= _TICK_S:
+            self._ticked = now
+            self._watch.tick()
+        self._flags.check()
+        if self._trip:
+            raise Tripped(self._trip.text, "the bench was made safe and stays so for the rest of the run")
+        if self.deadline_ns is not None and self._clock.now_ns() > self.deadline_ns:
+            raise CaseTimeout
+
+    def _next_turn_ns(self, when_ns: int) -> int:
+        """Return when this wait has to look up again: at a monitor's turn, or at its end."""
+        if not self._watching or self._bench.playback is not None:
+            return when_ns
+        now_ns, latest_ns = self._clock.now_ns(), when_ns - _SLOT_NS
+        turns = [monitor.due_ns for monitor in self._monitors if now_ns < monitor.due_ns <= latest_ns]
+        return min(turns, default=when_ns)
+
+    def _run_monitors(self, due: Callable[[Monitor, int], bool]) -> None:
+        if not self._watching:
+            return
+        if self._bench.playback is not None:
+            self._replay_monitors(self._bench.playback.due_monitor)
+            return
+        for monitor in self._monitors:
+            if due(monitor, self._clock.now_ns()):
+                self._take(monitor)
+
+    def _replay_monitors(self, due_monitor: Callable[[], str]) -> None:
+        """Run the monitors that the record holds here: wall jitter decided their turn then."""
+        while name := due_monitor():
+            self._take(next(monitor for monitor in self._monitors if monitor.limit.id == name))
+
+    def _take(self, monitor: Monitor) -> None:
+        now_ns = self._clock.now_ns()
+        if self._bench.playback is not None:
+            self._bench.playback.take(monitor.limit.id, MONITOR)
+        self._bench.transcript.note(monitor.limit.id, MONITOR, now_ns, now_ns)
+        try:
+            figure, trip = monitor.take(self._clock.now_ns)
+        except DeviceFault as fault:
+            trip = monitor.stale(self._clock.now_ns())
+            figure = Figure(value=float("nan"), unit=monitor.limit.unit)
+            if trip:
+                trip = Trip(trip.limit, trip.value, trip.unit, f"{trip.text} ({fault})")
+        self._watch.reading(monitor.limit.id, self._clock.now(), figure)
+        if trip and self._trip is None:
+            self._trip = trip
+            self._watch.trip(trip)
+            raise Tripped(trip.text, "the bench was made safe and stays so for the rest of the run")

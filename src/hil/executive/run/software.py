@@ -1,0 +1,67 @@
+"""What software made a run: product, workspace, packages, and how numbers are computed here."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+
+__all__ = ["PINNED", "pinned_environment", "software_identity", "version"]
+
+PINNED = {
+    "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL AVX512_SPR",
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_CORETYPE": "Haswell",
+    "OPENBLAS_NUM_THREADS": "1",
+    "PYTHONHASHSEED": "0",
+}
+"""Environment under which two machines compute the same last digits."""
+
+_GIT_TIMEOUT_S = 10
+
+
+def version() -> str:
+    """Return the product's version."""
+    return metadata.version("hil")
+
+
+def pinned_environment() -> dict[str, str]:
+    """Return this process' environment with the pins set, pytest's own variables removed."""
+    kept = {key: value for key, value in os.environ.items() if not key.startswith("PYTEST_")}
+    return {**kept, **PINNED}
+
+
+def software_identity(workspace: Path) -> dict[str, object]:
+    """Return what is frozen as `data/software.json`; the difference to the commit is kept whole."""
+    return {
+        "format": 1,
+        "hil": {"version": version(), "commit": _commit(Path(__file__).parent)},
+        "workspace": {"commit": _commit(workspace), "difference": _git(workspace, "diff", "HEAD")},
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "packages": {item.name: item.version for item in sorted(metadata.distributions(), key=lambda d: d.name)},
+        "numeric": {name: os.environ.get(name, "") for name in PINNED},
+        "byte_order": sys.byteorder,
+    }
+
+
+def _commit(folder: Path) -> dict[str, object]:
+    commit = _git(folder, "rev-parse", "HEAD").strip()
+    return {"id": commit, "changed": bool(commit and _git(folder, "status", "--porcelain").strip())}
+
+
+def _git(folder: Path, *arguments: str) -> str:
+    git = shutil.which("git")
+    if git is None:
+        return ""
+    try:
+        done = subprocess.run(  # noqa: S603 - git of this machine with fixed arguments
+            [git, "-C", str(folder), *arguments], capture_output=True, text=True, timeout=_GIT_TIMEOUT_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired, UnicodeDecodeError):
+        return ""
+    return done.stdout if done.returncode == 0 else ""

@@ -1,0 +1,194 @@
+"""The campaign: pytest's hooks around one run."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Callable, Generator, Sequence
+from pathlib import Path
+from typing import NoReturn
+
+import pytest
+
+from hil.executive.case.case_run import CaseRun, PlannedCase
+from hil.executive.run.configuration import Configuration
+from hil.executive.run.session import Session
+from hil.executive.run.stop import Stopped, handle_signals
+from hil.model.errors import HilError
+from hil.model.verdict import Verdict
+from hil.plugin.case_fixtures import case_fixtures
+from hil.plugin.collection import MARKERS, plan_cases, skipped_cases
+
+__all__ = ["Campaign", "Opener"]
+
+Opener = Callable[[Configuration, Sequence[PlannedCase]], Session]
+"""Opens the session once the cases are known."""
+
+
+class Campaign:
+    """Turns one pytest session into one run.
+
+    Args:
+        configuration: what the run is made of.
+        opener: opens the session.
+
+    Attributes:
+        session: the open session, None before the first case.
+        error: why there is none, where a person can mend it.
+        collection_errors: files that could not be collected, and why.
+    """
+
+    def __init__(self, configuration: Configuration, opener: Opener) -> None:
+        self.configuration = configuration
+        self.session: Session | None = None
+        self.error: HilError | None = None
+        self.collection_errors: list[tuple[str, str]] = []
+        self._opener = opener
+        self._planned: dict[str, PlannedCase] = {}
+        self._skipped: dict[str, str] = {}
+        self._ended: set[str] = set()
+
+    @property
+    def running(self) -> Session:
+        """The open session."""
+        if self.session is None:
+            raise RuntimeError("the run has not begun")
+        return self.session
+
+    def pytest_configure(self, config: pytest.Config) -> None:
+        """Register markers, the bench's fixtures, and the workspace's own."""
+        for marker in MARKERS:
+            config.addinivalue_line("markers", marker)
+        roles = dict.fromkeys(wire.role for wire in self.configuration.bench.wiring)
+        config.pluginmanager.register(case_fixtures(lambda: self.running, roles), "hil_case_fixtures")
+        for path in sorted(self.configuration.workspace.fixtures.glob("*.py")):
+            config.pluginmanager.register(_load(path), f"hil_workspace_fixtures_{path.stem}")
+
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        """Keep what could not be collected, for the error that a person sees."""
+        if report.failed:
+            self.collection_errors.append((report.nodeid, report.longreprtext))
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        """Freeze the planned cases before anything is deselected."""
+        try:
+            self._planned = plan_cases(items, self.configuration)
+            self._skipped = skipped_cases(self._planned, self.configuration.request.skips)
+        except HilError as error:
+            self._refuse(error)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtestloop(self, session: pytest.Session) -> Generator[None, object, object]:
+        """Arm before the first case and make safe after the last, whatever happened between."""
+        if session.testsfailed or not self._planned or session.config.option.collectonly:
+            return (yield)
+        try:
+            self.session = self._opener(self.configuration, list(self._planned.values()))
+        except HilError as error:
+            self._refuse(error)
+        with handle_signals(self.session.flags):
+            try:
+                self._arm(session)
+                return (yield)
+            finally:
+                self._note_not_run()
+                self.session.safe()
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, object, object]:
+        """Begin the case before its set-up, and end it after its teardown."""
+        reason = self._skipped.get(item.nodeid) or self.running.poison
+        if item.get_closest_marker("xfail"):
+            reason = reason or "marked xfail: a failure that is expected is no verdict"
+        if reason:
+            self._skip(item, reason)
+            return (yield)
+        run = self.running.begin(self._planned[item.nodeid])
+        try:
+            return (yield)
+        except BaseException as error:
+            run.raised(error)
+            raise
+        finally:
+            self.running.end(run)
+            self._ended.add(item.nodeid)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(
+        self, item: pytest.Item, call: pytest.CallInfo[None]
+    ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+        """Let the verdict decide how pytest counts a case."""
+        report = yield
+        run = self.session.current if self.session else None
+        if run is None:
+            return report
+        if call.excinfo is not None:
+            if call.excinfo.errisinstance(pytest.skip.Exception):
+                run.skip(str(call.excinfo.value))
+                return report
+            run.raised(call.excinfo.value)
+            self._stop(item.session, call.excinfo.value)
+        if call.when == "call":
+            run.finish()
+            _judge(report, run)
+        elif report.failed:
+            report.longrepr = "\n".join(run.outcome().reasons)
+        return report
+
+    def pytest_report_teststatus(
+        self, report: pytest.TestReport
+    ) -> tuple[str, str, tuple[str, dict[str, bool]]] | None:
+        """Show the verdict instead of pytest's words."""
+        verdict = dict(report.user_properties).get("verdict")
+        if report.when != "call" or not isinstance(verdict, str):
+            return None
+        good = Verdict(verdict).good
+        return report.outcome, "." if good else verdict[0], (verdict, {"green" if good else "red": True})
+
+    def _refuse(self, error: HilError) -> NoReturn:
+        """End pytest with its code for wrong usage; whoever launched it tells the person."""
+        self.error = error
+        pytest.exit(str(error), returncode=pytest.ExitCode.USAGE_ERROR)
+
+    def _arm(self, session: pytest.Session) -> None:
+        try:
+            self.running.arm()
+        except Stopped as stopped:
+            session.shouldstop = f"stopped by {stopped}"
+
+    def _stop(self, session: pytest.Session, error: BaseException) -> None:
+        if isinstance(error, Stopped) or self.running.flags.reason:
+            session.shouldstop = f"stopped by {self.running.flags.reason}"
+
+    def _skip(self, item: pytest.Item, reason: str) -> None:
+        self.running.not_run(item.nodeid, reason)
+        self._ended.add(item.nodeid)
+        item.add_marker(pytest.mark.skip(reason=reason), append=False)
+
+    def _note_not_run(self) -> None:
+        """Give every planned case that never began its reason."""
+        reason = f"stopped by {self.running.flags.reason}" if self.running.flags.reason else "deselected"
+        for case in self._planned:
+            if case not in self._ended:
+                self.running.not_run(case, reason)
+
+
+def _judge(report: pytest.TestReport, run: CaseRun) -> None:
+    outcome = run.outcome()
+    report.user_properties.append(("verdict", outcome.verdict.value))
+    if report.skipped:
+        return
+    report.outcome = "passed" if outcome.verdict.good else "failed"
+    report.longrepr = None if outcome.verdict.good else "\n".join((outcome.verdict.value, *outcome.reasons))
+
+
+def _load(path: Path) -> object:
+    name = f"hil_workspace_fixtures.{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise pytest.UsageError(f"{path} cannot be loaded")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module

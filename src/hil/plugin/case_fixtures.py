@@ -1,0 +1,61 @@
+"""The fixtures that every case can ask for, and one per role of the bench."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import partial
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from hil.executive.case.case_run import CaseRun
+from hil.executive.run.session import Session
+
+__all__ = ["CaseClock", "case_fixtures"]
+
+
+class CaseClock:
+    """The `clock` fixture: bench time, as far as a case may see it."""
+
+    def __init__(self, run: CaseRun) -> None:
+        self._run = run
+
+    def sleep(self, seconds: float) -> None:
+        """Let `seconds` of bench time pass; monitors go on."""
+        arguments = {"seconds": seconds}
+        self._run.effects.perform("clock.sleep", "waits", arguments, lambda: self._run.scheduler.sleep(seconds))
+
+
+def case_fixtures(session: Callable[[], Session], roles: Iterable[str]) -> ModuleType:
+    """Return a module of fixtures; it is made per run, because the bench decides which roles there are."""
+    module = ModuleType("hil_case_fixtures", "Fixtures of one bench.")
+
+    def provide(name: str, make: Callable[[Session, CaseRun], Any], doc: str) -> None:
+        def fixture() -> Any:  # noqa: ANN401 - whatever the fixture provides
+            running = session()
+            if running.current is None:
+                raise RuntimeError(f"'{name}' is for cases only, not for fixtures that outlive them")
+            return make(running, running.current)
+
+        fixture.__doc__ = doc
+        setattr(module, name, pytest.fixture(name=name)(fixture))
+
+    provide("step", lambda _, run: run.steps, "A named part of the case.")
+    provide("record", lambda _, run: run.record, "Sample roles into a recording.")
+    provide("check", lambda _, run: run.check, "Evaluate one criterion of the catalogue.")
+    provide("operator", lambda _, run: run.operator, "A person's hands and eyes.")
+    provide("iterations", lambda _, run: run.iterations, "A loop that may be re-entered.")
+    provide("clock", lambda _, run: CaseClock(run), "Bench time.")
+    provide("parameters", _parameters, "The plan's parameters.")
+    for role in roles:
+        provide(role, partial(_role, role), f"The bench's {role}.")
+    return module
+
+
+def _role(role: str, session: Session, run: CaseRun) -> object:
+    return session.roles(run)[role]
+
+
+def _parameters(session: Session, run: CaseRun) -> object:
+    return session.configuration.parameters[run.planned.plan]

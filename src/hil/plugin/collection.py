@@ -1,0 +1,101 @@
+"""From pytest items to planned cases, with everything that is wrong with them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import pytest
+
+from hil.documents.suggest import did_you_mean
+from hil.executive.case.case_run import PlannedCase
+from hil.executive.run.configuration import Configuration
+from hil.model.errors import ConfigurationError, Finding, Refused
+from hil.requirements.catalogue import Catalogue
+
+__all__ = ["MARKERS", "plan_cases", "skipped_cases"]
+
+MARKERS = (
+    "requirement(id, ...): the requirements that this case verifies",
+    "max_duration(seconds): bench time after which this case is an ERROR (default: one hour)",
+)
+
+_LONGEST_S = 3600.0
+
+
+def plan_cases(items: Sequence[pytest.Item], configuration: Configuration) -> dict[str, PlannedCase]:
+    """Return every case by its node id.
+
+    Raises:
+        ConfigurationError: with every marker that the catalogue cannot follow, and every gap in `over`.
+    """
+    planned = {item.nodeid: _planned(item) for item in items}
+    findings = [finding for item in items for finding in _marker_findings(item, configuration.catalogue)]
+    findings += _uncovered(items, configuration.catalogue)
+    if findings:
+        raise ConfigurationError(tuple(findings))
+    return planned
+
+
+def skipped_cases(planned: Mapping[str, PlannedCase], skips: Mapping[str, str]) -> dict[str, str]:
+    """Return the cases that the command line skips, with the reason.
+
+    Raises:
+        Refused: if a name is no case, or could be several.
+    """
+    skipped: dict[str, str] = {}
+    for asked, reason in skips.items():
+        found = [case for case in planned if case == asked or case.endswith(f"::{asked}")]
+        if len(found) != 1:
+            names = [case.rpartition("::")[2] for case in planned]
+            what = "no case" if not found else "several cases"
+            raise Refused(f"{what} '{asked}' to skip{did_you_mean(asked, names)}", "name it as hil plan shows it")
+        skipped[found[0]] = reason
+    return skipped
+
+
+def _planned(item: pytest.Item) -> PlannedCase:
+    mark = item.get_closest_marker("max_duration")
+    doc = getattr(getattr(item, "function", None), "__doc__", "") or ""
+    return PlannedCase(
+        id=item.nodeid,
+        title=doc.strip().partition("\n")[0],
+        plan=item.path.parent.name,
+        requirements=_requirements(item),
+        max_duration_s=float(mark.args[0]) if mark and mark.args else _LONGEST_S,
+    )
+
+
+def _requirements(item: pytest.Item) -> tuple[str, ...]:
+    marks = item.iter_markers("requirement")
+    return tuple(dict.fromkeys(str(name) for mark in marks for name in mark.args))
+
+
+def _marker_findings(item: pytest.Item, catalogue: Catalogue) -> Iterator[Finding]:
+    path, line, _ = item.location
+    for name in _requirements(item):
+        if name not in catalogue.ids:
+            yield _at(path, line, f"unknown requirement '{name}'{did_you_mean(name, catalogue.ids)}")
+        elif catalogue.requirement(name).withdrawn:
+            yield _at(path, line, f"requirement '{name}' is withdrawn, take it from the marker of {item.name}")
+
+
+def _uncovered(items: Sequence[pytest.Item], catalogue: Catalogue) -> Iterator[Finding]:
+    """Yield what a requirement wants covered `over` case parameters, and no planned case covers."""
+    for name in catalogue.ids:
+        requirement = catalogue.requirement(name)
+        marked = [item for item in items if name in _requirements(item)]
+        for parameter, values in requirement.over.items():
+            covered = {str(_parameters(item).get(parameter)) for item in marked}
+            missing = [value for value in values if value not in covered]
+            if missing and marked:
+                path, line, _ = marked[0].location
+                yield _at(path, line, f"{name} wants every {parameter}, no case covers {', '.join(missing)}")
+
+
+def _parameters(item: pytest.Item) -> Mapping[str, object]:
+    callspec = getattr(item, "callspec", None)
+    return callspec.params if callspec else {}
+
+
+def _at(path: str, line: int | None, message: str) -> Finding:
+    return Finding(path=path, line=(line or 0) + 1, column=1, message=message)

@@ -1,0 +1,140 @@
+"""Live progress: one line per event that a person at a bench wants to see."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, TextIO
+
+from rich.console import Console
+from rich.text import Text
+
+from hil.report.numbers import bench_time, duration, limit_text, measured
+
+__all__ = ["Progress"]
+
+_STYLES = {
+    "PASS": "green",
+    "RECORDED": "green",
+    "FAIL": "bold red",
+    "ERROR": "bold red",
+    "ABORTED": "bold magenta",
+    "INCONCLUSIVE": "yellow",
+    "NOT_EVALUATED": "yellow",
+    "NOT_RUN": "yellow",
+}
+
+
+class Progress:
+    """Writes events as lines; without a terminal they are the same lines without colour.
+
+    Args:
+        stream: where the lines go.
+        verbose: whether steps, effects and gates that hold are shown, too.
+    """
+
+    def __init__(self, stream: TextIO, *, verbose: bool = False) -> None:
+        self._console = Console(file=stream, highlight=False, soft_wrap=True, emoji=False, markup=False)
+        self._verbose = verbose
+        self._cases: dict[str, Mapping[str, Any]] = {}
+        self._done = 0
+
+    def __call__(self, event: Mapping[str, Any]) -> None:
+        """Show one event."""
+        show = getattr(self, f"_{event['kind'].replace('-', '_')}", None)
+        if show is not None:
+            show(event)
+
+    def _run(self, event: Mapping[str, Any]) -> None:
+        dut = event["dut"]
+        self._line(f"plan {', '.join(event['plans'])} on bench {event['bench']} ({event['source']})", "bold")
+        self._line(f"DUT {dut['serial']}, {dut['title'] or dut['part']}, {dut['model']}; purpose {event['purpose']}")
+        for deviation in event["deviations"]:
+            self._line(f"deviation: {deviation}", "yellow")
+
+    def _planned(self, event: Mapping[str, Any]) -> None:
+        self._cases = {case["case"]: case for case in event["cases"]}
+
+    def _orphan(self, event: Mapping[str, Any]) -> None:
+        for case in event["cases"]:
+            self._line(f"{_short(case)} carries no requirement", "yellow")
+
+    def _gate(self, event: Mapping[str, Any]) -> None:
+        if self._verbose or not event["ok"]:
+            self._line(
+                f"  {'ok  ' if event['ok'] else 'NOT OK'} {event['name']}: {event['detail']}", _good(event["ok"])
+            )
+
+    def _armed(self, _: Mapping[str, Any]) -> None:
+        self._line("armed: every readiness gate holds", "green")
+
+    def _case(self, event: Mapping[str, Any]) -> None:
+        self._done += 1
+        title = self._cases.get(event["case"], {}).get("title", "")
+        self._line("")
+        self._line(f"[{self._done}/{len(self._cases)}] {_short(event['case'])}  {title}", "bold")
+
+    def _step(self, event: Mapping[str, Any]) -> None:
+        depth = len(event["path"]) - 1
+        if self._verbose or depth == 0:
+            self._line(f"  {bench_time(event['t'])}  {'  ' * depth}{event['number']} {event['path'][-1]}", "dim")
+
+    def _effect(self, event: Mapping[str, Any]) -> None:
+        if self._verbose and event["effect"] == "drives":
+            arguments = ", ".join(f"{key}={value}" for key, value in event["arguments"].items())
+            self._line(f"                {event['name']}({arguments})", "dim")
+
+    def _answer(self, event: Mapping[str, Any]) -> None:
+        self._line(f"  answered {event['name']}: {event['value']} ({event['by']})")
+
+    def _check(self, event: Mapping[str, Any]) -> None:
+        of = f" of {event['of']}" if event["of"] else ""
+        value = measured(event["value"], event["expanded"], event["unit"])
+        limit = limit_text(event["limit"], event["limit_unit"])
+        reason = f"  {event['reason']}" if event["reason"] else ""
+        text = Text(f"  {event['requirement']} {event['parameter']}{of} = {value}  ({limit})  ")
+        text.append(event["verdict"], _STYLES[event["verdict"]])
+        text.append(reason)
+        self._console.print(text)
+
+    def _fault(self, event: Mapping[str, Any]) -> None:
+        self._line(f"  {'DUT' if event['dut'] else 'bench'} fault, {event['message']}", "bold red")
+        if event["hint"]:
+            self._line(f"    {event['hint']}")
+
+    def _trip(self, event: Mapping[str, Any]) -> None:
+        self._line(f"  TRIP {event['limit']}: {event['text']}", "bold red")
+
+    def _case_end(self, event: Mapping[str, Any]) -> None:
+        text = Text("  ")
+        text.append(event["verdict"], _STYLES[event["verdict"]])
+        text.append(f"  {duration(event['duration'])} of bench time")
+        self._console.print(text)
+        for reason in event["reasons"]:
+            self._line(f"    {reason}")
+
+    def _not_run(self, event: Mapping[str, Any]) -> None:
+        self._line(f"{_short(event['case'])} NOT_RUN: {event['reason']}", "yellow")
+
+    def _stop(self, event: Mapping[str, Any]) -> None:
+        self._line(f"stopped by {event['reason']}", "bold magenta")
+
+    def _safe(self, event: Mapping[str, Any]) -> None:
+        if self._verbose or not event["ok"]:
+            word = "safe" if event["ok"] else "NOT SAFE"
+            self._line(f"  {word}: {event['output']} {event['state']}, {event['detail']}", _good(event["ok"]))
+
+    def _safe_end(self, event: Mapping[str, Any]) -> None:
+        self._line("")
+        words = "bench safe, every line proven" if event["ok"] else "THE BENCH COULD NOT BE PROVEN SAFE"
+        self._line(words, _good(event["ok"]))
+
+    def _line(self, text: str, style: str = "") -> None:
+        self._console.print(Text(text, style))
+
+
+def _short(case: str) -> str:
+    return case.rpartition("::")[2]
+
+
+def _good(ok: bool) -> str:
+    return "green" if ok else "bold red"

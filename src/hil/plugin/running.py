@@ -1,0 +1,51 @@
+"""One run, from the request to the sealed package and the words about it."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TextIO
+
+from hil.executive.run.configuration import Request, configure
+from hil.executive.run.session import Session
+from hil.plugin.launch import launch
+from hil.plugin.opening import open_simulated
+from hil.plugin.progress import Progress
+from hil.report.summary import closing_lines
+from hil.report.write import write_reports
+
+__all__ = ["run"]
+
+_NO_CASES = 5
+
+
+def run(request: Request, out: TextIO, *, verbose: bool = False) -> int:
+    """Run the request's plans, seal the package, tell how it ended, and return the exit code.
+
+    The last line of `out` is the package's path.
+    """
+    configuration = configure(request)
+    listeners = [Progress(out, verbose=verbose)]
+    launched = launch(configuration, partial(open_simulated, listeners=listeners))
+    if launched.session is None:
+        out.write("no cases were found in these plans\n")
+        return _NO_CASES
+    code = launched.session.exit_code(launched.code)
+    digest = launched.session.seal(code, write_reports)
+    _tell(launched.session, digest, out)
+    return code
+
+
+def _tell(session: Session, digest: str, out: TextIO) -> None:
+    from hil.evidence.package import Package  # noqa: PLC0415 - not before the run
+
+    out.write("\n")
+    for line in closing_lines(Package(session.folder).results()):
+        out.write(f"{line}\n")
+    out.write(f"\nevidence digest {digest}\n")
+    out.write(f"report  {_shown(session.folder / 'data/report/report.html')}\n")
+    out.write(f"{_shown(session.folder)}\n")
+
+
+def _shown(path: Path) -> str:
+    return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else str(path)
