@@ -1,0 +1,185 @@
+"""The procedure as it was run: steps, effects, questions, checks and recordings of each case."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from hil.report.material import Body, flag, inner, inners, text, texts, verdict
+from hil.report.numbers import bench_time, duration, limit_text, measured, number, with_unit
+from hil.report.view import CheckRow, Exchange, RecordingRow, StepRow
+
+__all__ = ["attributed", "check_row", "checks_of", "recording_rows", "step_rows"]
+
+_EFFECTS = {"drives": "drive", "reads": "read", "waits": "wait", "asks": "question"}
+
+
+def attributed(events: Sequence[Body]) -> list[Body]:
+    """Return the events with case, step and attempt where the journal leaves them to what came before.
+
+    An answer belongs to the case and step of its question, and what tells of a recording to that recording's. Events
+    of a case that was tried more than once name their attempt as `tried`, and the last one's are the `counted` ones.
+    """
+    owners: dict[object, Body] = {}
+    attempts: Counter[object] = Counter()
+    placed: list[dict[str, object]] = []
+    for event in events:
+        kind = event["kind"]
+        key = event.get("recording") if "recording" in event else (event.get("name"), event.get("ordinal"))
+        if kind in {"question", "recording"}:
+            owners[key] = {name: event.get(name) for name in ("case", "step")}
+        owner = owners.get(key, {}) if kind in {"answer", "rows", "recording-end"} else {}
+        case = event.get("case", owner.get("case"))
+        attempts[case] += kind == "case"
+        placed.append({**owner, **event, "tried": attempts[case]})
+    return [
+        event | {"tried": event["tried"] if attempts[case] > 1 else None, "counted": event["tried"] == attempts[case]}
+        for event in placed
+        for case in (event.get("case"),)
+    ]
+
+
+def step_rows(events: Sequence[Body]) -> tuple[StepRow, ...]:
+    """Return the steps among the events of one case, in the order in which they began."""
+    return tuple(_step(event, _within(events, place)) for place, event in enumerate(events) if event["kind"] == "step")
+
+
+def checks_of(events: Sequence[Body]) -> tuple[CheckRow, ...]:
+    """Return every check among the events."""
+    return tuple(check_row(event) for event in events if event["kind"] == "check")
+
+
+def check_row(check: Body) -> CheckRow:
+    """Return one check, written out."""
+    unit, limit_unit = text(check, "unit"), text(check, "limit_unit")
+    expanded = check.get("expanded") if limit_unit in {"", unit} else None
+    limit = limit_text(inner(check, "limit"), limit_unit)
+    return CheckRow(
+        case=text(check, "case"),
+        step=text(check, "step"),
+        attempt=text(check, "tried"),
+        requirement=text(check, "requirement"),
+        parameter=text(check, "parameter"),
+        of=text(check, "of"),
+        value=measured(check.get("value"), expanded, unit),
+        coverage=_coverage(check, unit, limit_unit),
+        limit=limit,
+        margin=_signed(check.get("margin"), limit_unit),
+        tur="" if check.get("tur") is None else number(check["tur"], 2),
+        decision=text(check, "decision") if limit else "",
+        verdict=verdict(check),
+        reason=text(check, "reason"),
+        instruments=", ".join(texts(check, "instruments")),
+    )
+
+
+def recording_rows(events: Sequence[Body]) -> tuple[RecordingRow, ...]:
+    """Return the recordings among the events, in the order in which they began."""
+    ends = {text(event, "recording"): event for event in events if event["kind"] == "recording-end"}
+    begun = {text(event, "recording"): event for event in events if event["kind"] == "recording"}
+    return tuple(_recording(event, ends.get(name)) for name, event in begun.items())
+
+
+def _within(events: Sequence[Body], place: int) -> list[Body]:
+    """Return what happened from the step at `place` until it ended, without the steps inside it."""
+    number_ = events[place].get("number")
+    until = next(
+        (later for later in range(place + 1, len(events)) if _ends(events[later], number_)),
+        len(events) - 1,
+    )
+    return [event for event in events[place : until + 1] if event.get("step", event.get("number")) == number_]
+
+
+def _ends(event: Body, number_: object) -> bool:
+    return event["kind"] == "step-end" and event.get("number") == number_
+
+
+def _step(begin: Body, within: Sequence[Body]) -> StepRow:
+    end = next((event for event in within if event["kind"] == "step-end"), None)
+    path, number_ = texts(begin, "path"), text(begin, "number")
+    return StepRow(
+        number=number_,
+        attempt=text(begin, "tried"),
+        depth=number_.count("."),
+        title=path[-1] if path else "",
+        begin=bench_time(begin.get("t")),
+        duration=duration(end.get("duration")) if end else "",
+        outcome=text(end, "outcome") if end else "not ended",
+        effects=_effects(within),
+        recordings=tuple(text(event, "recording") for event in within if event["kind"] == "recording"),
+        exchanges=_exchanges(within),
+    )
+
+
+def _effects(within: Sequence[Body]) -> str:
+    counted = Counter(text(event, "effect") for event in within if event["kind"] == "effect")
+    words = [(counted[kind], word) for kind, word in _EFFECTS.items() if counted[kind]]
+    return ", ".join(f"{count} {word}{'s' if count > 1 else ''}" for count, word in words)
+
+
+def _exchanges(within: Sequence[Body]) -> tuple[Exchange, ...]:
+    answers = {(event.get("name"), event.get("ordinal")): event for event in within if event["kind"] == "answer"}
+    return tuple(
+        _exchange(event, answers.get((event.get("name"), event.get("ordinal")), {}))
+        for event in within
+        if event["kind"] == "question"
+    )
+
+
+def _exchange(question: Body, answer: Body) -> Exchange:
+    value = answer.get("value")
+    shown = measured(value.get("value"), None, text(value, "unit")) if isinstance(value, dict) else _answer(value)
+    return Exchange(
+        form=text(question, "form"),
+        text=text(question, "text"),
+        options=", ".join(texts(question, "options")),
+        answer=shown,
+        by=text(answer, "by"),
+    )
+
+
+def _answer(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return "" if value is None else number(value) if isinstance(value, int | float) else str(value)
+
+
+def _coverage(check: Body, unit: str, limit_unit: str) -> str:
+    """Return what else is known of the uncertainty: its size in the limit's unit, or that it is unknown."""
+    expanded, value = check.get("expanded"), check.get("value")
+    if not isinstance(value, int | float):
+        return ""
+    if check.get("uncertainty") is None and expanded is None:
+        return "uncertainty not recorded"
+    if isinstance(expanded, int | float) and limit_unit not in {"", unit}:
+        return f"U = {with_unit(number(expanded, 2), limit_unit)}"
+    return ""
+
+
+def _signed(margin: object, unit: str) -> str:
+    if not isinstance(margin, int | float):
+        return ""
+    digits = number(margin, 3)
+    return with_unit(f"+{digits}" if margin > 0 else digits, unit)
+
+
+def _recording(begin: Body, end: Body | None) -> RecordingRow:
+    gap = end.get("gaps") if end else None
+    return RecordingRow(
+        id=text(begin, "recording"),
+        name=text(begin, "name"),
+        channels="; ".join(_channel(channel) for channel in inners(begin, "channels")),
+        rate=f"{number(begin.get('rate'))} Hz" if begin.get("rate") is not None else "",
+        duration=duration(begin.get("duration")),
+        rows=f"{end.get('rows'):,}".replace(",", " ") if end and isinstance(end.get("rows"), int) else "",
+        gap=duration(gap),
+        whole="not ended" if end is None else "complete" if flag(end, "complete") else "incomplete",
+        source=text(begin, "source"),
+        sha256=text(end, "sha256") if end else "",
+    )
+
+
+def _channel(channel: Body) -> str:
+    instrument = text(channel, "instrument")
+    unit = text(channel, "unit")
+    return f"{text(channel, 'name')} [{unit or '1'}]" + (f" from {instrument}" if instrument else "")

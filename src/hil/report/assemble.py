@@ -1,0 +1,214 @@
+"""From the evidence of one run to what a person sees of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from hil.documents.canonical import parse_strict
+from hil.model.verdict import Verdict
+from hil.report.as_run import attributed, checks_of, recording_rows, step_rows
+from hil.report.bench_file import instruments, parse, wiring
+from hil.report.drawings import charts, recording_graphics
+from hil.report.happenings import deviations, gates, happenings, people, safe_off
+from hil.report.material import Body, Material, flat, inner, inners, text, texts, verdict
+from hil.report.numbers import duration, with_unit
+from hil.report.sentences import closing_sentence, closings, headline, safe_word, source_word, subject, warnings
+from hil.report.view import CaseView, Fact, Graphic, ParameterRow, RequirementRow, RunView
+
+__all__ = ["assemble"]
+
+
+def assemble(material: Material, evidence_digest: str) -> RunView:
+    """Return the view of a run.
+
+    Args:
+        material: the run's evidence.
+        evidence_digest: the digest that the page names; it covers everything but `data/report/`.
+
+    Raises:
+        EvidenceError: where the results say what this version does not know.
+    """
+    events, results = attributed(material.events()), material.results()
+    run = inner(results, "run")
+    bench = parse(material.text("bench/bench.yaml"), "bench/bench.yaml")
+    place = _json(material, "place.json")
+    anomalies = _anomalies(material)
+    check_events = [event for event in events if event["kind"] == "check" and event["counted"]]
+    return RunView(
+        title=", ".join(texts(run, "plans")),
+        subject=subject(results),
+        run=material.run(),
+        source_word=source_word(results),
+        verdict=verdict(results),
+        headline=headline(results),
+        closing=closing_sentence(results),
+        warnings=warnings(results),
+        counts=_counts(results),
+        closings=closings(results),
+        facts=_facts(material, run, inner(bench, "bench"), events),
+        requirements=tuple(_requirement(entry, anomalies) for entry in inners(results, "requirements")),
+        checks=checks_of(events),
+        charts=charts(check_events),
+        cases=_cases(material, events, results, check_events),
+        not_run=_not_run(events, results),
+        orphans=tuple(case for event in events if event["kind"] == "orphan" for case in texts(event, "cases")),
+        gates=gates(events),
+        safe=safe_off(events),
+        safe_word=safe_word(results),
+        instruments=instruments(bench),
+        wiring=wiring(bench),
+        people=people(run, events),
+        happenings=happenings(events),
+        deviations=deviations(run),
+        parameters=_parameters(material),
+        software=_software(run, _json(material, "software.json"), place),
+        content_digest=text(results, "content_digest"),
+        evidence_digest=evidence_digest,
+    )
+
+
+def _facts(material: Material, run: Body, bench: Body, events: Sequence[Body]) -> tuple[Fact, ...]:
+    dut = inner(run, "dut")
+    span = duration(events[-1].get("t")) if events else ""
+    began, ended = material.stamps()
+    return tuple(
+        Fact(label=label, value=value)
+        for label, value in (
+            ("Device under test", text(dut, "title")),
+            ("Part number", text(dut, "part")),
+            ("Serial number", text(dut, "serial")),
+            ("Model", text(dut, "model")),
+            ("Hardware revision", text(dut, "hardware")),
+            ("Firmware revision", text(dut, "firmware")),
+            ("Purpose", text(run, "purpose")),
+            ("Source", text(run, "source")),
+            ("Operator", text(run, "operator")),
+            ("Bench", " · ".join(part for part in (text(run, "bench"), text(bench, "title")) if part)),
+            ("Place", text(bench, "place")),
+            ("Began (UTC)", _instant(began)),
+            ("Ended (UTC)", _instant(ended)),
+            ("Bench time", span),
+            ("Plans", ", ".join(texts(run, "plans"))),
+            ("Run", material.run()),
+        )
+    )
+
+
+def _instant(stamp: str) -> str:
+    """Return a stamp as a person reads it, to the second."""
+    return f"{stamp[:10]} {stamp[11:19]}" if len(stamp) > 19 else stamp
+
+
+def _counts(results: Body) -> tuple[tuple[str, int], ...]:
+    counts = inner(results, "counts")
+    return tuple((word.value, int(text(counts, word))) for word in reversed(Verdict) if counts.get(word))
+
+
+def _requirement(entry: Body, anomalies: Mapping[str, str]) -> RequirementRow:
+    return RequirementRow(
+        id=text(entry, "id"),
+        rev=text(entry, "rev"),
+        text=text(entry, "text"),
+        kind=text(entry, "kind"),
+        method=text(entry, "method"),
+        source=text(entry, "source"),
+        verdict=verdict(entry),
+        cases=tuple((text(case, "case"), verdict(case)) for case in inners(entry, "cases")),
+        checks=int(text(entry, "checks") or 0),
+        eligible=entry.get("eligible") is True,
+        reasons=texts(entry, "reasons"),
+        anomaly=anomalies.get(text(entry, "id"), ""),
+    )
+
+
+def _cases(material: Material, events: Sequence[Body], results: Body, checks: Sequence[Body]) -> tuple[CaseView, ...]:
+    begun = [event for event in events if event["kind"] == "recording"]
+    drawn = recording_graphics(material, begun, checks)
+    by_case: dict[str, list[Body]] = {}
+    for event in events:
+        by_case.setdefault(text(event, "case"), []).append(event)
+    return tuple(
+        _case(place, entry, by_case.get(text(entry, "case"), []), drawn)
+        for place, entry in enumerate(inners(results, "cases"), 1)
+    )
+
+
+def _case(place: int, entry: Body, events: Sequence[Body], drawn: Mapping[str, tuple[Graphic, ...]]) -> CaseView:
+    recordings = recording_rows(events)
+    used = inner(entry, "used")
+    return CaseView(
+        anchor=f"case-{place}",
+        case=text(entry, "case"),
+        title=text(entry, "title"),
+        plan=text(entry, "plan"),
+        verdict=verdict(entry),
+        reasons=texts(entry, "reasons"),
+        requirements=tuple(flat(inner(entry, "requirements"))),
+        duration=duration(entry.get("duration")),
+        attempts=_attempts(inners(entry, "attempts")),
+        used=", ".join(f"{name} ({source})" for name, source in sorted(used.items())),
+        steps=step_rows(events),
+        checks=checks_of(events),
+        recordings=recordings,
+        graphics=tuple(graphic for recording in recordings for graphic in drawn.get(recording.id, ())),
+    )
+
+
+def _attempts(attempts: Sequence[Body]) -> str:
+    """Return how often a case was tried and how each ended; the ordinary one attempt needs no words."""
+    if len(attempts) < 2:
+        return ""
+    told = ", ".join(text(attempt, "verdict") or "not ended" for attempt in attempts)
+    return f"{len(attempts)} attempts: {told}"
+
+
+def _not_run(events: Sequence[Body], results: Body) -> tuple[tuple[str, str, str], ...]:
+    """Return case, title and reason of everything that was planned and did not run."""
+    said = {text(event, "case"): text(event, "reason") for event in events if event["kind"] == "not-run"}
+    return tuple(
+        (text(entry, "case"), text(entry, "title"), said.get(text(entry, "case")) or "; ".join(texts(entry, "reasons")))
+        for entry in inners(results, "cases")
+        if verdict(entry) is Verdict.NOT_RUN
+    )
+
+
+def _plan_files(material: Material, name: str) -> Iterator[tuple[str, Body]]:
+    """Give every plan that was frozen with its file of that name."""
+    for plan in material.names("catalogue"):
+        relative = f"catalogue/{plan}/{name}"
+        yield plan, parse(material.text(relative), relative)
+
+
+def _anomalies(material: Material) -> dict[str, str]:
+    """Return by requirement what its plan says is wrong with the text at its source."""
+    return {
+        text(entry, "id"): text(entry, "anomaly")
+        for _, file in _plan_files(material, "requirements.yaml")
+        for entry in inners(file, "requirements")
+    }
+
+
+def _parameters(material: Material) -> tuple[ParameterRow, ...]:
+    return tuple(
+        ParameterRow(
+            plan=plan,
+            name=text(entry, "name"),
+            value=with_unit(text(entry, "value") or ", ".join(texts(entry, "values")), text(entry, "unit")),
+            text=text(entry, "text"),
+        )
+        for plan, file in _plan_files(material, "parameters.yaml")
+        for entry in inners(file, "parameters")
+    )
+
+
+def _software(run: Body, software: Body, place: Body) -> tuple[Fact, ...]:
+    named = (("hil version", text(run, "version")), ("seed", text(run, "seed")))
+    digests = tuple((f"{name} sha256", text(run, name)) for name in ("catalogue", "parameters", "sources"))
+    rest = (*flat(software), *((f"place.{name}", value) for name, value in flat(place)))
+    return tuple(Fact(label=label, value=value) for label, value in (*named, *digests, *rest))
+
+
+def _json(material: Material, relative: str) -> Body:
+    content = material.text(relative)
+    value = parse_strict(content.encode()) if content else {}
+    return value if isinstance(value, Mapping) else {}

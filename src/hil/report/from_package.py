@@ -1,0 +1,67 @@
+"""A package as material for reports."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from hil.evidence.bag import INFO
+from hil.evidence.package import Package
+from hil.model.errors import EvidenceError
+from hil.report.material import Body, Trace
+
+__all__ = ["PackageMaterial"]
+
+_IDENTIFIER = "External-Identifier: "
+
+
+class PackageMaterial:
+    """The folder of a run, sealed or about to be.
+
+    Args:
+        folder: the run's folder.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._package = Package(folder)
+        self._data = folder / "data"
+
+    def run(self) -> str:
+        """Return the name that the folder had at its seal; a copy under another name gives the same report."""
+        if self._package.sealed:
+            for line in self._package.text(INFO).splitlines():
+                if line.startswith(_IDENTIFIER):
+                    return line.removeprefix(_IDENTIFIER)
+        return self._package.name
+
+    def stamps(self) -> tuple[str, str]:
+        """Return the UTC of the first and of the last event."""
+        lines = self._package.lines()
+        return (str(lines[0].wall.get("utc", "")), str(lines[-1].wall.get("utc", ""))) if lines else ("", "")
+
+    def events(self) -> Sequence[Body]:
+        """Return the bodies of the journal in order."""
+        return self._package.events()
+
+    def results(self) -> Body:
+        """Return the results."""
+        return self._package.results()
+
+    def text(self, relative: str) -> str:
+        """Return a file under `data/`, or an empty text where there is none."""
+        return self._package.text(f"data/{relative}") if (self._data / relative).is_file() else ""
+
+    def names(self, folder: str) -> Sequence[str]:
+        """Return the sorted names directly within a folder under `data/`."""
+        place = self._data / folder
+        return sorted(entry.name for entry in place.iterdir()) if place.is_dir() else []
+
+    def traces(self, recording: str) -> Sequence[Trace]:
+        """Return the channels of a recording; none where its samples cannot be read, which `verify` tells."""
+        try:
+            found = self._package.recording(recording)
+        except EvidenceError:
+            return []
+        return [
+            Trace(name=name, unit=found.unit(name), times=found.time, values=found[name]) for name in found.channels
+        ]

@@ -1,0 +1,129 @@
+"""What happened around the procedure: readiness, safe-off, people, and everything out of the ordinary."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from hil.report.material import Body, flag, text, texts
+from hil.report.numbers import bench_time, duration, number, with_unit
+from hil.report.view import GateRow, Happening, SafeRow
+
+__all__ = ["deviations", "gates", "happenings", "people", "safe_off"]
+
+
+def gates(events: Sequence[Body]) -> tuple[GateRow, ...]:
+    """Return the readiness gates in the order in which they were passed or not."""
+    return tuple(
+        GateRow(name=text(event, "name"), ok=flag(event, "ok"), detail=text(event, "detail"))
+        for event in events
+        if event["kind"] == "gate"
+    )
+
+
+def safe_off(events: Sequence[Body]) -> tuple[SafeRow, ...]:
+    """Return every output that was made safe, in order."""
+    return tuple(
+        SafeRow(
+            at=bench_time(event.get("t")),
+            output=text(event, "output"),
+            state=text(event, "state"),
+            ok=flag(event, "ok"),
+            detail=text(event, "detail"),
+            duration=duration(event.get("duration")),
+        )
+        for event in events
+        if event["kind"] == "safe"
+    )
+
+
+def people(run: Body, events: Sequence[Body]) -> tuple[tuple[str, str], ...]:
+    """Return who took part, with what they did, sorted by name."""
+    parts: dict[str, dict[str, None]] = {}
+    if text(run, "operator"):
+        parts.setdefault(text(run, "operator"), {})["operator"] = None
+    for event in events:
+        did = {"answer": "answered questions", "note": "wrote notes", "attachment": "attached files"}.get(
+            text(event, "kind")
+        )
+        if did and text(event, "by"):
+            parts.setdefault(text(event, "by"), {})[did] = None
+    return tuple((name, ", ".join(done)) for name, done in sorted(parts.items()))
+
+
+def deviations(run: Body) -> tuple[str, ...]:
+    """Return what the run was asked to do differently from its plan."""
+    return texts(run, "deviations")
+
+
+def happenings(events: Sequence[Body]) -> tuple[Happening, ...]:
+    """Return anomalies, trips, gaps, faults, stops, notes and recoveries in the order of the journal."""
+    return tuple(
+        Happening(at=bench_time(event.get("t")), kind=_WORDS[text(event, "kind")], case=text(event, "case"), text=told)
+        for event in events
+        if text(event, "kind") in _TOLD
+        for told in (_TOLD[text(event, "kind")](event),)
+        if told
+    )
+
+
+def _reading(event: Body) -> str:
+    value = event.get("value")
+    shown = with_unit(number(value), text(event, "unit")) if value is not None else ""
+    return ": ".join(part for part in (text(event, "limit"), text(event, "text") or shown) if part) + (
+        f" ({shown})" if shown and text(event, "text") else ""
+    )
+
+
+def _stop(event: Body) -> str:
+    return f"{text(event, 'reason')}, at once" if flag(event, "urgent") else text(event, "reason")
+
+
+def _fault(event: Body) -> str:
+    owner = "the device under test" if flag(event, "dut") else "the bench"
+    said = f"{text(event, 'device')} ({owner}): {text(event, 'error')}: {text(event, 'message')}"
+    return f"{said}; {text(event, 'hint')}" if text(event, "hint") else said
+
+
+def _gap(event: Body) -> str:
+    """Return what is missing of a recording; a whole one is nothing to tell."""
+    if flag(event, "complete"):
+        return ""
+    gap = duration(event.get("gaps"))
+    return f"recording {text(event, 'recording')} is incomplete" + (f", largest gap {gap}" if gap else "")
+
+
+def _note(event: Body) -> str:
+    return f"{text(event, 'text')} ({text(event, 'by') or 'not recorded by whom'})"
+
+
+def _attachment(event: Body) -> str:
+    return f"{text(event, 'file')} ({text(event, 'by') or 'not recorded by whom'}), sha256 {text(event, 'sha256')}"
+
+
+def _recovered(event: Body) -> str:
+    torn = event.get("torn_bytes")
+    return text(event, "text") + (f" ({torn} torn bytes were cut and kept)" if torn else "")
+
+
+_WORDS = {
+    "anomaly": "anomaly",
+    "trip": "trip",
+    "monitor-late": "late monitor",
+    "stop": "stop",
+    "fault": "fault",
+    "recording-end": "gap",
+    "note": "note",
+    "attachment": "attachment",
+    "recovered": "recovery",
+}
+_TOLD: Mapping[str, Callable[[Body], str]] = {
+    "anomaly": lambda event: text(event, "text"),
+    "trip": _reading,
+    "monitor-late": _reading,
+    "stop": _stop,
+    "fault": _fault,
+    "recording-end": _gap,
+    "note": _note,
+    "attachment": _attachment,
+    "recovered": _recovered,
+}

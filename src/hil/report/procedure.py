@@ -1,0 +1,140 @@
+"""The procedure of a run as plain text: what it would drive, record and ask, and how long it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+from hil.report.as_run import attributed
+from hil.report.material import Body, inners, text, texts
+from hil.report.numbers import bench_time, duration, number, with_unit
+from hil.report.sentences import counted
+
+__all__ = ["procedure_lines"]
+
+_INDENT = "  "
+_MOST_ALIKE = 3  # how many of a step's calls of one kind are written out
+
+
+def procedure_lines(events: Sequence[Body]) -> list[str]:
+    """Return the procedure that these events tell: cases, numbered steps, drives, recordings and questions.
+
+    Args:
+        events: the bodies of a journal; for a plan, those of a run on the simulated bench.
+    """
+    events = attributed(events)
+    run = next((event for event in events if event["kind"] == "run"), {})
+    planned = [case for event in events if event["kind"] == "planned" for case in inners(event, "cases")]
+    lines = [_head(run, len(planned), events)]
+    for place, case in enumerate(planned, 1):
+        own = [event for event in events if event.get("case") == case.get("case")]
+        lines += ["", *_case(place, case, own)]
+    return lines
+
+
+def _head(run: Body, cases: int, events: Sequence[Body]) -> str:
+    took = sum(_taken(event) for event in events if event["kind"] == "case-end")
+    plans, bench, source = ", ".join(texts(run, "plans")) or "no plan", text(run, "bench"), text(run, "source")
+    where = f" on bench {bench} ({source})" if bench else ""
+    return f"Procedure of {plans}{where}: {counted(cases, 'case')}, {duration(took)} of bench time"
+
+
+def _case(place: int, case: Body, events: Sequence[Body]) -> Iterator[str]:
+    yield f"{place}  {text(case, 'case')}"
+    if text(case, "title"):
+        yield f"{_INDENT * 2}{text(case, 'title')}"
+    ends = [event for event in events if event["kind"] == "case-end"]
+    took = duration(sum(_taken(event) for event in ends)) if ends else "not run"
+    longest = duration(case.get("max_duration"))
+    facts = (
+        ("requirements", ", ".join(texts(case, "requirements")) or "none: an orphan"),
+        ("duration", took + (f", at most {longest}" if longest else "")),
+    )
+    for label, value in facts:
+        yield f"{_INDENT * 2}{label:<12}  {value}"
+    outside = [event for event in events if not text(event, "step") and event["kind"] not in {"step", "step-end"}]
+    yield from (f"{_INDENT * 3}{line}" for line in _actions(outside))
+    for step in (event for event in events if event["kind"] == "step"):
+        yield from _step(place, step, events)
+
+
+def _step(place: int, step: Body, events: Sequence[Body]) -> Iterator[str]:
+    number_ = text(step, "number")
+    shift = _INDENT * (2 + number_.count("."))
+    path = texts(step, "path")
+    end = next((event for event in events if event["kind"] == "step-end" and text(event, "number") == number_), {})
+    yield f"{shift}{place}.{number_}  {bench_time(step.get('t'))}  {path[-1] if path else ''}  {_during(end)}".rstrip()
+    within = [event for event in events if text(event, "step") == number_]
+    yield from (f"{shift}{_INDENT * 2}{line}" for line in _actions(within))
+
+
+def _during(end: Body) -> str:
+    took = duration(end.get("duration"))
+    return f"({took})" if took else ""
+
+
+def _actions(events: Sequence[Body]) -> Iterator[str]:
+    """Give what is driven, recorded, asked and checked, in order; calls alike are counted after the first few."""
+    drives = [event for event in events if event["kind"] == "effect" and event.get("effect") == "drives"]
+    alike: dict[str, int] = {}
+    totals: dict[str, int] = {}
+    for event in drives:
+        totals[text(event, "name")] = totals.get(text(event, "name"), 0) + 1
+    for event in events:
+        name = text(event, "name")
+        if event["kind"] == "effect" and event.get("effect") == "drives":
+            alike[name] = alike.get(name, 0) + 1
+            if alike[name] <= _MOST_ALIKE:
+                yield f"drives   {name}({_arguments(event.get('arguments'))})"
+            elif alike[name] == totals[name]:
+                yield f"drives   {name} {counted(totals[name] - _MOST_ALIKE, 'more time')}"
+        elif event["kind"] == "recording":
+            yield f"records  {_recorded(event)}"
+        elif event["kind"] == "question":
+            options = ", ".join(texts(event, "options"))
+            yield f"asks     {text(event, 'form')}: {text(event, 'text')}" + (f" ({options})" if options else "")
+        elif event["kind"] == "check":
+            of = f" [{text(event, 'of')}]" if text(event, "of") else ""
+            yield f"checks   {text(event, 'requirement')} {text(event, 'parameter')}{of}"
+
+
+def _recorded(recording: Body) -> str:
+    channels = inners(recording, "channels")
+    parts = [", ".join(f"{text(item, 'name')} [{text(item, 'unit') or '1'}]" for item in channels)]
+    if recording.get("rate") is not None:
+        parts.append(f"{number(recording['rate'])} Hz")
+    if recording.get("duration") is not None:
+        parts.append(duration(recording["duration"]))
+    return f"{text(recording, 'name')}: {', '.join(part for part in parts if part)}"
+
+
+def _arguments(arguments: object) -> str:
+    if isinstance(arguments, Mapping):
+        return ", ".join(_named_arguments(arguments))
+    if isinstance(arguments, list | tuple):
+        return ", ".join(_value(item) for item in arguments)
+    return "" if arguments is None else _value(arguments)
+
+
+def _named_arguments(arguments: Body) -> Iterable[str]:
+    for name, value in arguments.items():
+        if name == "args" and isinstance(value, list | tuple):
+            yield from (_value(item) for item in value)
+        elif name == "kwargs" and isinstance(value, Mapping):
+            yield from _named_arguments(value)
+        else:
+            yield f"{name}={_value(value)}"
+
+
+def _value(value: object) -> str:
+    if isinstance(value, Mapping) and "value" in value and "unit" in value:
+        return with_unit(number(value["value"]), text(value, "unit"))
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(_named_arguments(value)) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_value(item) for item in value) + "]"
+    return "none" if value is None else number(value)
+
+
+def _taken(event: Body) -> float:
+    took = event.get("duration")
+    return float(took) if isinstance(took, int | float) else 0.0

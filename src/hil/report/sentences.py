@@ -1,0 +1,102 @@
+"""The sentences that stand first: what happened, what it is worth, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from hil.model.identity import Source
+from hil.model.verdict import Verdict
+from hil.report.material import Body, flag, inner, inners, text, texts, verdict
+from hil.report.view import Closing
+
+__all__ = ["closing_sentence", "closings", "counted", "headline", "safe_word", "source_word", "subject", "warnings"]
+
+_CAN = "the verdict is good, and nothing in this run speaks against its evidence"
+_TOLD = {
+    Verdict.PASS: "passed",
+    Verdict.RECORDED: "recorded",
+    Verdict.FAIL: "failed",
+    Verdict.INCONCLUSIVE: "inconclusive",
+    Verdict.NOT_EVALUATED: "not evaluated",
+    Verdict.ERROR: "in error",
+    Verdict.ABORTED: "aborted",
+    Verdict.NOT_RUN: "not run",
+}
+
+
+def headline(results: Body) -> str:
+    """Return how many cases ended how, the worst first."""
+    counts = inner(results, "counts")
+    told = [f"{counts[word]} {_TOLD[word]}" for word in reversed(Verdict) if counts.get(word)]
+    total = len(inners(results, "cases"))
+    return f"{counted(total, 'case')}: {', '.join(told)}." if told else "No case was planned."
+
+
+def subject(results: Body) -> str:
+    """Return what was tested where and why, in one line."""
+    run = inner(results, "run")
+    dut = inner(run, "dut")
+    article = " ".join(part for part in (text(dut, "part"), text(dut, "serial")) if part)
+    titled = f"{text(dut, 'title')} ({article})" if text(dut, "title") and article else text(dut, "title") or article
+    parts = (titled, f"bench {text(run, 'bench')}" if text(run, "bench") else "", text(run, "purpose"))
+    return " · ".join(part for part in parts if part)
+
+
+def source_word(results: Body) -> str:
+    """Return what must stand on every page of a run that did not talk to hardware, and nothing otherwise."""
+    source = text(inner(results, "run"), "source")
+    return "" if source == Source.HARDWARE else source.upper() or "SOURCE NOT RECORDED"
+
+
+def warnings(results: Body) -> tuple[tuple[str, str], ...]:
+    """Return what a reader must know before reading anything else, as a word and a sentence."""
+    return tuple((word, sentence) for told, word, sentence in _warnings(results) if told)
+
+
+def _warnings(results: Body) -> Iterable[tuple[bool, str, str]]:
+    source = source_word(results)
+    why = "the instruments were simulated" if source == "SIMULATED" else "no hardware was talked to"
+    yield bool(source), source, f"{why}; nothing on this page is evidence about hardware."
+    yield flag(results, "interrupted"), "INTERRUPTED", "the run did not come to its planned end."
+    yield flag(results, "tripped"), "TRIPPED", "the bench left its envelope and was made safe."
+    unsafe = results.get("safe") is False
+    yield unsafe, "NOT SAFE", "at least one output could not be proven in its safe state."
+    deviates = bool(texts(inner(results, "run"), "deviations"))
+    yield deviates, "DEVIATION", "the run deviates from its plan; section 6 says how."
+
+
+def safe_word(results: Body) -> str:
+    """Return how the bench was left."""
+    safe = results.get("safe")
+    return "not recorded" if safe is None else "left safe" if safe else "NOT SAFE"
+
+
+def closings(results: Body) -> tuple[Closing, ...]:
+    """Return what the run can close first, then each reason against closing, with the requirements it concerns."""
+    groups: dict[tuple[bool, str], list[str]] = {}
+    for entry in inners(results, "requirements"):
+        closes = _closes(entry)
+        for reason in (_CAN,) if closes else texts(entry, "reasons") or (f"its verdict is {verdict(entry)}",):
+            groups.setdefault((closes, reason), []).append(text(entry, "id"))
+    ordered = sorted(groups.items(), key=lambda group: (not group[0][0], -len(group[1])))
+    return tuple(Closing(closes=closes, reason=reason, requirements=tuple(ids)) for (closes, reason), ids in ordered)
+
+
+def closing_sentence(results: Body) -> str:
+    """Return in one line what this run can close."""
+    entries = inners(results, "requirements")
+    able, total = sum(_closes(entry) for entry in entries), len(entries)
+    if not total:
+        return "This run speaks of no requirement."
+    if able == total:
+        return f"This run can close {'its requirement' if total == 1 else f'all {total} requirements'}."
+    return f"This run can close {able or 'none'} of {counted(total, 'requirement')}."
+
+
+def _closes(requirement: Body) -> bool:
+    return flag(requirement, "eligible") and verdict(requirement).good
+
+
+def counted(count: int, word: str) -> str:
+    """Return a number with its noun."""
+    return f"{count} {word}{'' if count == 1 else 's'}"

@@ -1,0 +1,79 @@
+"""The last block on the terminal: what happened, what is wrong and where, and what the run can close."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from hil.model.verdict import Verdict
+from hil.report.as_run import check_row
+from hil.report.material import Body, inner, inners, text, texts, verdict
+from hil.report.sentences import closing_sentence, closings, headline, source_word, warnings
+
+__all__ = ["check_lines", "closing_lines"]
+
+_INDENT = "  "
+_MOST_NAMED = 6  # requirements of one group; the report names all
+
+
+def closing_lines(results: Body) -> list[str]:
+    """Return the closing block of a run, without colours; its first line begins with the verdict."""
+    word = verdict(results)
+    lines = [f"{word}  {headline(results)}"]
+    lines += [f"{_INDENT}{said}: {sentence}" for said, sentence in warnings(results)]
+    for case in inners(results, "cases"):
+        if not verdict(case).good:
+            lines += ["", *_case_lines(case)]
+    return [*lines, "", *_worth(results)]
+
+
+def check_lines(check: Body) -> list[str]:
+    """Return one check as a block: verdict and what it is of, then value, limit, margin, place and reason."""
+    row = check_row(check)
+    of = f" [{row.of}]" if row.of else ""
+    value = row.value + (f", {row.coverage}" if row.coverage else "")
+    limit = f"{row.limit}, {row.decision}" if row.limit else ""
+    facts = (
+        ("value", value),
+        ("limit", limit),
+        ("margin", row.margin),
+        ("TUR", row.tur),
+        ("case", row.case + (f", step {row.step}" if row.step else "")),
+        ("instruments", row.instruments),
+        ("reason", row.reason),
+    )
+    return [f"{row.verdict} {row.requirement} {row.parameter}{of}", *_aligned(facts)]
+
+
+def _case_lines(case: Body) -> Iterator[str]:
+    word = verdict(case)
+    yield f"{word} {text(case, 'case')}"
+    if word is Verdict.NOT_RUN or not any(not verdict(check).good for check in inners(case, "checks")):
+        short = sorted(name for name, said in inner(case, "requirements").items() if said == Verdict.NOT_EVALUATED)
+        yield from _aligned([("not evaluated", ", ".join(short))])
+    for reason in texts(case, "reasons"):
+        yield f"{_INDENT}{reason}"
+    for check in inners(case, "checks"):
+        if not verdict(check).good:
+            yield from (f"{_INDENT}{line}" for line in check_lines(check))
+
+
+def _worth(results: Body) -> Iterator[str]:
+    source = source_word(results)
+    yield closing_sentence(results) + (f" {source}." if source else "")
+    total = len(inners(results, "requirements"))
+    for group in closings(results):
+        if not group.closes:
+            yield f"{_INDENT}{group.reason} ({_named(group.requirements, total)})"
+
+
+def _named(requirements: Sequence[str], total: int) -> str:
+    if len(requirements) == total > 1:
+        return f"all {total}"
+    more = len(requirements) - _MOST_NAMED
+    return ", ".join(requirements[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
+def _aligned(facts: Iterable[tuple[str, str]]) -> list[str]:
+    known = [(label, value) for label, value in facts if value]
+    width = max((len(label) for label, _ in known), default=0)
+    return [f"{_INDENT}{label:<{width}}  {value}" for label, value in known]

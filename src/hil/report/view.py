@@ -1,0 +1,253 @@
+"""What a report shows of one run: frozen, in reading order, every word and number already written out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hil.model.verdict import Verdict
+
+__all__ = [
+    "CaseView",
+    "CheckRow",
+    "Closing",
+    "Exchange",
+    "Fact",
+    "GateRow",
+    "Graphic",
+    "Happening",
+    "InstrumentRow",
+    "ParameterRow",
+    "RecordingRow",
+    "RequirementRow",
+    "RunView",
+    "SafeRow",
+    "StepRow",
+    "WireRow",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fact:
+    """One field with its label; an empty value is shown as not recorded."""
+
+    label: str
+    value: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Closing:
+    """Why this run can or cannot close some requirements; one that it cannot close may stand under several reasons."""
+
+    closes: bool
+    reason: str
+    requirements: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RequirementRow:
+    """One requirement that the run speaks of."""
+
+    id: str
+    rev: str
+    text: str
+    kind: str
+    method: str
+    source: str
+    verdict: Verdict
+    cases: tuple[tuple[str, Verdict], ...]
+    checks: int
+    eligible: bool
+    reasons: tuple[str, ...]
+    anomaly: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckRow:
+    """One evaluated criterion."""
+
+    case: str
+    step: str
+    attempt: str
+    requirement: str
+    parameter: str
+    of: str
+    value: str
+    coverage: str
+    limit: str
+    margin: str
+    tur: str
+    decision: str
+    verdict: Verdict
+    reason: str
+    instruments: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exchange:
+    """A question to a person and the answer."""
+
+    form: str
+    text: str
+    options: str
+    answer: str
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepRow:
+    """One step as it was run."""
+
+    number: str
+    attempt: str
+    depth: int
+    title: str
+    begin: str
+    duration: str
+    outcome: str
+    effects: str
+    recordings: tuple[str, ...]
+    exchanges: tuple[Exchange, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordingRow:
+    """One recording: what it holds, and whether it is whole."""
+
+    id: str
+    name: str
+    channels: str
+    rate: str
+    duration: str
+    rows: str
+    gap: str
+    whole: str
+    source: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Graphic:
+    """A drawing as SVG text, with its title and a sentence for who cannot see it."""
+
+    title: str
+    described: str
+    svg: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CaseView:
+    """One case as it was run."""
+
+    anchor: str
+    case: str
+    title: str
+    plan: str
+    verdict: Verdict
+    reasons: tuple[str, ...]
+    requirements: tuple[tuple[str, str], ...]
+    duration: str
+    attempts: str
+    used: str
+    steps: tuple[StepRow, ...]
+    checks: tuple[CheckRow, ...]
+    recordings: tuple[RecordingRow, ...]
+    graphics: tuple[Graphic, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GateRow:
+    """One readiness gate at arm."""
+
+    name: str
+    ok: bool
+    detail: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SafeRow:
+    """One output, brought to its safe state and proven there, or not."""
+
+    at: str
+    output: str
+    state: str
+    ok: bool
+    detail: str
+    duration: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InstrumentRow:
+    """One instrument of the bench file, with its calibration."""
+
+    name: str
+    driver: str
+    identity: str
+    certificate: str
+    due: str
+    ranges: tuple[str, ...]
+    dut: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WireRow:
+    """One named role instance."""
+
+    name: str
+    instrument: str
+    channel: str
+    note: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Happening:
+    """Something besides the procedure that a reader must know."""
+
+    at: str
+    kind: str
+    case: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterRow:
+    """One parameter of a plan, as the plan has it."""
+
+    plan: str
+    name: str
+    value: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunView:
+    """Everything the page shows; `source_word` stands on every printed page and is empty for hardware."""
+
+    title: str
+    subject: str
+    run: str
+    source_word: str
+    verdict: Verdict
+    headline: str
+    closing: str
+    warnings: tuple[tuple[str, str], ...]
+    counts: tuple[tuple[str, int], ...]
+    closings: tuple[Closing, ...]
+    facts: tuple[Fact, ...]
+    requirements: tuple[RequirementRow, ...]
+    checks: tuple[CheckRow, ...]
+    charts: tuple[Graphic, ...]
+    cases: tuple[CaseView, ...]
+    not_run: tuple[tuple[str, str, str], ...]
+    orphans: tuple[str, ...]
+    gates: tuple[GateRow, ...]
+    safe: tuple[SafeRow, ...]
+    safe_word: str
+    instruments: tuple[InstrumentRow, ...]
+    wiring: tuple[WireRow, ...]
+    people: tuple[tuple[str, str], ...]
+    happenings: tuple[Happening, ...]
+    deviations: tuple[str, ...]
+    parameters: tuple[ParameterRow, ...]
+    software: tuple[Fact, ...]
+    content_digest: str
+    evidence_digest: str

@@ -1,0 +1,48 @@
+"""The reports of a run, written into its folder before the seal, or made again from a sealed one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hil.evidence.durable import write_whole
+from hil.evidence.folder import REPORT
+from hil.evidence.package import Package
+from hil.report.assemble import assemble
+from hil.report.from_package import PackageMaterial
+from hil.report.junit import junit
+from hil.report.page import render
+
+__all__ = ["HTML", "JUNIT", "make_reports", "write_reports"]
+
+HTML = "report.html"
+JUNIT = "junit.xml"
+
+
+def make_reports(folder: Path) -> dict[str, bytes]:
+    """Return the reports of a run by their file names; the same package gives the same bytes.
+
+    Args:
+        folder: the run's folder, sealed or not; nothing in it is touched.
+
+    Raises:
+        EvidenceError: where journal or results cannot be read.
+    """
+    digest = Package(folder).evidence_digest
+    material = PackageMaterial(folder)
+    view = assemble(material, digest)
+    return {
+        HTML: render(view).encode("utf-8", errors="replace"),
+        JUNIT: junit(material.results(), run=material.run(), began=material.stamps()[0], evidence_digest=digest),
+    }
+
+
+def write_reports(folder: Path) -> None:
+    """Write `data/report/` of a run whose other files are final.
+
+    Raises:
+        EvidenceError: where journal or results cannot be read.
+    """
+    place = folder / REPORT
+    place.mkdir(parents=True, exist_ok=True)
+    for name, content in make_reports(folder).items():
+        write_whole(place / name, content)

@@ -1,0 +1,339 @@
+import os
+import re
+import shutil
+import subprocess
+import sys
+from html.parser import HTMLParser
+
+import pytest
+import specimen_run
+
+from hil.evidence.package import Package
+from hil.model.verdict import Verdict
+from hil.report.page import TEMPLATES
+from hil.report.write import HTML, JUNIT, make_reports
+
+VOID = {"meta", "path", "circle", "br", "use", "link", "img"}
+
+
+class Page(HTMLParser):
+    """A page as its tags and the text between them."""
+
+    def __init__(self, page):
+        super().__init__(convert_charrefs=True)
+        self.tags = []
+        self.text = []
+        self.open = []
+        self.feed(page)
+
+    def handle_starttag(self, tag, attrs):
+        """Keep the tag, and that it is open."""
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        """Close the innermost element, which it must be."""
+        if tag not in VOID:
+            assert self.open.pop() == tag, f"</{tag}> closes another element"
+
+    def handle_data(self, data):
+        """Keep the text."""
+        self.text.append(data)
+
+    def all(self, tag):
+        """Return the attributes of every such tag."""
+        return [attrs for name, attrs in self.tags if name == tag]
+
+    @property
+    def words(self):
+        """The text, with single spaces."""
+        return " ".join(" ".join(self.text).split())
+
+
+def one_case(verdict, **fields):
+    """Return the events of a run with one case that ended so."""
+    case = {"case": "plan/test_a.py::test_a", "title": "A case.", "plan": "plan", "requirements": ["ADCS-GYR-040"]}
+    event = {"case": case["case"], "attempt": 1}
+    end = {"verdict": verdict, "reasons": [], "requirements": {"ADCS-GYR-040": verdict}, "duration": 1.0, "used": {}}
+    name = (2.0, case["case"], "ADCS-GYR-040", fields.pop("parameter", "current"))
+    yield "planned", 0.0, {"cases": [case | {"max_duration": 10.0}]}
+    yield "armed", 0.5, {}
+    if verdict == "NOT_RUN":
+        yield "not-run", 1.0, {"case": case["case"], "reason": "left out"}
+    else:
+        yield "case", 1.0, event
+        if verdict in {"PASS", "FAIL", "INCONCLUSIVE", "RECORDED"}:
+            yield specimen_run.check(*name, verdict=verdict, **fields)
+        yield "case-end", 2.0, event | end
+    yield "safe-end", 3.0, {"ok": True}
+
+
+def page_of(tmp_path, **how):
+    """Return the page of a specimen made that way."""
+    folder = specimen_run.build(tmp_path, **how)
+    return (folder / "data/report/report.html").read_text(encoding="utf-8")
+
+
+def test_same_package_same_bytes(folder):
+    """A report made again from a sealed package is the report that was sealed."""
+    for name, content in make_reports(folder).items():
+        assert content == (folder / "data/report" / name).read_bytes()
+
+
+def test_same_bytes_in_another_process(folder):
+    """Neither the process nor the order of its hashes shows in a report."""
+    code = (
+        "import sys, hashlib; from pathlib import Path; from hil.report.write import make_reports;"
+        "print(*(hashlib.sha256(made).hexdigest() for made in make_reports(Path(sys.argv[1])).values()))"
+    )
+    found = {
+        subprocess.run(
+            [sys.executable, "-c", code, str(folder)],
+            env={**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": os.pathsep.join(sys.path)},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for seed in ("1", "2")
+    }
+    assert len(found) == 1
+
+
+def test_copy_under_another_name_gives_the_same_report(folder, tmp_path):
+    """The run keeps the name that it was sealed under."""
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    assert make_reports(copy)[HTML] == (folder / "data/report" / HTML).read_bytes()
+    assert make_reports(copy)[JUNIT] == (folder / "data/report" / JUNIT).read_bytes()
+
+
+def test_names_the_digest_of_the_seal(folder, html):
+    """The page names the evidence digest that the sealed package has, and the content digest."""
+    package = Package(folder)
+    assert package.evidence_digest in html
+    assert package.content_digest in html
+
+
+def test_is_well_formed_and_accessible(html):
+    """Elements nest, the language is named, headers have a scope, there is one landmark, and figures have words."""
+    page = Page(html)
+    assert page.open == []
+    assert page.all("html") == [{"lang": "en"}]
+    assert len(page.all("main")) == 1
+    assert all(attrs.get("scope") in {"col", "row"} for attrs in page.all("th"))
+    figures = [attrs for attrs in page.all("svg") if "aria-hidden" not in attrs]
+    assert figures
+    assert all(attrs["role"] == "img" and attrs["aria-label"] for attrs in figures)
+
+
+def test_reaches_for_nothing_outside(html):
+    """No address of another host, no script, no import: the page can be read where there is no network."""
+    assert "http" not in re.sub(r"http-equiv", "", html)
+    assert "//" not in re.sub(r"/\*.*?\*/", "", html, flags=re.DOTALL)
+    assert "@import" not in html
+    page = Page(html)
+    assert not page.all("script")
+    assert not page.all("link")
+    for _, attrs in page.tags:
+        assert attrs.get("href", "#").startswith("#")
+        assert attrs.get("xlink:href", "#").startswith("#")
+        assert "src" not in attrs
+    assert all(target.startswith("#") for target in re.findall(r"url\(([^)]*)\)", html))
+
+
+def test_every_reference_leads_somewhere(html):
+    """Links, markers and clip paths inside the page exist."""
+    page = Page(html)
+    ids = {attrs["id"] for _, attrs in page.tags if "id" in attrs}
+    wanted = {attrs[name][1:] for _, attrs in page.tags for name in ("href", "xlink:href") if name in attrs}
+    wanted |= {target[1:] for target in re.findall(r"url\((#[^)]*)\)", html)}
+    assert wanted <= ids
+
+
+def test_holds_what_a_reader_asks_for(html):
+    """Who, what, where, requirements, checks, procedure, instruments, wiring, notes and proofs are there."""
+    words = Page(html).words
+    for expected in (
+        "Ada Molla",
+        "GYR-007",
+        "SUB-GYR-3",
+        "Clean room 2, table B",
+        "5 cases: 1 failed, 1 not run, 3 passed.",
+        "This run can close none of 4 requirements.",
+        "The calibrated rate shall differ from the true rate by less than 0.5 deg/s from 10 to 45 degC.",
+        "Anomaly of the source: The source gives the equation of axis x with the wrong sign.",
+        "(-0.712 ± 0.098) deg/s -0.5 to 0.5 deg/s -0.31 deg/s 5.1 guarded FAIL",
+        "outside the limit by more than the expanded uncertainty",
+        "1.1 50 deg/s 0:11:03.0 57 s done 1 drive",
+        "confirm: Is the board free of the table's clamps? yes by Ada Molla",
+        "reduced-level supply.board held 1.000 V set, 0.9997 V read, positive",
+        "supply.board off proven current 0.0001 A, below 0.005 A 0.4 s",
+        "K-2026-0418 2027-04-18 current 0 to 2 A: U = 0.0004 A + 0.0005 of the reading (k = 2)",
+        "5 V, fuse 500 mA, red to J1.1",
+        "Fan of the chamber is loud today. (Jane Doe)",
+        "the table overshot its rate by 0.3 deg/s for 0.2 s",
+        "skipped: the chamber is away (--skip)",
+        "parameter gyroscope.rest_duration is 600 s, the plan says 14400 s",
+        "rest_duration 14400 s How long the board is left alone.",
+        "-50, 50 deg/s",
+        "numeric.blas openblas Haswell",
+        "6 000 0.1 s complete simulated",
+        specimen_run.CASES["extra"],
+    ):
+        assert expected in words
+
+
+def test_empty_field_is_said_to_be_empty(tmp_path):
+    """A run without operator, serial number or gates says 'not recorded' where they belong."""
+    page = Page(page_of(tmp_path, run={"operator": "", "dut": {}}, events=list(one_case("PASS"))))
+    assert "Operator not recorded" in page.words.replace("  ", " ")
+    assert "Serial number not recorded" in page.words
+    assert "Readiness gates at arm not recorded" in page.words
+
+
+@pytest.mark.parametrize("verdict", [verdict.value for verdict in Verdict])
+def test_every_verdict_is_shown_as_itself(tmp_path, verdict):
+    """The case's verdict stands in words, with a shape of its own, and so does the run's."""
+    page = page_of(tmp_path, events=list(one_case(verdict)))
+    word = re.search(r'<p class="word"><svg[^>]*><use href="#is-(\w+)"></use></svg>(\w+)</p>', page)
+    assert word
+    assert word.groups() == (verdict, verdict)
+    assert f'<symbol id="is-{verdict}"' in page
+    case = Page(page[page.index('<article class="case"') : page.index("</article>")] + "</article>").words
+    assert case.startswith(f"A case. {verdict} ")
+
+
+@pytest.mark.parametrize(
+    ("source", "word"), [("simulated", "SIMULATED"), ("replayed", "REPLAYED"), ("", "SOURCE NOT RECORDED")]
+)
+def test_what_is_not_hardware_says_so_on_every_page(tmp_path, source, word):
+    """The header that printing repeats names the source, the run and the evidence digest."""
+    page = page_of(tmp_path, run={"source": source}, events=list(one_case("PASS")))
+    running = page[page.index('<div class="running"') : page.index('<div class="body"')]
+    assert f"<b>{word}</b>" in running
+    assert specimen_run.NAME in running
+    assert re.search(r"\b[0-9a-f]{64}\b", running)
+    assert f"<strong>{word}:</strong>" in page
+
+
+def test_running_header_is_repeated_by_print():
+    """In print the header is a table's header group, which is repeated on every page."""
+    css = (TEMPLATES / "report.css").read_text(encoding="utf-8")
+    printed = css[css.index("@media print") :]
+    assert re.search(r"\.running \{ display: table-header-group;", printed)
+    assert re.search(r"\.body \{ display: table-row-group;", printed)
+    assert "size: A4" in css
+
+
+def test_hardware_is_not_called_simulated(tmp_path):
+    """A run on hardware for acceptance, in order in every way, says what it can close."""
+    run = {"source": "hardware", "purpose": "acceptance", "deviations": []}
+    words = Page(page_of(tmp_path, run=run, events=list(one_case("PASS", instruments=["psu1"])))).words
+    assert "SIMULATED" not in words
+    assert "This run can close its requirement." in words
+    assert "can close the verdict is good, and nothing in this run speaks against its evidence ADCS-GYR-040" in words
+
+
+@pytest.mark.parametrize(
+    "hostile",
+    [
+        "<script>alert(1)</script>",
+        '"><img src=x onerror=alert(1)>',
+        '=HYPERLINK("x","y")',
+        "{{ 7*7 }}{% raw %}",
+        "A" * 5000,
+        "]]></style></svg>",
+    ],
+)
+def test_text_from_outside_stays_text(tmp_path, hostile):
+    """Whatever a title, name, reason or note holds, it is shown as it is written and does nothing."""
+    run = {"operator": hostile, "deviations": [hostile]}
+    run["dut"] = {"serial": hostile, "title": hostile}
+    events = list(one_case("FAIL", parameter=hostile, of=hostile, reason=hostile, unit=hostile, limit_unit=hostile))
+    events += [("note", 3.0, {"text": hostile, "by": hostile}), ("anomaly", 3.0, {"text": hostile})]
+    page = Page(page_of(tmp_path, run=run, events=events))
+    assert page.open == []
+    assert not page.all("script")
+    assert not page.all("img")
+    assert hostile in "".join(page.text)
+    assert all(not name.startswith("on") for _, attrs in page.tags for name in attrs)
+
+
+def test_marks_that_reorder_text_are_shown_by_number(tmp_path):
+    """A bidirectional override cannot turn a FAIL into something else; it is printed as its number."""
+    page = page_of(tmp_path, run={"operator": "Ada\u202eSSAP\u0007"}, events=list(one_case("FAIL", reason="\u2066x")))
+    assert "\u202e" not in page
+    assert "\u2066" not in page
+    assert "\u0007" not in page
+    assert "Ada[U+202E]SSAP[U+0007]" in page
+
+
+def test_can_be_mailed(tmp_path):
+    """Three channels over thirty thousand rows still make a page below one megabyte."""
+    assert len(page_of(tmp_path, rows=30_000)) < 1_000_000
+
+
+def test_earlier_attempts_are_kept_and_named(tmp_path):
+    """The checks of an attempt that was made again stand in the page, as those of that attempt."""
+    events = list(one_case("PASS"))
+    again = [event for event in events if event[0] in {"case", "check", "case-end"}]
+    first = [(kind, t, fields | {"verdict": "FAIL"} if kind != "case" else fields) for kind, t, fields in again]
+    second = [(kind, t, fields | {"attempt": 2} if kind != "check" else fields) for kind, t, fields in again]
+    words = Page(page_of(tmp_path, events=[*events[:2], *first, *second, events[-1]])).words
+    assert "2 attempts: FAIL, PASS" in words
+    assert "test_a, attempt 1 ·" in words
+    assert "test_a, attempt 2 ·" in words
+
+
+def test_incidents_are_told(tmp_path):
+    """Stops, trips, faults, gaps and a bench left unsafe stand first and in their table."""
+    events = [
+        *one_case("PASS"),
+        ("trip", 3.0, {"limit": "board-current", "value": 0.6, "unit": "A", "text": "above 0.5 A"}),
+        ("stop", 3.1, {"reason": "SIGTERM", "urgent": True}),
+        ("fault", 3.2, {"device": "psu1", "dut": False, "error": "NoReply", "message": "silent", "hint": "look"}),
+        ("safe", 3.3, {"output": "supply.board", "state": "off", "ok": False, "detail": "0.2 A", "duration": 2.0}),
+        ("safe-end", 3.4, {"ok": False}),
+        ("recovered", 3.5, {"torn_bytes": 12, "text": "sealed as it is"}),
+    ]
+    words = Page(page_of(tmp_path, events=events)).words
+    for expected in (
+        "INTERRUPTED:",
+        "TRIPPED:",
+        "NOT SAFE:",
+        "trip board-current: above 0.5 A (0.6 A)",
+        "stop SIGTERM, at once",
+        "fault psu1 (the bench): NoReply: silent; look",
+        "supply.board off not proven 0.2 A 2 s",
+        "recovery sealed as it is (12 torn bytes were cut and kept)",
+    ):
+        assert expected in words
+
+
+def colours(block):
+    """Return the colours that a block of variables gives."""
+    return dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", block))
+
+
+def luminance(colour):
+    """Return relative luminance as WCAG 2.2 defines it."""
+    parts = [int(colour[start : start + 2], 16) / 255 for start in (1, 3, 5)]
+    linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+@pytest.mark.parametrize("place", [0, 1, 2], ids=["light", "dark", "print"])
+def test_every_colour_of_text_can_be_read(place):
+    """Text stands out from what is behind it by 4.5 to 1 or more, light, dark and printed."""
+    css = (TEMPLATES / "report.css").read_text(encoding="utf-8")
+    found = colours(re.findall(r":root \{(.*?)\}", css, flags=re.DOTALL)[place])
+    for text, behind in [
+        *((text, behind) for text in ("ink", "soft", "accent", "good", "bad", "open") for behind in ("paper", "panel")),
+        ("good", "good-wash"),
+        ("bad", "bad-wash"),
+        ("open", "open-wash"),
+        ("ink", "open-wash"),
+    ]:
+        light, dark = sorted((luminance(found[text]), luminance(found[behind])), reverse=True)
+        assert (light + 0.05) / (dark + 0.05) >= 4.5, (text, behind)

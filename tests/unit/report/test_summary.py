@@ -1,0 +1,101 @@
+import pytest
+import specimen_run
+
+from hil.evidence.package import Package
+from hil.model.errors import EvidenceError
+from hil.report.summary import check_lines, closing_lines
+
+
+def test_closing_block_of_a_failed_run(folder):
+    """Verdict and counts first, then a block per check that is not good, then what the run can close."""
+    lines = closing_lines(Package(folder).results())
+    assert lines[:3] == [
+        "FAIL  5 cases: 1 failed, 1 not run, 3 passed.",
+        "  SIMULATED: the instruments were simulated; nothing on this page is evidence about hardware.",
+        "  DEVIATION: the run deviates from its plan; section 6 says how.",
+    ]
+    start = lines.index("  FAIL ADCS-GYR-030 rate_error [z]")
+    assert lines[start + 1 : start + 8] == [
+        "    value        (-0.712 ± 0.098) deg/s",
+        "    limit        -0.5 to 0.5 deg/s, guarded",
+        "    margin       -0.31 deg/s",
+        "    TUR          5.1",
+        f"    case         {specimen_run.CASES['rate']}, step 1.1",
+        "    instruments  gyro, table1",
+        "    reason       outside the limit by more than the expanded uncertainty",
+    ]
+    assert not any("[x]" in line for line in lines)
+    place = lines.index(f"NOT_RUN {specimen_run.CASES['cold']}")
+    assert lines[place + 1] == "  skipped: the chamber is away (--skip)"
+    assert "This run can close none of 4 requirements. SIMULATED." in lines
+    assert "  SIMULATED: the run's source (all 4)" in lines
+    assert lines[-1] == "  its verdict is FAIL (ADCS-GYR-030)"
+
+
+def test_run_that_closes_says_so_and_nothing_else():
+    """A run on hardware in which everything passed needs two sentences."""
+    results = {
+        "verdict": "PASS",
+        "run": {"source": "hardware"},
+        "safe": True,
+        "counts": {"PASS": 1},
+        "cases": [{"case": "a", "verdict": "PASS"}],
+        "requirements": [{"id": "A-1", "verdict": "PASS", "eligible": True, "reasons": []}],
+    }
+    assert closing_lines(results) == ["PASS  1 case: 1 passed.", "", "This run can close its requirement."]
+
+
+def test_eligible_requirement_that_did_not_pass_is_not_closed():
+    """A good word of the evidence does not make up for a verdict that is none."""
+    entry = {"id": "A-1", "verdict": "NOT_EVALUATED", "eligible": True, "reasons": []}
+    results = {"verdict": "NOT_EVALUATED", "run": {"source": "hardware"}, "requirements": [entry]}
+    assert closing_lines(results)[-2:] == [
+        "This run can close none of 1 requirement.",
+        "  its verdict is NOT_EVALUATED (A-1)",
+    ]
+
+
+def test_case_names_the_requirements_that_it_left_unevaluated():
+    """A case without a bad check says which of its requirements got no check."""
+    case = {
+        "case": "a",
+        "verdict": "NOT_EVALUATED",
+        "requirements": {"A-2": "NOT_EVALUATED", "A-1": "PASS"},
+        "reasons": [],
+    }
+    lines = closing_lines({"verdict": "NOT_EVALUATED", "run": {"source": "hardware"}, "cases": [case]})
+    assert "NOT_EVALUATED a" in lines
+    assert "  not evaluated  A-2" in lines
+
+
+def test_many_requirements_are_counted():
+    """A reason that concerns many requirements names the first six of them."""
+    entries = [
+        {"id": f"A-{place}", "verdict": "PASS", "eligible": place > 8, "reasons": [] if place > 8 else ["late"]}
+        for place in range(1, 10)
+    ]
+    lines = closing_lines({"verdict": "PASS", "run": {"source": "hardware"}, "requirements": entries})
+    assert lines[-2:] == [
+        "This run can close 1 of 9 requirements.",
+        "  late (A-1, A-2, A-3, A-4, A-5, A-6 and 2 more)",
+    ]
+
+
+def test_check_without_uncertainty_says_so():
+    """A number whose uncertainty is unknown is not left looking exact; a word needs none."""
+    _, _, number = specimen_run.check(0.0, "a", "A-1", "current", uncertainty=None, expanded=None, value=1.5)
+    assert check_lines(number)[1] == "  value        1.5 deg/s, uncertainty not recorded"
+    _, _, word = specimen_run.check(0.0, "a", "A-1", "hand", uncertainty=None, expanded=None, value="left")
+    assert check_lines(word)[1] == "  value        left"
+
+
+def test_check_that_is_no_number_says_so():
+    """A value that was NaN is told in words."""
+    _, _, check = specimen_run.check(0.0, "a", "A-1", "current", value=None, verdict="INCONCLUSIVE", margin=None)
+    assert check_lines(check)[:2] == ["INCONCLUSIVE A-1 current", "  value        not a number"]
+
+
+def test_verdict_of_another_format_is_an_error():
+    """A verdict that this version does not know is never shown as if it were understood."""
+    with pytest.raises(EvidenceError, match="the verdict 'SPLENDID', which is none of RECORDED, PASS"):
+        closing_lines({"verdict": "SPLENDID", "run": {}})
