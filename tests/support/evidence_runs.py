@@ -11,10 +11,9 @@ from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE
 from hil.evidence.journal import Journal
 from hil.evidence.rows import Rows
 from hil.evidence.seal import seal
+from hil.model.figure import Figure
 from hil.requirements.decision import judge
 from hil.requirements.requirement import Kind, Limit, Requirement
-
-from hil.model.figure import Figure
 
 __all__ = [
     "LIMIT",
@@ -98,11 +97,12 @@ def record(folder: Path, journal: Journal, rows: int = 100, *, identifier: str =
 
 def check(journal: Journal, measured: float | None = 0.1, *, of: str = "x", **changes):
     """Judge a rate error and write the check down; `changes` are what a liar would write."""
-    figure = Figure(value=float("nan") if measured is None else measured, unit="deg/s", uncertainty=0.01)
+    value = float("nan") if measured is None else measured
+    figure = Figure(value=value, unit="deg/s", uncertainty=0.01)
     judged = judge(figure, LIMIT)
     fields = {
-        "case": "test_rest", "step": "1", "requirement": "GYR-030", "parameter": "rate_error", "of": of, "value": measured,
-        "unit": "deg/s", "uncertainty": judged.uncertainty, "dof": None,
+        "case": "test_rest", "step": "1", "requirement": "GYR-030", "parameter": "rate_error", "of": of,
+        "value": measured, "unit": "deg/s", "uncertainty": judged.uncertainty, "dof": None,
         "limit": {"min": "-0.5", "max": "0.5", "equals": None}, "limit_unit": "deg/s", "decision": "guarded",
         "expanded": judged.expanded, "margin": judged.margin, "tur": judged.tur, "verdict": judged.verdict,
         "reason": judged.reason, "instruments": ["psu1"],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 
 __all__ = ["WallStamp", "compact_utc", "monotonic", "pause", "stamp", "today", "utc_now"]
@@ -56,6 +57,7 @@ def _since_boot() -> float:
     return time.clock_gettime(clock_id)
 
 
+@cache  # a process does not outlive its boot
 def _boot_id() -> str:
     try:
         return _BOOT_ID.read_text(encoding="ascii").strip()

@@ -67,7 +67,7 @@ def post(
     try:
         file, sha256 = _bring(attach, folder / INBOX_FILES, name) if attach else ("", "")
         message = Message(kind=kind, by=by, text=text, utc=moment, urgent=urgent, file=file, sha256=sha256)
-        write_whole(folder / INBOX / f"{name}.json", canonical(asdict(message)))
+        write_whole(folder / INBOX / f"{name}.message", canonical(asdict(message)))
     except OSError as error:
         raise EvidenceError(
             f"{folder / INBOX}: the message cannot be left: {error}", "is the run still going on?"
@@ -83,7 +83,7 @@ def poll(folder: Path) -> Iterator[Message]:
     """
     inbox = folder / INBOX
     try:
-        names = sorted(entry.name for entry in inbox.iterdir() if entry.suffix == ".json")
+        names = sorted(entry.name for entry in inbox.iterdir() if entry.suffix == ".message")
     except FileNotFoundError:
         return
     for name in names:

@@ -10,9 +10,9 @@ from types import TracebackType
 from typing import Self
 
 from hil.clock import wall
-from hil.documents.canonical import canonical
 from hil.evidence.durable import DISK_FULL, sync_folder
 from hil.evidence.folder import free_reserve
+from hil.evidence.quick_json import quick_canonical
 from hil.evidence.reading import FIRST, read_journal
 from hil.model.errors import EvidenceError
 
@@ -161,7 +161,7 @@ class Journal:
 
     def _append(self, kind: str, t: float, fields: dict[str, object]) -> int:
         number = self._sequence
-        body = canonical({**fields, "seq": number, "t": round(t, 9), "kind": kind})
+        body = quick_canonical({**fields, "seq": number, "t": round(t, 9), "kind": kind})
         line = b'{"body":%b,"prev":"%b","wall":%b}' % (body, self._head, self._wall())
         self._put(line + b"\n")
         self._head = hashlib.sha256(line).hexdigest().encode()
@@ -174,7 +174,7 @@ class Journal:
 
     def _wall(self) -> bytes:
         now = self._stamp()
-        return canonical({"boot": now.boot, "boot_id": now.boot_id, "utc": now.utc})
+        return quick_canonical({"boot": now.boot, "boot_id": now.boot_id, "utc": now.utc})
 
     def _put(self, data: bytes) -> None:
         rest = memoryview(data)

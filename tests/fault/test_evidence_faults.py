@@ -1,0 +1,323 @@
+"""Full disks, torn tails, and processes that end between any two steps: nothing recorded is lost."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from evidence_runs import begin, sealed_run, stamps, whole_case, write_report
+
+from hil.evidence.folder import JOURNAL, RESERVE, RESULTS, TORN, create, hold
+from hil.evidence.journal import Journal
+from hil.evidence.package import Package
+from hil.evidence.reading import cut_torn_tail, read_journal
+from hil.evidence.recover import recover
+from hil.evidence.rows import Rows, read_rows
+from hil.evidence.seal import seal
+from hil.evidence.verify import State, verify
+from hil.model.errors import EvidenceError
+
+KILLED = 9
+
+# A child that only seals and exits takes no lock that another thread could hold.
+pytestmark = pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
+
+
+class Disk:
+    """A disk with so many bytes left; the reserve is worth some more."""
+
+    def __init__(self, space, reserve, worth=10_000):
+        self.space = space
+        self.reserve = reserve
+        self.worth = worth
+        reserve.write_bytes(b"")
+
+    def write(self, descriptor, data):
+        """Write what fits, as a disk that fills up does."""
+        if self.worth and not self.reserve.exists():
+            self.space, self.worth = self.space + self.worth, 0
+        if self.space <= 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        count = os.write(descriptor, bytes(data[: self.space]))
+        self.space -= count
+        return count
+
+
+@pytest.mark.parametrize("space", [0, 1, 100, 250, 400])
+def test_the_end_is_written_down_on_a_full_disk(tmp_path, space):
+    """Wherever the disk fills up: the event is whole, the error comes once, and the safe end still goes in."""
+    disk = Disk(space, tmp_path / "reserve.bin")
+    told = 0
+    with Journal(tmp_path / "j", reserve=disk.reserve, stamp=stamps(), write=disk.write) as journal:
+        for number in range(5):
+            try:
+                journal.write("note", 0.0, text=str(number), by="")
+            except EvidenceError as error:
+                told += "disk full" in str(error)
+        journal.write("safe-end", 1.0, ok=True)
+        assert journal.lost == 0
+    reading = read_journal(tmp_path / "j")
+    assert told == 1
+    assert not disk.reserve.exists()
+    assert (reading.findings, reading.torn) == ((), b"")
+    assert [event["kind"] for event in reading.events] == ["note"] * 5 + ["safe-end"]
+
+
+def test_events_that_found_no_space_are_counted(tmp_path):
+    """Without any reserve left, the journal stays whole, nothing raises again, and the loss is an event later."""
+    disk = Disk(300, tmp_path / "reserve.bin", worth=0)
+    with Journal(tmp_path / "j", reserve=disk.reserve, stamp=stamps(), write=disk.write) as journal:
+        journal.write("note", 0.0, text="fits")
+        with pytest.raises(EvidenceError, match="disk full"):
+            journal.write("note", 0.0, text="x" * 300)
+        assert journal.write("note", 0.0, text="y" * 300) == -1
+        assert journal.lost == 2
+        assert read_journal(tmp_path / "j").torn == b""
+        disk.space = 10_000
+        journal.write("safe-end", 1.0, ok=True)
+        assert journal.lost == 0
+    reading = read_journal(tmp_path / "j")
+    assert reading.findings == ()
+    assert [event["kind"] for event in reading.events] == ["note", "anomaly", "safe-end"]
+    assert "2 events before this one" in reading.events[1]["text"]
+
+
+def test_a_sync_that_finds_no_space_is_a_full_disk_too(tmp_path):
+    """A file system that tells only at the sync gets the reserve, and tells once."""
+    (tmp_path / "reserve.bin").write_bytes(b"")
+
+    def sync(_):
+        if (tmp_path / "reserve.bin").exists():
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    with Journal(tmp_path / "j", reserve=tmp_path / "reserve.bin", stamp=stamps(), sync=sync) as journal:
+        with pytest.raises(EvidenceError, match="disk full"):
+            journal.write("step", 0.0)
+        assert journal.write("step-end", 0.0) == 1
+
+
+def test_a_broken_disk_is_no_full_disk(tmp_path):
+    """An input/output error keeps the reserve and says what it is."""
+    (tmp_path / "reserve.bin").write_bytes(b"")
+
+    def fail(*_):
+        raise OSError(errno.EIO, "Input/output error")
+
+    with Journal(tmp_path / "j", reserve=tmp_path / "reserve.bin", stamp=stamps(), write=fail) as journal:
+        for _ in range(2):
+            with pytest.raises(EvidenceError, match="Input/output error"):
+                journal.write("note", 0.0)
+    assert (tmp_path / "reserve.bin").exists()
+
+
+def test_rows_wait_where_the_disk_is_full(tmp_path):
+    """No half row is left behind, and rows that found no space are written once there is some."""
+    disk = Disk(150, tmp_path / "reserve.bin", worth=0)
+    wall = iter(range(100))
+    rows = Rows(
+        tmp_path / "a.rows", recording="1", channels=[("x", "uT")], on_block=print,
+        reserve=disk.reserve, now=lambda: float(next(wall)), write=disk.write,
+    )  # fmt: skip
+    for index in range(4):
+        rows.append((index, index))
+    with pytest.raises(EvidenceError, match="disk full"):
+        rows.tick()
+    assert (read_rows(tmp_path / "a.rows").rows, read_rows(tmp_path / "a.rows").torn) == (0, 0)
+    disk.space = 1000
+    assert rows.finish().rows == 4
+    assert read_rows(tmp_path / "a.rows").rows == 4
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """Return a file system of 12 MB."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mount = shutil.which("mount")
+    done = mount and subprocess.run(
+        [mount, "-t", "tmpfs", "-o", "size=12m", "tmpfs", place], capture_output=True, check=False
+    )
+    if not done or done.returncode:
+        pytest.skip("mounting a small file system needs rights that this user does not have")
+    yield place
+    subprocess.run(["umount", "--lazy", place], check=True)
+
+
+def test_a_real_full_disk_can_be_written_an_end_on(small_disk):
+    """With the last byte taken by somebody else, the run's end goes into the reserve, and the package is sealed."""
+    folder = create(small_disk, bench="b", dut="d")
+    journal = begin(folder)
+    whole_case(folder, journal)
+    with (small_disk / "somebody").open("wb", buffering=0) as stream, pytest.raises(OSError, match="No space left"):
+        while True:
+            stream.write(bytes(4096))
+    with pytest.raises(EvidenceError, match="disk full"):
+        for number in range(10_000):
+            journal.write("note", 6.0, text=str(number), by="")
+    journal.write("stop", 6.0, reason="disk full", urgent=False)
+    seal(folder, journal, exit_code=1, write_reports=write_report)
+    verification = verify(folder)
+    assert (verification.state, verification.complete, verification.verdict) == (State.SEALED, False, "ABORTED")
+
+
+def test_a_seal_without_space_can_be_finished_later(tmp_path, monkeypatch):
+    """A disk that is full at the conversion is an error in words; with space again the run is sealed."""
+    folder = create(tmp_path, bench="b", dut="d")
+    journal = begin(folder)
+    whole_case(folder, journal)
+
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("hil.evidence.seal.convert", full)
+        with pytest.raises(EvidenceError, match="disk full"):
+            seal(folder, journal, exit_code=0, write_reports=write_report)
+    journal.close()
+    recover(folder, write_reports=write_report)
+    assert verify(folder).state is State.SEALED
+
+
+def test_a_torn_tail_is_cut_at_every_byte(tmp_path):
+    """Wherever the last line was torn: the lines before stay, the tail is kept, and cutting twice changes nothing."""
+    folder = tmp_path / "run"
+    begin(folder).close()
+    data = (folder / JOURNAL).read_bytes()
+    start = data.rindex(b"\n", 0, -1) + 1
+    whole = data[:start].count(b"\n")
+    for end in range(start, len(data)):
+        (folder / JOURNAL).write_bytes(data[:end])
+        (folder / TORN).unlink(missing_ok=True)
+        assert cut_torn_tail(folder) == end - start
+        reading = read_journal(folder / JOURNAL)
+        assert (len(reading.lines), reading.torn, reading.findings) == (whole, b"", ())
+        assert ((folder / TORN).read_bytes() if end > start else b"") == data[start:end]
+        assert cut_torn_tail(folder) == 0
+
+
+def test_a_tail_that_was_kept_and_not_cut_is_kept_once(tmp_path):
+    """A process that ended between keeping and cutting leaves one copy of the tail, not two."""
+    begin(tmp_path).close()
+    with (tmp_path / JOURNAL).open("ab") as stream:
+        stream.write(b'{"body":')
+    (tmp_path / TORN).write_bytes(b'{"body":')
+    assert cut_torn_tail(tmp_path) == 8
+    assert (tmp_path / TORN).read_bytes() == b'{"body":'
+
+
+def test_a_torn_run_is_recovered_and_says_so(tmp_path):
+    """The package holds the tail, and an event tells how long it was."""
+    folder = create(tmp_path, bench="b", dut="d")
+    begin(folder).close()
+    with (folder / JOURNAL).open("ab") as stream:
+        stream.write(b'{"body":{"kind":"che')
+    recover(folder, write_reports=write_report)
+    assert verify(folder).findings == ()
+    package = Package(folder)
+    assert package.events("recovered")[0]["torn_bytes"] == 20
+    assert package.text(TORN) == '{"body":{"kind":"che'
+
+
+def dies_at(step, work):
+    """Run `work` in a child that is gone at its n-th touch of the disk; return whether it came to its end."""
+    child = os.fork()
+    if child == 0:  # pragma: no cover - another process
+        left = step
+
+        def counted(original):
+            def touch(*arguments, **options):
+                nonlocal left
+                if left == 0:
+                    os._exit(KILLED)
+                left -= 1
+                return original(*arguments, **options)
+
+            return touch
+
+        try:
+            for owner, name in (
+                (Path, "replace"), (Path, "unlink"), (Path, "chmod"),
+                (os, "fsync"), (os, "truncate"), (shutil, "rmtree"),
+            ):  # fmt: skip
+                setattr(owner, name, counted(getattr(owner, name)))
+            Journal._put_some = counted(Journal._put_some)
+            work()
+        except BaseException:  # noqa: BLE001 - the parent sees the exit code
+            os._exit(1)
+        os._exit(0)
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    assert code in {0, KILLED}
+    return code == 0
+
+
+def unsealed(tmp_path, step):
+    """Return the folder and journal of a run that is about to be sealed, and kept open."""
+    folder = tmp_path / str(step)
+    (folder / "inbox/files").mkdir(parents=True)
+    (folder / RESERVE).write_bytes(b"reserve")
+    journal = begin(folder)
+    whole_case(folder, journal)
+    return folder, journal
+
+
+def test_a_seal_that_dies_anywhere_is_finished(tmp_path):
+    """Whichever step of sealing was the last one, recovery seals a package without findings."""
+    verdicts = set()
+    for step in range(500):
+        folder, journal = unsealed(tmp_path, step)
+
+        def work(folder=folder, journal=journal):
+            with hold(folder):
+                seal(folder, journal, exit_code=0, write_reports=write_report)
+
+        done = dies_at(step, work)
+        journal.close() if journal._descriptor >= 0 else None
+        decided = (folder / RESULTS).exists() and b'"kind":"results"' in (folder / JOURNAL).read_bytes()
+        recover(folder, write_reports=write_report)
+        verification = verify(folder)
+        assert (verification.state, verification.findings) == (State.SEALED, ()), step
+        assert verification.verdict == ("PASS" if decided else "ABORTED"), step
+        assert not (folder / RESERVE).exists()
+        verdicts.add(verification.verdict)
+        if done:
+            break
+    assert step > 30
+    assert verdicts == {"PASS", "ABORTED"}
+
+
+def test_a_recovery_that_dies_anywhere_is_finished(tmp_path):
+    """Whichever step of a recovery was the last one, the next recovery seals the run; its tail and rows are there."""
+    for step in range(500):
+        folder, journal = unsealed(tmp_path, step)
+        journal.write("case", 6.0, case="test_rest", attempt=2)
+        channels = [{"name": "x", "unit": "1", "instrument": "psu1", "calibration": "", "uncertainty": None}]
+        journal.write(
+            "recording", 6.0, case="test_rest", step="1", recording="002", name="r", channels=channels, rate=1,
+            duration=2, source="hardware",
+        )  # fmt: skip
+        Rows(folder / "data/recordings/002.rows", recording="002", channels=[("x", "1")], on_block=print).finish()
+        journal.close()
+        with (folder / JOURNAL).open("ab") as stream:
+            stream.write(b"half")
+        done = dies_at(step, lambda folder=folder: recover(folder, write_reports=write_report))
+        recover(folder, write_reports=write_report)
+        verification = verify(folder)
+        assert (verification.state, verification.findings) == (State.SEALED, ()), step
+        assert (verification.verdict, verification.complete) == ("ABORTED", False)
+        assert Package(folder).text(TORN) == "half"
+        assert [event["recording"] for event in Package(folder).events("recording-end")] == ["001-rest", "002"]
+        if done:
+            break
+    assert step > 30
+
+
+def test_a_sealed_run_is_left_alone(tmp_path):
+    """Recovering a sealed package changes no byte of it."""
+    digest = sealed_run(tmp_path / "run")
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "run").rglob("*")}
+    assert recover(tmp_path / "run", write_reports=write_report) == digest
+    assert {path: path.stat().st_mtime_ns for path in (tmp_path / "run").rglob("*")} == before

@@ -1,0 +1,133 @@
+"""What holds for every byte of a package, every event, and every journal."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from evidence_runs import begin, check, sealed_run, stamps, write_report
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hil.documents.canonical import JsonError, canonical
+from hil.evidence.journal import Journal
+from hil.evidence.quick_json import quick_canonical
+from hil.evidence.reading import read_journal
+from hil.evidence.seal import seal
+from hil.evidence.verify import State, verify
+
+TAG_FILES = ("bagit.txt", "bag-info.txt", "manifest-sha256.txt", "tagmanifest-sha256.txt")
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """Return a writable sealed package without recordings."""
+    folder = tmp_path_factory.mktemp("small") / "run"
+    journal = begin(folder)
+    check(journal)
+    seal(folder, journal, exit_code=1, write_reports=write_report)
+    return made_writable(folder)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Return a writable sealed package with everything in it."""
+    folder = tmp_path_factory.mktemp("whole") / "run"
+    sealed_run(folder)
+    return made_writable(folder)
+
+
+def made_writable(folder: Path) -> Path:
+    """Return a copy that can be changed."""
+    copy = shutil.copytree(folder, folder.with_name("copy"), copy_function=shutil.copyfile)
+    for path in (copy, *copy.rglob("*")):
+        path.chmod(0o755)
+    return copy
+
+
+def is_found(folder: Path, path: Path, offset: int, flip: int) -> bool:
+    """Change one byte, ask whether verification finds it, and change it back."""
+    data = path.read_bytes()
+    path.write_bytes(data[:offset] + bytes([data[offset] ^ flip]) + data[offset + 1 :])
+    try:
+        return verify(folder).state is not State.SEALED
+    finally:
+        path.write_bytes(data)
+
+
+def test_any_changed_byte_of_a_tag_file_is_found(small):
+    """Every single byte of manifests, facts and seal, each changed in another way."""
+    assert verify(small).state is State.SEALED
+    for name in TAG_FILES:
+        for offset in range((small / name).stat().st_size):
+            flip = 0x20 if offset % 2 else 1 + offset % 255
+            assert is_found(small, small / name, offset, flip), (name, offset, flip)
+    assert verify(small).state is State.SEALED
+
+
+def test_any_changed_byte_of_the_data_is_found(whole):
+    """A sample of bytes of every file of a package that has everything."""
+    assert verify(whole).state is State.SEALED
+    for path in sorted((whole / "data").rglob("*")):
+        if path.is_file():
+            size = path.stat().st_size
+            for offset in {*range(0, size, max(1, size // 11)), size - 1}:
+                assert is_found(whole, path, offset, 1 << offset % 8), (path, offset)
+    assert verify(whole).state is State.SEALED
+
+
+@pytest.mark.parametrize("name", TAG_FILES)
+def test_any_lost_end_of_a_tag_file_is_found(small, name):
+    """A file that is cut off anywhere is not the one that was written."""
+    data = (small / name).read_bytes()
+    for size in {0, 1, len(data) // 2, len(data) - 1}:
+        (small / name).write_bytes(data[:size])
+        assert verify(small).state is not State.SEALED, size
+    (small / name).write_bytes(data)
+
+
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.sampled_from(list(State)),
+    lambda inner: st.lists(inner) | st.tuples(inner) | st.dictionaries(st.text(), inner),
+    max_leaves=20,
+)
+
+
+@given(VALUES)
+@settings(max_examples=300, deadline=None)
+def test_the_quick_writer_writes_what_the_complete_one_writes(value):
+    """Same bytes, or the same refusal, for whatever JSON can and cannot hold."""
+    try:
+        due = canonical(value)
+    except JsonError:
+        with pytest.raises(JsonError):
+            quick_canonical(value)
+    else:
+        assert quick_canonical(value) == due
+
+
+@pytest.mark.parametrize(
+    "number", [1.0, -0.0, 1e16, 1e21, 1e-7, 1e-5, 123456789012345680.0, 5e-324, 0.1, 2.0**53, 1e15]
+)
+def test_numbers_look_as_ecmascript_writes_them(number):
+    """Where Python's digits are others, the complete writer writes them."""
+    assert quick_canonical([number]) == canonical([number])
+
+
+@given(
+    st.lists(st.dictionaries(st.sampled_from("abc"), st.text(max_size=5) | st.integers(0, 9), max_size=3), max_size=8)
+)
+@settings(max_examples=50, deadline=None)
+def test_what_is_written_is_read(tmp_path_factory, bodies):
+    """Whatever the events hold, they come back in order, with an unbroken chain and the same digest."""
+    path = tmp_path_factory.mktemp("journal") / "journal.jsonl"
+    with Journal(path, stamp=stamps()) as journal:
+        for number, body in enumerate(bodies):
+            journal.write("note", float(number), **body)
+        digest = journal.content_digest
+    reading = read_journal(path)
+    assert (reading.findings, reading.torn, reading.content_digest) == ((), b"", digest)
+    assert [dict(event) for event in reading.events] == [
+        {**body, "kind": "note", "seq": number, "t": number} for number, body in enumerate(bodies)
+    ]

@@ -1,0 +1,129 @@
+"""The journal: lines, chain, sequence, and what is on the disk when."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+
+import pytest
+from evidence_runs import stamps
+
+from hil.documents.canonical import JsonError, canonical
+from hil.evidence.journal import Journal
+from hil.evidence.reading import read_journal
+from hil.model.errors import EvidenceError
+
+
+def journal_of(path, **options):
+    """Return a journal with a wall clock of its own."""
+    return Journal(path / "journal.jsonl", stamp=stamps(), **options)
+
+
+def test_every_line_is_canonical_and_chained(tmp_path):
+    """A line is canonical JSON, holds the hash of the line before, and its body holds no wall time."""
+    with journal_of(tmp_path) as journal:
+        assert [journal.write("note", 0.5, text="é\n", by="Ada"), journal.write("note", 1.0, text="", by="")] == [0, 1]
+    first, second = (tmp_path / "journal.jsonl").read_bytes().splitlines()
+    assert [canonical(json.loads(line)) for line in (first, second)] == [first, second]
+    assert json.loads(first)["prev"] == "0" * 64
+    assert json.loads(second)["prev"] == hashlib.sha256(first).hexdigest()
+    assert json.loads(first)["body"] == {"by": "Ada", "kind": "note", "seq": 0, "t": 0.5, "text": "é\n"}
+    assert json.loads(first)["wall"] == {"boot": 1.5, "boot_id": "one-boot", "utc": "2026-11-21T10:00:00.000000Z"}
+
+
+def test_equal_runs_have_equal_content_digests(tmp_path):
+    """The digest is over the bodies, so another day gives the same one, and another value another."""
+    digests = []
+    for name, day, text in (("a", "2026-11-21", "x"), ("b", "2027-01-01", "x"), ("c", "2026-11-21", "y")):
+        with Journal(tmp_path / name, stamp=stamps(day)) as journal:
+            journal.write("note", 1.0, text=text, by="")
+            digests.append(journal.content_digest)
+        assert read_journal(tmp_path / name).content_digest == digests[-1]
+    assert digests[0] == digests[1] != digests[2]
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), {1: 2}, object(), 2**60])
+def test_what_json_does_not_have_is_refused_and_not_written(tmp_path, value):
+    """NaN and its like raise, and the journal goes on as if nothing had been asked."""
+    with journal_of(tmp_path) as journal:
+        with pytest.raises(JsonError):
+            journal.write("note", 0.0, text=value)
+        assert journal.write("note", 0.0, text="fine") == 0
+    assert not read_journal(tmp_path / "journal.jsonl").findings
+
+
+def test_edges_and_verdicts_are_synced(tmp_path):
+    """Steps, checks and safety are on the disk when write returns; effects and notes have left the process only."""
+    synced = []
+    with journal_of(tmp_path, sync=synced.append) as journal:
+        journal.write("effect", 0.0)
+        journal.write("note", 0.0)
+        assert not synced
+        for kind in ("step", "step-end", "check", "trip", "safe", "safe-end", "case-end", "results", "end"):
+            journal.write(kind, 0.0)
+            assert synced, kind
+            synced.clear()
+
+
+def test_bench_time_is_written_to_the_nanosecond(tmp_path):
+    """More digits than nanoseconds would not repeat between machines."""
+    with journal_of(tmp_path) as journal:
+        journal.write("note", 0.1234567891234)
+    assert read_journal(tmp_path / "journal.jsonl").events[0]["t"] == 0.123456789
+
+
+def test_a_journal_that_exists_is_continued(tmp_path):
+    """Sequence, chain, digest and time go on where they were."""
+    with journal_of(tmp_path) as journal:
+        journal.write("note", 3.0, text="before")
+    with journal_of(tmp_path) as journal:
+        assert journal.last_t == 3.0
+        assert journal.write("note", 4.0, text="after") == 1
+        digest = journal.content_digest
+    reading = read_journal(tmp_path / "journal.jsonl")
+    assert reading.findings == ()
+    assert reading.content_digest == digest
+
+
+@pytest.mark.parametrize("damage", [lambda data: data[:-1], lambda data: data.replace(b"before", b"behind")])
+def test_a_torn_or_changed_journal_is_not_continued(tmp_path, damage):
+    """Going on after a damage would hide it."""
+    path = tmp_path / "journal.jsonl"
+    with journal_of(tmp_path) as journal:
+        journal.write("note", 3.0, text="before")
+        journal.write("note", 3.0, text="last")
+    path.write_bytes(damage(path.read_bytes()))
+    with pytest.raises(EvidenceError, match="hil verify"):
+        journal_of(tmp_path)
+
+
+def test_the_reader_names_the_line_where_the_chain_breaks(tmp_path):
+    """A changed line is found by the next one's predecessor, a lost one by chain and sequence."""
+    path = tmp_path / "journal.jsonl"
+    with journal_of(tmp_path) as journal:
+        for number in range(4):
+            journal.write("note", 0.0, text=str(number))
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join([lines[0], lines[1].replace(b'"1"', b'"7"'), *lines[2:]]))
+    assert [(found.line, "chain" in found.message) for found in read_journal(path).findings] == [(3, True)]
+    path.write_bytes(b"".join([lines[0], *lines[2:]]))
+    assert {found.line for found in read_journal(path).findings} == {2, 3}
+
+
+@pytest.mark.parametrize(
+    "line",
+    [b"", b"{}", b"[]", b"nonsense", b'{"body":{},"prev":"","wall":{}}', b'{"body":1,"prev":"","wall":{}}', b"\xff"],
+)
+def test_a_line_that_is_no_event_is_a_finding(tmp_path, line):
+    """Whatever stands in a journal, reading it gives findings and no traceback."""
+    path = tmp_path / "journal.jsonl"
+    path.write_bytes(line + b"\n")
+    reading = read_journal(path)
+    assert [found.line for found in reading.findings] == [1]
+    assert reading.events == ()
+
+
+def test_no_journal_is_an_error_with_a_hint(tmp_path):
+    """A folder that is no run's folder says so."""
+    with pytest.raises(EvidenceError, match="run's folder"):
+        read_journal(tmp_path / "journal.jsonl")

@@ -1,0 +1,232 @@
+"""Results: verdicts that are never better than their evidence, and why a run closes nothing."""
+
+from __future__ import annotations
+
+import pytest
+from evidence_runs import REQUIREMENTS, begin, case_end, check, planned, recorded_check, run_fields, whole_case
+
+from hil.documents.canonical import canonical
+from hil.evidence.facts import Facts, digest_of, entries_of, facts_of
+from hil.evidence.folder import JOURNAL
+from hil.evidence.reading import read_journal
+from hil.evidence.results import derive, results_of
+from hil.model.errors import EvidenceError
+
+
+def derived(folder, **changes):
+    """Return the results of a whole run."""
+    with begin(folder, **changes) as journal:
+        whole_case(folder, journal)
+    return results_of(folder, read_journal(folder / JOURNAL))
+
+
+def events_of(*events):
+    """Return bodies of a run that was begun and planned, and of these events."""
+    return [
+        {"kind": "run", **run_fields()},
+        {"kind": "planned", "cases": [planned("test_a", ["GYR-030"]), planned("test_b", ["GYR-030"])]},
+        *events,
+    ]
+
+
+def verdicts_of(*events):
+    """Return the verdicts of cases, of the requirement, and of the run."""
+    results = derive(events_of(*events), Facts(catalogue=entries_of(REQUIREMENTS)), content_digest="")
+    cases = {case["case"]: str(case["verdict"]) for case in results["cases"]}
+    return cases, str(results["requirements"][0]["verdict"]), str(results["verdict"])
+
+
+def ended(case, verdict, requirements):
+    """Return a case's end."""
+    return {
+        "kind": "case-end", "case": case, "attempt": 1, "verdict": verdict, "reasons": [], "duration": 1.0,
+        "requirements": requirements, "used": {},
+    }  # fmt: skip
+
+
+def checked(case, of, verdict="PASS"):
+    """Return a check of the case."""
+    return {
+        "kind": "check", "case": case, "requirement": "GYR-030", "parameter": "rate_error", "of": of,
+        "verdict": verdict, "instruments": [],
+    }  # fmt: skip
+
+
+def passed(case, attempt=1):
+    """Return the events of a case that passed."""
+    begun = {"kind": "case", "case": case, "attempt": attempt}
+    return begun, checked(case, "x"), checked(case, "y"), ended(case, "PASS", {"GYR-030": "PASS"})
+
+
+def test_a_whole_run_is_derived(tmp_path):
+    """Cases, requirements, counts and the run's facts are those of the journal."""
+    results = derived(tmp_path)
+    assert results["verdict"] == "PASS"
+    assert results["counts"] == {"PASS": 1}
+    assert results["run"] == run_fields()
+    assert (results["interrupted"], results["tripped"], results["safe"]) == (False, False, True)
+    (case,) = results["cases"]
+    assert (case["title"], case["plan"], case["recordings"]) == ("test_rest.", "gyro", ["001-rest"])
+    assert case["requirements"] == {"GYR-010": "RECORDED", "GYR-030": "PASS"}
+    assert case["attempts"] == [{"attempt": 1, "verdict": "PASS", "reasons": []}]
+    assert case["steps"] == [{"path": ["Hold"], "number": "1", "outcome": "done", "duration": 4}]
+    assert [check["of"] for check in case["checks"]] == ["x", "y", None]
+    assert [(item["id"], item["verdict"], item["checks"]) for item in results["requirements"]] == [
+        ("GYR-010", "RECORDED", 1),
+        ("GYR-030", "PASS", 2),
+    ]
+    assert all(item["eligible"] for item in results["requirements"])
+
+
+def test_the_same_events_give_the_same_bytes(tmp_path):
+    """Deriving twice, and on another day, gives equal canonical JSON."""
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    assert canonical(derived(tmp_path / "a")) == canonical(derived(tmp_path / "b"))
+
+
+def test_a_requirement_is_as_good_as_its_worst_case():
+    """One planned case that failed, or did not run, takes the pass of the other."""
+    assert verdicts_of(*passed("test_a"), *passed("test_b")) == ({"test_a": "PASS", "test_b": "PASS"}, "PASS", "PASS")
+    assert verdicts_of(*passed("test_a")) == ({"test_a": "PASS", "test_b": "NOT_RUN"}, "NOT_RUN", "NOT_RUN")
+    failed = ({"kind": "case", "case": "test_b", "attempt": 1}, checked("test_b", "x", "FAIL"), checked("test_b", "y"))
+    assert verdicts_of(*passed("test_a"), *failed, ended("test_b", "FAIL", {"GYR-030": "FAIL"}))[1:] == ("FAIL", "FAIL")
+
+
+def test_a_case_that_did_not_end_is_aborted():
+    """Begun and not ended is ABORTED, whatever its checks say so far."""
+    cases, requirement, run = verdicts_of(*passed("test_a"), *passed("test_b")[:-1])
+    assert (cases["test_b"], requirement, run) == ("ABORTED", "ABORTED", "ABORTED")
+
+
+def test_a_case_cannot_be_better_than_its_checks():
+    """A case that says PASS over a failed, missing or no check is not believed."""
+    begun = {"kind": "case", "case": "test_a", "attempt": 1}
+    end = ended("test_a", "PASS", {"GYR-030": "PASS"})
+    failing = verdicts_of(begun, checked("test_a", "x", "FAIL"), checked("test_a", "y"), end, *passed("test_b"))
+    assert (failing[0]["test_a"], failing[1]) == ("FAIL", "FAIL")
+    missing = verdicts_of(begun, checked("test_a", "x"), end, *passed("test_b"))
+    assert (missing[0]["test_a"], missing[1]) == ("NOT_EVALUATED", "NOT_EVALUATED")
+    nothing = verdicts_of(begun, end, *passed("test_b"))
+    assert nothing[0]["test_a"] == "NOT_EVALUATED"
+
+
+def test_an_error_elsewhere_in_the_case_takes_its_checks():
+    """Passed checks of a case in ERROR do not make its requirement pass."""
+    begun, *checks, _ = passed("test_a")
+    error = ended("test_a", "ERROR", {"GYR-030": "PASS"})
+    assert verdicts_of(begun, *checks, error, *passed("test_b"))[1] == "ERROR"
+
+
+def test_the_last_attempt_counts_and_every_attempt_is_kept():
+    """A declared retry replaces the checks, and the first attempt is still told."""
+    first = ({"kind": "case", "case": "test_a", "attempt": 1}, checked("test_a", "x", "FAIL"))
+    events = events_of(*first, ended("test_a", "FAIL", {"GYR-030": "FAIL"}), *passed("test_a", 2))
+    results = derive(events, Facts(catalogue=entries_of(REQUIREMENTS)), content_digest="")
+    assert results["cases"][0]["verdict"] == "PASS"
+    assert [attempt["verdict"] for attempt in results["cases"][0]["attempts"]] == ["FAIL", "PASS"]
+    assert len(results["cases"][0]["checks"]) == 2
+
+
+def test_not_run_has_its_reason():
+    """A case that was left out says why, and one that nobody spoke of says that the run ended."""
+    events = events_of({"kind": "not-run", "case": "test_a", "reason": "skipped: no cold plate"})
+    results = derive(events, Facts(catalogue={}), content_digest="")
+    assert [case["reasons"] for case in results["cases"]] == [
+        ["skipped: no cold plate"],
+        ["the run ended before this case"],
+    ]
+
+
+def test_nothing_planned_is_not_a_pass():
+    """An empty run is NOT_EVALUATED, and a journal without its first event is ABORTED."""
+    assert (
+        derive([{"kind": "run", **run_fields()}], Facts(catalogue={}), content_digest="")["verdict"] == "NOT_EVALUATED"
+    )
+    assert derive([], Facts(catalogue={}), content_digest="")["verdict"] == "ABORTED"
+
+
+@pytest.mark.parametrize(
+    ("event", "verdict"),
+    [
+        ({"kind": "trip"}, "ERROR"),
+        ({"kind": "safe-end", "ok": False}, "ERROR"),
+        ({"kind": "armed"}, "ERROR"),
+        ({"kind": "stop"}, "ABORTED"),
+        ({"kind": "recovered"}, "ABORTED"),
+    ],
+)
+def test_a_run_that_went_wrong_does_not_pass(event, verdict):
+    """A trip, an unsafe end, an armed bench never made safe, and an interruption each spoil the run's verdict."""
+    assert verdicts_of(*passed("test_a"), *passed("test_b"), event)[2] == verdict
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"source": "simulated"}, "SIMULATED: the run's source"),
+        ({"source": "replayed"}, "REPLAYED: the run's source"),
+        ({"purpose": "development"}, "the purpose development does not close requirements"),
+        ({"deviations": ["rest_duration = 1 s"]}, "deviation: rest_duration = 1 s"),
+        ({"dut": {"serial": ""}}, "the device under test has no serial number"),
+    ],
+)
+def test_a_run_that_cannot_close_says_why(tmp_path, changes, reason):
+    """A passed requirement is not eligible, with the reason in words."""
+    item = derived(tmp_path, **changes)["requirements"][0]
+    assert (item["eligible"], item["reasons"]) == (False, [reason])
+
+
+@pytest.mark.parametrize(
+    ("calibration", "reason"),
+    [
+        ({"due": "2026-11-20"}, "psu1 was out of calibration: due 2026-11-20, used 2026-11-21"),
+        ({"due": ""}, "psu1 has no calibration record"),
+        ({"due": "2026-11-21"}, None),
+        ({"due": "", "dut": True}, None),
+    ],
+)
+def test_calibration_counts_until_its_last_day(tmp_path, calibration, reason):
+    """An instrument counts on the day of its due date and not after; a device under test needs no certificate."""
+    with begin(tmp_path) as journal:
+        whole_case(tmp_path, journal)
+    reading = read_journal(tmp_path / JOURNAL)
+    facts = Facts(catalogue=entries_of(REQUIREMENTS), calibration={"psu1": calibration}, date="2026-11-21")
+    results = derive(reading.events, facts, content_digest="")
+    assert [item["reasons"] for item in results["requirements"]] == 2 * [[reason] if reason else []]
+
+
+def test_one_simulated_instrument_is_enough(tmp_path):
+    """The weakest source of what a case used counts, and is named."""
+    with begin(tmp_path) as journal:
+        journal.write("case", 0.0, case="test_rest", attempt=1)
+        check(journal, of="x")
+        check(journal, of="y")
+        recorded_check(journal)
+        case_end(journal, used={"psu1": "hardware", "mag": "simulated", "obc": "simulated"})
+        journal.write("gate", 4.0, name="found-off", ok=False, detail="psu1 was on")
+        journal.write("safe-end", 5.0, ok=True)
+    reasons = results_of(tmp_path, read_journal(tmp_path / JOURNAL))["requirements"][0]["reasons"]
+    assert reasons == ["SIMULATED: mag, obc", "readiness gate found-off: psu1 was on"]
+
+
+def test_an_id_outside_the_frozen_catalogue_is_not_eligible():
+    """What was not frozen before the first step closes nothing."""
+    results = derive(events_of(*passed("test_a"), *passed("test_b")), Facts(catalogue={}), content_digest="")
+    assert "it is not in the frozen catalogue" in results["requirements"][0]["reasons"]
+
+
+def test_the_frozen_catalogue_gives_its_digest_again(tmp_path):
+    """Requirements come back from the package with the fingerprints they had."""
+    begin(tmp_path).close()
+    facts = facts_of(tmp_path, read_journal(tmp_path / JOURNAL))
+    assert digest_of(facts.catalogue) == run_fields()["catalogue"]
+    assert facts.date == "2026-11-21"
+
+
+def test_a_frozen_file_that_cannot_be_read_is_named(tmp_path):
+    """Nonsense where the catalogue should be is an error with its path."""
+    begin(tmp_path).close()
+    (tmp_path / "data/catalogue/catalogue.json").write_text('{"requirements": [NaN]}')
+    with pytest.raises(EvidenceError, match=r"catalogue\.json"):
+        facts_of(tmp_path, read_journal(tmp_path / JOURNAL))

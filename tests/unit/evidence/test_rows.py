@@ -1,0 +1,145 @@
+"""Row files: bytes, hashes, and how soon they are on the disk."""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+
+import pytest
+
+from hil.evidence.rows import BLOCK, Rows, read_rows, row_blocks, table
+from hil.model.errors import EvidenceError
+
+
+class Wall:
+    """A wall clock that stands until it is moved."""
+
+    def __init__(self):
+        self.seconds = 100.0
+
+    def __call__(self):
+        """Return its seconds."""
+        return self.seconds
+
+
+def rows_of(path, blocks=None, **options):
+    """Return a row file with one channel; `blocks` collects what it tells."""
+    told = [] if blocks is None else blocks
+    return Rows(
+        path,
+        recording="001",
+        channels=[("x", "uT")],
+        on_block=lambda *told_now: told.append(told_now),
+        **options,
+    )
+
+
+def content(path):
+    """Return the rows of a file as a list of tuples."""
+    found = read_rows(path)
+    return [tuple(row) for block in row_blocks(found) for row in table(block, found.width)]
+
+
+def test_rows_are_packed_after_a_header(tmp_path):
+    """A row is little-endian float64 time and channels, and the hash is over all rows' bytes."""
+    blocks = []
+    rows = rows_of(tmp_path / "a.rows", blocks)
+    rows.append((0.0, 1.5))
+    rows.append((0.5, -2.0))
+    rows.append((2.0, 3.0))
+    end = rows.finish()
+    packed = struct.pack("<6d", 0.0, 1.5, 0.5, -2.0, 2.0, 3.0)
+    assert (tmp_path / "a.rows").read_bytes().endswith(b"}\n" + packed)
+    assert (end.rows, end.sha256, end.largest_gap_s) == (3, hashlib.sha256(packed).hexdigest(), 1.5)
+    assert blocks == [(3, end.sha256)]
+    assert content(tmp_path / "a.rows") == [(0.0, 1.5), (0.5, -2.0), (2.0, 3.0)]
+    assert read_rows(tmp_path / "a.rows").header["channels"] == [{"name": "x", "unit": "uT"}]
+
+
+def test_a_hash_is_told_every_65536_rows_and_at_the_end(tmp_path):
+    """The hashes are over everything so far, and the rows they cover are in the file by then."""
+    blocks, sizes = [], []
+    path = tmp_path / "a.rows"
+    rows = rows_of(path, blocks)
+    for index in range(2 * BLOCK + 10):
+        rows.append((index, index))
+        if len(blocks) > len(sizes):
+            sizes.append(read_rows(path).rows)
+    end = rows.finish()
+    assert [count for count, _ in blocks] == [BLOCK, 2 * BLOCK, 2 * BLOCK + 10]
+    assert sizes == [BLOCK, 2 * BLOCK]
+    data = path.read_bytes()[read_rows(path).start :]
+    assert [hashlib.sha256(data[: count * 16]).hexdigest() for count, _ in blocks] == [digest for _, digest in blocks]
+    assert end.largest_gap_s == 1.0
+
+
+def test_an_empty_recording_has_an_end_too(tmp_path):
+    """No row at all is told as such."""
+    blocks = []
+    end = rows_of(tmp_path / "a.rows", blocks).finish()
+    assert (end.rows, end.largest_gap_s, blocks) == (0, 0.0, [(0, hashlib.sha256().hexdigest())])
+
+
+def test_no_row_is_away_from_the_disk_for_a_second(tmp_path):
+    """With a tick every half second, a row is in the file within one second, and at once again afterwards."""
+    wall = Wall()
+    path = tmp_path / "a.rows"
+    rows = rows_of(path, now=wall)
+    for _ in range(3):
+        wall.seconds += 7.0
+        rows.tick()
+        rows.append((wall.seconds, 1.0))
+        before = read_rows(path).rows
+        rows.tick()
+        assert read_rows(path).rows == before
+        wall.seconds += 0.5
+        rows.tick()
+        assert read_rows(path).rows == before + 1
+    rows.finish()
+
+
+def test_a_torn_last_row_is_left_out(tmp_path):
+    """Half a row after a power cut is counted and not read."""
+    path = tmp_path / "a.rows"
+    rows = rows_of(path)
+    rows.append((0.0, 1.0))
+    rows.append((1.0, 2.0))
+    rows.finish()
+    path.write_bytes(path.read_bytes()[:-3])
+    assert (read_rows(path).rows, read_rows(path).torn) == (1, 13)
+    assert content(path) == [(0.0, 1.0)]
+
+
+def test_a_row_file_that_exists_is_continued(tmp_path):
+    """Hash, count and gap go on after the last whole row; other channels are refused."""
+    path = tmp_path / "a.rows"
+    rows = rows_of(path)
+    rows.append((0.0, 1.0))
+    rows.finish()
+    path.write_bytes(path.read_bytes() + b"half")
+    rows = rows_of(path)
+    assert rows.rows == 1
+    rows.append((3.0, 2.0))
+    end = rows.finish()
+    assert (end.rows, end.largest_gap_s) == (2, 3.0)
+    assert end.sha256 == hashlib.sha256(struct.pack("<4d", 0.0, 1.0, 3.0, 2.0)).hexdigest()
+    with pytest.raises(EvidenceError, match="other channels"):
+        Rows(path, recording="001", channels=[("y", "uT")], on_block=print)
+
+
+@pytest.mark.parametrize("data", [b"", b"no newline", b"[]\n", b"{}\n", b"\xff\n"])
+def test_what_is_no_row_file_says_so(tmp_path, data):
+    """A missing or foreign header is an error with the file's name."""
+    (tmp_path / "a.rows").write_bytes(data)
+    with pytest.raises(EvidenceError, match="row file"):
+        read_rows(tmp_path / "a.rows")
+    with pytest.raises(EvidenceError, match="row file"):
+        read_rows(tmp_path / "missing.rows")
+
+
+def test_a_row_of_another_width_is_a_mistake(tmp_path):
+    """A sample with a number too many does not shift the ones that follow."""
+    rows = rows_of(tmp_path / "a.rows")
+    with pytest.raises(struct.error):
+        rows.append((0.0, 1.0, 2.0))
+    assert rows.finish().rows == 0

@@ -1,0 +1,94 @@
+"""Runs at a glance, and a package read."""
+
+from __future__ import annotations
+
+import pytest
+from evidence_runs import begin, record, sealed_run, whole_case
+
+from hil.evidence.folder import create, hold
+from hil.evidence.package import Package
+from hil.evidence.runs import find_runs, status
+from hil.evidence.verify import State
+from hil.model.errors import EvidenceError
+
+
+def test_runs_are_found_oldest_first(tmp_path):
+    """Folders without a journal are no runs, and no folder at all is no error."""
+    assert find_runs(tmp_path / "missing") == []
+    (tmp_path / ".ledger").mkdir()
+    for name in ("20260102T000000Z-b-d-000000", "20260101T000000Z-b-d-ffffff"):
+        begin(tmp_path / name).close()
+    assert [run.folder.name[:8] for run in find_runs(tmp_path)] == ["20260101", "20260102"]
+
+
+def test_a_run_tells_where_it_is(tmp_path):
+    """Plan, device, progress, case and step are those of the newest events."""
+    with hold(tmp_path), begin(tmp_path) as journal:
+        journal.write("case", 0.0, case="test_rest", attempt=1)
+        journal.write("step", 0.0, case="test_rest", path=["Outer"], number="1")
+        journal.write("step", 7.0, case="test_rest", path=["Outer", "Inner"], number="1.1")
+        run = status(tmp_path)
+        assert (run.state, run.plans, run.bench, run.dut) == (State.RUNNING, ("gyro",), "flight", "SN1")
+        assert (run.planned, run.ended, run.case, run.step, run.t) == (1, 0, "test_rest", "1.1 Inner", 7.0)
+        journal.write(
+            "step-end", 8.0, case="test_rest", path=["Outer", "Inner"], number="1.1", outcome="done", duration=1
+        )
+        assert status(tmp_path).step == "1 Outer"
+    assert status(tmp_path).state is State.INTERRUPTED
+
+
+def test_a_sealed_run_tells_its_verdict(tmp_path):
+    """Nothing goes on in it any more."""
+    folder = create(tmp_path, bench="b", dut="d")
+    sealed_run(folder)
+    run = status(folder)
+    assert (run.state, run.verdict, run.case, run.step, run.ended) == (State.SEALED, "PASS", "", "", 1)
+
+
+def test_a_folder_that_cannot_be_understood_is_damaged(tmp_path):
+    """One bad folder does not hide the others."""
+    begin(tmp_path / "a").close()
+    (tmp_path / "b/data").mkdir(parents=True)
+    (tmp_path / "b/data/journal.jsonl").write_bytes(
+        b'{"body":{"kind":"case","seq":0,"t":0},"prev":"%b","wall":{}}\n' % (b"0" * 64)
+    )
+    assert [run.state for run in find_runs(tmp_path)] == [State.INTERRUPTED, State.DAMAGED]
+
+
+def test_a_package_reads_a_run_that_goes_on(tmp_path):
+    """Events, recordings and results so far are there before the seal."""
+    with begin(tmp_path) as journal:
+        record(tmp_path, journal, 5)
+        package = Package(tmp_path)
+        assert not package.sealed
+        assert [event["kind"] for event in package.events("gate", "armed")] == ["gate", "armed"]
+        assert len(package.recording("001-rest")) == 5
+        assert package.results()["verdict"] == "ERROR"
+        assert package.catalogue()["GYR-030"]["rev"] == 1
+        assert package.calibration()["psu1"]["due"] == "2026-12-31"
+        assert package.transcript_path == tmp_path / "data/transcript.tsv"
+
+
+def test_a_package_gives_nothing_from_outside(tmp_path):
+    """Paths that lead out, recordings that are not there, and texts that are none are errors in words."""
+    begin(tmp_path / "run").close()
+    (tmp_path / "secret").write_text("x")
+    package = Package(tmp_path / "run")
+    (tmp_path / "run/data/binary").write_bytes(b"\xff")
+    for path in ("../secret", "/etc/passwd"):
+        with pytest.raises(EvidenceError, match="outside"):
+            package.text(path)
+    with pytest.raises(EvidenceError, match="binary"):
+        package.text("data/binary")
+    with pytest.raises(EvidenceError, match="it has none"):
+        package.recording("009")
+    assert package.json("data/catalogue/catalogue.json")["format"] == 1
+
+
+def test_a_running_package_is_read_as_it_was_when_asked(tmp_path):
+    """One package object is one look at the journal."""
+    with begin(tmp_path) as journal:
+        package = Package(tmp_path)
+        before = len(package.events())
+        whole_case(tmp_path, journal)
+        assert len(package.events()) == before < len(Package(tmp_path).events())

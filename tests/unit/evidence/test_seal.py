@@ -1,0 +1,349 @@
+"""Sealing and verifying: what a package holds, and every way in which it can be wrong."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+
+import bagit
+import pytest
+from evidence_runs import begin, check, run_fields, sealed_run, whole_case, write_report
+
+from hil.documents.canonical import canonical
+from hil.evidence.bag import evidence_digest, manifest_text, read_manifest, write_manifests
+from hil.evidence.folder import JOURNAL, create, hold
+from hil.evidence.inbox import post
+from hil.evidence.journal import Journal
+from hil.evidence.package import Package
+from hil.evidence.recover import recover
+from hil.evidence.seal import seal
+from hil.evidence.verify import State, verify
+from hil.model.errors import EvidenceError, Refused
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Return the folder of a run."""
+    return create(tmp_path / "reports", bench="flight", dut="SN1")
+
+
+@pytest.fixture
+def writable(tmp_path, folder):
+    """Return a writable copy of a sealed package."""
+    sealed_run(folder)
+    copy = shutil.copytree(folder, tmp_path / "copy", copy_function=shutil.copyfile)
+    for path in (copy, *copy.rglob("*")):
+        path.chmod(0o755)
+    return copy
+
+
+def messages(folder):
+    """Return what verification finds, as text."""
+    verification = verify(folder)
+    assert verification.state is State.DAMAGED
+    assert not verification.ok
+    return "\n".join(str(finding) for finding in verification.findings)
+
+
+def test_a_sealed_run_verifies(folder):
+    """A whole run is sealed, verified, complete, and read-only; nothing of its working state is left."""
+    digest = sealed_run(folder)
+    verification = verify(folder)
+    assert (verification.ok, verification.findings, verification.verdict) == (True, (), "PASS")
+    assert verification.evidence_digest == digest == Package(folder).evidence_digest
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "bag-info.txt", "bagit.txt", "data", "manifest-sha256.txt", "tagmanifest-sha256.txt",
+    ]  # fmt: skip
+    assert all(not path.stat().st_mode & 0o222 for path in (folder, *folder.rglob("*")))
+
+
+def test_an_independent_reader_accepts_the_bag(folder):
+    """The bagit library, which is not ours, validates the package and reads its facts."""
+    sealed_run(folder)
+    bag = bagit.Bag(str(folder))
+    bag.validate()
+    assert bag.info["External-Identifier"] == folder.name
+    assert bag.info["Bagging-Date"] == "2026-11-21"
+    assert bag.info["Content-Digest"] == verify(folder).content_digest
+    assert bag.version_info == (1, 0)
+
+
+def test_odd_names_are_encoded_as_others_read_them(tmp_path):
+    """Line ends and per cent signs in names survive the manifest; the others' library reads the line ends, too."""
+    names = ["data/a\nb", "data/c\rd", "data/é µ", "data/e%0Af"]
+    hashes = {name: hashlib.sha256(name.encode()).hexdigest() for name in names}
+    (tmp_path / "m.txt").write_bytes(manifest_text(hashes))
+    assert read_manifest(tmp_path, "m.txt") == (hashes, [])
+    (tmp_path / "data").mkdir()
+    for name in names[:3]:
+        (tmp_path / name).write_bytes(name.encode())
+    write_manifests(tmp_path, b"Payload-Oxum: 26.3\n")
+    (tmp_path / "bagit.txt").write_bytes(b"BagIt-Version: 1.0\nTag-File-Character-Encoding: UTF-8\n")
+    bagit.Bag(str(tmp_path)).validate()
+
+
+def test_the_digest_is_over_the_evidence_and_not_the_report(tmp_path):
+    """Another report leaves the evidence digest as it is, and what is sealed is what the report was told."""
+    told = []
+
+    def other(folder):
+        told.append(evidence_digest(folder))
+        write_report(folder)
+        (folder / "data/report/junit.xml").write_text("<other/>")
+
+    digests = []
+    for name, report in (("a", write_report), ("b", other)):
+        (tmp_path / name).mkdir()
+        journal = begin(tmp_path / name)
+        whole_case(tmp_path / name, journal)
+        digests.append(seal(tmp_path / name, journal, exit_code=0, write_reports=report))
+    assert digests[0] == digests[1] == told[0]
+    manifest = (tmp_path / "b/manifest-sha256.txt").read_bytes().splitlines(keepends=True)
+    kept = b"".join(line for line in manifest if b"  data/report/" not in line)
+    assert digests[1] == hashlib.sha256(kept).hexdigest()
+
+
+def test_a_report_that_fails_does_not_keep_the_evidence_open(folder):
+    """The package is sealed and whole, and the error is still told."""
+    journal = begin(folder)
+    whole_case(folder, journal)
+
+    def fail(_):
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        seal(folder, journal, exit_code=0, write_reports=fail)
+    assert verify(folder).ok
+
+
+def test_late_messages_are_in_the_package(folder, tmp_path):
+    """A note and a photo that came during the last step are evidence, a late stop is noted."""
+    (tmp_path / "photo.jpg").write_bytes(b"picture")
+    journal = begin(folder)
+    whole_case(folder, journal)
+    post(folder, "note", by="Ada", text="smells odd")
+    post(folder, "attachment", by="Ada", attach=tmp_path / "photo.jpg")
+    post(folder, "stop", by="Ada", text="enough")
+    seal(folder, journal, exit_code=0, write_reports=write_report)
+    package = Package(folder)
+    assert [event["text"] for event in package.events("note")] == ["smells odd"]
+    assert "stop by Ada: enough" in package.events("anomaly")[0]["text"]
+    assert (folder / "data/attachments" / package.events("attachment")[0]["file"]).read_bytes() == b"picture"
+    assert verify(folder).ok
+
+
+@pytest.mark.parametrize(
+    ("damage", "found"),
+    [
+        (lambda f: (f / "data/stray.txt").write_text("x"), "does not name it"),
+        (lambda f: (f / "stray.txt").write_text("x"), "no manifest names this file"),
+        (lambda f: (f / "data/results.json").unlink(), "it is missing"),
+        (lambda f: (f / "data/report/report.html").write_text("better"), "not the file that was sealed"),
+        (lambda f: (f / "tagmanifest-sha256.txt").unlink(), "tagmanifest-sha256.txt: cannot be read"),
+        (lambda f: (f / "manifest-sha256.txt").unlink(), "tag files are missing"),
+        (lambda f: (f / "data/link").symlink_to("/etc/passwd"), "only plain files"),
+        (lambda f: (f / "data/linked").symlink_to("/etc"), "only plain files"),
+        (lambda f: (f / "data/RESULTS.json").write_text("{}"), "by case only"),
+        (lambda f: (f / "data/journal.jsonl").unlink(), "the journal cannot be read"),
+        (lambda f: (f / "data/journal.jsonl").write_bytes(b""), "begins with run"),
+        (lambda f: (f / "data/recordings/001-rest.h5").write_bytes(b"x"), "HDF5 file cannot be read"),
+        (lambda f: (f / "data/recordings/001-rest.h5").unlink(), "the recording is missing"),
+        (lambda f: (f / "bagit.txt").write_text("BagIt-Version: 0.97\n"), "not the declaration"),
+    ],
+)
+def test_damage_is_found_and_named(writable, damage, found):
+    """What was added, taken away or changed is a finding that names the file."""
+    damage(writable)
+    assert found in messages(writable)
+
+
+@pytest.mark.parametrize(
+    ("change", "found"),
+    [
+        (lambda lines: lines[:-1], "does not name it"),
+        (lambda lines: [*lines, lines[0]], "named twice"),
+        (lambda lines: [*lines[:-1], "0" * 64 + lines[-1][64:]], "not the file that was sealed"),
+        (lambda lines: [*lines, "0" * 64 + "  ../../etc/passwd\n"], "leads out of the package"),
+        (lambda lines: [*lines, "0" * 64 + "  /etc/passwd\n"], "leads out of the package"),
+        (lambda lines: [*lines, "0" * 64 + "  data/nobody\n"], "it is missing"),
+        (lambda lines: [*lines, "hello\n"], "a SHA-256, two spaces and a path"),
+        (lambda lines: [*lines[:-1], lines[-1].rstrip()], "cut off"),
+        (lambda lines: lines[::-1], "not the one that is written at a seal"),
+        (lambda lines: [lines[0].upper(), *lines[1:]], "a SHA-256, two spaces and a path"),
+    ],
+)
+def test_a_manifest_is_read_strictly(writable, change, found):
+    """Every liberty in a manifest's text is a finding, also one that other tools allow."""
+    path = writable / "manifest-sha256.txt"
+    path.write_text("".join(change(path.read_text().splitlines(keepends=True))))
+    assert found in messages(writable)
+
+
+def rebag(folder):
+    """Write manifests that fit what is in the folder now, as a forger would."""
+    write_manifests(folder, (folder / "bag-info.txt").read_bytes())
+
+
+def test_a_better_result_in_a_fresh_bag_is_found(writable):
+    """Results that journal and catalogue do not give are found, though every manifest fits."""
+    path = writable / "data/results.json"
+    results = json.loads(path.read_bytes())
+    results["requirements"][0]["text"] = "Anything goes."
+    path.write_bytes(canonical(results))
+    rebag(writable)
+    assert "give other results" in messages(writable)
+
+
+def test_another_catalogue_in_a_fresh_bag_is_found(writable):
+    """A wider limit in the frozen catalogue contradicts the run's first event and every check."""
+    path = writable / "data/catalogue/catalogue.json"
+    path.write_bytes(path.read_bytes().replace(b'"max":"0.5"', b'"max":"5"'))
+    rebag(writable)
+    found = messages(writable)
+    assert "not the catalogue that the run was begun with" in found
+    assert "maximum was 0.5, and the catalogue has 5" in found
+
+
+def test_other_rows_in_a_fresh_bag_are_found(writable):
+    """A recording that was changed afterwards does not have the hashes of the journal."""
+    import h5py  # noqa: PLC0415 - only this test opens one for writing
+
+    with h5py.File(writable / "data/recordings/001-rest.h5", "r+") as file:
+        file["channels/x"][50] = 0.0
+    rebag(writable)
+    assert "its first 100 rows are not those" in messages(writable)
+
+
+def test_a_chain_that_was_cut_in_a_fresh_bag_is_found(writable):
+    """An event that was taken out breaks chain, sequence and results."""
+    path = writable / "data/journal.jsonl"
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join(line for line in lines if b'"kind":"gate"' not in line))
+    rebag(writable)
+    assert "the chain is broken" in messages(writable)
+
+
+@pytest.mark.parametrize(
+    ("lie", "found"),
+    [
+        ({"measured": 0.6, "verdict": "PASS"}, "its value gives FAIL"),
+        ({"measured": 0.49, "verdict": "PASS"}, "its value gives INCONCLUSIVE"),
+        ({"measured": None, "verdict": "PASS"}, "its value gives INCONCLUSIVE"),
+        ({"measured": 0.1, "verdict": "FAIL"}, "its value gives PASS"),
+        ({"measured": 0.1, "decision": "simple"}, "decision was simple"),
+        ({"measured": 0.1, "limit": {"min": "-9", "max": "9", "equals": None}}, "minimum was -9"),
+        ({"measured": 0.1, "unit": "m"}, "verification cannot go on here"),
+        ({"measured": 0.1, "requirement": "GYR-999"}, "no such requirement"),
+        ({"measured": 0.1, "margin": 0.7}, "margin is 0.7"),
+    ],
+)
+def test_every_verdict_is_judged_again(folder, lie, found):
+    """A check whose verdict does not follow from its value, uncertainty and frozen limit is found in a valid bag."""
+    journal = begin(folder)
+    check(journal, **lie)
+    seal(folder, journal, exit_code=0, write_reports=write_report)
+    bagit.Bag(str(folder)).validate()
+    assert found in messages(folder)
+
+
+@pytest.mark.parametrize(
+    "word",
+    [
+        {"measured": None, "verdict": "FAIL", "reason": "the device under test fell silent"},
+        {"measured": 0.1, "verdict": "INCONCLUSIVE", "reason": "the analysis says: not observable"},
+    ],
+)
+def test_a_verdict_may_be_worse_than_its_value(folder, word):
+    """Silence of the device and the analysis' own word make a verdict worse, and that is no damage."""
+    journal = begin(folder)
+    check(journal, **word)
+    seal(folder, journal, exit_code=1, write_reports=write_report)
+    assert verify(folder).findings == ()
+
+
+def test_a_run_that_goes_on_is_not_verified(folder):
+    """Unsealed is RUNNING while its process holds it and INTERRUPTED afterwards, and never ok."""
+    begin(folder).close()
+    with hold(folder):
+        assert verify(folder).state is State.RUNNING
+    verification = verify(folder)
+    assert (verification.state, verification.ok) == (State.INTERRUPTED, False)
+    assert "incomplete" in str(verification.findings[0])
+
+
+def test_an_interrupted_run_is_sealed_as_it_is(folder):
+    """Its rows are kept as an incomplete recording, its verdict is ABORTED, and it is called incomplete."""
+    journal = begin(folder)
+    journal.write("case", 0.0, case="test_rest", attempt=1)
+    channels = [{"name": "x", "unit": "deg/s", "instrument": "psu1", "calibration": "", "uncertainty": None}]
+    journal.write(
+        "recording", 1.0, case="test_rest", step="1", recording="001", name="rest", channels=channels, rate=1.0,
+        duration=9.0, source="hardware",
+    )  # fmt: skip
+    from hil.evidence.rows import Rows  # noqa: PLC0415 - this test alone leaves rows open
+
+    rows = Rows(folder / "data/recordings/001.rows", recording="001", channels=[("x", "deg/s")], on_block=print)
+    rows.append((1.0, 2.0))
+    rows.append((2.0, 3.0))
+    rows.finish()
+    journal.close()
+    with (folder / "data/recordings/001.rows").open("ab") as stream:
+        stream.write(b"half")
+    with hold(folder), pytest.raises(Refused, match="another process"):
+        recover(folder, write_reports=write_report)
+    digest = recover(folder, write_reports=write_report)
+    verification = verify(folder)
+    assert (verification.state, verification.findings, verification.verdict) == (State.SEALED, (), "ABORTED")
+    assert not verification.complete
+    assert not verification.ok
+    recorded = Package(folder).recording("001")
+    assert (recorded["x"].tolist(), recorded.complete) == ([2.0, 3.0], False)
+    assert recover(folder, write_reports=write_report) == digest
+
+
+def test_a_damaged_journal_is_not_sealed(folder):
+    """Recovery cuts a torn tail and mends nothing else."""
+    begin(folder).close()
+    path = folder / JOURNAL
+    path.write_bytes(path.read_bytes().replace(b"flight", b"fright"))
+    with pytest.raises(EvidenceError, match="not sealed"):
+        recover(folder, write_reports=write_report)
+
+
+def test_a_folder_without_a_single_event_can_go(folder):
+    """Nothing recorded is nothing to seal."""
+    Journal(folder / JOURNAL).close()
+    with pytest.raises(Refused, match="deleted"):
+        recover(folder, write_reports=write_report)
+
+
+def test_rows_that_changed_behind_the_runs_back_are_kept_and_told(folder):
+    """The rest of the evidence is sealed, the row file with it, and verification names the recording."""
+    journal = begin(folder)
+    whole_case(folder, journal)
+    path = folder / "data/recordings/001-rest.rows"
+    path.write_bytes(path.read_bytes()[:-1] + b"\x7f")
+    seal(folder, journal, exit_code=0, write_reports=write_report)
+    assert "not those that the journal names" in Package(folder).events("anomaly")[0]["text"]
+    assert path.exists()
+    assert "the recording is missing" in messages(folder)
+
+
+def test_what_is_no_run_says_so(tmp_path):
+    """Any other folder is refused by name."""
+    with pytest.raises(EvidenceError, match="no run's folder"):
+        verify(tmp_path)
+
+
+def test_another_name_is_still_the_same_package(writable):
+    """A copy under another name verifies, with the same digest."""
+    assert verify(writable).ok
+
+
+def test_a_simulated_run_verifies_and_closes_nothing(folder):
+    """The weakest source is in the results, and the package is whole."""
+    sealed_run(folder, source="simulated")
+    assert verify(folder).ok
+    assert not any(item["eligible"] for item in Package(folder).results()["requirements"])
+    assert Package(folder).run()["seed"] == run_fields()["seed"]
