@@ -43,17 +43,18 @@ class Person:
         Args:
             form: `confirm`, `choose`, `measure` or `attach`.
             name: the question's name.
-            text: what the operator reads.
-            options: what can be answered.
+            text: what the operator reads; the simulated one goes by name and options alone.
+            options: what can be answered; for `attach` the first is what is asked for.
 
         Raises:
             Refused: if the person does not know, or what is known is not among the options.
         """
+        del text
         match form:
             case "confirm":
                 return True
             case "attach":
-                return self._attach(name, text, options)
+                return self._attach(name, options)
             case "choose":
                 return self._choose(name, options)
             case "measure":
@@ -61,21 +62,19 @@ class Person:
                 return plant.observe(signal)
         raise Refused(f"the simulated person does not know questions of the form '{form}'")
 
-    def _attach(self, name: str, text: str, options: Sequence[str]) -> str:
-        """Put the board in place; of several options it is the one that the question names."""
+    def _attach(self, name: str, options: Sequence[str]) -> str:
+        """Put in place what is asked for, the first option; `none` takes away what is there."""
         plant, point = self._point(name, "input")
-        words = f"{name} {text}".replace(",", " ").replace(".", " ").replace("'", " ").split()
-        named = [option for option in options if option in words]
-        chosen = named[0] if named else options[0] if options else ""
-        value = "" if chosen == _NONE else chosen
+        wanted = options[0] if options else ""
+        value = "" if wanted == _NONE else wanted
         choices = plant.choices(point)
-        if not chosen or (choices and value not in choices):
+        if not wanted or (choices and value not in choices):
             raise Refused(
-                f"the simulated person has no '{chosen}' to attach for '{name}'",
+                f"the simulated person has no '{wanted}' to attach for '{name}'",
                 f"plant '{plant.name}' has {', '.join(choice for choice in choices if choice) or 'no list of them'}",
             )
         plant.command(**{point: value})
-        return chosen
+        return wanted
 
     def _choose(self, name: str, options: Sequence[str]) -> str:
         plant, signal = self._point(name, "signal")

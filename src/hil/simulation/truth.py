@@ -85,10 +85,10 @@ class Truth:
         """Return `size` numbers; without a default they are required."""
         value = self._get(key, required=default is None)
         if value is None:
-            return (0.0,) * size if default is None else default
+            return (1.0,) * size if default is None else default
         if not isinstance(value, list | tuple) or len(value) != size:
             self._wrong((key,), f"expected a list of {size} numbers, not {value!r}")
-            return (0.0,) * size
+            return (1.0,) * size
         return tuple(self._number((key, place), item, -inf, inf, -inf) for place, item in enumerate(value))
 
     def integers(self, key: str, *, minimum: int, maximum: int) -> tuple[int, ...]:

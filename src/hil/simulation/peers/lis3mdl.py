@@ -22,6 +22,7 @@ from hil.wire.peer import Nack, PeerClock
 
 __all__ = ["MODEL", "Lis3mdl", "build"]
 
+_ADDRESSES = (0x1C, 0x1E)
 _OFFSETS = range(0x05, 0x0B)
 _WHO_AM_I, _IDENTITY = 0x0F, 0x3D
 _CTRL1, _CTRL2, _CTRL3, _CTRL4, _CTRL5 = range(0x20, 0x25)
@@ -246,6 +247,9 @@ def build(setup: PeerSetup) -> Lis3mdl:
         TruthError: with everything that is wrong in its truth or terminals.
     """
     truth, connections = setup.truth, setup.connections
+    address = setup.instrument.address or _ADDRESSES[0]
+    if address not in _ADDRESSES:
+        raise TruthError(truth.path[:-1], f"an LIS3MDL answers at 0x1C or 0x1E, not at 0x{address:02X}")
     article = SensorTruth.read(truth)
     boot = truth.number("boot_time", 1e-2, minimum=0)
     field, temperature = connections.axes("field"), connections.signal("temperature")
@@ -264,7 +268,7 @@ def build(setup: PeerSetup) -> Lis3mdl:
         seeds=setup.seeds,
         name=setup.instrument.name,
     )
-    return Lis3mdl(setup.instrument.address or 0x1C, sensor, power, round(boot * NANOSECONDS))
+    return Lis3mdl(address, sensor, power, round(boot * NANOSECONDS))
 
 
 MODEL = PeerModel(link="bus", fault_kinds=("identity", "saturated", "stuck"), build=build)

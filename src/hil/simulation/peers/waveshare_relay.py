@@ -233,7 +233,7 @@ def build(setup: PeerSetup) -> WaveshareRelay:
         TruthError: with everything that is wrong in its truth or terminals.
     """
     truth = setup.truth
-    address = truth.integer("address", 1, minimum=1, maximum=255)
+    address = truth.integer("address", setup.instrument.address or 1, minimum=1, maximum=255)
     welded = truth.integers("welded", minimum=1, maximum=_CONTACTS)
     operate = truth.number("operate_time", 8e-3, minimum=0)
     points = {number: setup.connections.input(str(number)) for number in range(1, _CONTACTS + 1)}

@@ -67,7 +67,16 @@ class CoilTruth:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EarthTruth:
-    """What is there without a coil: field [uT], its drift [uT/s], the jig's errors, the air."""
+    """What is there without a coil.
+
+    Attributes:
+        field: Earth's field in the jig's frame [uT].
+        drift: of that field [uT/s].
+        misalignment: angles about x, y, z by which the sensor is turned in the jig [rad].
+        sensor_offset: how far the sensor is off the axis in x and y [m].
+        ambient: temperature of the air [degC].
+        sensor_current: what the sensor draws [A].
+    """
 
     field: tuple[float, float, float]
     drift: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -262,6 +271,6 @@ def _coil(truth: Truth, base: CoilTruth | None) -> CoilTruth:
         heat_capacity=truth.number("heat_capacity", usual.heat_capacity, above=0),
         thermal_resistance=truth.number("thermal_resistance", usual.thermal_resistance, above=0),
     )
-    if min(coil.sides) <= 0 and len(sides) == 2:
+    if min(sides) <= 0:
         truth.wrong("sides", f"expected lengths above 0, not {list(sides)}")
     return coil

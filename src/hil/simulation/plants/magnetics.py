@@ -37,9 +37,9 @@ def field_per_ampere(turns: float, sides: tuple[float, float], sensor: tuple[flo
     return np.asarray(turns * _MU_0 / (4 * np.pi) * _TESLA_TO_MICROTESLA * total, dtype=np.float64)
 
 
-def rotation(degrees: tuple[float, float, float]) -> NDArray[np.float64]:
-    """Return the matrix that turns a vector of the jig into the frame of a sensor turned by x, y, z degrees."""
-    x, y, z = np.radians(degrees)
+def rotation(angles: tuple[float, float, float]) -> NDArray[np.float64]:
+    """Return the matrix from the jig to the frame of a sensor turned about x, y, z by these angles [rad]."""
+    x, y, z = angles
     about_x = np.array([[1, 0, 0], [0, np.cos(x), np.sin(x)], [0, -np.sin(x), np.cos(x)]])
     about_y = np.array([[np.cos(y), 0, -np.sin(y)], [0, 1, 0], [np.sin(y), 0, np.cos(y)]])
     about_z = np.array([[np.cos(z), np.sin(z), 0], [-np.sin(z), np.cos(z), 0], [0, 0, 1]])

@@ -129,7 +129,8 @@ class Plant(ABC):
     def observe_at(self, signal: str, at_ns: int) -> float:
         """Return a signal at an instant of the last two seconds, before any command of that instant.
 
-        So the answer does not depend on whether somebody asks before or after such a command.
+        So the answer does not depend on whether somebody asks before or after such a command. Only at the epoch
+        itself there is no before.
         """
         moment = next((item for item in reversed(self._moments) if item.at_ns < at_ns), self._moments[0])
         if at_ns < moment.at_ns or at_ns > self._now_ns:
