@@ -6,7 +6,8 @@ import itertools
 from pathlib import Path
 
 from hil.clock.wall import WallStamp
-from hil.evidence.facts import digest_of, entries_of, freeze_calibration, freeze_catalogue
+from hil.documents.canonical import digest
+from hil.evidence.facts import entries_of, freeze_calibration, freeze_catalogue
 from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE
 from hil.evidence.journal import Journal
 from hil.evidence.rows import Rows
@@ -34,6 +35,7 @@ REQUIREMENTS = (
     Requirement(id="GYR-030", rev=1, text="The error shall be small.", kind=Kind.LIMIT, limits=(LIMIT,), source="s 30"),
     Requirement(id="GYR-010", rev=1, text="The rest shall be recorded.", kind=Kind.RECORD),
 )
+CATALOGUE = digest({"format": 1, "requirements": entries_of(REQUIREMENTS)})
 
 
 def stamps(day: str = "2026-11-21"):
@@ -47,7 +49,7 @@ def run_fields(**changes):
     dut = {"serial": "SN1", "part": "P1", "model": "QM", "hardware": "A", "firmware": "", "title": "Gyroscope"}
     fields = {
         "format": 1, "bench": "flight", "source": "hardware", "purpose": "qualification", "dut": dut, "operator": "Ada",
-        "plans": ["gyro"], "seed": "7", "catalogue": digest_of(entries_of(REQUIREMENTS)), "parameters": "0" * 64,
+        "plans": ["gyro"], "seed": "7", "catalogue": CATALOGUE, "parameters": "0" * 64,
         "sources": "0" * 64, "version": "0.1.0", "deviations": [],
     }  # fmt: skip
     return fields | changes

@@ -9,17 +9,16 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from hil.documents.canonical import JsonError, canonical, digest, parse_strict
+from hil.documents.canonical import JsonError, canonical, parse_strict
 from hil.evidence.durable import write_whole
 from hil.evidence.folder import CALIBRATION, CATALOGUE
 from hil.evidence.reading import JournalReading
 from hil.model.errors import EvidenceError
-from hil.requirements.requirement import Decision, Kind, Limit, Method, Records, Requirement
+from hil.requirements.requirement import Decision, Limit, Requirement
 
 __all__ = [
     "Entries",
     "Facts",
-    "digest_of",
     "entries_of",
     "facts_of",
     "freeze_calibration",
@@ -52,12 +51,11 @@ def entries_of(requirements: Iterable[Requirement]) -> Entries:
 
 
 def freeze_catalogue(folder: Path, requirements: Entries) -> str:
-    """Write the requirements as they stand into the package, and return the file's SHA-256.
+    """Write the requirements as they stand into the package; return the SHA-256 that the `run` event names.
 
     Args:
         folder: the run's folder.
-        requirements: what `entries_of` gives; `digest_of` it is the catalogue's digest, which the run's first event
-            names.
+        requirements: what `entries_of` gives.
     """
     return _freeze(folder / CATALOGUE, {"format": 1, "requirements": requirements})
 
@@ -97,15 +95,6 @@ def read_json(path: Path) -> Any:  # noqa: ANN401 - JSON holds what it holds
         raise EvidenceError(f"{path}: {error.message}", "see hil verify") from error
 
 
-def digest_of(entries: Entries) -> str:
-    """Return the digest that a catalogue of these requirements has, from fingerprints computed again.
-
-    Raises:
-        KeyError, ValueError, TypeError: where an entry is not one of `entries_of`.
-    """
-    return digest({name: _requirement(name, entry).fingerprint for name, entry in entries.items()})
-
-
 def limit_of(item: Mapping[str, Any]) -> Limit:
     """Return a limit from its frozen form."""
     return Limit(
@@ -117,22 +106,6 @@ def limit_of(item: Mapping[str, Any]) -> Limit:
         equals=item["equals"],
         decision=Decision(item["decision"]),
         min_tur=item["min_tur"],
-    )
-
-
-def _requirement(name: str, entry: Mapping[str, Any]) -> Requirement:
-    records = entry["records"]
-    return Requirement(
-        id=name,
-        rev=entry["rev"],
-        text=entry["text"],
-        kind=Kind(entry["kind"]),
-        method=Method(entry["method"]),
-        level=entry["level"],
-        stage=entry["stage"],
-        limits=tuple(limit_of(item) for item in entry["limits"]),
-        records=None if records is None else Records(**records),
-        over={key: tuple(values) for key, values in entry["over"].items()},
     )
 
 

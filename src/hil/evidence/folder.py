@@ -21,6 +21,7 @@ __all__ = [
     "INBOX",
     "INBOX_FILES",
     "JOURNAL",
+    "PARAMETERS",
     "RECORDINGS",
     "REPORT",
     "RESERVE",
@@ -40,6 +41,7 @@ JOURNAL = "data/journal.jsonl"
 TORN = "data/journal.torn"
 RESULTS = "data/results.json"
 CATALOGUE = "data/catalogue/catalogue.json"
+PARAMETERS = "data/catalogue/parameters.json"
 CALIBRATION = "data/bench/calibration.json"
 TRANSCRIPT = "data/transcript.tsv"
 RECORDINGS = "data/recordings"
@@ -117,7 +119,7 @@ def hold(folder: Path) -> Iterator[None]:
     """
     import fcntl  # noqa: PLC0415 - packages are read where there is no fcntl
 
-    descriptor = os.open(folder, os.O_RDONLY)
+    descriptor = _opened(folder)
     try:
         for attempt in range(_ATTEMPTS):
             try:
@@ -130,6 +132,11 @@ def hold(folder: Path) -> Iterator[None]:
                         "wait for its end, or stop it with hil stop",
                     ) from None
                 wall.pause(0.01)  # somebody may only be looking, see is_held
+            except OSError as error:
+                raise Refused(
+                    f"{folder}: this file system cannot hold a run: {error.strerror}",
+                    "choose a folder on a disk of this machine with --output",
+                ) from error
         yield
     finally:
         os.close(descriptor)
@@ -139,7 +146,7 @@ def is_held(folder: Path) -> bool:
     """Return whether a living process holds the folder."""
     import fcntl  # noqa: PLC0415 - packages are read where there is no fcntl
 
-    descriptor = os.open(folder, os.O_RDONLY)
+    descriptor = _opened(folder)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -147,6 +154,13 @@ def is_held(folder: Path) -> bool:
     finally:
         os.close(descriptor)
     return False
+
+
+def _opened(folder: Path) -> int:
+    try:
+        return os.open(folder, os.O_RDONLY)
+    except OSError as error:
+        raise EvidenceError(f"{folder}: cannot be opened: {error.strerror}", "name a folder of reports/") from error
 
 
 def _safe(text: str) -> str:

@@ -58,4 +58,6 @@ def test_one_process_holds_a_folder(tmp_path):
         with pytest.raises(Refused, match="another process"), hold(tmp_path):
             pass
     assert not is_held(tmp_path)
+    with pytest.raises(EvidenceError, match="cannot be opened"):
+        is_held(tmp_path / "missing")
     assert list(tmp_path.iterdir()) == []

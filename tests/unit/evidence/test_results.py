@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from evidence_runs import REQUIREMENTS, begin, case_end, check, planned, recorded_check, run_fields, whole_case
+from evidence_runs import LIMIT, REQUIREMENTS, begin, case_end, check, planned, recorded_check, run_fields, whole_case
 
 from hil.documents.canonical import canonical
-from hil.evidence.facts import Facts, digest_of, entries_of, facts_of
+from hil.evidence.facts import Facts, entries_of, facts_of, limit_of
 from hil.evidence.folder import JOURNAL
 from hil.evidence.reading import read_journal
 from hil.evidence.results import derive, results_of
@@ -216,11 +216,12 @@ def test_an_id_outside_the_frozen_catalogue_is_not_eligible():
     assert "it is not in the frozen catalogue" in results["requirements"][0]["reasons"]
 
 
-def test_the_frozen_catalogue_gives_its_digest_again(tmp_path):
-    """Requirements come back from the package with the fingerprints they had."""
+def test_the_frozen_catalogue_is_read_as_it_was(tmp_path):
+    """Requirements come back from the package with limits and fingerprints."""
     begin(tmp_path).close()
     facts = facts_of(tmp_path, read_journal(tmp_path / JOURNAL))
-    assert digest_of(facts.catalogue) == run_fields()["catalogue"]
+    assert facts.catalogue == entries_of(REQUIREMENTS)
+    assert limit_of(facts.catalogue["GYR-030"]["limits"][0]) == LIMIT
     assert facts.date == "2026-11-21"
 
 

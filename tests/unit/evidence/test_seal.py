@@ -330,6 +330,14 @@ def test_rows_that_changed_behind_the_runs_back_are_kept_and_told(folder):
     assert "the recording is missing" in messages(folder)
 
 
+def test_what_was_frozen_is_what_the_run_was_begun_with(folder):
+    """A calibration record that the run's first event does not name is found; so is a format of the future."""
+    sealed_run(folder, format=2, calibration="0" * 64)
+    found = messages(folder)
+    assert "not the calibration that the run was begun with" in found
+    assert "format 2 is not known" in found
+
+
 def test_what_is_no_run_says_so(tmp_path):
     """Any other folder is refused by name."""
     with pytest.raises(EvidenceError, match="no run's folder"):
