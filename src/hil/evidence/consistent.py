@@ -1,0 +1,138 @@
+"""Whether everything in a package follows from its journal, its recordings and what was frozen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from pathlib import Path
+
+from hil.documents.canonical import canonical
+from hil.evidence.bag import INFO
+from hil.evidence.durable import sha256_of
+from hil.evidence.facts import facts_of
+from hil.evidence.folder import ATTACHMENTS, CALIBRATION, CATALOGUE, JOURNAL, PARAMETERS, RECORDINGS, RESULTS
+from hil.evidence.judged import judge_again
+from hil.evidence.quick_json import quick_canonical
+from hil.evidence.reading import Body, JournalReading
+from hil.evidence.recordings import hashes_of
+from hil.evidence.results import results_of
+from hil.evidence.seal import info_of
+from hil.model.errors import Finding, HilError
+
+__all__ = ["content_findings", "guarded", "results_event"]
+
+_HOSTILE = (HilError, OSError, KeyError, TypeError, ValueError, AttributeError, IndexError, RecursionError)
+
+
+def content_findings(folder: Path, reading: JournalReading) -> Iterator[Finding]:
+    """Derive again whatever the package claims, and give every difference."""
+    for look in (
+        _journal_findings,
+        _info_findings,
+        _frozen_findings,
+        _results_findings,
+        _recording_findings,
+        _attachment_findings,
+        _check_findings,
+    ):
+        yield from guarded(partial(look, folder, reading))
+
+
+def guarded(look: Callable[[], Iterator[Finding]]) -> Iterator[Finding]:
+    """Turn whatever hostile content makes of a look into a finding."""
+    try:
+        yield from look()
+    except _HOSTILE as error:
+        what = error.message if isinstance(error, HilError) else f"{type(error).__name__}: {error}"
+        yield Finding("data", 0, 0, f"verification cannot go on here: {what}")
+
+
+def _journal_findings(_: Path, reading: JournalReading) -> Iterator[Finding]:
+    yield from reading.findings
+    if reading.torn:
+        yield Finding(JOURNAL, 0, 0, f"{len(reading.torn)} bytes at the end are half a line")
+    kinds = [event["kind"] for event in reading.events]
+    if kinds[:1] != ["run"] or kinds[-2:] != ["results", "end"] or kinds.count("results") != 1:
+        yield Finding(JOURNAL, 0, 0, "a sealed journal begins with run, and ends with results and end, each once")
+    for line in reading.lines:
+        if quick_canonical(line.body) != line.raw:
+            yield Finding(JOURNAL, line.number, 1, "this is not canonical JSON")
+
+
+def _info_findings(folder: Path, reading: JournalReading) -> Iterator[Finding]:
+    text = (folder / INFO).read_bytes()
+    names = [line.removeprefix(b"External-Identifier: ") for line in text.split(b"\n") if line.startswith(b"Ext")]
+    if len(names) != 1 or text != info_of(folder, names[0].decode(), reading):
+        yield Finding(INFO, 0, 0, "it does not say what the journal and the files say")
+
+
+def _frozen_findings(folder: Path, reading: JournalReading) -> Iterator[Finding]:
+    run = reading.events[0] if reading.events else {}
+    if run.get("format") != 1:
+        yield Finding(JOURNAL, 1, 1, f"format {run.get('format')} is not known to this version, use a newer one")
+    for field, path in (("catalogue", CATALOGUE), ("parameters", PARAMETERS), ("calibration", CALIBRATION)):
+        named = field == "catalogue" or (field in run and (folder / path).exists())
+        if named and run.get(field) != sha256_of(folder / path):
+            yield Finding(path, 0, 0, f"this is not the {field} that the run was begun with")
+
+
+def _results_findings(folder: Path, reading: JournalReading) -> Iterator[Finding]:
+    data = (folder / RESULTS).read_bytes()
+    if results_event(reading).get("sha256") != sha256_of(folder / RESULTS):
+        yield Finding(RESULTS, 0, 0, "the journal names other results")
+    derived = results_of(folder, reading)
+    if canonical(derived) != data:
+        yield Finding(RESULTS, 0, 0, "journal and frozen catalogue give other results")
+    if results_event(reading).get("verdict") != derived["verdict"]:
+        yield Finding(JOURNAL, 0, 0, f"the run's verdict is {derived['verdict']}, and not what the journal says")
+
+
+def _recording_findings(folder: Path, reading: JournalReading) -> Iterator[Finding]:
+    claims: dict[str, dict[int, str]] = {}
+    ended: dict[str, int] = {}
+    for event in reading.events:
+        if event["kind"] == "recording":
+            claims.setdefault(event["recording"], {})
+        elif event["kind"] in {"rows", "recording-end"}:
+            claims.setdefault(event["recording"], {})[event["rows"]] = event["sha256"]
+        if event["kind"] == "recording-end":
+            ended[event["recording"]] = event["rows"]
+    for identifier, claim in claims.items():
+        path = f"{RECORDINGS}/{identifier}.h5"
+        if identifier not in ended:
+            yield Finding(path, 0, 0, "the journal has no end of this recording")
+        elif not (folder / path).is_file():
+            yield Finding(path, 0, 0, "the recording is missing")
+        else:
+            yield from guarded(partial(_row_findings, folder, path, claim, ended[identifier]))
+
+
+def _row_findings(folder: Path, path: str, claim: Mapping[int, str], rows: int) -> Iterator[Finding]:
+    """Compare the rows with every hash that the journal has; one row more is asked for, and must not be there."""
+    *found, (there, _) = hashes_of(folder / path, [*claim, max(claim) + 1])
+    if there != rows:
+        yield Finding(path, 0, 0, f"it has {there} rows, and the journal {rows}")
+    for due, (count, digest) in zip(sorted(claim), found, strict=True):
+        if count != due or digest != claim[due]:
+            yield Finding(path, 0, 0, f"its first {due} rows are not those that the journal names")
+
+
+def _attachment_findings(folder: Path, reading: JournalReading) -> Iterator[Finding]:
+    for event in reading.events:
+        if event["kind"] == "attachment":
+            path = f"{ATTACHMENTS}/{Path(event['file']).name}"
+            if not (folder / path).is_file() or sha256_of(folder / path) != event["sha256"]:
+                yield Finding(path, 0, 0, "this is not the attachment that the journal names")
+
+
+def _check_findings(folder: Path, reading: JournalReading) -> Iterator[Finding]:
+    catalogue = facts_of(folder, reading).catalogue
+    for line in reading.lines:
+        if line.body["kind"] == "check":
+            for message in judge_again(line.body, catalogue):
+                yield Finding(JOURNAL, line.number, 1, message)
+
+
+def results_event(reading: JournalReading) -> Body:
+    """Return the body of the `results` event, empty where there is none."""
+    return next((event for event in reading.events if event["kind"] == "results"), {})
