@@ -45,6 +45,13 @@ def test_reverser(a, b, sign):
     assert plant.observe("outward") == pytest.approx(sign * 12.5827, rel=1e-4, abs=1e-12)
 
 
+def test_limited_supply_shows_the_same_voltage_in_both_directions():
+    """In reverse the supply limits as it does forward; it does not see the reverser."""
+    reverse, forward = driven(a=True, b=True), driven()
+    assert reverse.observe("voltage") == pytest.approx(forward.observe("voltage"), rel=1e-12)
+    assert forward.observe("voltage") < 1
+
+
 def test_shorted_reverser_shows_the_supply_its_own_voltage():
     """With one contact energised nothing is connected to the supply."""
     assert driven(a=True).observe("voltage") == 5.0

@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 from twin import Twin
 
-from hil.simulation.peers.modbus_rtu import seal
+from hil.clock.virtual import VirtualClock
+from hil.simulation.peers.modbus_rtu import FrameReader, seal
+from hil.simulation.world import DeviceClock
 
 
 @pytest.fixture
@@ -41,6 +43,31 @@ def test_contact_takes_its_time(twin):
     assert twin.coil.inputs["contact_a"] is False
     twin.clock.sleep(0.0002)
     assert twin.coil.inputs["contact_a"] is True
+
+
+def test_last_command_counts_for_a_contact_on_its_way():
+    """On, off and on again within the operate time closes the contact once, after the last command."""
+    twin = Twin(truths={"relays": {"operate_time": "0.03"}})
+    line = twin.lines["relays"]
+    for value in ("FF00", "0000", "FF00"):
+        line.write(seal(bytes.fromhex(f"01050000{value}")))
+        twin.clock.sleep(0.005)
+    twin.clock.sleep(0.025)
+    assert twin.coil.inputs["contact_a"] is False
+    twin.clock.sleep(0.01)
+    assert twin.coil.inputs["contact_a"] is True
+
+
+@pytest.mark.parametrize(("baud", "silence_us"), [(9600, 4010), (19200, 2005), (38400, 1750), (115200, 1750)])
+def test_silence_that_ends_a_frame(baud, silence_us):
+    """It is 3.5 characters up to 19,200 baud, and 1.75 ms above."""
+    clock, frames = VirtualClock(), []
+    reader = FrameReader(baud, frames.append)
+    reader.receive(b"\x01", DeviceClock(clock, 1))
+    clock.wait_until(silence_us * 1000 - 1000)
+    assert frames == []
+    clock.wait_until(silence_us * 1000 + 1000)
+    assert frames == [b"\x01"]
 
 
 def test_several_coils_at_once(twin):

@@ -78,6 +78,19 @@ def test_restored_in_the_middle_of_requests(after_ms):
     assert other.world.state() == twin.world.state()
 
 
+def test_restored_protection_still_trips():
+    """A supply restored while a protection watches switches off by itself, as the one that went on."""
+    twin = Twin()
+    twin.scpi("CURR:PROT:STAT ON,(@2);:VOLT 5,(@2);:CURR 0.016,(@2);:OUTP ON,(@2)")
+    twin.coil.command(board="y_plus")
+    other = Twin()
+    other.clock.wait_until(twin.clock.now_ns())
+    other.world.restore(json.loads(json.dumps(twin.world.state())))
+    assert other.coil.observe("voltage") == 5.0
+    other.clock.sleep(0.03)
+    assert other.coil.observe("voltage") == 0.0
+
+
 def test_state_belongs_to_its_instant():
     """A state of another instant is refused."""
     twin = Twin()
