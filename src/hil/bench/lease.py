@@ -51,7 +51,7 @@ class Lease:
             other = _holder(file)
             os.close(file)
             raise Refused(
-                f"{key} is held by {other}", "wait for that run to end, or stop it with 'hil stop RUN'"
+                f"{key} is held by {other}", "wait for it to end, or stop it: 'hil runs' tells its name"
             ) from None
         os.ftruncate(file, 0)
         os.pwrite(file, json.dumps({"holder": holder, "pid": os.getpid()}).encode(), 0)

@@ -40,7 +40,7 @@ def unpowered_gates(bench: BoundBench) -> Iterator[Gate]:
     yield from _found_on(bench)
 
 
-def energised_gates(bench: BoundBench, dut: Dut) -> Iterator[Gate]:
+def energised_gates(bench: BoundBench, dut: Dut | None) -> Iterator[Gate]:
     """Make the bench safe, then try one output at a time at its reduced level, then the envelope.
 
     Whatever is tried is off again when its gate is given.
@@ -80,8 +80,10 @@ def _difference(expected: Identity, found: Identity) -> str:
 
 def _found_on(bench: BoundBench) -> Iterator[Gate]:
     """An output found on is somebody else's state: it is reported and made safe, never taken over."""
-    made_safe = {bench.spec.wire(step.output) for step in bench.spec.safe_off}
-    safe_places = {(wire.instrument, wire.channel) for wire in made_safe}
+    made_safe = [bench.spec.wire(step.output) for step in bench.spec.safe_off]
+    safe_places = {
+        (wire.instrument, place) for wire in made_safe for place in (wire.contacts.values() or (wire.channel,))
+    }
     for name, driver in bench.drivers.items():
         if bench.spec.instrument(name).powered_by:
             continue
@@ -99,7 +101,7 @@ def _found_on(bench: BoundBench) -> Iterator[Gate]:
             yield Gate(f"outputs of {name}", ok=True, detail=detail)
 
 
-def _reduced_level(bench: BoundBench, wire: Wire, level: ReducedLevel, dut: Dut) -> Iterator[Gate]:
+def _reduced_level(bench: BoundBench, wire: Wire, level: ReducedLevel, dut: Dut | None) -> Iterator[Gate]:
     supply = cast("Supply", bench.roles[wire.name])
     name = f"reduced level of {wire.name}"
     try:

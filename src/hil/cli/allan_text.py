@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 
 import click
 
-from hil.analysis.allan import NoiseModel
+from hil.analysis.allan_results import NoiseModel
 from hil.analysis.sampling import SamplingReport
 from hil.model.figure import Figure, FigureStatus
 
@@ -172,8 +172,8 @@ def stated(figure: Figure) -> str:
     """Return a figure as text: the uncertainty with two digits, the value down to the same place."""
     if not math.isfinite(figure.value):
         return "-"
-    if figure.status is FigureStatus.UPPER_LIMIT and not figure.uncertainty:
-        return f"< {figure.value:.3g} {figure.unit} (95 %)"
+    if figure.status is FigureStatus.UPPER_LIMIT:
+        return f"< {figure.value:.3g} {figure.unit}"
     if not figure.uncertainty:
         return f"{figure.value:.4g} {figure.unit}"
     places = 1 - math.floor(math.log10(figure.uncertainty))

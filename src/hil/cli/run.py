@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
 
 import click
 
+from hil.cli.pinning import pin
 from hil.model.errors import Refused
 from hil.model.identity import Purpose, Source
 
 __all__ = ["command"]
 
 
-@click.command(name="run", epilog="Example: hil run testplans/magnetorquer --bench adcs --source simulated --dut SIM-ADCS-1")
+@click.command(
+    name="run", epilog="Example: hil run testplans/magnetorquer --bench adcs --source simulated --dut SIM-ADCS-1"
+)
 @click.argument("plans", nargs=-1, required=True, metavar="PLAN...")
 @click.option("--bench", required=True, metavar="NAME", help="The bench: fixtures/benches/NAME.")
 @click.option("--dut", required=True, metavar="SERIAL", help="Serial number of the device under test.")
@@ -28,7 +30,7 @@ __all__ = ["command"]
 @click.option("--ask", is_flag=True, help="Ask at the terminal, also on a simulated bench.")
 @click.option("--output", type=click.Path(path_type=Path, file_okay=False), help="Where the package goes.")
 @click.option("-v", "--verbose", is_flag=True, help="Show every step, every driving call, every gate.")
-def command(
+def command(  # noqa: PLR0913 - one argument per option
     *,
     plans: tuple[str, ...],
     bench: str,
@@ -50,7 +52,7 @@ def command(
     every case did, 2 interrupted, 3 internal error, 4 wrong usage or files, 5 no cases, 6 the
     envelope tripped, 7 the bench could not be proven safe.
     """
-    _pin()
+    pin()
     from hil.executive.run.configuration import Request  # noqa: PLC0415 - after the pins
     from hil.plugin.running import run  # noqa: PLC0415 - after the pins
 
@@ -69,15 +71,6 @@ def command(
         output=output.resolve() if output else None,
     )
     return run(request, sys.stdout, verbose=verbose)
-
-
-def _pin() -> None:
-    """Start this process anew where the environment would change the last digits of numbers."""
-    from hil.executive.run.software import PINNED, pinned_environment  # noqa: PLC0415 - only when a run starts
-
-    if any(os.environ.get(name) != value for name, value in PINNED.items()):
-        sys.stdout.flush()
-        os.execve(sys.executable, [sys.executable, "-m", "hil", *sys.argv[1:]], pinned_environment())  # noqa: S606
 
 
 def _skips(cases: tuple[str, ...], reasons: tuple[str, ...]) -> dict[str, str]:

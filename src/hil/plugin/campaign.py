@@ -47,6 +47,7 @@ class Campaign:
         self._planned: dict[str, PlannedCase] = {}
         self._skipped: dict[str, str] = {}
         self._ended: set[str] = set()
+        self._deselected: set[str] = set()
 
     @property
     def running(self) -> Session:
@@ -77,6 +78,10 @@ class Campaign:
             self._skipped = skipped_cases(self._planned, self.configuration.request.skips)
         except HilError as error:
             self._refuse(error)
+
+    def pytest_deselected(self, items: Sequence[pytest.Item]) -> None:
+        """Keep what somebody else took out."""
+        self._deselected.update(item.nodeid for item in items)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtestloop(self, session: pytest.Session) -> Generator[None, object, object]:
@@ -168,10 +173,11 @@ class Campaign:
 
     def _note_not_run(self) -> None:
         """Give every planned case that never began its reason."""
-        reason = f"stopped by {self.running.flags.reason}" if self.running.flags.reason else "deselected"
+        stopped = self.running.flags.reason
+        reason = f"stopped by {stopped}" if stopped else "the run ended before this case"
         for case in self._planned:
             if case not in self._ended:
-                self.running.not_run(case, reason)
+                self.running.not_run(case, "deselected" if case in self._deselected else reason)
 
 
 def _judge(report: pytest.TestReport, run: CaseRun) -> None:

@@ -19,15 +19,28 @@ __all__ = ["open_simulated"]
 
 
 def open_simulated(
-    configuration: Configuration, planned: Sequence[PlannedCase], listeners: Sequence[Listener] = ()
+    configuration: Configuration,
+    planned: Sequence[PlannedCase],
+    listeners: Sequence[Listener] = (),
+    *,
+    alone: bool = False,
 ) -> Session:
-    """Open a session on the simulated twin."""
+    """Open a session on the simulated twin.
+
+    Args:
+        configuration: what the run is made of.
+        planned: its cases.
+        listeners: are shown every event.
+        alone: whether no other run may be on the bench; a rehearsal disturbs nobody.
+    """
+    bench = configuration.workspace.benches / configuration.bench.name
     answers = _answers_of(configuration.request, configuration.workspace.shown)
     return Session(
         configuration,
         planned,
         binder=lambda transcript, _where: bind_simulated(configuration.bench, transcript),
         answers=answers,
+        leases=[f"simulated bench {bench}"] if alone else [],
         listeners=listeners,
     )
 

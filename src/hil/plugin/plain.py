@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -24,7 +25,7 @@ def configure_plain(config: pytest.Config) -> None:
     """
     try:
         _refuse_others(config)
-        campaign = Campaign(configure(_request(config)), open_simulated)
+        campaign = Campaign(configure(_request(config)), partial(open_simulated, alone=True))
     except HilError as error:
         raise pytest.UsageError(str(error)) from None
     config.pluginmanager.register(campaign, "hil_campaign")

@@ -24,6 +24,14 @@ _STYLES = {
 }
 
 
+class _Console(Console):
+    """A console that goes quiet when its reader goes away; a run does not end because a pager did."""
+
+    def on_broken_pipe(self) -> None:
+        """Write nothing more."""
+        self.quiet = True
+
+
 class Progress:
     """Writes events as lines; without a terminal they are the same lines without colour.
 
@@ -33,7 +41,7 @@ class Progress:
     """
 
     def __init__(self, stream: TextIO, *, verbose: bool = False) -> None:
-        self._console = Console(file=stream, highlight=False, soft_wrap=True, emoji=False, markup=False)
+        self._console = _Console(file=stream, highlight=False, soft_wrap=True, emoji=False, markup=False)
         self._verbose = verbose
         self._cases: dict[str, Mapping[str, Any]] = {}
         self._done = 0

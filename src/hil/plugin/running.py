@@ -26,7 +26,7 @@ def run(request: Request, out: TextIO, *, verbose: bool = False) -> int:
     """
     configuration = configure(request)
     listeners = [Progress(out, verbose=verbose)]
-    launched = launch(configuration, partial(open_simulated, listeners=listeners))
+    launched = launch(configuration, partial(open_simulated, listeners=listeners, alone=True))
     if launched.session is None:
         out.write("no cases were found in these plans\n")
         return _NO_CASES
@@ -40,8 +40,7 @@ def _tell(session: Session, digest: str, out: TextIO) -> None:
     from hil.evidence.package import Package  # noqa: PLC0415 - not before the run
 
     out.write("\n")
-    for line in closing_lines(Package(session.folder).results()):
-        out.write(f"{line}\n")
+    out.writelines(f"{line}\n" for line in closing_lines(Package(session.folder).results()))
     out.write(f"\nevidence digest {digest}\n")
     out.write(f"report  {_shown(session.folder / 'data/report/report.html')}\n")
     out.write(f"{_shown(session.folder)}\n")

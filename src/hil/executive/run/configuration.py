@@ -19,7 +19,7 @@ from hil.model.identity import Dut, Purpose, Source
 from hil.requirements.catalogue import Catalogue, load_catalogue
 from hil.requirements.parameters import Parameters, load_parameters
 
-__all__ = ["Configuration", "Request", "configure"]
+__all__ = ["Configuration", "Request", "configure", "refuse_hardware"]
 
 _Loaded = TypeVar("_Loaded")
 
@@ -124,9 +124,10 @@ def refuse_hardware(source: Source) -> None:
 def _bench(workspace: Workspace, request: Request) -> BenchSpec:
     bench = load_bench(workspace.benches, request.bench, workspace.root)
     refuse_hardware(request.source)
-    simulated_twin(bench)
-    path = workspace.benches / request.bench / "bench.yaml"
-    check_twin(bench, path, workspace.shown(path))
+    if request.source is Source.SIMULATED:
+        simulated_twin(bench)
+        path = workspace.benches / request.bench / "bench.yaml"
+        check_twin(bench, path, workspace.shown(path))
     return bench
 
 

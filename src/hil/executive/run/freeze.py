@@ -42,9 +42,9 @@ def freeze(configuration: Configuration, folder: Path) -> Frozen:
     for path in sorted(_sources(configuration)):
         shown = path.relative_to(workspace.root).as_posix()
         data = path.read_bytes()
-        place = "catalogue" if path.name in _CATALOGUE_FILES else "sources"
-        name = f"{path.parent.name}/{path.name}" if place == "catalogue" else shown
-        _put(folder / "data" / place / name, data)
+        of_plan = path.name in _CATALOGUE_FILES and path.parent in configuration.plans
+        name = f"catalogue/{path.parent.name}/{path.name}" if of_plan else f"sources/{shown}"
+        _put(folder / "data" / name, data)
         sources.update(f"{hashlib.sha256(data).hexdigest()}  {shown}\n".encode())
     bench = _bench(configuration, folder)
     _put(folder / "data/dut.json", canonical({**asdict(configuration.dut), "format": 1}))
@@ -56,7 +56,7 @@ def freeze(configuration: Configuration, folder: Path) -> Frozen:
 def _sources(configuration: Configuration) -> Iterator[Path]:
     for plan in configuration.plans:
         yield from (path for path in plan.iterdir() if path.is_file() and path.suffix in {".py", ".yaml", ".json"})
-    yield from configuration.workspace.testplans.glob("*.py")
+    yield from (path for path in configuration.workspace.testplans.iterdir() if path.suffix in {".py", ".yaml"})
     yield from configuration.workspace.fixtures.glob("*.py")
 
 
@@ -114,7 +114,11 @@ def _place(configuration: Configuration) -> dict[str, object]:
         "bench_place": configuration.bench.place,
         "host": platform.node(),
         "user": user,
-        "workspace": configuration.workspace.name,
+        "workspace": {
+            "name": configuration.workspace.name,
+            "testplans": configuration.workspace.shown(configuration.workspace.testplans),
+            "fixtures": configuration.workspace.shown(configuration.workspace.fixtures),
+        },
         "started": wall.utc_now(),
     }
 

@@ -138,8 +138,8 @@ class BenchKeeper:
         return RecordingFacts(
             id=f"envelope-{limit.id}",
             name=limit.id,
-            case="",
-            step="",
+            case=None,
+            step=None,
             channels=(channel,),
             rate=1 / limit.period_s,
             duration=None,

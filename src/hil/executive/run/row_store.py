@@ -29,8 +29,8 @@ class RecordingFacts:
 
     id: str
     name: str
-    case: str
-    step: str
+    case: str | None
+    step: str | None
     channels: tuple[RecordedChannel, ...]
     rate: float
     duration: float | None

@@ -30,7 +30,6 @@ from hil.executive.run.row_store import RowStore
 from hil.executive.run.software import version
 from hil.executive.run.stop import StopFlags
 from hil.model.errors import EvidenceError
-from hil.model.identity import Source
 from hil.model.verdict import Verdict
 from hil.wire.transcript import Transcript
 
@@ -54,6 +53,7 @@ class Session:
         orphans: cases without a requirement.
         binder: makes the bench.
         answers: makes what answers questions, from the bench and the scheduling point to pass while waiting.
+        leases: what this run must hold alone, such as the ports of its instruments.
         listeners: are shown every event.
         recall: the effects that this run must agree with, in a replay.
     """
@@ -65,6 +65,7 @@ class Session:
         *,
         binder: Binder,
         answers: Callable[[BoundBench, Callable[[], None]], AnswerSource],
+        leases: Sequence[str] = (),
         listeners: Sequence[Listener] = (),
         recall: Recall | None = None,
     ) -> None:
@@ -77,7 +78,7 @@ class Session:
         self._verdicts: list[Verdict] = []
         self._attempts: dict[str, int] = {}
         self._closing = ExitStack()
-        self.folder = self._open_folder()
+        self.folder = self._open_folder(leases)
         self._closing.enter_context(hold(self.folder))
         self._journal = Journal(self.folder / JOURNAL, reserve=self.folder / RESERVE)
         self._events = Events(self._journal, lambda: self.flags.request("disk full"))
@@ -188,16 +189,19 @@ class Session:
             self._sink.close()
             return seal(self.folder, self._journal, exit_code=exit_code, write_reports=write_reports)
 
-    def _open_folder(self) -> Path:
+    def abandon(self) -> None:
+        """Close everything without a seal: for runs whose folder nobody keeps."""
+        with self._closing:
+            self._flush()
+            self._sink.close()
+            self._journal.close()
+
+    def _open_folder(self, leases: Sequence[str]) -> Path:
         configuration = self.configuration
         require_space(configuration.reports, _LEAST_SPACE)
-        folder = create(configuration.reports, bench=configuration.bench.name, dut=configuration.dut.serial)
-        keys = [f"{item.port}{item.bus}{item.address or ''}" for item in configuration.bench.instruments]
-        if configuration.request.source is not Source.HARDWARE:
-            keys = [f"simulated bench {configuration.workspace.benches / configuration.bench.name}"]
-        lease = Lease(keys, f"run {folder.name}")
+        lease = Lease(leases, f"a run of {', '.join(plan.name for plan in configuration.plans)}")
         self._closing.callback(lease.release)
-        return folder
+        return create(configuration.reports, bench=configuration.bench.name, dut=configuration.dut.serial)
 
     def _write_head(self, planned: Sequence[PlannedCase]) -> None:
         """Freeze everything and write the run's first events: what is judged by is fixed before the first step."""
@@ -222,6 +226,8 @@ class Session:
             sources=frozen.sources,
             version=version(),
             deviations=list(configuration.deviations),
+            overrides=dict(configuration.request.overrides),
+            skips=dict(configuration.request.skips),
         )
         cases = [
             {

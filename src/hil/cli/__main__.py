@@ -1,0 +1,7 @@
+"""`python -m hil.cli` is `hil`."""
+
+from __future__ import annotations
+
+from hil.cli.main import main
+
+main()

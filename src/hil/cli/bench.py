@@ -1,0 +1,54 @@
+"""`hil bench`: check a bench, or make it safe."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from hil.model.identity import Source
+
+__all__ = ["command"]
+
+_SOURCES = click.Choice([Source.HARDWARE.value, Source.SIMULATED.value])
+
+
+@click.group(name="bench")
+def command() -> None:
+    """Check a bench, or make it safe."""
+
+
+@command.command(epilog="Example: hil bench check adcs --source simulated")
+@click.argument("name")
+@click.option("--source", type=_SOURCES, default="hardware")
+@click.option("--energise", is_flag=True, help="Also try every output at its reduced level.")
+def check(name: str, source: str, *, energise: bool) -> int:
+    """Read the bench file, look at every instrument without driving it, and say what is ready.
+
+    Exit code 0 if every gate holds, 1 otherwise.
+    """
+    from hil.executive.run.bench_visit import check_bench  # noqa: PLC0415 - heavy
+
+    ready = True
+    for gate in check_bench(Path.cwd(), name, Source(source), energise=energise):
+        ready = ready and gate.ok
+        click.echo(f"{'ok    ' if gate.ok else 'NOT OK'}  {gate.name}: {gate.detail}")
+    click.echo("ready" if ready else "not ready")
+    return 0 if ready else 1
+
+
+@command.command(epilog="Example: hil bench safe adcs --source simulated")
+@click.argument("name")
+@click.option("--source", type=_SOURCES, default="hardware")
+def safe(name: str, source: str) -> int:
+    """Bring every output to its safe state, in order, and prove it.
+
+    Exit code 0 if every line is proven, 7 otherwise.
+    """
+    from hil.executive.run.bench_visit import safe_bench  # noqa: PLC0415 - heavy
+
+    proven = True
+    for result in safe_bench(Path.cwd(), name, Source(source)):
+        proven = proven and result.ok
+        click.echo(f"{'safe    ' if result.ok else 'NOT SAFE'}  {result.output} {result.state}: {result.detail}")
+    return 0 if proven else 7

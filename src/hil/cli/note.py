@@ -1,0 +1,22 @@
+"""`hil note`: write a note into a run that is going on."""
+
+from __future__ import annotations
+
+import click
+
+from hil.cli.folders import find_run
+
+__all__ = ["command"]
+
+
+@click.command(name="note", epilog='Example: hil note 20261121T093100Z "door opened" --by "A. Engineer"')
+@click.argument("run", metavar="RUN")
+@click.argument("text")
+@click.option("--by", default="", metavar="NAME", help="Who writes it.")
+def command(run: str, text: str, by: str) -> int:
+    """Write a note into a run that is going on; it becomes part of the evidence."""
+    from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
+
+    post(find_run(run), "note", by=by, text=text)
+    click.echo("the run will take the note at its next scheduling point")
+    return 0

@@ -1,0 +1,31 @@
+"""`hil plan`: print the procedure of plans."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from hil.cli.pinning import pin
+from hil.model.identity import Source
+
+__all__ = ["command"]
+
+
+@click.command(name="plan", epilog="Example: hil plan testplans/magnetorquer --bench adcs --dut SIM-ADCS-1")
+@click.argument("plans", nargs=-1, required=True, metavar="PLAN...")
+@click.option("--bench", required=True, metavar="NAME", help="The bench: fixtures/benches/NAME.")
+@click.option("--dut", required=True, metavar="SERIAL", help="Serial number of the device under test.")
+def command(plans: tuple[str, ...], bench: str, dut: str) -> int:
+    """Print the procedure of plans: steps, what they drive, record and ask, and how long they take.
+
+    The whole cases run on the simulated bench; nothing else is driven, and no package is kept.
+    """
+    pin()
+    from hil.executive.run.configuration import Request  # noqa: PLC0415 - after the pins
+    from hil.plugin.rehearsing import procedure  # noqa: PLC0415 - after the pins
+
+    request = Request(start=Path.cwd(), plans=plans, bench=bench, dut=dut, source=Source.SIMULATED)
+    for line in procedure(request):
+        click.echo(line)
+    return 0

@@ -1,0 +1,30 @@
+"""`hil replay`: run the cases of a package again on its recorded bytes."""
+
+from __future__ import annotations
+
+import click
+
+from hil.cli.folders import find_run
+from hil.cli.pinning import pin
+
+__all__ = ["command"]
+
+
+@click.command(name="replay", epilog="Example: hil replay reports/reference")
+@click.argument("run", metavar="RUN")
+def command(run: str) -> int:
+    """Run the cases of a package again on its recorded bytes, and compare the verdicts.
+
+    Cases, fixtures, bench file and limits are those frozen in the package. Exit code 0 if every verdict,
+    value and recording is the same, 1 otherwise.
+    """
+    pin()
+    from hil.evidence.package import Package  # noqa: PLC0415 - after the pins
+    from hil.plugin.rehearsing import replay  # noqa: PLC0415 - after the pins
+
+    found = replay(Package(find_run(run)))
+    for difference in found.differences:
+        click.echo(difference, err=True)
+    word = "the same" if not found.differences else f"{len(found.differences)} differences"
+    click.echo(f"{found.cases} cases with {found.checks} checks replayed from their bytes: {word}")
+    return 1 if found.differences else 0

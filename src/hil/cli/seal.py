@@ -1,0 +1,25 @@
+"""`hil seal`: seal an interrupted run as it is."""
+
+from __future__ import annotations
+
+import click
+
+from hil.cli.folders import find_run
+
+__all__ = ["command"]
+
+
+@click.command(name="seal", epilog="Example: hil seal 20261121T093100Z")
+@click.argument("run", metavar="RUN")
+def command(run: str) -> int:
+    """Seal an interrupted run as it is; its verdict is never better than ABORTED.
+
+    The last line of standard output is the package's path.
+    """
+    from hil.evidence.recover import recover  # noqa: PLC0415 - heavy
+    from hil.report.write import write_reports  # noqa: PLC0415 - heavy
+
+    folder = find_run(run)
+    click.echo(f"evidence digest {recover(folder, write_reports=write_reports)}")
+    click.echo(str(folder))
+    return 0

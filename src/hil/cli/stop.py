@@ -1,0 +1,22 @@
+"""`hil stop`: ask a run to stop and leave the bench safe."""
+
+from __future__ import annotations
+
+import click
+
+from hil.cli.folders import find_run
+
+__all__ = ["command"]
+
+
+@click.command(name="stop", epilog='Example: hil stop 20261121T093100Z --reason "smell" --by "A. Engineer"')
+@click.argument("run", metavar="RUN")
+@click.option("--reason", default="", metavar="TEXT", help="Why.")
+@click.option("--by", default="", metavar="NAME", help="Who asks.")
+def command(run: str, reason: str, by: str) -> int:
+    """Ask a run to stop at its next scheduling point, make the bench safe, and seal."""
+    from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
+
+    post(find_run(run), "stop", by=by, text=reason)
+    click.echo("the run will stop at its next scheduling point")
+    return 0

@@ -1,0 +1,103 @@
+"""Replay: a package becomes a workspace again, and its cases must come to the same verdicts."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from hil.evidence.package import Package
+from hil.executive.case.effects import Recall
+from hil.executive.run.configuration import Request
+from hil.model.errors import EvidenceError
+from hil.model.identity import Purpose, Source
+
+__all__ = ["differences", "recall_of", "replay_request", "unpack"]
+
+_ANSWERED = frozenset({"asks"})
+"""A person is not asked again; everything else comes from the recorded bytes."""
+
+
+def unpack(package: Package, root: Path) -> None:
+    """Lay the frozen catalogue, sources and bench out as the workspace that they came from.
+
+    Raises:
+        EvidenceError: if the package does not say where they were.
+    """
+    layout = package.json("data/place.json").get("workspace", {})
+    try:
+        testplans, fixtures = root / layout["testplans"], root / layout["fixtures"]
+    except (KeyError, TypeError):
+        raise EvidenceError(f"{package.name}: its place.json does not tell the workspace's layout") from None
+    data = package.folder / "data"
+    shutil.copytree(data / "sources", root, dirs_exist_ok=True)
+    for plan in (path for path in (data / "catalogue").iterdir() if path.is_dir()):
+        shutil.copytree(plan, testplans / plan.name, dirs_exist_ok=True)
+    shutil.copytree(data / "bench", fixtures / "benches" / str(package.run()["bench"]), dirs_exist_ok=True)
+    shutil.copy(data / "bench/duts.yaml", fixtures / "duts.yaml")
+    (root / "hil.toml").write_text(
+        f'testplans = "{layout["testplans"]}"\nfixtures = "{layout["fixtures"]}"\n', encoding="utf-8"
+    )
+
+
+def replay_request(package: Package, root: Path, output: Path) -> Request:
+    """Return the request of the recorded run, for its replay."""
+    run = package.run()
+    return Request(
+        start=root,
+        plans=tuple(run["plans"]),
+        bench=str(run["bench"]),
+        dut=str(run["dut"]["serial"]),
+        source=Source.REPLAYED,
+        purpose=Purpose(run["purpose"]),
+        operator=str(run["operator"]),
+        skips=dict(run["skips"]),
+        overrides=dict(run["overrides"]),
+        output=output,
+    )
+
+
+def recall_of(package: Package) -> Recall:
+    """Return the effects that the replay must agree with."""
+    return Recall(package.events("effect"), _ANSWERED)
+
+
+def differences(recorded: Package, replayed: Package) -> Iterator[str]:
+    """Yield a sentence for every verdict, value and recording that came out otherwise."""
+    before, after = (_by_case(package.results()["cases"]) for package in (recorded, replayed))
+    for case, was in before.items():
+        now = after.get(case)
+        if now is None:
+            yield f"{case}: {was['verdict']} in the record, not replayed"
+            continue
+        if now["verdict"] != was["verdict"]:
+            yield f"{case}: {was['verdict']} in the record, {now['verdict']} replayed: {'; '.join(now['reasons'])}"
+        yield from _check_differences(case, was["checks"], now["checks"])
+    yield from _row_differences(recorded, replayed)
+
+
+def _by_case(cases: Sequence[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    return {case["case"]: case for case in cases}
+
+
+def _check_differences(
+    case: str, before: Sequence[Mapping[str, Any]], after: Sequence[Mapping[str, Any]]
+) -> Iterator[str]:
+    if len(before) != len(after):
+        yield f"{case}: {len(before)} checks in the record, {len(after)} replayed"
+    for was, now in zip(before, after, strict=False):
+        for field in ("requirement", "parameter", "of", "verdict", "value", "uncertainty"):
+            if was[field] != now[field]:
+                name = f"{was['requirement']} {was['parameter']}"
+                yield f"{case}: {field} of {name} was {was[field]} in the record, {now[field]} replayed"
+
+
+def _row_differences(recorded: Package, replayed: Package) -> Iterator[str]:
+    before, after = (
+        {event["recording"]: event["sha256"] for event in package.events("recording-end")}
+        for package in (recorded, replayed)
+    )
+    for name in sorted(before.keys() & after.keys()):
+        if before[name] != after[name]:
+            yield f"recording {name}: other rows than in the record"

@@ -1,0 +1,71 @@
+"""Runs whose package nobody keeps: the procedure of plans, and the replay of a package."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+from hil.bench.binding import bind_replayed
+from hil.evidence.package import Package
+from hil.executive.case.case_run import PlannedCase
+from hil.executive.run.answers import Nobody
+from hil.executive.run.configuration import Configuration, Request, configure
+from hil.executive.run.replaying import differences, recall_of, replay_request, unpack
+from hil.executive.run.session import Session
+from hil.model.errors import Refused
+from hil.plugin.campaign import Opener
+from hil.plugin.launch import launch
+from hil.plugin.opening import open_simulated
+from hil.report.procedure import procedure_lines
+
+__all__ = ["Replayed", "procedure", "replay"]
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """What a replay showed: how much was compared, and every difference."""
+
+    cases: int
+    checks: int
+    differences: tuple[str, ...]
+
+
+def procedure(request: Request) -> list[str]:
+    """Return the procedure of plans: whole cases, run on the simulated bench."""
+    with tempfile.TemporaryDirectory(prefix="hil-plan-") as folder:
+        configuration = configure(replace(request, output=Path(folder)))
+        return procedure_lines(_rehearsed(configuration, open_simulated).events())
+
+
+def replay(package: Package) -> Replayed:
+    """Run the cases of a package again on its recorded bytes, and compare."""
+    with tempfile.TemporaryDirectory(prefix="hil-replay-") as folder:
+        root, output = Path(folder) / "workspace", Path(folder) / "reports"
+        root.mkdir()
+        unpack(package, root.resolve())
+        configuration = configure(replay_request(package, root.resolve(), output))
+        again = _rehearsed(configuration, partial(_open_replayed, package=package))
+        checks = sum(len(case["checks"]) for case in package.results()["cases"])
+        return Replayed(len(package.results()["cases"]), checks, tuple(differences(package, again)))
+
+
+def _rehearsed(configuration: Configuration, opener: Opener) -> Package:
+    launched = launch(configuration, opener)
+    if launched.session is None:
+        raise Refused("no cases were found in these plans")
+    launched.session.abandon()
+    return Package(launched.session.folder)
+
+
+def _open_replayed(configuration: Configuration, planned: Sequence[PlannedCase], package: Package) -> Session:
+    record = package.transcript_path
+    return Session(
+        configuration,
+        planned,
+        binder=lambda transcript, where: bind_replayed(configuration.bench, transcript, record, where),
+        answers=lambda _bench, _idle: Nobody(),
+        recall=recall_of(package),
+    )
