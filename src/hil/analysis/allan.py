@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hil.analysis import allan_confidence, allan_fit
+from hil.analysis.allan_results import AllanCurve, NoiseModel
 from hil.model.errors import Refused
 from hil.model.figure import Figure, FigureStatus
 
-__all__ = ["AllanCurve", "NoiseModel", "characterise", "overlapping"]
+__all__ = ["characterise", "overlapping"]
 
 _Array: TypeAlias = NDArray[np.float64]
 
@@ -27,68 +27,6 @@ _WORST_TAIL = 1e-3  # a right model is rejected once in a thousand records
 _BEYOND_CHANCE = 300  # averages at which the bound between two types is 3 standard deviations of r1 away
 _MODEL_ERROR = 0.03  # of the deviation: filters, quantisation and temperature bend real curves by about this
 _KNOWN = 2.0  # a measured square is at least twice its standard uncertainty
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AllanCurve:
-    """An overlapping Allan deviation; arrays of one shape (k,), in order of rising tau.
-
-    Attributes:
-        unit: unit of the rate, and of the deviations.
-        rate: samples per second.
-        samples: how many samples went in.
-        confidence: probability that an interval holds the true deviation.
-        tau: averaging times in seconds.
-        deviation: Allan deviations.
-        m: averaging factors in samples.
-        terms: how many second differences were averaged.
-        edf: equivalent degrees of freedom.
-        low: lower ends of the confidence intervals.
-        high: upper ends of the confidence intervals.
-        alpha: noise types, from 2 (white angle) over 0 (white rate) to -2 (random walk of the rate).
-    """
-
-    unit: str
-    rate: float
-    samples: int
-    confidence: float
-    tau: _Array
-    deviation: _Array
-    m: NDArray[np.int64]
-    terms: NDArray[np.int64]
-    edf: _Array
-    low: _Array
-    high: _Array
-    alpha: NDArray[np.int64]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NoiseModel:
-    """What a record at rest says of a sensor's noise.
-
-    Attributes:
-        white: white noise N (of a gyroscope: angle random walk), in unit/sqrt(Hz).
-        flicker: flicker B (bias instability), in the rate's unit; 0.664 B is the floor of the deviation.
-        random_walk: random walk of the rate K, in unit*sqrt(Hz).
-        averaging_window: averaging time with the smallest deviation, in s.
-        curve: the deviations.
-        fitted: deviation of the fitted model at the curve's averaging times; empty where nothing was fitted.
-        chi: root of chi-square per degree of freedom of the fit, NaN where nothing was fitted.
-        tau_min: shortest averaging time in the fit, in s.
-        model_error: relative uncertainty that the model itself had to be granted: 0 or 0.03.
-        remark: why something is not observable or the model is rejected, else empty.
-    """
-
-    white: Figure
-    flicker: Figure
-    random_walk: Figure
-    averaging_window: Figure
-    curve: AllanCurve
-    fitted: _Array
-    chi: float
-    tau_min: float
-    model_error: float
-    remark: str
 
 
 def overlapping(
@@ -201,7 +139,8 @@ def _variance(phase: _Array, m: int, scratch: _Array) -> float:
     np.subtract(phase[2 * m :], phase[m:-m], out=difference)
     difference -= phase[m:-m]
     difference += phase[: -2 * m]
-    return float(difference @ difference) / (2.0 * m * m * difference.size)
+    np.square(difference, out=difference)
+    return float(difference.sum()) / (2.0 * m * m * difference.size)  # pairwise, and the same on any number of cores
 
 
 def characterise(
@@ -215,8 +154,8 @@ def characterise(
     the points; a sensor's own filter bends the curve there. What then still does not fit is rejected.
 
     A coefficient is MEASURED where the information criterion keeps its term and its square is known to 50 % or
-    better; else an UPPER_LIMIT, whose value is a bound at 95 % confidence with no further uncertainty. Its degrees of
-    freedom are those of a chi-square with the same relative uncertainty as its square.
+    better; else an UPPER_LIMIT, whose value is a bound at 95 % confidence, and whose uncertainty is that of the
+    estimate below it. Degrees of freedom are those of a chi-square with the relative uncertainty of the square.
 
     Args:
         data: evenly spaced rate at rest, shape (n,), in `unit`.
@@ -284,12 +223,12 @@ def _figure(found: allan_fit.Fit, term: int, unit: str, rejected: bool) -> Figur
     if rejected:
         value = math.sqrt(float(found.squares[term]))
         return Figure(value=value, unit=unit, status=FigureStatus.MODEL_REJECTED)
-    if found.selected[term] and square >= _KNOWN * uncertainty:
-        value = math.sqrt(square)
-        dof = 2.0 * (square / uncertainty) ** 2
-        return Figure(value=value, unit=unit, uncertainty=uncertainty / (2.0 * value), dof=dof)
-    bound = math.sqrt(float(found.bound[term]))
-    return Figure(value=bound, unit=unit, uncertainty=0.0, status=FigureStatus.UPPER_LIMIT)
+    status = FigureStatus.MEASURED
+    if not (found.selected[term] and square >= _KNOWN * uncertainty):
+        square, status = float(found.bound[term]), FigureStatus.UPPER_LIMIT
+    value = math.sqrt(square)
+    dof = 2.0 * (square / uncertainty) ** 2
+    return Figure(value=value, unit=unit, uncertainty=uncertainty / (2.0 * value), dof=dof, status=status)
 
 
 def _units(unit: str) -> tuple[str, str, str]:

@@ -51,17 +51,18 @@ def identify(averages: _Array) -> int | None:
 
 
 def _delta(values: _Array) -> float | None:
-    power = float(values @ values)
+    power = float(np.square(values).sum())
     if not power > 0.0:
         return None
-    autocorrelation = float(values[1:] @ values[:-1]) / power
+    autocorrelation = float((values[1:] * values[:-1]).sum()) / power
     return autocorrelation / (1.0 + autocorrelation)
 
 
 def _without_drift(values: _Array) -> _Array:
     time = np.arange(values.size) - (values.size - 1) / 2.0
     centred = values - values.mean()
-    return np.asarray(centred - time * (float(time @ centred) / float(time @ time)), dtype=np.float64)
+    slope = float((time * centred).sum()) / float(np.square(time).sum())
+    return np.asarray(centred - time * slope, dtype=np.float64)
 
 
 def edf(shares: Mapping[int, float], m: int, terms: int) -> float:

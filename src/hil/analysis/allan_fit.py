@@ -185,7 +185,7 @@ def _correlation(points: Points, squares: _Array) -> _Array:
     passed = np.sin(np.multiply.outer(points.m, angle)) ** 4 / (np.sin(angle) * points.m[:, None]) ** 2
     weighted = passed * spectrum * np.sqrt(frequency)
     weighted /= np.linalg.norm(weighted, axis=1, keepdims=True)
-    return np.asarray(weighted @ weighted.T, dtype=np.float64)
+    return np.asarray(np.einsum("if,jf->ij", weighted, weighted), dtype=np.float64)
 
 
 def _judged(points: Points, design: _Array, squares: _Array, degrees: _Array, correlation: _Array, floor: float) -> Fit:

@@ -1,0 +1,77 @@
+"""What an Allan analysis returns: the curve, and the noise model read from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.model.figure import Figure
+
+__all__ = ["AllanCurve", "NoiseModel"]
+
+_Array: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AllanCurve:
+    """An overlapping Allan deviation; arrays of one shape (k,), in order of rising tau.
+
+    Attributes:
+        unit: unit of the rate, and of the deviations.
+        rate: samples per second.
+        samples: how many samples went in.
+        confidence: probability that an interval holds the true deviation.
+        tau: averaging times in seconds.
+        deviation: Allan deviations.
+        m: averaging factors in samples.
+        terms: how many second differences were averaged.
+        edf: equivalent degrees of freedom.
+        low: lower ends of the confidence intervals.
+        high: upper ends of the confidence intervals.
+        alpha: noise types, from 2 (white angle) over 0 (white rate) to -2 (random walk of the rate).
+    """
+
+    unit: str
+    rate: float
+    samples: int
+    confidence: float
+    tau: _Array
+    deviation: _Array
+    m: NDArray[np.int64]
+    terms: NDArray[np.int64]
+    edf: _Array
+    low: _Array
+    high: _Array
+    alpha: NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoiseModel:
+    """What a record at rest says of a sensor's noise.
+
+    Attributes:
+        white: white noise N (of a gyroscope: angle random walk), in unit/sqrt(Hz).
+        flicker: flicker B (bias instability), in the rate's unit; 0.664 B is the floor of the deviation.
+        random_walk: random walk of the rate K, in unit*sqrt(Hz).
+        averaging_window: averaging time with the smallest deviation, in s.
+        curve: the deviations.
+        fitted: deviation of the fitted model at the curve's averaging times; empty where nothing was fitted.
+        chi: root of chi-square per degree of freedom of the fit, NaN where nothing was fitted.
+        tau_min: shortest averaging time in the fit, in s.
+        model_error: relative uncertainty that the model itself had to be granted: 0 or 0.03.
+        remark: why something is not observable or the model is rejected, else empty.
+    """
+
+    white: Figure
+    flicker: Figure
+    random_walk: Figure
+    averaging_window: Figure
+    curve: AllanCurve
+    fitted: _Array
+    chi: float
+    tau_min: float
+    model_error: float
+    remark: str
