@@ -1,0 +1,211 @@
+"""The Allan analysis against published values, an independent library, and simulated noise of known level."""
+
+from __future__ import annotations
+
+import math
+
+import allantools
+import numpy as np
+import pytest
+from allantools import ci
+from scipy.special import stdtrit
+
+from hil.analysis.allan import characterise, overlapping
+from hil.analysis.allan_confidence import edf
+from hil.analysis.allan_fit import TERMS, variances
+from hil.model.figure import FigureStatus
+
+
+def park_miller(count):
+    """The portable test set of SP1065 section 12.4: uniform numbers between 0 and 1."""
+    numbers = [1234567890]
+    while len(numbers) < count:
+        numbers.append(16807 * numbers[-1] % 2147483647)
+    return np.array(numbers) / 2147483647
+
+
+def noise(generator, count, rate, white=0.0, flicker=0.0, random_walk=0.0):
+    """Rate noise with exact levels: white, flicker shaped in the frequency domain, random walk as a running sum."""
+    values = white * math.sqrt(rate) * generator.standard_normal(count)
+    if flicker:
+        spectrum = np.fft.rfft(generator.standard_normal(2 * count))
+        frequency = np.fft.rfftfreq(2 * count, 1.0 / rate)
+        frequency[0] = np.inf
+        values += np.fft.irfft(spectrum * flicker * np.sqrt(rate / (2.0 * np.pi * frequency)))[:count]
+    return values + np.cumsum(random_walk / math.sqrt(rate) * generator.standard_normal(count))
+
+
+def within_band(hits, trials, probability):
+    """Whether a count of hits agrees with a probability: a binomial band of 3.3 standard deviations, 1 in 1000."""
+    return abs(hits - trials * probability) <= 3.3 * math.sqrt(trials * probability * (1.0 - probability))
+
+
+def test_the_thousand_points_of_sp1065_give_the_printed_deviations():
+    """SP1065, 1000-point test suite: overlapping Allan deviation at 1, 10 and 100 s, all seven digits."""
+    data = park_miller(1000)
+    curve = overlapping(data, 1.0, [1.0, 10.0, 100.0])
+    assert [f"{deviation:.6e}" for deviation in curve.deviation] == ["2.922319e-01", "9.159953e-02", "3.241343e-02"]
+
+
+def test_the_ten_points_of_nbs_monograph_140_give_the_printed_deviations():
+    """SP1065, NBS Monograph 140 annex 8.E: nine frequencies, overlapping Allan deviation at 1 and 2 s."""
+    data = [892.0, 809.0, 823.0, 798.0, 671.0, 644.0, 883.0, 903.0, 677.0]
+    assert overlapping(data, 1.0, [1.0, 2.0]).deviation == pytest.approx([91.22945, 85.95287], abs=5e-6)
+
+
+@pytest.mark.parametrize("rate", [1.0, 100.0])
+def test_deviations_agree_with_allantools(rate):
+    """Octaves of 20,000 random samples agree with allantools.oadev to 1e-12 relative."""
+    data = np.random.default_rng(1).standard_normal(20_000)
+    curve = overlapping(data, rate)
+    _, expected, _, terms = allantools.oadev(data, rate=rate, data_type="freq", taus=curve.tau)
+    assert curve.deviation == pytest.approx(expected, rel=1e-12)
+    assert curve.terms.tolist() == terms.tolist()
+
+
+def test_a_large_offset_costs_no_digits():
+    """An offset of a million standard deviations changes the deviations by less than 1e-8 relative."""
+    data = np.random.default_rng(2).standard_normal(20_000)
+    assert overlapping(data + 1e6, 1.0).deviation == pytest.approx(overlapping(data, 1.0).deviation, rel=1e-8)
+
+
+@pytest.mark.parametrize("alpha", [2, 1, 0, -1, -2])
+@pytest.mark.parametrize("m", [1, 2, 10, 33, 34, 100, 250])
+def test_degrees_of_freedom_agree_with_the_published_algorithm(alpha, m):
+    """1000 samples: within 0.1 % of Greenhall and Riley's combined algorithm as allantools computes it."""
+    expected = ci.edf_greenhall(alpha, 2, m, 1001, overlapping=True)
+    assert edf({alpha: 1.0}, m, 1001 - 2 * m) == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("alpha", [2, 0, -1, -2])
+@pytest.mark.parametrize("m", [16, 340, 450])
+def test_degrees_of_freedom_agree_with_simulation(alpha, m):
+    """1000 samples: 2 mean^2 / variance of 2000 simulated Allan variances is within 15 % of the edf."""
+    generator = np.random.default_rng(100 + m)
+    spectrum = np.fft.rfft(generator.standard_normal((2000, 2048)))
+    frequency = np.fft.rfftfreq(2048)
+    frequency[0] = 1e-9
+    gain = np.where(frequency > 1e-6, (2.0 * np.sin(np.pi * frequency)) ** (alpha / 2.0), 0.0)
+    phase = np.cumsum(np.fft.irfft(spectrum * gain)[:, :1001], axis=1)
+    second = phase[:, 2 * m :] - 2.0 * phase[:, m:-m] + phase[:, : -2 * m]
+    found = np.mean(np.square(second), axis=1)
+    simulated = 2.0 * found.mean() ** 2 / found.var()
+    assert edf({alpha: 1.0}, m, second.shape[1]) == pytest.approx(simulated, rel=0.15)
+
+
+def test_degrees_of_freedom_are_small_at_long_averaging_times():
+    """At a tenth and a quarter of the record: 12.8 and 4.0 for white noise, 7.7 and 2.2 for random walk."""
+    found = [edf({alpha: 1.0}, m, 1001 - 2 * m) for alpha in (0, -2) for m in (100, 250)]
+    assert found == pytest.approx([12.8, 4.0, 7.75, 2.24], abs=0.05)
+
+
+def test_degrees_of_freedom_of_a_mixture_lie_between_its_parts():
+    """Half white, half random walk: between the two, and equal to one where its share is all."""
+    white, walk = (edf({alpha: 1.0}, 64, 872) for alpha in (0, -2))
+    assert walk < edf({0: 0.5, -1: 0.0, -2: 0.5}, 64, 872) < white
+    assert edf({0: 1.0, -1: 0.0, -2: 0.0}, 64, 872) == pytest.approx(white)
+
+
+@pytest.mark.parametrize("term", TERMS)
+def test_model_variances_are_those_of_simulated_noise(term):
+    """Mean of 400 simulated Allan variances agrees with the exact sampled form to four standard errors."""
+    generator = np.random.default_rng(7)
+    factors = np.array([1, 2, 4, 16, 64])
+    found = []
+    for _ in range(400):
+        data = noise(generator, 1024, 10.0, **{term: 2.0})
+        found.append(np.square(overlapping(data, 10.0, factors / 10.0).deviation))
+    expected = 4.0 * variances(factors, 10.0)[:, list(TERMS).index(term)]
+    error = np.std(found, axis=0) / math.sqrt(len(found))
+    assert (np.abs(np.mean(found, axis=0) - expected) < 4.0 * error).all()
+
+
+@pytest.mark.parametrize("term", TERMS)
+def test_intervals_of_the_curve_cover_as_they_claim(term):
+    """150 records of 2048 samples, 10 octaves each: between 66 % and 76 % of the 68 % intervals hold the truth.
+
+    The points of a record are correlated and the noise type is itself estimated, so the band is wider than binomial.
+    """
+    generator = np.random.default_rng(3)
+    hits = trials = 0
+    for _ in range(150):
+        curve = overlapping(noise(generator, 2048, 1.0, **{term: 1.0}), 1.0)
+        truth = np.sqrt(variances(curve.m, 1.0)[:, list(TERMS).index(term)])
+        hits += int(((curve.low < truth) & (truth < curve.high)).sum())
+        trials += curve.tau.size
+    assert 0.66 < hits / trials < 0.76
+
+
+LEVELS = [
+    {"white": 1.0, "flicker": 0.3, "random_walk": 0.0},
+    {"white": 1.0, "flicker": 0.0, "random_walk": 0.3},
+    {"white": 0.0, "flicker": 1.0, "random_walk": 0.0},
+]
+
+
+def test_uncertainties_of_the_coefficients_cover_as_they_claim():
+    """Over 400 measured coefficients of 16,384-sample records: 68 % and 95 % intervals within binomial bands.
+
+    A level that is not there is hardly ever called measured, and bounds at 95 % hold at least that often.
+    """
+    generator = np.random.default_rng(11)
+    trials = inside = wide = bounds = held = invented = 0
+    for level in LEVELS * 85:
+        model = characterise(noise(generator, 16_384, 10.0, **level), 10.0, "deg/s")
+        for term, truth in level.items():
+            figure = getattr(model, term)
+            if figure.status is FigureStatus.UPPER_LIMIT:
+                bounds += 1
+                held += figure.value >= truth
+                continue
+            assert figure.status in {FigureStatus.MEASURED, FigureStatus.MODEL_REJECTED}
+            if figure.status is FigureStatus.MEASURED and not truth:
+                invented += 1
+            elif figure.status is FigureStatus.MEASURED:
+                error = abs(figure.value - truth) / figure.uncertainty
+                trials += 1
+                inside += error < stdtrit(figure.dof, 0.84134)
+                wide += error < stdtrit(figure.dof, 0.975)
+    assert trials >= 400
+    assert within_band(inside, trials, 0.6827)
+    assert within_band(wide, trials, 0.95)
+    assert held >= 0.95 * bounds
+    assert invented < 0.03 * len(LEVELS) * 85
+
+
+def test_a_mixture_near_a_datasheet_is_recovered():
+    """4 h at 10 Hz of N = 3.4e-3, B = 4.5e-4, K = 1.04e-5: N to 1 %, B to 30 %, K only bounded from above."""
+    data = noise(np.random.default_rng(5), 144_000, 10.0, white=3.4e-3, flicker=4.5e-4, random_walk=1.04e-5)
+    model = characterise(data, 10.0, "deg/s")
+    assert model.white.value == pytest.approx(3.4e-3, rel=0.01)
+    assert model.white.unit == "deg/s/sqrt(Hz)"
+    assert model.flicker.status is FigureStatus.MEASURED
+    assert model.flicker.value == pytest.approx(4.5e-4, rel=0.3)
+    assert model.flicker.unit == "deg/s"
+    assert model.random_walk.status is FigureStatus.UPPER_LIMIT
+    assert model.random_walk.value > 1.04e-5
+    assert 0.0 < model.random_walk.uncertainty < 0.31 * model.random_walk.value
+    assert model.random_walk.unit == "deg/s*sqrt(Hz)"
+    assert model.model_error == 0.0
+
+
+def test_a_filtered_sensor_keeps_its_white_noise():
+    """White noise behind a sensor's own first-order filter: the short averaging times are left out, N stays right."""
+    from scipy.signal import lfilter  # noqa: PLC0415 - slow to import
+
+    data = lfilter([0.4], [1.0, -0.6], np.random.default_rng(6).standard_normal(200_000)) * 10.0
+    model = characterise(data, 100.0, "deg/s")
+    assert model.white.status is FigureStatus.MEASURED
+    assert model.white.value == pytest.approx(1.0, rel=0.05)
+    assert model.tau_min > 0.01
+
+
+def test_motion_is_rejected_by_the_model():
+    """A slow oscillation ten times the noise is no noise: every coefficient says so and has no uncertainty."""
+    generator = np.random.default_rng(8)
+    data = generator.standard_normal(20_000) + 10.0 * np.sin(np.arange(20_000) * 2.0 * np.pi / 500.0)
+    model = characterise(data, 100.0, "deg/s")
+    figures = (model.white, model.flicker, model.random_walk)
+    assert {figure.status for figure in figures} == {FigureStatus.MODEL_REJECTED}
+    assert {figure.uncertainty for figure in figures} == {None}
+    assert "motion" in model.remark

@@ -1,0 +1,60 @@
+"""How timestamps are judged."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from hil.analysis.sampling import assess
+from hil.model.errors import Refused
+
+
+def test_even_timestamps_have_a_rate_and_no_jitter():
+    """A thousand samples at 100 Hz."""
+    report = assess(np.arange(1000) / 100.0)
+    assert report.rate == pytest.approx(100.0)
+    assert report.duration == pytest.approx(9.99)
+    assert report.jitter_max < 1e-12
+    assert report.even
+
+
+def test_jitter_is_told_as_rms_and_maximum():
+    """Intervals of 9 and 11 ms in turn: 100 Hz with 1 ms of jitter."""
+    report = assess(np.concatenate([[0.0], np.cumsum(np.tile([0.009, 0.011], 50))]))
+    assert report.rate == pytest.approx(100.0)
+    assert report.jitter_rms == pytest.approx(0.001)
+    assert report.jitter_max == pytest.approx(0.001)
+    assert report.even
+
+
+def test_a_gap_is_counted_and_does_not_lower_the_rate():
+    """Ten samples missing out of a hundred at 10 Hz."""
+    times = np.delete(np.arange(100) / 10.0, np.s_[40:50])
+    report = assess(times)
+    assert (report.gaps, report.missing) == (1, 10)
+    assert report.longest_gap == pytest.approx(1.1)
+    assert report.rate == pytest.approx(10.0)
+    assert not report.even
+
+
+def test_repeated_and_reversed_timestamps_are_counted():
+    """One repetition and one step backwards."""
+    report = assess([0.0, 1.0, 1.0, 2.0, 1.5, 2.5, 3.5])
+    assert (report.duplicates, report.reversals) == (1, 1)
+    assert not report.even
+
+
+@pytest.mark.parametrize(
+    ("times", "why"),
+    [
+        ([0.0, 1.0], "2 timestamps do not tell"),
+        ([0.0, math.nan, 2.0], "timestamp 2 is not a finite number"),
+        ([5.0, 5.0, 5.0], "no timestamp is later"),
+    ],
+)
+def test_timestamps_that_tell_no_rate_are_refused(times, why):
+    """Too few, not finite, or standing still."""
+    with pytest.raises(Refused, match=why):
+        assess(times)

@@ -1,0 +1,209 @@
+"""The command `hil analyse allan`."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from hil.analysis.allan import characterise
+from hil.cli.allan_text import Axis, Result, show, stated
+from hil.cli.analyse import command
+from hil.model.errors import Refused
+from hil.model.figure import Figure, FigureStatus
+
+ROOT = Path(__file__).parents[3]
+SLICE = str(ROOT / "docs" / "data" / "gyroscope-xsens-rest.txt")
+REST = ("--time", "1", "--columns", "2,3,4", "--unit", "LSB", "--to", "50")
+
+
+def run(*arguments):
+    """Run the command; what it raises is raised here."""
+    return CliRunner().invoke(command, ["allan", *arguments], catch_exceptions=False)
+
+
+def test_a_real_gyroscope_at_rest_is_characterised():
+    """The example log: sampling first, then a table and the coefficients of each axis."""
+    lines = run(SLICE, *REST).stdout.splitlines()
+    assert "5001 samples in 49.9948 s" in lines[0]
+    assert lines[1].startswith("sampling: 100.01 Hz, jitter 9.26 us rms")
+    assert [line.split(":")[0] for line in lines if "overlapping Allan deviation" in line] == ["2", "3", "4"]
+    assert lines[4].split() == ["tau", "[s]", "deviation", "low", "high", "edf", "noise"]
+    assert sum(line.startswith("white noise") and line.endswith(" measured") for line in lines) == 3
+    assert sum(line.startswith("flicker") and line.endswith("upper limit") for line in lines) == 3
+
+
+def test_json_is_one_document_with_everything():
+    """Standard output parses as a whole; figures have value, unit, uncertainty, dof and status."""
+    document = json.loads(run(SLICE, *REST, "--json").stdout)
+    assert document["format"] == 1
+    assert document["sampling"]["gaps"] == 0
+    axis = document["axes"][0]
+    assert axis["white"]["value"] == pytest.approx(2.76, abs=0.05)
+    assert axis["white"]["unit"] == "LSB/sqrt(Hz)"
+    assert axis["white"]["status"] == "measured"
+    assert axis["random_walk"]["status"] == "upper limit"
+    assert set(axis["curve"][0]) == {"tau", "deviation", "low", "high", "edf", "alpha", "m", "terms"}
+
+
+def test_motion_in_the_record_is_told():
+    """Without --to the turn at 52 s is in the record, and the model is rejected."""
+    axis = json.loads(run(SLICE, "--time", "1", "--columns", "3", "--unit", "LSB", "--json").stdout)["axes"][0]
+    assert axis["white"]["status"] == "model rejected"
+    assert "motion" in axis["remark"]
+
+
+def test_counts_are_scaled_into_another_unit():
+    """--scale multiplies the numbers, --scaled-unit names the result."""
+    counts = json.loads(run(SLICE, *REST, "--json").stdout)["axes"][0]["white"]
+    scaled = run(SLICE, *REST, "--scale", "0.01", "--scaled-unit", "deg/s", "--json").stdout
+    white = json.loads(scaled)["axes"][0]["white"]
+    assert white["value"] == pytest.approx(counts["value"] * 0.01)
+    assert white["unit"] == "deg/s/sqrt(Hz)"
+
+
+def test_a_log_without_timestamps_takes_its_rate_from_the_command_line(tmp_path):
+    """--rate stands in for the time column; all columns are analysed."""
+    data = np.random.default_rng(0).standard_normal((2000, 2))
+    log = tmp_path / "log.csv"
+    np.savetxt(log, data, delimiter=",", header="gx,gy", comments="")
+    document = json.loads(run(str(log), "--rate", "50", "--unit", "deg/s", "--from", "10", "--json").stdout)
+    assert [axis["name"] for axis in document["axes"]] == ["gx", "gy"]
+    assert document["axes"][0]["samples"] == 1500
+    assert document["sampling"] is None
+    assert "as given" in run(str(log), "--rate", "50", "--unit", "deg/s").stdout
+
+
+def test_timestamps_may_count_milliseconds_and_have_gaps(tmp_path):
+    """--time-unit scales them; a gap is told and warned of."""
+    times = np.delete(np.arange(1000) * 10.0, np.s_[100:120])
+    log = tmp_path / "log.txt"
+    np.savetxt(log, np.column_stack([times, np.random.default_rng(0).standard_normal(980)]))
+    text = run(str(log), "--time", "1", "--time-unit", "ms", "--unit", "deg/s").stdout
+    assert "sampling: 100 Hz" in text
+    assert "1 gaps (longest 0.21 s, about 20 samples missing)" in text
+    assert "note: the timestamps are not even" in text
+
+
+def test_a_stuck_column_is_not_observable(tmp_path):
+    """Nothing is claimed of a channel that always says the same; JSON holds null, not NaN."""
+    log = tmp_path / "log.txt"
+    log.write_text("17.937\n" * 500)
+    axis = json.loads(run(str(log), "--rate", "10", "--unit", "uT", "--json").stdout)["axes"][0]
+    assert axis["white"] == {
+        "value": None, "unit": "uT/sqrt(Hz)", "uncertainty": None, "dof": None, "status": "not observable",
+    }  # fmt: skip
+    assert "stuck" in run(str(log), "--rate", "10", "--unit", "uT").stdout
+
+
+@pytest.mark.parametrize("ending", ["svg", "png"])
+def test_the_plot_has_the_same_bytes_each_time(tmp_path, ending):
+    """Neither date nor random names are in the drawing."""
+    for name in ("one", "two"):
+        run(SLICE, *REST, "--plot", str(tmp_path / f"{name}.{ending}"))
+    first, second = ((tmp_path / f"{name}.{ending}").read_bytes() for name in ("one", "two"))
+    assert first == second
+    assert len(first) > 10_000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        (("--unit", "LSB"), "give --time COLUMN or --rate HZ"),
+        (("--unit", "LSB", "--time", "1", "--rate", "100"), "and not both"),
+        (("--unit", "LSB", "--rate", "0"), "--rate 0 is not possible"),
+        (("--unit", "LSB", "--time", "5"), "no column '5'; there are 4 columns"),
+        (("--unit", "LSB", "--time", "1", "--columns", "2,9"), "no column '9'"),
+        (("--unit", "LSB", "--time", "1", "--from", "90"), "no sample lies within --from 90; the log lasts 55.9642 s"),
+        (("--unit", "LSB", "--time", "1", "--from", "9", "--to", "8"), "no sample lies within --from 9 --to 8"),
+        (("--unit", "LSB", "--time", "1", "--scale", "2"), "--scale and --scaled-unit belong together"),
+        (("--unit", "LSB", "--time", "1", "--confidence", "68"), "between 0 and 1"),
+        (("--unit", "LSB", "--time", "1", "--plot", "plot.gif"), r"a plot is \.svg or \.png"),
+        (("--unit", "LSB", "--time", "1", "--plot", "/nowhere/plot.svg"), "No such file or directory"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_in_a_sentence(arguments, why):
+    """Bad options, columns and ranges are refusals that say what to do, not tracebacks."""
+    with pytest.raises(Refused, match=why):
+        run(SLICE, *arguments)
+
+
+def test_a_missing_file_is_refused():
+    """The path and the system's own words."""
+    with pytest.raises(Refused, match="nowhere.txt: No such file or directory"):
+        run("nowhere.txt", "--rate", "1", "--unit", "deg/s")
+
+
+def test_the_unit_must_be_given():
+    """Numbers without a unit are not characterised."""
+    result = CliRunner().invoke(command, ["allan", SLICE, "--time", "1"])
+    assert result.exit_code != 0
+    assert "--unit" in result.stderr
+
+
+def test_help_loads_nothing_heavy():
+    """`--help` starts without numpy, scipy, matplotlib or rich."""
+    code = (
+        "import sys; from hil.cli.analyse import command; command(['allan', '--help'], standalone_mode=False); "
+        "sys.exit(bool({'numpy', 'scipy', 'matplotlib', 'rich'} & set(sys.modules)))"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
+    assert result.returncode == 0
+    assert b"Allan deviation and noise coefficients" in result.stdout
+
+
+class Terminal(io.StringIO):
+    """Standard output that says it is a terminal."""
+
+    def isatty(self):
+        """Whether it is a terminal."""
+        return True
+
+
+def test_a_terminal_gets_a_table_with_rules_and_no_colour_where_none_is_wanted(monkeypatch):
+    """On a terminal the table is drawn; NO_COLOR is honoured."""
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stdout", terminal)
+    monkeypatch.setenv("NO_COLOR", "1")
+    monkeypatch.setenv("TERM", "xterm-256color")
+    model = characterise(np.random.default_rng(0).standard_normal(500), 10.0, "deg/s")
+    show(Result(file="log.txt", sampling=None, axes=(Axis(name="x", model=model),), remarks=()))
+    assert "│" in terminal.getvalue()
+    assert not re.search("\x1b\\[[0-9;]*3[0-7]m", terminal.getvalue())
+
+
+@pytest.mark.parametrize(
+    ("figure", "text"),
+    [
+        (Figure(value=2.7612, unit="LSB", uncertainty=0.0897), "2.761 ± 0.090 LSB"),
+        (Figure(value=3.0366e-9, unit="deg/s", uncertainty=9.87e-11), "(3.037 ± 0.099)e-9 deg/s"),
+        (Figure(value=123456.0, unit="LSB", uncertainty=1234.0), "(1.235 ± 0.012)e+5 LSB"),
+        (Figure(value=2.0725, unit="LSB", uncertainty=0.3, status=FigureStatus.UPPER_LIMIT), "< 2.07 LSB"),
+        (Figure(value=2.0725, unit="LSB", status=FigureStatus.MODEL_REJECTED), "2.072 LSB"),
+        (Figure(value=math.nan, unit="LSB", status=FigureStatus.NOT_OBSERVABLE), "-"),
+    ],
+)
+def test_figures_are_stated_with_two_digits_of_uncertainty(figure, text):
+    """Value and uncertainty end at the same place; a bound is a bound, and nothing is a dash."""
+    assert stated(figure) == text
+
+
+def test_the_commands_of_the_how_to_work(tmp_path, monkeypatch):
+    """Every console example of the page runs as it stands."""
+    page = (ROOT / "docs" / "how-to" / "analyse-a-log.md").read_text(encoding="utf-8")
+    (tmp_path / "docs").symlink_to(ROOT / "docs")
+    monkeypatch.chdir(tmp_path)
+    examples = re.findall(r"```console\n\$ hil analyse allan (.*?)```", page, re.DOTALL)
+    assert len(examples) == 4
+    for example in examples:
+        assert run(*shlex.split(example.replace("\\\n", " "))).exit_code == 0
+    assert (tmp_path / "allan.svg").exists()

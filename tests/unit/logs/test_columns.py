@@ -1,0 +1,142 @@
+"""Reading foreign text tables, good and bad."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.logs.columns import read
+from hil.model.errors import Refused
+
+SLICE = Path(__file__).parents[3] / "docs" / "data" / "gyroscope-xsens-rest.txt"
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Write a table and give its path."""
+
+    def write(text, name="log.txt"):
+        path = tmp_path / name
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1 2.5 3\n4 5.5 6\n",
+        "  1   2.5\t3\n\n  4 5.5 6\n\n",
+        "1,2.5,3\n4,5.5,6\n",
+        "1, 2.5, 3\n4, 5.5, 6\n",
+        "1\t2.5\t3\n4\t5.5\t6\n",
+        "1;2.5;3\n4;5.5;6\n",
+        "1;2,5;3\n4;5,5;6\n",
+        "1,0 2,5 3,0\n4,0 5,5 6,0\n",
+        "1\t2,5\t3\n4\t5,5\t6\n",
+        "1e0 +2.50E+00 0.3e1\n4 5.5 6\n",
+        "# made by a logger\n1 2.5 3\n% a note\n4 5.5 6\n",
+        '"1","2.5","3"\n"4","5.5","6"\n',
+        "1,2.5,3\r\n4,5.5,6\r\n",
+        "\ufeff1,2.5,3\n4,5.5,6\n",
+        "1 2.5 3\n4 5.5 6",
+    ],
+)
+def test_tables_in_many_writings_are_read_alike(written, text):
+    """Spaces, tabs, semicolons, commas, decimal commas, exponents, comments, quotes, line ends, a byte-order mark."""
+    table = read(written(text))
+    assert table.values.tolist() == [[1.0, 2.5, 3.0], [4.0, 5.5, 6.0]]
+    assert table.names == ("1", "2", "3")
+    assert table.remarks == ()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t,gx,gy\n1,2,3\n",
+        "Logger 7\nserial: 12, rev B\nt,gx,gy\n1,2,3\n",
+        "# t gx gy\n1 2 3\n",
+        "t;gx;gy\n1;2,0;3\n",
+    ],
+)
+def test_columns_are_chosen_by_name_or_number_in_any_order(written, text):
+    """The header's names count; numbers count from 1."""
+    table = read(written(text), ["gy", "1"])
+    assert table.names == ("gy", "t")
+    assert table.values.tolist() == [[3.0, 1.0]]
+
+
+def test_a_first_column_is_put_before_the_others(written):
+    """Without a choice the others follow in their order."""
+    assert read(written("a,b,c\n1,2,3\n"), first="b").names == ("b", "a", "c")
+    assert read(written("a,b,c\n1,2,3\n"), ["c"], first="b").names == ("b", "c")
+
+
+def test_text_in_a_column_that_nobody_asked_for_is_no_error(written):
+    """A cycler's table begins with date and time."""
+    table = read(written("Date,V,I\n2025-07-19 15:26:20,3.8,0.5\n2025-07-19 15:26:21,3.9,0.5\n"), ["V"])
+    assert table.values.tolist() == [[3.8], [3.9]]
+
+
+def test_a_table_of_one_column_is_read(written):
+    """One number a line."""
+    assert read(written("1.5\n2.5\n3.5\n")).values.tolist() == [[1.5], [2.5], [3.5]]
+
+
+@pytest.mark.parametrize("torn", ["7 8", "7 8 9e", "7 8 -"])
+def test_a_torn_last_line_is_left_out_with_a_remark(written, torn):
+    """The logger died while writing: the whole rows count, and the loss is told."""
+    table = read(written(f"1 2 3\n4 5 6\n{torn}"))
+    assert table.values.tolist() == [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
+    assert table.remarks == ("line 3, the last, is torn off and left out",)
+
+
+@pytest.mark.parametrize(
+    ("text", "columns", "why"),
+    [
+        ("", [], "the file is empty"),
+        ("  \n \n", [], "the file is empty"),
+        ("only\nwords\n", [], "no row of numbers"),
+        (b"\x89PNG\0\0\1", [], "not a text file"),
+        ("1 2 3\n4 5\n6 7 8\n9 10 11\n", [], r"log.txt:2:1: 2 cells, where the rows above have 3"),
+        ("1 2 3\n4 5 6 7\n6 7 8\n9 10 11\n", ["1"], r"log.txt:2:1: 4 cells, where the rows above have 3"),
+        ("1 2 3\n4 x5 6\n6 7 8\n", [], r"log.txt:2:3: 'x5' in column 2 is not a number"),
+        ("a,b\n1,2\n\n3, oops\n4,5\n6,7\n", ["b"], r"log.txt:4:4: 'oops' in column 2 is not a number"),
+        ("1,2,3\n4,,6\n7,8,9\n", [], r"log.txt:2:3: '' in column 2 is not a number"),
+        ("1 2\n3 1_000\n5 6\n", [], r"'1_000' in column 2 is not a number"),
+        ("time,rate\n1,2\n", ["rat"], r"no column 'rat', did you mean 'rate'\?; there are 2 columns"),
+        ("1 2\n3 4\n", ["3"], r"no column '3'; there are 2 columns, numbered from 1 \(without names\)"),
+        ("1 2\n3 4\n", ["0"], "no column '0'"),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_place(written, text, columns, why):
+    """Empty, binary, ragged, not a number, no such column: file, line, column, and what was found."""
+    with pytest.raises(Refused, match=why):
+        read(written(text), columns)
+
+
+def test_a_missing_file_and_a_folder_are_refused(tmp_path):
+    """The system's own words, after the path."""
+    with pytest.raises(Refused, match="nowhere.txt: No such file or directory"):
+        read(tmp_path / "nowhere.txt")
+    with pytest.raises(Refused, match="Is a directory"):
+        read(tmp_path)
+
+
+def test_a_bad_cell_far_down_is_found(written):
+    """Beyond the lines from which the layout was recognised."""
+    rows = [f"{row} {row + 1}" for row in range(2000)]
+    rows[1500] = "1500 NULL"
+    with pytest.raises(Refused, match=r"log.txt:1501:6: 'NULL' in column 2"):
+        read(written("\n".join(rows) + "\n"))
+
+
+def test_the_example_log_is_read_whole():
+    """The committed slice of a real gyroscope: 5598 rows of time and three axes."""
+    table = read(SLICE)
+    assert table.values.shape == (5598, 4)
+    assert table.values[0].tolist() == [0.02984, 32786.0, 32429.0, 32499.0]
+    assert (np.diff(table.values[:, 0]) > 0.0).all()
