@@ -23,8 +23,8 @@ __all__ = ["MOST_AVERAGES", "edf", "identify", "interval"]
 
 _Array: TypeAlias = NDArray[np.float64]
 
-MOST_AVERAGES = 1 << 15
-"""Averages beyond which a noise type gets no clearer: r1 is known to 0.006 then."""
+MOST_AVERAGES = 1 << 14
+"""Averages beyond which a noise type gets no clearer: r1 is known to 0.008 then."""
 
 _FEWEST_AVERAGES = 30  # below, r1 says too little (Riley and Greenhall 2004)
 _MOST_TERMS = 100  # J_max of Greenhall and Riley
