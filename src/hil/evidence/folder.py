@@ -164,7 +164,7 @@ def _opened(folder: Path) -> int:
 
 
 def _safe(text: str) -> str:
-    return re.sub(r"[^A-Za-z0-9._]+", "_", text).strip("._")[:_LONGEST_PART] or "unnamed"
+    return re.sub(r"[^A-Za-z0-9._-]+", "_", text).strip("._-")[:_LONGEST_PART] or "unnamed"
 
 
 def _reserve(path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import secrets
 import shutil
@@ -22,6 +23,7 @@ LARGEST_ATTACHMENT = 200_000_000
 
 _LONGEST_TEXT = 100_000
 _UNREADABLE = "unreadable"
+_ENDING = ".message"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +69,7 @@ def post(
     try:
         file, sha256 = _bring(attach, folder / INBOX_FILES, name) if attach else ("", "")
         message = Message(kind=kind, by=by, text=text, utc=moment, urgent=urgent, file=file, sha256=sha256)
-        write_whole(folder / INBOX / f"{name}.message", canonical(asdict(message)))
+        write_whole(folder / INBOX / f"{name}{_ENDING}", canonical(asdict(message)))
     except OSError as error:
         raise EvidenceError(
             f"{folder / INBOX}: the message cannot be left: {error}", "is the run still going on?"
@@ -81,14 +83,14 @@ def poll(folder: Path) -> Iterator[Message]:
     So a message whose event is written in the loop's body is never lost: whatever ends the process, it is either in
     the journal or still in the inbox. Attachments are in `data/attachments` when their message is given.
     """
-    inbox = folder / INBOX
     try:
-        names = sorted(entry.name for entry in inbox.iterdir() if entry.suffix == ".message")
+        found = os.listdir(f"{folder}/{INBOX}")  # noqa: PTH208 - asked at every scheduling point, and nearly always empty
     except FileNotFoundError:
         return
-    for name in names:
-        yield _taken(folder, inbox / name)
-        (inbox / name).unlink(missing_ok=True)
+    for name in sorted(name for name in found if name.endswith(_ENDING)):
+        path = folder / INBOX / name
+        yield _taken(folder, path)
+        path.unlink(missing_ok=True)
 
 
 def _bring(attach: Path, files: Path, name: str) -> tuple[str, str]:
