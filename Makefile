@@ -1,0 +1,34 @@
+# The four commands of this project. Each sets up what it needs.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.set-up
+
+.PHONY: setup run test check system
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml requirements.lock
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "hil needs Python 3.11 or newer; name one with PYTHON=python3.11")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --requirement requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
+	touch $@
+
+# The magnetorquer campaign on the simulated bench, from the first byte to the sealed package.
+run: setup
+	$(BIN)/hil run testplans/magnetorquer --bench adcs --source simulated --dut SIM-ADCS-1
+
+# Every test but the whole runs in processes of their own, which `make system` takes.
+test: setup
+	$(BIN)/python -m pytest -m "not system"
+
+system: setup
+	$(BIN)/python -m pytest -m system
+
+# What a reviewer would find before reading: layout, style, types, layers.
+check: setup
+	$(BIN)/ruff format --check src tests fixtures testplans
+	$(BIN)/ruff check src tests fixtures testplans
+	$(BIN)/mypy
+	$(BIN)/lint-imports
