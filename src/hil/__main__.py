@@ -1,7 +1,0 @@
-"""`python -m hil` is `hil`."""
-
-from __future__ import annotations
-
-from hil.cli.main import main
-
-main()
