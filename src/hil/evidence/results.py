@@ -34,6 +34,7 @@ class _Case:
     steps: list[dict[str, Any]] = field(default_factory=list)
     recordings: list[str] = field(default_factory=list)
     not_run: list[str] = field(default_factory=list)
+    dut_fault: bool = False
 
     def take(self, event: Body) -> None:
         """Take one event that names this case."""
@@ -41,7 +42,7 @@ class _Case:
             case "case":
                 self.begun, self.end = True, None
                 self.attempts.append({"attempt": event["attempt"], "verdict": None, "reasons": []})
-                self.checks, self.steps = [], []
+                self.checks, self.steps, self.dut_fault = [], [], False
             case "case-end":
                 self.end = event
                 if self.attempts:
@@ -55,6 +56,8 @@ class _Case:
                 self._end_step(event)
             case "recording":
                 self.recordings.append(event["recording"])
+            case "fault":
+                self.dut_fault = self.dut_fault or bool(event["dut"])
             case "not-run":
                 self.not_run.append(event["reason"])
 
@@ -154,8 +157,9 @@ def _within(identifier: str, case: _Case, facts: Facts) -> Verdict:
     if own is Verdict.NOT_RUN:
         return own
     checks = [check for check in case.checks if check["requirement"] == identifier]
-    verdicts = [worst(Verdict(check["verdict"]) for check in checks)]
-    if _is_short(facts.catalogue.get(identifier, {}), checks):
+    # A device under test that falls silent explains what is missing: the case's own word counts then.
+    verdicts = [] if case.dut_fault and not checks else [worst(Verdict(check["verdict"]) for check in checks)]
+    if not case.dut_fault and _is_short(facts.catalogue.get(identifier, {}), checks):
         verdicts.append(Verdict.NOT_EVALUATED)
     if case.end is not None and identifier in case.end["requirements"]:
         verdicts.append(Verdict(case.end["requirements"][identifier]))

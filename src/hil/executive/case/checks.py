@@ -77,8 +77,8 @@ class Checks:
         """
         limit = self._limit(requirement, parameter, of)
         found = _figure(value, limit, f"{requirement} {parameter}")
-        judgement = judge(found, limit, instrument_uncertainty=_of_instrument(instrument, found))
-        self._note(requirement, limit, of, judgement, [instrument.instrument.name] if instrument else [])
+        added = _of_instrument(instrument, found)
+        self._evaluate(requirement, limit, of, found, added, [instrument.instrument.name] if instrument else [])
         return self.evaluated[-1].verdict
 
     def require(
@@ -102,7 +102,7 @@ class Checks:
 
     def data(self, requirement: Requirement, limit: Limit, value: Figure | str) -> None:
         """Evaluate one criterion that a recording has to meet; met, it is RECORDED."""
-        self._note(requirement.id, limit, None, judge(value, limit), [])
+        self._evaluate(requirement.id, limit, None, value, None, [])
 
     def _limit(self, requirement: str, parameter: str, of: str | None) -> Limit:
         if requirement not in self._requirements:
@@ -122,8 +122,37 @@ class Checks:
             )
         return limit
 
+    def _evaluate(
+        self,
+        requirement: str,
+        limit: Limit,
+        of: str | None,
+        found: Figure | str,
+        added: float | None,
+        instruments: Sequence[str],
+    ) -> None:
+        """Judge what will be written down, to the digits that will be written down, so that anybody can judge again."""
+        judgement = judge(found, limit, instrument_uncertainty=added)
+        if isinstance(judgement.value, float) and not isinstance(found, str) and math.isfinite(judgement.value):
+            written = Figure(
+                value=_digits(judgement.value),
+                unit=judgement.unit,
+                uncertainty=None if judgement.uncertainty is None else _digits(judgement.uncertainty),
+                dof=_digits(judgement.dof),
+                status=found.status,
+            )
+            judgement = judge(written, limit)
+        status = found.status.value if isinstance(found, Figure) else ""
+        self._note(requirement, limit, of, judgement, status, instruments)
+
     def _note(
-        self, requirement: str, limit: Limit, of: str | None, judgement: Judgement, instruments: Sequence[str]
+        self,
+        requirement: str,
+        limit: Limit,
+        of: str | None,
+        judgement: Judgement,
+        status: str,
+        instruments: Sequence[str],
     ) -> None:
         verdict = judgement.verdict
         if verdict is Verdict.PASS and self._requirements[requirement].kind is Kind.RECORD:
@@ -139,6 +168,7 @@ class Checks:
             unit=judgement.unit,
             uncertainty=_told(judgement.uncertainty),
             dof=_told(judgement.dof),
+            status=status,
             limit={"min": limit.minimum, "max": limit.maximum, "equals": limit.equals},
             limit_unit=limit.unit,
             decision=judgement.decision.value,
@@ -170,8 +200,13 @@ def _of_instrument(instrument: Facade | None, found: Figure | str) -> float | No
     return standard_uncertainty(instrument.instrument.calibration, found.unit, found.value)
 
 
+def _digits(number: float) -> float:
+    """Return a number to the 12 digits that every machine agrees on."""
+    return float(f"{number:.12g}")
+
+
 def _told(number: float | str | None) -> float | str | None:
-    """Return a number for the journal: finite, to the 12 digits that every machine agrees on."""
+    """Return a number for the journal, None where it is not finite."""
     if number is None or isinstance(number, str):
         return number
-    return float(f"{number:.12g}") if math.isfinite(number) else None
+    return _digits(number) if math.isfinite(number) else None

@@ -30,6 +30,7 @@ class Frozen:
     parameters: str
     sources: str
     bench: str
+    calibration: str
 
 
 def freeze(configuration: Configuration, folder: Path) -> Frozen:
@@ -47,10 +48,13 @@ def freeze(configuration: Configuration, folder: Path) -> Frozen:
         _put(folder / "data" / name, data)
         sources.update(f"{hashlib.sha256(data).hexdigest()}  {shown}\n".encode())
     bench = _bench(configuration, folder)
+    calibration = freeze_calibration(folder, _calibration(configuration.bench))
     _put(folder / "data/dut.json", canonical({**asdict(configuration.dut), "format": 1}))
     _put(folder / "data/software.json", canonical(software_identity(workspace.root)))
     _put(folder / "data/place.json", canonical(_place(configuration)))
-    return Frozen(catalogue=catalogue, parameters=parameters, sources=sources.hexdigest(), bench=bench)
+    return Frozen(
+        catalogue=catalogue, parameters=parameters, sources=sources.hexdigest(), bench=bench, calibration=calibration
+    )
 
 
 def _sources(configuration: Configuration) -> Iterator[Path]:
@@ -69,7 +73,6 @@ def _bench(configuration: Configuration, folder: Path) -> str:
         _put(folder / "data/bench" / shown, data)
         whole.update(f"{hashlib.sha256(data).hexdigest()}  {shown}\n".encode())
     _put(folder / "data/bench/duts.yaml", configuration.workspace.duts.read_bytes())
-    freeze_calibration(folder, _calibration(configuration.bench))
     return whole.hexdigest()
 
 

@@ -224,6 +224,7 @@ class Session:
             catalogue=frozen.catalogue,
             parameters=frozen.parameters,
             sources=frozen.sources,
+            calibration=frozen.calibration,
             version=version(),
             deviations=list(configuration.deviations),
             overrides=dict(configuration.request.overrides),
