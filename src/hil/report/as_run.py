@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from hil.report.material import Body, flag, inner, inners, text, texts, verdict
 from hil.report.numbers import bench_time, duration, limit_text, measured, number, with_unit
-from hil.report.view import CheckRow, Exchange, RecordingRow, StepRow
+from hil.report.view import CaseName, CheckRow, Exchange, RecordingRow, StepRow
 
 __all__ = ["attributed", "check_row", "checks_of", "recording_rows", "step_rows"]
 
@@ -44,18 +44,19 @@ def step_rows(events: Sequence[Body]) -> tuple[StepRow, ...]:
     return tuple(_step(event, _within(events, place)) for place, event in enumerate(events) if event["kind"] == "step")
 
 
-def checks_of(events: Sequence[Body]) -> tuple[CheckRow, ...]:
-    """Return every check among the events."""
-    return tuple(check_row(event) for event in events if event["kind"] == "check")
+def checks_of(events: Sequence[Body], names: Mapping[str, CaseName]) -> tuple[CheckRow, ...]:
+    """Return every check among the events, with the case that it belongs to by name."""
+    return tuple(check_row(event, names) for event in events if event["kind"] == "check")
 
 
-def check_row(check: Body) -> CheckRow:
+def check_row(check: Body, names: Mapping[str, CaseName] | None = None) -> CheckRow:
     """Return one check, written out."""
     unit, limit_unit = text(check, "unit"), text(check, "limit_unit")
     expanded = check.get("expanded") if limit_unit in {"", unit} else None
     limit = limit_text(inner(check, "limit"), limit_unit)
     return CheckRow(
         case=text(check, "case"),
+        named=(names or {}).get(text(check, "case")),
         step=text(check, "step"),
         attempt=text(check, "tried"),
         requirement=text(check, "requirement"),
@@ -118,12 +119,16 @@ def _effects(within: Sequence[Body]) -> str:
 
 
 def _exchanges(within: Sequence[Body]) -> tuple[Exchange, ...]:
-    answers = {(event.get("name"), event.get("ordinal")): event for event in within if event["kind"] == "answer"}
-    return tuple(
-        _exchange(event, answers.get((event.get("name"), event.get("ordinal")), {}))
-        for event in within
-        if event["kind"] == "question"
-    )
+    """Return the questions, each with the next answer to it."""
+    waiting = [event for event in within if event["kind"] == "answer"]
+    exchanges = []
+    for question in (event for event in within if event["kind"] == "question"):
+        key = (question.get("name"), question.get("ordinal"))
+        answer = next((event for event in waiting if (event.get("name"), event.get("ordinal")) == key), None)
+        if answer is not None:
+            waiting.remove(answer)
+        exchanges.append(_exchange(question, answer or {}))
+    return tuple(exchanges)
 
 
 def _exchange(question: Body, answer: Body) -> Exchange:

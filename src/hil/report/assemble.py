@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
 from hil.documents.canonical import parse_strict
+from hil.model.identity import Source
 from hil.model.verdict import Verdict
 from hil.report.as_run import attributed, checks_of, recording_rows, step_rows
 from hil.report.bench_file import instruments, parse, wiring
@@ -12,10 +15,21 @@ from hil.report.drawings import charts, recording_graphics
 from hil.report.happenings import deviations, gates, happenings, people, safe_off
 from hil.report.material import Body, Material, flat, inner, inners, text, texts, verdict
 from hil.report.numbers import duration, with_unit
-from hil.report.sentences import closing_sentence, closings, headline, safe_word, source_word, subject, warnings
-from hil.report.view import CaseView, Fact, Graphic, ParameterRow, RequirementRow, RunView
+from hil.report.sentences import (
+    closing_sentence,
+    closings,
+    counted,
+    headline,
+    safe_word,
+    source_word,
+    subject,
+    warnings,
+)
+from hil.report.view import CaseName, CaseView, Fact, Graphic, ParameterRow, RequirementRow, RunView
 
 __all__ = ["assemble"]
+
+_LONGEST = 300
 
 
 def assemble(material: Material, evidence_digest: str) -> RunView:
@@ -32,8 +46,11 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
     run = inner(results, "run")
     bench = parse(material.text("bench/bench.yaml"), "bench/bench.yaml")
     place = _json(material, "place.json")
-    anomalies = _anomalies(material)
+    anomalies, names = _anomalies(material), _names(results)
+    begun = [event for event in events if event["kind"] == "recording"]
+    outside = [event for event in events if not text(event, "case")]
     check_events = [event for event in events if event["kind"] == "check" and event["counted"]]
+    drawn = recording_graphics(material, begun, check_events, inners(bench, "envelope"))
     return RunView(
         title=", ".join(texts(run, "plans")),
         subject=subject(results),
@@ -46,10 +63,12 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         counts=_counts(results),
         closings=closings(results),
         facts=_facts(material, run, inner(bench, "bench"), events),
-        requirements=tuple(_requirement(entry, anomalies) for entry in inners(results, "requirements")),
-        checks=checks_of(events),
+        requirements=tuple(_requirement(entry, anomalies, names) for entry in inners(results, "requirements")),
+        checks=checks_of(events, names),
         charts=charts(check_events),
-        cases=_cases(material, events, results, check_events),
+        cases=_cases(events, results, drawn),
+        watched=recording_rows(outside),
+        watched_graphics=drawn.get("", ()),
         not_run=_not_run(events, results),
         orphans=tuple(case for event in events if event["kind"] == "orphan" for case in texts(event, "cases")),
         gates=gates(events),
@@ -58,7 +77,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         instruments=instruments(bench),
         wiring=wiring(bench),
         people=people(run, events),
-        happenings=happenings(events),
+        happenings=happenings(events, names),
         deviations=deviations(run),
         parameters=_parameters(material),
         software=_software(run, _json(material, "software.json"), place),
@@ -67,9 +86,22 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
     )
 
 
+def _names(results: Body) -> dict[str, CaseName]:
+    """Return how tables name each case: what follows its file, unless another case is called the same."""
+    cases = [text(entry, "case") for entry in inners(results, "cases")]
+    shorts = Counter(case.rsplit("::", 1)[-1] for case in cases)
+    return {
+        case: CaseName(shown=short if shorts[short] == 1 else case, anchor=f"case-{place}")
+        for place, case in enumerate(cases, 1)
+        for short in (case.rsplit("::", 1)[-1],)
+    }
+
+
 def _facts(material: Material, run: Body, bench: Body, events: Sequence[Body]) -> tuple[Fact, ...]:
     dut = inner(run, "dut")
     span = duration(events[-1].get("t")) if events else ""
+    if span and text(run, "source") != Source.HARDWARE:
+        span += f", virtual{text(run, 'epoch') and ' from '}{text(run, 'epoch')}"
     began, ended = material.stamps()
     return tuple(
         Fact(label=label, value=value)
@@ -104,7 +136,7 @@ def _counts(results: Body) -> tuple[tuple[str, int], ...]:
     return tuple((word.value, int(text(counts, word))) for word in reversed(Verdict) if counts.get(word))
 
 
-def _requirement(entry: Body, anomalies: Mapping[str, str]) -> RequirementRow:
+def _requirement(entry: Body, anomalies: Mapping[str, str], names: Mapping[str, CaseName]) -> RequirementRow:
     return RequirementRow(
         id=text(entry, "id"),
         rev=text(entry, "rev"),
@@ -113,7 +145,7 @@ def _requirement(entry: Body, anomalies: Mapping[str, str]) -> RequirementRow:
         method=text(entry, "method"),
         source=text(entry, "source"),
         verdict=verdict(entry),
-        cases=tuple((text(case, "case"), verdict(case)) for case in inners(entry, "cases")),
+        cases=tuple((names[text(case, "case")], verdict(case)) for case in inners(entry, "cases")),
         checks=int(text(entry, "checks") or 0),
         eligible=entry.get("eligible") is True,
         reasons=texts(entry, "reasons"),
@@ -121,20 +153,17 @@ def _requirement(entry: Body, anomalies: Mapping[str, str]) -> RequirementRow:
     )
 
 
-def _cases(material: Material, events: Sequence[Body], results: Body, checks: Sequence[Body]) -> tuple[CaseView, ...]:
-    begun = [event for event in events if event["kind"] == "recording"]
-    drawn = recording_graphics(material, begun, checks)
+def _cases(events: Sequence[Body], results: Body, drawn: Mapping[str, tuple[Graphic, ...]]) -> tuple[CaseView, ...]:
     by_case: dict[str, list[Body]] = {}
     for event in events:
         by_case.setdefault(text(event, "case"), []).append(event)
     return tuple(
-        _case(place, entry, by_case.get(text(entry, "case"), []), drawn)
+        _case(place, entry, by_case.get(text(entry, "case"), []), drawn.get(text(entry, "case"), ()))
         for place, entry in enumerate(inners(results, "cases"), 1)
     )
 
 
-def _case(place: int, entry: Body, events: Sequence[Body], drawn: Mapping[str, tuple[Graphic, ...]]) -> CaseView:
-    recordings = recording_rows(events)
+def _case(place: int, entry: Body, events: Sequence[Body], graphics: tuple[Graphic, ...]) -> CaseView:
     used = inner(entry, "used")
     return CaseView(
         anchor=f"case-{place}",
@@ -148,9 +177,9 @@ def _case(place: int, entry: Body, events: Sequence[Body], drawn: Mapping[str, t
         attempts=_attempts(inners(entry, "attempts")),
         used=", ".join(f"{name} ({source})" for name, source in sorted(used.items())),
         steps=step_rows(events),
-        checks=checks_of(events),
-        recordings=recordings,
-        graphics=tuple(graphic for recording in recordings for graphic in drawn.get(recording.id, ())),
+        checks=checks_of(events, {}),
+        recordings=recording_rows(events),
+        graphics=graphics,
     )
 
 
@@ -204,8 +233,19 @@ def _parameters(material: Material) -> tuple[ParameterRow, ...]:
 def _software(run: Body, software: Body, place: Body) -> tuple[Fact, ...]:
     named = (("hil version", text(run, "version")), ("seed", text(run, "seed")))
     digests = tuple((f"{name} sha256", text(run, name)) for name in ("catalogue", "parameters", "sources"))
-    rest = (*flat(software), *((f"place.{name}", value) for name, value in flat(place)))
-    return tuple(Fact(label=label, value=value) for label, value in (*named, *digests, *rest))
+    packages = ", ".join(f"{name} {version}" for name, version in flat(inner(software, "packages")))
+    rest = flat({key: value for key, value in software.items() if key not in {"format", "packages"}})
+    where = ((f"place.{name}", value) for name, value in flat(place) if name != "format")
+    pairs = (*named, *digests, *((name, _short(value)) for name, value in rest), ("packages", packages), *where)
+    return tuple(Fact(label=label, value=value) for label, value in pairs)
+
+
+def _short(value: str) -> str:
+    """Return a value that fits a line; of a longer one, such as uncommitted changes, its size and hash."""
+    if len(value) <= _LONGEST and "\n" not in value:
+        return value
+    digest = hashlib.sha256(value.encode("utf-8", errors="surrogatepass")).hexdigest()
+    return f"{counted(len(value.splitlines()), 'line')} with sha256 {digest}; they stand in the package"
 
 
 def _json(material: Material, relative: str) -> Body:

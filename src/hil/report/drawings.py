@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from hil.report.figures import Band, Point, draw_points, draw_traces, finite
+from hil.report.figures import Band, Point, decimate, draw_points, draw_traces, finite
 from hil.report.material import Body, Material, Trace, inner, inners, text, verdict
-from hil.report.numbers import number
+from hil.report.numbers import number, with_unit
 from hil.report.sentences import counted
 from hil.report.view import Graphic
 
@@ -15,6 +15,7 @@ __all__ = ["charts", "recording_graphics"]
 _MOST_POINTS = 2000  # of one channel
 _FEWEST_POINTS = 200
 _ALL_POINTS = 36_000  # of all channels of a page, so that it can still be mailed
+_MOST_DRAWINGS = 40  # of recordings, for the same reason
 _MOST_ROWS = 40  # of one chart
 
 
@@ -34,18 +35,28 @@ def charts(checks: Sequence[Body]) -> tuple[Graphic, ...]:
 
 
 def recording_graphics(
-    material: Material, recordings: Sequence[Body], checks: Sequence[Body]
+    material: Material, recordings: Sequence[Body], checks: Sequence[Body], envelope: Sequence[Body]
 ) -> Mapping[str, tuple[Graphic, ...]]:
-    """Return the drawings of each recording by its id.
+    """Return by case the drawings of its recordings; those with the same channels share one over bench time.
 
     Args:
         material: where the samples are.
-        recordings: the events with which recordings began.
-        checks: every check of the run; a limit is drawn behind channels that have its unit and its `of` or case.
+        recordings: the events with which recordings began; those of no case are the envelope's.
+        checks: every check of the run; a limit stands behind the channels of its case that have its unit.
+        envelope: the limits of the bench file, which stand behind the channels of the same name.
     """
-    channels = sum(len(inners(recording, "channels")) for recording in recordings)
-    points = max(_FEWEST_POINTS, min(_MOST_POINTS, _ALL_POINTS // max(channels, 1)))
-    return {text(recording, "recording"): _recording(material, recording, checks, points) for recording in recordings}
+    groups: dict[tuple[str, object], list[Body]] = {}
+    for recording in recordings:
+        channels = tuple((text(channel, "name"), text(channel, "unit")) for channel in inners(recording, "channels"))
+        groups.setdefault((text(recording, "case"), channels), []).append(recording)
+    drawn = list(groups.items())[:_MOST_DRAWINGS]
+    share = _ALL_POINTS // max(sum(len(inners(members[0], "channels")) for _, members in drawn), 1)
+    points = max(_FEWEST_POINTS, min(_MOST_POINTS, share))
+    graphics: dict[str, tuple[Graphic, ...]] = {}
+    for (case, _), members in drawn:
+        found = _bands(case, members, checks, envelope)
+        graphics[case] = graphics.get(case, ()) + _drawn(material, members, found, points)
+    return graphics
 
 
 def check_bounds(check: Body) -> Band | None:
@@ -91,29 +102,51 @@ def _short(case: str) -> str:
     return case.rsplit("::", 1)[-1]
 
 
-def _recording(material: Material, recording: Body, checks: Sequence[Body], points: int) -> tuple[Graphic, ...]:
-    name = text(recording, "recording")
-    traces = [trace for trace in material.traces(name) if len(trace.times)]
-    if not traces:
+def _drawn(material: Material, recordings: Sequence[Body], bands: Sequence[Band], points: int) -> tuple[Graphic, ...]:
+    parts = [material.traces(text(recording, "recording")) for recording in recordings]
+    parts = [[trace for trace in traces if len(trace.times)] for traces in parts]
+    parts = [traces for traces in parts if traces]
+    if not parts:
         return ()
-    title = f"{_short(text(recording, 'case'))} · {text(recording, 'name') or name}"
-    units = list(dict.fromkeys(trace.unit for trace in traces))
-    described = "; ".join(_range(trace) for trace in traces)
-    svg = draw_traces(title, traces, _bands(recording, checks, units), points)
-    return (Graphic(title=title, described=described, svg=svg),)
+    names = ", ".join(dict.fromkeys(text(recording, "name") for recording in recordings))
+    count = f" ({len(parts)} recordings)" if len(parts) > 1 else ""
+    title = " · ".join(part for part in (_short(text(recordings[0], "case")), names + count) if part)
+    each = max(points // len(parts), 4)
+    joined = [_joined([traces[place] for traces in parts], each) for place in range(len(parts[0]))]
+    described = "; ".join(_range([traces[place] for traces in parts]) for place in range(len(parts[0])))
+    return (Graphic(title=title, described=described, svg=draw_traces(title, joined, bands)),)
 
 
-def _bands(recording: Body, checks: Sequence[Body], units: Sequence[str]) -> list[Band]:
-    """Return the distinct limits of this case's checks that stand in a unit of the recording."""
-    case = recording.get("case")
-    found = (check_bounds(check) for check in checks if check.get("case") == case)
-    return list(dict.fromkeys(band for band in found if band is not None and band.unit in units))
-
-
-def _range(trace: Trace) -> str:
+def _joined(pieces: Sequence[Trace], points: int) -> Trace:
+    """Return one channel of several recordings as one, with a hole between two of them."""
     import numpy as np  # noqa: PLC0415 - slow to import
 
-    known = trace.values[np.isfinite(trace.values)]
+    few = [decimate(piece.times, piece.values, points) for piece in pieces]
+    hole = np.array([np.nan])
+    times = np.concatenate([part for when, _ in few for part in (when, when[-1:])][:-1])
+    values = np.concatenate([part for _, what in few for part in (what, hole)][:-1])
+    return Trace(name=pieces[0].name, unit=pieces[0].unit, times=times, values=values)
+
+
+def _bands(case: str, recordings: Sequence[Body], checks: Sequence[Body], envelope: Sequence[Body]) -> list[Band]:
+    """Return the distinct limits that hold for these recordings' channels, by unit."""
+    units = {text(channel, "unit") for recording in recordings for channel in inners(recording, "channels")}
+    names = {text(recording, "name") for recording in recordings}
+    watched = [
+        Band(unit=text(limit, "unit"), low=finite(limit.get("min")), high=finite(limit.get("max")))
+        for limit in envelope
+        if not case and text(limit, "id") in names
+    ]
+    judged = [check_bounds(check) for check in checks if case and text(check, "case") == case]
+    return list(dict.fromkeys(band for band in [*watched, *judged] if band is not None and band.unit in units))
+
+
+def _range(pieces: Sequence[Trace]) -> str:
+    import numpy as np  # noqa: PLC0415 - slow to import
+
+    name, unit = pieces[0].name, pieces[0].unit
+    known = np.concatenate([piece.values[np.isfinite(piece.values)] for piece in pieces])
     if not len(known):
-        return f"{trace.name}: no finite sample"
-    return f"{trace.name} from {number(float(known.min()), 4)} to {number(float(known.max()), 4)} {trace.unit}".strip()
+        return f"{name}: no finite sample"
+    low, high = float(known.min()), float(known.max())
+    return f"{name} from {number(low, 4)} to {with_unit(number(high, 4), unit)}"

@@ -21,6 +21,9 @@ __all__ = ["Band", "Point", "decimate", "draw_points", "draw_traces", "finite"]
 
 _Axes = Any  # matplotlib publishes no types
 _WIDTH = 7.2  # inches: the text width of an A4 page
+_ABOVE, _BELOW, _BETWEEN = 0.28, 0.48, 0.14
+_CHARACTER = 0.068  # the width of one, on average and generously
+_LONGEST_NAME, _LONGEST_LABEL = 24, 44
 # Colours that the page replaces by its own, so that a drawing follows dark, light and print.
 _INK, _FAINT, _BAND, _LIMIT = "#010203", "#010204", "#010205", "#010206"
 _LINES = ("#010211", "#010212", "#010213", "#010214")
@@ -112,15 +115,18 @@ def decimate(
     return times[kept], values[kept]
 
 
-def draw_traces(title: str, traces: Sequence[Trace], bands: Sequence[Band], points: int) -> str:
+def draw_traces(title: str, traces: Sequence[Trace], bands: Sequence[Band]) -> str:
     """Return the channels over time as SVG, one panel per unit, with the limit bands of that unit behind them."""
     units = list(dict.fromkeys(trace.unit for trace in traces))
-    with _Sheet(height=0.55 + 1.45 * len(units), rows=len(units)) as sheet:
+    shared = [trace for trace in traces if sum(other.unit == trace.unit for other in traces) > 1]
+    right = max((0.55 + _CHARACTER * len(_plain(trace.name, _LONGEST_NAME)) for trace in shared), default=0.15)
+    with _Sheet(rows=len(units), height=1.3, left=0.75, right=right) as sheet:
         scale, word = _time_unit(traces)
         for axes, unit in zip(sheet.axes, units, strict=True):
-            _panel(axes, [trace for trace in traces if trace.unit == unit], points, scale)
+            own = [trace for trace in traces if trace.unit == unit]
+            _panel(axes, own, scale)
             _bands(axes, [band for band in bands if band.unit == unit])
-            axes.set_ylabel(unit or "1")
+            axes.set_ylabel(_plain(f"{own[0].name} / {unit or 1}" if len(own) == 1 else unit or "1", _LONGEST_NAME))
         sheet.axes[0].set_title(_plain(title))
         sheet.axes[-1].set_xlabel(f"bench time / {word}")
         return sheet.svg(title)
@@ -128,7 +134,9 @@ def draw_traces(title: str, traces: Sequence[Trace], bands: Sequence[Band], poin
 
 def draw_points(title: str, points: Sequence[Point], band: Band) -> str:
     """Return checks of one parameter as SVG: a row each, with its uncertainty, over the limit band."""
-    with _Sheet(height=0.75 + 0.2 * max(len(points), 2), rows=1) as sheet:
+    labels = [_plain(point.label, _LONGEST_LABEL) for point in points]
+    left = 0.25 + _CHARACTER * max(len(label) for label in labels)
+    with _Sheet(rows=1, height=0.2 * max(len(points), 2), left=left, right=0.15) as sheet:
         axes = sheet.axes[0]
         for row, point in enumerate(points):
             marker, colour = _MARKS.get(point.verdict, ("s", _OPEN))
@@ -136,7 +144,7 @@ def draw_points(title: str, points: Sequence[Point], band: Band) -> str:
                 [point.value], [row], xerr=point.expanded, fmt=marker, color=colour, markersize=5, capsize=2.5, lw=1.0
             )
         _bands(axes, [band], vertical=True)
-        axes.set_yticks(range(len(points)), [_plain(point.label, 40) for point in points])
+        axes.set_yticks(range(len(points)), labels)
         axes.set_ylim(len(points) - 0.5, -0.5)
         axes.grid(visible=False, axis="y")
         axes.set_xlabel(_plain(band.unit) or "1")
@@ -144,14 +152,16 @@ def draw_points(title: str, points: Sequence[Point], band: Band) -> str:
         return sheet.svg(title)
 
 
-def _panel(axes: _Axes, traces: Sequence[Trace], points: int, scale: float) -> None:
+def _panel(axes: _Axes, traces: Sequence[Trace], scale: float) -> None:
     for place, trace in enumerate(traces):
-        times, values = decimate(trace.times, trace.values, points)
         line = place % len(_LINES)
-        (drawn,) = axes.plot(times / scale, values, color=_LINES[line], lw=0.9, label=_plain(trace.name, 30))
+        (drawn,) = axes.plot(
+            trace.times / scale, trace.values, color=_LINES[line], lw=0.9, label=_plain(trace.name, _LONGEST_NAME)
+        )
         if _DASHES[line][0] is not None:
             drawn.set_dashes(_DASHES[line])
-    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7.5, handlelength=2.4, borderaxespad=0.2)
+    if len(traces) > 1:
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7.5, handlelength=2.4, borderaxespad=0.2)
     axes.margins(x=0.01)
 
 
@@ -182,20 +192,37 @@ def _plain(text: str, longest: int = 90) -> str:
 
 
 class _Sheet:
-    """A figure of its own, without pyplot's global state, drawn in our style."""
+    """A figure of its own, without pyplot's global state, drawn in our style.
 
-    def __init__(self, *, height: float, rows: int) -> None:
+    Args:
+        rows: how many panels it has.
+        height: of one panel, in inches.
+        left: room for the labels of its rows, in inches.
+        right: room for its legend, in inches.
+    """
+
+    def __init__(self, *, rows: int, height: float, left: float, right: float) -> None:
         import matplotlib as mpl  # noqa: PLC0415 - slow to import
 
         self._style = mpl.rc_context({**_STYLE, "svg.hashsalt": "hil"})
-        self._height, self._rows = height, rows
+        self._rows, self._height, self._left, self._right = rows, height, left, right
 
     def __enter__(self) -> Self:
         from matplotlib.backends.backend_svg import FigureCanvasSVG  # noqa: PLC0415 - slow to import
         from matplotlib.figure import Figure  # noqa: PLC0415 - slow to import
 
         self._style.__enter__()
-        self._figure = Figure(figsize=(_WIDTH, self._height), layout="constrained")
+        # Margins are in inches and counted from the text: a layout engine takes longer than all the drawing.
+        inner = self._rows * self._height + (self._rows - 1) * _BETWEEN
+        whole = _ABOVE + inner + _BELOW
+        self._figure = Figure(figsize=(_WIDTH, whole))
+        self._figure.subplots_adjust(
+            left=self._left / _WIDTH,
+            right=1 - self._right / _WIDTH,
+            bottom=_BELOW / whole,
+            top=1 - _ABOVE / whole,
+            hspace=_BETWEEN / self._height,
+        )
         self._canvas = FigureCanvasSVG(self._figure)
         self.axes = list(self._figure.subplots(self._rows, 1, sharex=True, squeeze=False)[:, 0])
         return self

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from hil.report.material import Body, flag, text, texts
 from hil.report.numbers import bench_time, duration, number, with_unit
-from hil.report.view import GateRow, Happening, SafeRow
+from hil.report.view import CaseName, GateRow, Happening, SafeRow
 
 __all__ = ["deviations", "gates", "happenings", "people", "safe_off"]
 
@@ -55,10 +55,15 @@ def deviations(run: Body) -> tuple[str, ...]:
     return texts(run, "deviations")
 
 
-def happenings(events: Sequence[Body]) -> tuple[Happening, ...]:
+def happenings(events: Sequence[Body], names: Mapping[str, CaseName]) -> tuple[Happening, ...]:
     """Return anomalies, trips, gaps, faults, stops, notes and recoveries in the order of the journal."""
     return tuple(
-        Happening(at=bench_time(event.get("t")), kind=_WORDS[text(event, "kind")], case=text(event, "case"), text=told)
+        Happening(
+            at=bench_time(event.get("t")),
+            kind=_WORDS[text(event, "kind")],
+            case=names.get(text(event, "case")),
+            text=told,
+        )
         for event in events
         if text(event, "kind") in _TOLD
         for told in (_TOLD[text(event, "kind")](event),)
@@ -92,6 +97,11 @@ def _gap(event: Body) -> str:
     return f"recording {text(event, 'recording')} is incomplete" + (f", largest gap {gap}" if gap else "")
 
 
+def _rest(event: Body) -> str:
+    """Return where the bench did not come to its rest state between cases."""
+    return "" if flag(event, "ok") else f"{text(event, 'output')} not {text(event, 'state')}: {text(event, 'detail')}"
+
+
 def _note(event: Body) -> str:
     return f"{text(event, 'text')} ({text(event, 'by') or 'not recorded by whom'})"
 
@@ -112,6 +122,7 @@ _WORDS = {
     "stop": "stop",
     "fault": "fault",
     "recording-end": "gap",
+    "rest": "rest state",
     "note": "note",
     "attachment": "attachment",
     "recovered": "recovery",
@@ -123,6 +134,7 @@ _TOLD: Mapping[str, Callable[[Body], str]] = {
     "stop": _stop,
     "fault": _fault,
     "recording-end": _gap,
+    "rest": _rest,
     "note": _note,
     "attachment": _attachment,
     "recovered": _recovered,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from hil.model.verdict import Verdict
 
 __all__ = [
+    "CaseName",
     "CaseView",
     "CheckRow",
     "Closing",
@@ -35,6 +36,14 @@ class Fact:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CaseName:
+    """A case as tables name it: short where that is clear, with the place of its procedure on the page."""
+
+    shown: str
+    anchor: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Closing:
     """Why this run can or cannot close some requirements; one that it cannot close may stand under several reasons."""
 
@@ -54,7 +63,7 @@ class RequirementRow:
     method: str
     source: str
     verdict: Verdict
-    cases: tuple[tuple[str, Verdict], ...]
+    cases: tuple[tuple[CaseName, Verdict], ...]
     checks: int
     eligible: bool
     reasons: tuple[str, ...]
@@ -66,6 +75,7 @@ class CheckRow:
     """One evaluated criterion."""
 
     case: str
+    named: CaseName | None
     step: str
     attempt: str
     requirement: str
@@ -204,7 +214,7 @@ class Happening:
 
     at: str
     kind: str
-    case: str
+    case: CaseName | None
     text: str
 
 
@@ -240,6 +250,8 @@ class RunView:
     not_run: tuple[tuple[str, str, str], ...]
     orphans: tuple[str, ...]
     gates: tuple[GateRow, ...]
+    watched: tuple[RecordingRow, ...]
+    watched_graphics: tuple[Graphic, ...]
     safe: tuple[SafeRow, ...]
     safe_word: str
     instruments: tuple[InstrumentRow, ...]

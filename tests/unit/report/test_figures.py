@@ -44,23 +44,23 @@ def test_decimation_keeps_extremes_beside_invalid_samples():
 
 def test_same_numbers_same_bytes():
     """A drawing made twice is the same text."""
-    first, second = (draw_traces("a", [trace()], [], 500) for _ in range(2))
+    first, second = (draw_traces("a", [trace()], []) for _ in range(2))
     assert first == second
 
 
 def test_traces_share_a_panel_per_unit_and_show_limits():
     """Axes are labelled with their unit, channels with their name, limits with a band."""
     band = Band(unit="deg/s", low=-0.5, high=0.5)
-    svg = draw_traces("case · rest", [trace("x"), trace("y"), trace("t", "degC")], [band], 500)
-    for word in ("case · rest", ">x<", ">y<", ">t<", ">deg/s<", ">degC<", "bench time / s", "var(--band)"):
+    svg = draw_traces("case · rest", [trace("x"), trace("y"), trace("t", "degC")], [band])
+    for word in ("case · rest", ">x<", ">y<", ">deg/s<", ">t / degC<", "bench time / s", "var(--band)"):
         assert word in svg
-    assert "var(--band)" not in draw_traces("a", [trace("x")], [], 500)
+    assert "var(--band)" not in draw_traces("a", [trace("x")], [])
 
 
 @pytest.mark.parametrize(("size", "word"), [(1000, "s"), (6000, "min"), (100_000, "h")])
 def test_time_is_in_a_unit_that_fits(size, word):
     """Seconds, minutes or hours, whichever a person would say."""
-    assert f"bench time / {word}<" in draw_traces("a", [trace(size=size)], [], 200)
+    assert f"bench time / {word}<" in draw_traces("a", [trace(size=size)], [])
 
 
 def test_verdicts_differ_by_colour_and_shape():
@@ -92,7 +92,7 @@ def test_titles_cannot_leave_their_text():
 
 def test_drawing_brings_nothing_that_a_page_cannot_hold():
     """No address, no style of its own, no metadata, no fixed colour."""
-    svg = draw_traces("a", [trace()], [Band(unit="deg/s", low=None, high=0.5)], 500)
+    svg = draw_traces("a", [trace()], [Band(unit="deg/s", low=None, high=0.5)])
     assert svg.startswith("<svg role=")
     for word in ("http", "<style", "<metadata", "<!DOCTYPE", "xmlns", "#0102"):
         assert word not in svg
@@ -101,7 +101,7 @@ def test_drawing_brings_nothing_that_a_page_cannot_hold():
 def test_unbroken_gaps_are_drawn():
     """A channel without one valid sample still gets its panel."""
     empty = Trace(name="x", unit="V", times=np.arange(10.0), values=np.full(10, np.nan))
-    assert ">V<" in draw_traces("a", [empty], [], 100)
+    assert ">x / V<" in draw_traces("a", [empty], [])
 
 
 @pytest.mark.parametrize(

@@ -1,3 +1,4 @@
+import json
 import os
 import re
 import shutil
@@ -10,6 +11,8 @@ import specimen_run
 
 from hil.evidence.package import Package
 from hil.model.verdict import Verdict
+from hil.report.drawings import recording_graphics
+from hil.report.from_package import PackageMaterial
 from hil.report.page import TEMPLATES
 from hil.report.write import HTML, JUNIT, make_reports
 
@@ -282,8 +285,8 @@ def test_earlier_attempts_are_kept_and_named(tmp_path):
     second = [(kind, t, fields | {"attempt": 2} if kind != "check" else fields) for kind, t, fields in again]
     words = Page(page_of(tmp_path, events=[*events[:2], *first, *second, events[-1]])).words
     assert "2 attempts: FAIL, PASS" in words
-    assert "test_a, attempt 1 ·" in words
-    assert "test_a, attempt 2 ·" in words
+    assert "test_a , attempt 1 ·" in words
+    assert "test_a , attempt 2 ·" in words
 
 
 def test_incidents_are_told(tmp_path):
@@ -295,6 +298,12 @@ def test_incidents_are_told(tmp_path):
         ("fault", 3.2, {"device": "psu1", "dut": False, "error": "NoReply", "message": "silent", "hint": "look"}),
         ("safe", 3.3, {"output": "supply.board", "state": "off", "ok": False, "detail": "0.2 A", "duration": 2.0}),
         ("safe-end", 3.4, {"ok": False}),
+        (
+            "rest",
+            3.45,
+            {"output": "relays", "state": "released", "ok": False, "detail": "still closed", "duration": 1.0},
+        ),
+        ("rest", 3.45, {"output": "fan", "state": "off", "ok": True, "detail": "read back", "duration": 1.0}),
         ("recovered", 3.5, {"torn_bytes": 12, "text": "sealed as it is"}),
     ]
     words = Page(page_of(tmp_path, events=events)).words
@@ -306,9 +315,58 @@ def test_incidents_are_told(tmp_path):
         "stop SIGTERM, at once",
         "fault psu1 (the bench): NoReply: silent; look",
         "supply.board off not proven 0.2 A 2 s",
+        "rest state relays not released: still closed",
         "recovery sealed as it is (12 torn bytes were cut and kept)",
     ):
         assert expected in words
+    assert "fan not off" not in words
+
+
+def test_recordings_with_the_same_channels_share_a_drawing(folder):
+    """Three recordings of one case are one drawing over bench time, with holes in between."""
+    material = PackageMaterial(folder)
+    (event,) = Package(folder).events("recording")
+    (graphic,) = recording_graphics(material, [event] * 3, [], [])[event["case"]]
+    assert graphic.title == "test_noise_at_rest · rest (3 recordings)"
+    assert graphic.described.startswith("x from -0.")
+    assert len(re.findall(r"\bM ", re.search(r'<path d="([^"]*)"[^>]*var\(--line-1\)', graphic.svg)[1])) == 3
+
+
+def test_what_the_envelope_watched_has_its_limits(folder):
+    """A recording of no case is drawn over the limits that the bench file sets for its name."""
+    (event,) = Package(folder).events("recording")
+    watched = event | {"case": "", "name": "board"}
+    limits = [{"id": "board", "unit": "deg/s", "min": "-1", "max": "1"}, {"id": "other", "unit": "degC", "max": "99"}]
+    (graphic,) = recording_graphics(PackageMaterial(folder), [watched], [], limits)[""]
+    assert graphic.title == "board"
+    assert graphic.svg.count("var(--band)") == 1
+
+
+def test_uncommitted_changes_are_named_not_printed(tmp_path):
+    """A long difference to the commit is told by size and hash; the package holds it."""
+    folder = specimen_run.build(tmp_path, events=list(one_case("PASS")))
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy, copy_function=shutil.copyfile)
+    for place in (copy, copy / "data"):
+        place.chmod(0o755)
+    (copy / "data/software.json").write_text(
+        json.dumps({"format": 1, "packages": {"click": "8.5.1", "numpy": "2.4"}, "difference": "- secret\n" * 9999})
+    )
+    words = Page(make_reports(copy)[HTML].decode()).words
+    assert "difference 9999 lines with sha256" in words
+    assert "packages click 8.5.1, numpy 2.4" in words
+    assert "secret" not in words
+
+
+def test_cases_called_the_same_keep_their_files(tmp_path):
+    """A table shortens the name of a case only where that leaves no doubt."""
+    cases = [
+        {"case": case, "title": "", "plan": "p", "requirements": ["ADCS-GYR-040"], "max_duration": 1.0}
+        for case in ("p/test_a.py::test_x", "p/test_b.py::test_x", "p/test_b.py::test_y")
+    ]
+    page = page_of(tmp_path, events=[("planned", 0.0, {"cases": cases})])
+    assert '<a class="any" href="#case-1">p/test_a.py::test_x</a>' in page
+    assert '<a class="any" href="#case-3">test_y</a>' in page
 
 
 def colours(block):
