@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 from hil.model.verdict import Verdict
 from hil.report.material import Body, flag, inner, inners, text, texts, verdict
+from hil.report.sentences import warnings
 from hil.report.summary import check_lines
 
 __all__ = ["junit"]
@@ -44,6 +45,7 @@ def junit(results: Body, *, run: str, began: str, evidence_digest: str) -> bytes
         f'<testsuite name="{name}"{stamp} {counts}>',
         *_properties(_facts(results, run, evidence_digest)),
         *(line for case in cases for line in _case(case)),
+        *_told_first(results),
         "</testsuite>",
         "</testsuites>",
     ]
@@ -69,6 +71,13 @@ def _facts(results: Body, run: str, evidence_digest: str) -> list[tuple[str, str
         ("safe", "not recorded" if safe is None else _flag(safe is True)),
         *(("deviation", deviation) for deviation in texts(facts, "deviations")),
     ]
+
+
+def _told_first(results: Body) -> Iterable[str]:
+    """Give what no case tells: that the run was interrupted, tripped, or did not leave the bench safe."""
+    told = "\n".join(f"{word}: {sentence}" for word, sentence in warnings(results))
+    if told:
+        yield f"<system-err>{_content(told)}</system-err>"
 
 
 def _case(case: Body) -> Iterable[str]:

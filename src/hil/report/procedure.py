@@ -25,9 +25,9 @@ def procedure_lines(events: Sequence[Body]) -> list[str]:
     run = next((event for event in events if event["kind"] == "run"), {})
     planned = [case for event in events if event["kind"] == "planned" for case in inners(event, "cases")]
     lines = [_head(run, len(planned), events)]
+    by_case = _by(events, "case")
     for place, case in enumerate(planned, 1):
-        own = [event for event in events if event.get("case") == case.get("case")]
-        lines += ["", *_case(place, case, own)]
+        lines += ["", *_case(place, case, by_case.get(text(case, "case"), []))]
     return lines
 
 
@@ -51,19 +51,26 @@ def _case(place: int, case: Body, events: Sequence[Body]) -> Iterator[str]:
     )
     for label, value in facts:
         yield f"{_INDENT * 2}{label:<12}  {value}"
-    outside = [event for event in events if not text(event, "step") and event["kind"] not in {"step", "step-end"}]
-    yield from (f"{_INDENT * 3}{line}" for line in _actions(outside))
+    by_step = _by(events, "step")
+    ended = {text(event, "number"): event for event in events if event["kind"] == "step-end"}
+    yield from (f"{_INDENT * 3}{line}" for line in _actions(by_step.get("", [])))
     for step in (event for event in events if event["kind"] == "step"):
-        yield from _step(place, step, events)
+        number_ = text(step, "number")
+        yield from _step(place, step, ended.get(number_, {}), by_step.get(number_, []))
 
 
-def _step(place: int, step: Body, events: Sequence[Body]) -> Iterator[str]:
+def _by(events: Sequence[Body], key: str) -> dict[str, list[Body]]:
+    grouped: dict[str, list[Body]] = {}
+    for event in events:
+        grouped.setdefault(text(event, key), []).append(event)
+    return grouped
+
+
+def _step(place: int, step: Body, end: Body, within: Sequence[Body]) -> Iterator[str]:
     number_ = text(step, "number")
     shift = _INDENT * (2 + number_.count("."))
     path = texts(step, "path")
-    end = next((event for event in events if event["kind"] == "step-end" and text(event, "number") == number_), {})
     yield f"{shift}{place}.{number_}  {bench_time(step.get('t'))}  {path[-1] if path else ''}  {_during(end)}".rstrip()
-    within = [event for event in events if text(event, "step") == number_]
     yield from (f"{shift}{_INDENT * 2}{line}" for line in _actions(within))
 
 

@@ -62,7 +62,7 @@ def _warnings(results: Body) -> Iterable[tuple[bool, str, str]]:
     unsafe = results.get("safe") is False
     yield unsafe, "NOT SAFE", "at least one output could not be proven in its safe state."
     deviates = bool(texts(inner(results, "run"), "deviations"))
-    yield deviates, "DEVIATION", "the run deviates from its plan; section 6 says how."
+    yield deviates, "DEVIATION", "the run deviates from its plan; the report says how."
 
 
 def safe_word(results: Body) -> str:

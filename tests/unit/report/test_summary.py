@@ -12,7 +12,7 @@ def test_closing_block_of_a_failed_run(folder):
     assert lines[:3] == [
         "FAIL  5 cases: 1 failed, 1 not run, 3 passed.",
         "  SIMULATED: the instruments were simulated; nothing on this page is evidence about hardware.",
-        "  DEVIATION: the run deviates from its plan; section 6 says how.",
+        "  DEVIATION: the run deviates from its plan; the report says how.",
     ]
     start = lines.index("  FAIL ADCS-GYR-030 rate_error [z]")
     assert lines[start + 1 : start + 8] == [
