@@ -88,7 +88,10 @@ class VirtualClock:
 
     def wait_until(self, when_ns: int) -> None:
         """Let time pass until `when_ns`, with everything that is due on the way."""
-        self.run(when_ns, lambda: False)
+        while event := self._next(when_ns):
+            self._move(event.key[0])
+            self._happen(event)
+        self._move(when_ns)
 
     def run(self, deadline_ns: int, done: Callable[[], bool]) -> bool:
         """Let time pass until `done()` or the deadline; return whether it was done.

@@ -59,8 +59,8 @@ class Faults:
 
     def now(self, kind: str, now_ns: int, number: int = 0) -> Fault | None:
         """Return the first fault of that kind that holds; a number asks for its own or for all."""
-        for fault in self.of(kind):
-            if fault.holds(now_ns) and (not number or fault.number in {0, number}):
+        for fault in self.faults:
+            if fault.kind == kind and fault.holds(now_ns) and (not number or fault.number in {0, number}):
                 return fault
         return None
 

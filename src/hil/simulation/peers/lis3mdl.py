@@ -198,7 +198,8 @@ class Lis3mdl:
     def _data(self, place: int) -> int:
         """Return one byte of an axis; with block data update an axis keeps still until both were read."""
         axis, high = divmod(place, 2)
-        value, count, halves = self._latched.get(axis, (self._reading(axis), self._count(), 0))
+        latched = self._latched.get(axis)
+        value, count, halves = latched or (self._reading(axis), self._count(), 0)
         halves |= 1 << high
         if halves == 0b11 or not self._registers[_CTRL5] & _BLOCK_DATA_UPDATE:
             self._latched.pop(axis, None)
@@ -215,8 +216,9 @@ class Lis3mdl:
         return self._conversion.count(self._clock.now_ns())
 
     def _hard_iron(self, axis: int) -> int:
-        low, high = (self._registers[_OFFSETS.start + 2 * axis + place] for place in range(2))
-        return int.from_bytes(bytes([low, high]), "little", signed=True)
+        low = _OFFSETS.start + 2 * axis
+        offset = self._registers[low] | self._registers[low + 1] << 8
+        return offset - 0x10000 if offset & 0x8000 else offset
 
     def _status(self) -> int:
         """Return data available (low half) and overrun (high half) per axis, and for all three."""

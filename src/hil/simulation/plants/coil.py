@@ -17,7 +17,7 @@ __all__ = ["CoilAndEarthField", "CoilTruth", "EarthTruth", "build"]
 
 _COPPER_PER_KELVIN = 0.00393  # at 20 degC, IEC 60028
 _REFERENCE_TEMPERATURE = 20.0
-_AXES = "xyz"
+_FIELDS = {f"field.{axis}": place for place, axis in enumerate("xyz")}
 _SENSOR_NEEDS_VOLTS = 1.9
 _SIGNALS = frozenset(
     (
@@ -29,7 +29,7 @@ _SIGNALS = frozenset(
         "outward",
         "sensor_power.voltage",
         "sensor_power.current",
-        *(f"field.{axis}" for axis in _AXES),
+        *_FIELDS,
     )
 )
 
@@ -175,8 +175,8 @@ class CoilAndEarthField(Plant):
     def signal(self, name: str, state: Vector, inputs: Inputs, at: float) -> float:
         """Return one of the signals of this plant."""
         current, temperature = state
-        if name.startswith("field."):
-            axis = _AXES.index(name[-1])
+        axis = _FIELDS.get(name)
+        if axis is not None:
             coil = self._sensed[self._board(inputs)][axis] * current
             return self._background[axis] + self._drift[axis] * at + coil
         readers: Mapping[str, Callable[[], float]] = {

@@ -65,6 +65,7 @@ class Plant(ABC):
         self.signals = signals
         self._grid_ns = grid_ns
         self._now_ns = 0
+        self._next_ns = grid_ns
         self._moments = deque([_Moment(0, state, MappingProxyType(dict(inputs)))])
         self._ahead: tuple[_Moment, Vector] | None = None
         self._listeners: list[Callable[[], None]] = []
@@ -99,9 +100,10 @@ class Plant(ABC):
     def advance(self, when_ns: int) -> None:
         """Commit every grid point up to `when_ns`; the clock calls this before an instant's events."""
         self._now_ns = when_ns
-        while (end_ns := self._end_ns(self._moments[-1])) <= when_ns:
+        while self._next_ns <= when_ns:
             last = self._moments[-1]
-            self._moments.append(_Moment(end_ns, self._state_ahead(last), last.inputs))
+            self._moments.append(_Moment(self._next_ns, self._state_ahead(last), last.inputs))
+            self._next_ns += self._grid_ns
             self._forget()
 
     def command(self, **values: Value) -> None:
@@ -147,6 +149,7 @@ class Plant(ABC):
         rows = cast("list[tuple[int, list[float], dict[str, Value]]]", state["moments"])
         self._moments = deque(_Moment(at, tuple(row), MappingProxyType(dict(inputs))) for at, row, inputs in rows)
         self._now_ns = cast("int", state["now_ns"])
+        self._next_ns = self._end_ns(self._moments[-1])
         self._ahead = None
 
     def _signal(self, name: str, moment: _Moment, at_ns: int) -> float:
@@ -154,7 +157,7 @@ class Plant(ABC):
         if at_ns > moment.at_ns:
             share = (at_ns - moment.at_ns) / (self._end_ns(moment) - moment.at_ns)
             ahead = self._state_ahead(moment)
-            state = tuple(a + (b - a) * share for a, b in zip(state, ahead, strict=True))
+            state = tuple([a + (b - a) * share for a, b in zip(state, ahead, strict=True)])
         return self.signal(name, state, moment.inputs, at_ns / NANOSECONDS)
 
     def _end_ns(self, moment: _Moment) -> int:
