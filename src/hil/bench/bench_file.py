@@ -54,7 +54,7 @@ def load_bench(benches: Path, name: str, root: Path) -> BenchSpec:
     spec = read_bench(path, str(path.relative_to(root)), findings)
     findings.raise_if_any()
     if spec is None:
-        raise Refused(f"{path} cannot be read")
+        raise Refused(f"{path} cannot be read", "check the file's permissions")
     return spec
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 from hil.bench.places import place_of
@@ -37,7 +38,6 @@ class BoundBench:
         clock: the bench's clock.
         transcript: where every operation is noted.
         drivers: per instrument.
-        roles: per dotted name of the wiring.
         person: the simulated person, on a simulated bench only.
         playback: the record that answers, on a replayed bench only.
     """
@@ -47,10 +47,14 @@ class BoundBench:
     clock: VirtualClock
     transcript: Transcript
     drivers: Mapping[str, Driver]
-    roles: Mapping[str, object]
     world: World | None = None
     playback: Playback | None = None
     _ports: list[TappedPort] = field(default_factory=list)
+
+    @cached_property
+    def roles(self) -> Mapping[str, object]:
+        """The role instances by their dotted names."""
+        return {wire.name: self.drivers[wire.instrument].role(wire) for wire in self.spec.wiring}
 
     @property
     def person(self) -> Person | None:
@@ -107,7 +111,7 @@ def simulated_twin(spec: BenchSpec) -> SimulatedBench:
 
 
 def check_twin(spec: BenchSpec, file: Path, shown: str) -> None:
-    """Check the truth of the simulated twin, which only plants and peers understand.
+    """Check what only plants, peers and drivers understand: truths, and the settings of wires.
 
     Raises:
         ConfigurationError: with everything that is wrong, and where.
@@ -115,6 +119,16 @@ def check_twin(spec: BenchSpec, file: Path, shown: str) -> None:
     findings = Findings()
     for error in truth_errors(simulated_twin(spec), spec.instruments):
         findings.add(place_of(file, shown, ("simulated", *map(str, error.path))), error.message)
+    findings.raise_if_any()
+    bench = bind_simulated(spec, Transcript(None))
+    try:
+        for index, wire in enumerate(spec.wiring):
+            try:
+                bench.drivers[wire.instrument].role(wire)
+            except Refused as error:
+                findings.add(place_of(file, shown, ("wiring", str(index))), str(error))
+    finally:
+        bench.close()
     findings.raise_if_any()
 
 
@@ -132,14 +146,12 @@ def _bound(
     for instrument in spec.instruments:
         connection = _connect(spec, instrument, source, clock, transcript, ports)
         drivers[instrument.name] = driver_class(instrument.driver)(connection)
-    roles = {wire.name: drivers[wire.instrument].role(wire) for wire in spec.wiring}
     return BoundBench(
         spec=spec,
         source=source,
         clock=clock,
         transcript=transcript,
         drivers=drivers,
-        roles=roles,
         world=world,
         playback=playback,
         _ports=ports,

@@ -71,6 +71,7 @@ def end_journal(folder: Path, journal: Journal, *, exit_code: int) -> None:
 
 def finish(folder: Path, write_reports: ReportWriter) -> str:
     """Write the reports, remove what a package does not hold, and seal; the journal has its `end`."""
+    _tidy(folder)
     try:
         write_reports(folder)
     finally:  # the evidence does not wait for a report, which can be written again

@@ -70,9 +70,9 @@ class KeysightE36300:
     def role(self, wire: Wire) -> Supply:
         """Return the output that the wire names."""
         if wire.role not in self.roles:
-            raise Refused(f"wiring {wire.name}: a keysight-e36300 fills the role supply, not {wire.role}")
+            raise Refused(f"wiring {wire.name}: a keysight-e36300 is no {wire.role}", "it fills the role supply")
         if wire.channel not in E36300.channels:
-            raise Refused(f"wiring {wire.name}: a keysight-e36300 has channels 1 to 3, not {wire.channel}")
+            raise Refused(f"wiring {wire.name}: a keysight-e36300 has no channel {wire.channel}", "it has 1 to 3")
         settings.only(wire, "over_voltage")
         return ScpiOutput(
             name=wire.name,

@@ -225,7 +225,7 @@ class Lis3mdl:
     def role(self, wire: Wire) -> Magnetometer:
         """Return the sensor at the wire's range and rate."""
         if wire.role not in self.roles:
-            raise Refused(f"wiring {wire.name}: a lis3mdl fills the role magnetometer, not {wire.role}")
+            raise Refused(f"wiring {wire.name}: a lis3mdl is no {wire.role}", "it fills the role magnetometer")
         if wire.channel:
             raise Refused(f"wiring {wire.name}: a lis3mdl has no channels", "leave `channel` out")
         settings.only(wire, "range", "rate")

@@ -141,12 +141,14 @@ class WaveshareRelay:
     def role(self, wire: Wire) -> Relays:
         """Return the contacts that the wire names."""
         if wire.role not in self.roles:
-            raise Refused(f"wiring {wire.name}: a waveshare-relay fills the role relays, not {wire.role}")
+            raise Refused(f"wiring {wire.name}: a waveshare-relay is no {wire.role}", "it fills the role relays")
         if not wire.contacts:
             raise Refused(f"wiring {wire.name}: no contacts", "name them: `contacts: {heater: 1}`")
         for contact, number in wire.contacts.items():
             if not 1 <= number <= _RELAYS:
-                raise Refused(f"wiring {wire.name}: contact {contact} is relay {number}, the board has 1 to {_RELAYS}")
+                raise Refused(
+                    f"wiring {wire.name}: contact {contact} is relay {number}", f"the board has 1 to {_RELAYS}"
+                )
         settings.only(wire)
         return WaveshareRelays(
             name=wire.name, device=self._connection.device, session=self._session, contacts=wire.contacts

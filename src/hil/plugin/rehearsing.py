@@ -55,7 +55,7 @@ def replay(package: Package) -> Replayed:
 def _rehearsed(configuration: Configuration, opener: Opener) -> Package:
     launched = launch(configuration, opener)
     if launched.session is None:
-        raise Refused("no cases were found in these plans")
+        raise Refused("no cases were found in these plans", "cases are functions test_* in files test_*.py")
     launched.session.abandon()
     return Package(launched.session.folder)
 

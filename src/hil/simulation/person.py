@@ -60,7 +60,9 @@ class Person:
             case "measure":
                 plant, signal = self._point(name, "signal")
                 return plant.observe(signal)
-        raise Refused(f"the simulated person does not know questions of the form '{form}'")
+        raise Refused(
+            f"the simulated person does not know questions of the form '{form}'", "answer with --answers FILE"
+        )
 
     def _attach(self, name: str, options: Sequence[str]) -> str:
         """Put in place what is asked for, the first option; `none` takes away what is there."""

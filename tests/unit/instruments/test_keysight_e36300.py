@@ -244,9 +244,9 @@ def test_the_mode_of_an_output_that_is_off_is_off():
 @pytest.mark.parametrize(
     ("wire", "sentence"),
     [
-        (Wire(role="relays", instance="", instrument="psu1"), "fills the role supply, not relays"),
-        (Wire(role="supply", instance="coil", instrument="psu1"), "has channels 1 to 3, not 0"),
-        (Wire(role="supply", instance="coil", instrument="psu1", channel=4), "has channels 1 to 3, not 4"),
+        (Wire(role="relays", instance="", instrument="psu1"), "is no relays"),
+        (Wire(role="supply", instance="coil", instrument="psu1"), "has no channel 0"),
+        (Wire(role="supply", instance="coil", instrument="psu1", channel=4), "has no channel 4"),
         (coil(overvoltage="5.5"), "unknown setting 'overvoltage', did you mean 'over_voltage'"),
         (coil(over_voltage="much"), "over_voltage is 'much'; write a number in V"),
         (coil(over_voltage="nan"), "over_voltage is 'nan'"),

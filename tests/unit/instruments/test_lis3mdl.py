@@ -222,7 +222,7 @@ def test_it_is_identified_by_who_am_i(name, model):
 @pytest.mark.parametrize(
     ("wire", "sentence"),
     [
-        (Wire(role="supply", instance="", instrument="mag"), "fills the role magnetometer, not supply"),
+        (Wire(role="supply", instance="", instrument="mag"), "is no supply"),
         (Wire(role="magnetometer", instance="", instrument="mag", channel=1), "has no channels"),
         (
             Wire(role="magnetometer", instance="", instrument="mag", settings={"range": "5 gauss"}),

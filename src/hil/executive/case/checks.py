@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 from hil.bench.calibration import standard_uncertainty
@@ -45,12 +45,16 @@ class Checks:
         requirements: the requirements of the case's marker, by id.
         steps: tells case and step.
         write: writes an event.
+        used: the instruments that the case has used so far; every one of them may stand behind a figure.
     """
 
-    def __init__(self, requirements: dict[str, Requirement], steps: Steps, write: Callable[..., None]) -> None:
+    def __init__(
+        self, requirements: dict[str, Requirement], steps: Steps, write: Callable[..., None], used: Collection[str]
+    ) -> None:
         self._requirements = requirements
         self._steps = steps
         self._write = write
+        self._used = used
         self.evaluated: list[Evaluated] = []
 
     def __call__(
@@ -78,7 +82,7 @@ class Checks:
         limit = self._limit(requirement, parameter, of)
         found = _figure(value, limit, f"{requirement} {parameter}")
         added = _of_instrument(instrument, found)
-        self._evaluate(requirement, limit, of, found, added, [instrument.instrument.name] if instrument else [])
+        self._evaluate(requirement, limit, of, found, added)
         return self.evaluated[-1].verdict
 
     def require(
@@ -102,7 +106,7 @@ class Checks:
 
     def data(self, requirement: Requirement, limit: Limit, value: Figure | str) -> None:
         """Evaluate one criterion that a recording has to meet; met, it is RECORDED."""
-        self._evaluate(requirement.id, limit, None, value, None, [])
+        self._evaluate(requirement.id, limit, None, value, None)
 
     def _limit(self, requirement: str, parameter: str, of: str | None) -> Limit:
         if requirement not in self._requirements:
@@ -123,13 +127,7 @@ class Checks:
         return limit
 
     def _evaluate(
-        self,
-        requirement: str,
-        limit: Limit,
-        of: str | None,
-        found: Figure | str,
-        added: float | None,
-        instruments: Sequence[str],
+        self, requirement: str, limit: Limit, of: str | None, found: Figure | str, added: float | None
     ) -> None:
         """Judge what will be written down, to the digits that will be written down, so that anybody can judge again."""
         judgement = judge(found, limit, instrument_uncertainty=added)
@@ -143,17 +141,9 @@ class Checks:
             )
             judgement = judge(written, limit)
         status = found.status.value if isinstance(found, Figure) else ""
-        self._note(requirement, limit, of, judgement, status, instruments)
+        self._note(requirement, limit, of, judgement, status)
 
-    def _note(
-        self,
-        requirement: str,
-        limit: Limit,
-        of: str | None,
-        judgement: Judgement,
-        status: str,
-        instruments: Sequence[str],
-    ) -> None:
+    def _note(self, requirement: str, limit: Limit, of: str | None, judgement: Judgement, status: str) -> None:
         verdict = judgement.verdict
         if verdict is Verdict.PASS and self._requirements[requirement].kind is Kind.RECORD:
             verdict = Verdict.RECORDED
@@ -177,7 +167,7 @@ class Checks:
             tur=_told(judgement.tur),
             verdict=verdict.value,
             reason=judgement.reason,
-            instruments=list(instruments),
+            instruments=sorted(self._used),
         )
         self.evaluated.append(
             Evaluated(

@@ -114,17 +114,19 @@ class Session:
         requirements = {name: self.configuration.catalogue.requirement(name) for name in planned.requirements}
         self._began_ns = self.bench.clock.now_ns()
         scheduler.deadline_ns = self._began_ns + round(planned.max_duration_s * 1e9)
+        used: dict[str, str] = {}
         self.current = CaseRun(
             planned=planned,
             requirements=requirements,
             steps=steps,
             effects=effects,
-            check=Checks(requirements, steps, write),
+            check=Checks(requirements, steps, write, used),
             record=Recorder(steps, scheduler, effects, self._store, self.bench.source.value, lambda: next(self._ids)),
             operator=Operator(self._answers, effects, steps, write, scheduler.point),
             scheduler=scheduler,
             write=write,
             source=self.bench.source.value,
+            used=used,
         )
         return self.current
 
