@@ -21,7 +21,7 @@ def attach(operator, board):
     """Ask for one outer board on the jig."""
     operator.attach(
         board,
-        f"Connect the coil of board {board}: ADCS pin to relay a, VCC_MAG pin to relay b, outer face to the magnetometer",
+        f"Connect the coil of board {board}: ADCS pin to relay a, VCC_MAG pin to relay b, outer face to the sensor",
         name="outer-board",
         options=BOARDS,
     )
