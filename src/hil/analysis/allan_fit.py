@@ -141,7 +141,7 @@ def _solve(variance: _Array, design: _Array, relative: _Array, subset: tuple[int
     part: _Array = np.zeros(len(subset))
     for _ in range(50):
         scale = 1.0 / (model * np.sqrt(relative))
-        part = np.linalg.lstsq(columns * scale[:, None], variance * scale, rcond=None)[0]
+        part = np.asarray(np.linalg.lstsq(columns * scale[:, None], variance * scale, rcond=None)[0], dtype=np.float64)
         previous, model = model, np.asarray(columns @ part, dtype=np.float64)
         if not (part > 0.0).all():
             return None
