@@ -97,8 +97,8 @@ class Campaign:
                 self._arm(session)
                 return (yield)
             finally:
-                self._note_not_run()
                 self.session.safe()
+                self._note_not_run()
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, object, object]:

@@ -28,7 +28,7 @@ from hil.executive.run.freeze import freeze
 from hil.executive.run.keeper import BenchKeeper
 from hil.executive.run.row_store import RowStore
 from hil.executive.run.software import version
-from hil.executive.run.stop import StopFlags
+from hil.executive.run.stop import StopFlags, handle_signals
 from hil.model.errors import EvidenceError
 from hil.model.verdict import Verdict
 from hil.wire.transcript import Transcript
@@ -186,7 +186,7 @@ class Session:
 
     def seal(self, exit_code: int, write_reports: ReportWriter) -> str:
         """Seal the package and return its evidence digest."""
-        with self.flags.shielded(), self._closing:
+        with handle_signals(self.flags), self.flags.shielded(), self._closing:
             self._flush()
             self._sink.close()
             return seal(self.folder, self._journal, exit_code=exit_code, write_reports=write_reports)
