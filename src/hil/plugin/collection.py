@@ -10,6 +10,7 @@ from hil.documents.suggest import did_you_mean
 from hil.executive.case.case_run import PlannedCase
 from hil.executive.run.configuration import Configuration
 from hil.model.errors import ConfigurationError, Finding, Refused
+from hil.plugin.literals import written_checks
 from hil.requirements.catalogue import Catalogue
 
 __all__ = ["MARKERS", "plan_cases", "skipped_cases"]
@@ -30,9 +31,11 @@ def plan_cases(items: Sequence[pytest.Item], configuration: Configuration) -> di
     """
     planned = {item.nodeid: _planned(item) for item in items}
     findings = [finding for item in items for finding in _marker_findings(item, configuration.catalogue)]
+    findings += [finding for item in items for finding in _check_findings(item, configuration.catalogue)]
     findings += _uncovered(items, configuration.catalogue)
     if findings:
-        raise ConfigurationError(tuple(findings))
+        # A parametrised case is one function: what is wrong in it is told once.
+        raise ConfigurationError(tuple(dict.fromkeys(findings)))
     return planned
 
 
@@ -77,6 +80,27 @@ def _marker_findings(item: pytest.Item, catalogue: Catalogue) -> Iterator[Findin
             yield _at(path, line, f"unknown requirement '{name}'{did_you_mean(name, catalogue.ids)}")
         elif catalogue.requirement(name).withdrawn:
             yield _at(path, line, f"requirement '{name}' is withdrawn, take it from the marker of {item.name}")
+
+
+def _check_findings(item: pytest.Item, catalogue: Catalogue) -> Iterator[Finding]:
+    """Yield what is wrong with the checks that the case's code writes out."""
+    marked = [name for name in _requirements(item) if name in catalogue.ids]
+    for written in written_checks(getattr(item, "function", item.runtest)):
+        message = ""
+        if written.requirement not in marked:
+            hint = did_you_mean(written.requirement, marked)
+            message = f"'{written.requirement}' is not among the requirements of this case's marker{hint}"
+        else:
+            limits = {limit.parameter: limit for limit in catalogue.requirement(written.requirement).limits}
+            limit = limits.get(written.parameter)
+            if limit is None:
+                hint = did_you_mean(written.parameter, limits)
+                message = f"{written.requirement} has no parameter '{written.parameter}'{hint}"
+            elif written.of is not None and written.of not in limit.of:
+                hint = did_you_mean(written.of, limit.of)
+                message = f"{written.requirement} {written.parameter} is not evaluated of '{written.of}'{hint}"
+        if message:
+            yield Finding(path=item.location[0], line=written.line, column=written.column, message=message)
 
 
 def _uncovered(items: Sequence[pytest.Item], catalogue: Catalogue) -> Iterator[Finding]:
