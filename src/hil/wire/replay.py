@@ -45,9 +45,10 @@ class Playback:
         """Whether every recorded operation was asked for."""
         return self._next is None
 
-    def due_monitor(self) -> str:
-        """Return the limit whose monitor came next in the record, or nothing."""
-        return self._next.device if self._next is not None and self._next.name == MONITOR else ""
+    def due_monitor(self, latest_ns: int) -> str:
+        """Return the limit whose monitor comes next in the record, at `latest_ns` or before, or nothing."""
+        found = self._next
+        return found.device if found and found.name == MONITOR and found.start_ns <= latest_ns else ""
 
     def take(self, device: str, name: str, sent: bytes = b"") -> Operation:
         """Return the next operation if it is this one, and set the clock to its end.

@@ -21,7 +21,8 @@ _SLOT_NS = 50_000_000
 """A monitor does not start in the last 50 ms of a wait, so that the wait ends at its instant.
 
 Commands then happen at the same bench time whether or not there is one more monitor, and so does
-the physics that follows from them.
+the physics that follows from them. Only a monitor whose reading would grow too old does not wait for
+its place: safety goes first, also in a recording whose samples leave no 50 ms between them.
 """
 
 
@@ -92,7 +93,7 @@ class Scheduler:
             Stopped, CaseTimeout, Tripped: see there.
         """
         self._look()
-        self._run_monitors(lambda monitor, now_ns: now_ns >= monitor.overdue_ns)
+        self._run_monitors(self._clock.now_ns())
 
     def sleep(self, seconds: float) -> None:
         """Let `seconds` of bench time pass."""
@@ -104,7 +105,7 @@ class Scheduler:
         """Let bench time pass until `when_ns`, with every monitor that is due on the way."""
         self._look()
         while self._clock.now_ns() < when_ns:
-            self._run_monitors(lambda monitor, now_ns: now_ns >= monitor.due_ns and when_ns - now_ns >= _SLOT_NS)
+            self._run_monitors(when_ns)
             self._clock.wait_until(self._next_turn_ns(when_ns))
             self._look()
 
@@ -131,19 +132,22 @@ class Scheduler:
         turns = [monitor.due_ns for monitor in self._monitors if now_ns < monitor.due_ns <= latest_ns]
         return min(turns, default=when_ns)
 
-    def _run_monitors(self, due: Callable[[Monitor, int], bool]) -> None:
+    def _run_monitors(self, until_ns: int) -> None:
+        """Run the monitors that are due and have room before `until_ns`, and those that are overdue in any case."""
         if not self._watching:
             return
         if self._bench.playback is not None:
-            self._replay_monitors(self._bench.playback.due_monitor)
+            self._replay_monitors(self._bench.playback.due_monitor, until_ns)
             return
         for monitor in self._monitors:
-            if due(monitor, self._clock.now_ns()):
+            now_ns = self._clock.now_ns()
+            room = until_ns - now_ns >= _SLOT_NS
+            if now_ns >= monitor.due_ns and (room or now_ns >= monitor.overdue_ns):
                 self._take(monitor)
 
-    def _replay_monitors(self, due_monitor: Callable[[], str]) -> None:
-        """Run the monitors that the record holds here: wall jitter decided their turn then."""
-        while name := due_monitor():
+    def _replay_monitors(self, due_monitor: Callable[[int], str], until_ns: int) -> None:
+        """Run the monitors that the record holds here; those of a later wait are left for that one."""
+        while name := due_monitor(max(until_ns - 1, self._clock.now_ns())):
             self._take(next(monitor for monitor in self._monitors if monitor.limit.id == name))
 
     def _take(self, monitor: Monitor) -> None:

@@ -1,0 +1,73 @@
+"""Monitors take their turn wherever a case spends its time, and a replay gives them the same turn."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+from magnetorquer_runs import run_here, workspace
+
+from hil.plugin.rehearsing import replay
+from hil.requirements.catalogue import load_catalogue
+from hil.requirements.lock import lock_text
+
+PLAN = """
+import pytest
+
+@pytest.mark.requirement("WATCH-010")
+def test_long_recording(field, record, supply, clock):
+    \"\"\"A recording whose samples leave no room for monitors, then waits that follow each other.\"\"\"
+    record("field", field, duration=20, rate=40)
+    clock.sleep(0.02)
+    clock.sleep(0.4)
+    clock.sleep(3)
+    record("after", field, duration=0.5, rate=40)
+"""
+REQUIREMENTS = """schema: hil/requirements/1
+document: {id: WATCH, issue: "1.0", title: Watching}
+requirements:
+- id: WATCH-010
+  rev: 1
+  text: The field shall be recorded for 20 s.
+  parents: [ADCS-001]
+  source: own requirement
+  kind: record
+  method: test
+  level: equipment
+  stage: acceptance
+  records: {recording: field, channels: [x, y, z], rate: 40 Hz, duration: 20 s, max_gap: 0.1 s}
+"""
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """The run of a plan that watches."""
+    root = workspace(tmp_path_factory.mktemp("watch") / "workspace")
+    plan = root / "testplans/watching"
+    plan.mkdir()
+    (plan / "requirements.yaml").write_text(REQUIREMENTS)
+    (plan / "parameters.yaml").write_text("schema: hil/parameters/1\nparameters: []\n")
+    (plan / "test_watching.py").write_text(PLAN)
+    catalogue = load_catalogue(root, [plan], locked=False)
+    (plan / "requirements.lock.json").write_text(lock_text(catalogue.of_plan("watching")))
+    return run_here(root, plan="watching")
+
+
+def test_no_reading_grows_too_old(ran):
+    """Also in a recording that leaves no 50 ms between samples, readings are never older than the maximum age."""
+    for limit, most in (("coil-current", 5), ("sensor-voltage", 10)):
+        times = ran.package.recording(f"envelope-{limit}").time
+        assert max(later - earlier for earlier, later in pairwise(times)) <= most
+
+
+def test_samples_stay_on_their_grid(ran):
+    """A monitor's turn between two samples delays neither by as much as their distance."""
+    assert list(ran.verdicts().values()) == ["RECORDED"]
+    recording = ran.package.recording("001-test_long_recording-field")
+    assert len(recording) == 800
+    assert abs(recording.time[-1] - recording.time[0] - 799 / 40) < 1e-2
+
+
+def test_a_replay_gives_every_monitor_its_turn(ran):
+    """Waits without an operation between them end at their instants, so that what follows is recorded at the same."""
+    assert replay(ran.package).differences == ()
