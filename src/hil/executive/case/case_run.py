@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
@@ -22,6 +23,9 @@ __all__ = ["ANSWERS", "CaseRun", "Outcome", "PlannedCase"]
 
 ANSWERS = "answers"
 """A requirement with a limit on this parameter speaks of whether its device answers at all."""
+
+_ADDRESS = re.compile(r" at 0x[0-9A-Fa-f]{8,}")
+"""Where an object lies in memory, in its text: another place in every run, and no evidence."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +120,7 @@ class CaseRun:
         elif isinstance(error, CaseTimeout):
             self._problems.append(f"the case took longer than its {self.planned.max_duration_s:g} s of bench time")
         elif not isinstance(error, CheckFailed | DeviceFault):
-            self._problems.append(f"{type(error).__name__}: {error}".rstrip(": "))
+            self._problems.append(_ADDRESS.sub("", f"{type(error).__name__}: {error}".rstrip(": ")))
 
     def finish(self) -> None:
         """Evaluate the criteria of the recordings that requirements ask for."""

@@ -58,8 +58,8 @@ class Recall:
         return found
 
     def answers(self, effect: Mapping[str, object]) -> bool:
-        """Return whether the record answers in place of the world."""
-        return effect["effect"] in self._answered
+        """Return whether the record answers in place of the world; nobody answered where it was declined."""
+        return effect["effect"] in self._answered and "raised" not in effect
 
 
 class Effects:
@@ -86,6 +86,8 @@ class Effects:
             arguments: JSON values.
             action: does it.
 
+        What the action raises is written down in place of a result, and goes on to the case.
+
         Raises:
             Diverged: if a record is to be agreed with, and does not.
         """
@@ -100,15 +102,23 @@ class Effects:
             "arguments": encoded(arguments),
         }
         recorded = self._recall.take(key) if self._recall else None
-        if recorded is not None and self._recall and self._recall.answers(recorded):
-            result = cast("_Result", decoded(recorded["result"]))
-        else:
-            result = action()
-        told = encoded(result)
-        if recorded is not None and told != recorded["result"]:
-            raise Diverged(f"{_spoken(key)} gave {told}, but the record holds {recorded['result']}")
-        self._write("effect", **key, result=told)
+        try:
+            if recorded is not None and self._recall and self._recall.answers(recorded):
+                result = cast("_Result", decoded(recorded["result"]))
+            else:
+                result = action()
+        except BaseException as error:
+            self._end(key, recorded, None, type(error).__name__)
+            raise
+        self._end(key, recorded, encoded(result), "")
         return result
+
+    def _end(self, key: Mapping[str, object], recorded: Mapping[str, object] | None, told: object, raised: str) -> None:
+        """Compare how an effect ended with the record, and write it down."""
+        if recorded is not None and (told, raised) != (recorded["result"], recorded.get("raised", "")):
+            held = recorded.get("raised") or recorded["result"]
+            raise Diverged(f"{_spoken(key)} gave {raised or told}, but the record holds {held}")
+        self._write("effect", **key, result=told, **({"raised": raised} if raised else {}))
 
 
 def encoded(value: object) -> object:

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 from hil.evidence.package import Package
 from hil.executive.case.effects import Recall
 from hil.executive.run.configuration import Request
-from hil.model.errors import EvidenceError
+from hil.model.errors import Diverged, EvidenceError
 from hil.model.identity import Purpose, Source
 
 __all__ = ["differences", "recall_of", "replay_request", "unpack"]
 
 _ANSWERED = frozenset({"asks"})
 """A person is not asked again; everything else comes from the recorded bytes."""
+
+_OF_BENCH = ("gate", "trip", "rest", "safe", "safe-end")
 
 
 def unpack(package: Package, root: Path) -> None:
@@ -73,7 +76,9 @@ def differences(recorded: Package, replayed: Package) -> Iterator[str]:
             continue
         if now["verdict"] != was["verdict"]:
             yield f"{case}: {was['verdict']} in the record, {now['verdict']} replayed: {'; '.join(now['reasons'])}"
+        yield from (f"{case}: {reason}" for reason in now["reasons"] if reason.startswith(f"{Diverged.__name__}:"))
         yield from _check_differences(case, was["checks"], now["checks"])
+    yield from _bench_differences(recorded, replayed)
     yield from _row_differences(recorded, replayed)
 
 
@@ -98,6 +103,21 @@ def _row_differences(recorded: Package, replayed: Package) -> Iterator[str]:
         {event["recording"]: event["sha256"] for event in package.events("recording-end")}
         for package in (recorded, replayed)
     )
-    for name in sorted(before.keys() & after.keys()):
-        if before[name] != after[name]:
-            yield f"recording {name}: other rows than in the record"
+    for name in sorted(before.keys() | after.keys()):
+        if before.get(name) != after.get(name):
+            there = "other rows than in the record" if name in before and name in after else "only in one of them"
+            yield f"recording {name}: {there}"
+
+
+def _bench_differences(recorded: Package, replayed: Package) -> Iterator[str]:
+    """Yield the first thing that the bench did otherwise between cases, if any."""
+    before, after = ([_told(event) for event in package.events(*_OF_BENCH)] for package in (recorded, replayed))
+    for was, now in zip_longest(before, after, fillvalue="nothing"):
+        if was != now:
+            yield f"the bench: {was} in the record, {now} replayed"
+            return
+
+
+def _told(event: Mapping[str, Any]) -> str:
+    words = (event.get(field) for field in ("kind", "name", "limit", "output", "ok", "detail", "text"))
+    return " ".join(str(word) for word in words if word is not None)

@@ -146,7 +146,8 @@ class SupplyOutput:
 
     def switch(self, on: bool, now_ns: int) -> None:
         """Switch the output; the fault `refuse-off` keeps it on whatever it says."""
-        refused = self._faults.now("refuse-off", now_ns, self.number) if self.on and not on else None
+        giving = self.on or self._stuck_on
+        refused = self._faults.now("refuse-off", now_ns, self.number) if giving and not on else None
         self.on = on or (refused is not None and refused.text == "on")
         self._stuck_on = refused is not None and not self.on
         self.apply()
