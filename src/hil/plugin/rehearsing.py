@@ -37,7 +37,7 @@ def procedure(request: Request) -> list[str]:
     """Return the procedure of plans: whole cases, run on the simulated bench."""
     with tempfile.TemporaryDirectory(prefix="hil-plan-") as folder:
         configuration = configure(replace(request, output=Path(folder)))
-        return procedure_lines(_rehearsed(configuration, open_simulated).events())
+        return procedure_lines(Package(_rehearsed(configuration, open_simulated).folder).events())
 
 
 def replay(package: Package) -> Replayed:
@@ -48,16 +48,19 @@ def replay(package: Package) -> Replayed:
         unpack(package, root.resolve())
         configuration = configure(replay_request(package, root.resolve(), output))
         again = _rehearsed(configuration, partial(_open_replayed, package=package))
-        checks = sum(len(case["checks"]) for case in package.results()["cases"])
-        return Replayed(len(package.results()["cases"]), checks, tuple(differences(package, again)))
+        results = package.results()
+        found = list(differences(package, Package(again.folder)))
+        if again.bench.playback and not again.bench.playback.exhausted and not results["interrupted"]:
+            found.append("the record holds more operations than the cases asked for")
+        return Replayed(len(results["cases"]), sum(len(case["checks"]) for case in results["cases"]), tuple(found))
 
 
-def _rehearsed(configuration: Configuration, opener: Opener) -> Package:
+def _rehearsed(configuration: Configuration, opener: Opener) -> Session:
     launched = launch(configuration, opener)
     if launched.session is None:
         raise Refused("no cases were found in these plans", "cases are functions test_* in files test_*.py")
     launched.session.abandon()
-    return Package(launched.session.folder)
+    return launched.session
 
 
 def _open_replayed(configuration: Configuration, planned: Sequence[PlannedCase], package: Package) -> Session:

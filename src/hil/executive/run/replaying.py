@@ -13,9 +13,11 @@ from hil.executive.case.effects import Recall
 from hil.executive.run.configuration import Request
 from hil.model.errors import Diverged, EvidenceError
 from hil.model.identity import Purpose, Source
+from hil.model.verdict import Verdict
 
 __all__ = ["differences", "recall_of", "replay_request", "unpack"]
 
+_STOPPED = frozenset({Verdict.ABORTED, Verdict.NOT_RUN})
 _ANSWERED = frozenset({"asks"})
 """A person is not asked again; everything else comes from the recorded bytes."""
 
@@ -67,9 +69,15 @@ def recall_of(package: Package) -> Recall:
 
 
 def differences(recorded: Package, replayed: Package) -> Iterator[str]:
-    """Yield a sentence for every verdict, value and recording that came out otherwise."""
+    """Yield a sentence for every verdict, value and recording that came out otherwise.
+
+    A person's stop is not replayed: of an interrupted run the cases count that had ended before.
+    """
     before, after = (_by_case(package.results()["cases"]) for package in (recorded, replayed))
+    interrupted = recorded.results()["interrupted"]
     for case, was in before.items():
+        if interrupted and was["verdict"] in _STOPPED:
+            continue
         now = after.get(case)
         if now is None:
             yield f"{case}: {was['verdict']} in the record, not replayed"
@@ -78,8 +86,9 @@ def differences(recorded: Package, replayed: Package) -> Iterator[str]:
             yield f"{case}: {was['verdict']} in the record, {now['verdict']} replayed: {'; '.join(now['reasons'])}"
         yield from (f"{case}: {reason}" for reason in now["reasons"] if reason.startswith(f"{Diverged.__name__}:"))
         yield from _check_differences(case, was["checks"], now["checks"])
-    yield from _bench_differences(recorded, replayed)
-    yield from _row_differences(recorded, replayed)
+    if not interrupted:
+        yield from _bench_differences(recorded, replayed)
+        yield from _row_differences(recorded, replayed)
 
 
 def _by_case(cases: Sequence[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
