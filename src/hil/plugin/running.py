@@ -28,8 +28,9 @@ def run(request: Request, out: TextIO, *, verbose: bool = False) -> int:
     listeners = [Progress(out, verbose=verbose)]
     launched = launch(configuration, partial(open_simulated, listeners=listeners, alone=True))
     if launched.session is None:
-        out.write("no cases were found in these plans\n")
-        return _NO_CASES
+        if launched.code == _NO_CASES:
+            out.write("no cases were found in these plans\n")
+        return launched.code
     code = launched.session.exit_code(launched.code)
     digest = launched.session.seal(code, write_reports)
     _tell(launched.session, digest, out)
