@@ -1,0 +1,46 @@
+"""Pages with commands do what they say, from the first line to the last."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from told_pages import Command, follow, steps_of
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+
+# A copy has no virtual environment of its own, and no history to go back to.
+NOT_IN_A_COPY = ("make setup", ". .venv/bin/activate", "git checkout fixtures testplans")
+
+
+@pytest.mark.system
+@pytest.mark.timeout(600)
+def test_the_first_run_goes_as_told(tmp_path):
+    """Every command of the tutorial gives the output and the exit code that the page shows."""
+    for name in ("fixtures", "testplans"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    steps = steps_of(DOCS / "tutorials" / "first-run.md")
+    assert set(NOT_IN_A_COPY) <= {step.text for step in steps if isinstance(step, Command)}
+    assert follow(steps, tmp_path, without=NOT_IN_A_COPY) == ""
+
+
+@pytest.mark.system
+@pytest.mark.timeout(300)
+def test_a_plan_is_written_as_told(tmp_path):
+    """In an empty folder, the files and commands of the guide make a plan that runs."""
+    steps = steps_of(DOCS / "how-to" / "write-a-plan.md")
+    assert follow(steps, tmp_path) == ""
+
+
+@pytest.mark.system
+@pytest.mark.timeout(120)
+@pytest.mark.parametrize("page", [ROOT / "README.md", DOCS / "how-to" / "analyse-a-log.md"], ids=lambda page: page.stem)
+def test_logs_are_analysed_as_told(page, tmp_path):
+    """The commands that characterise the example log give what the pages show."""
+    shutil.copytree(DOCS / "data", tmp_path / "docs" / "data")
+    steps = [step for step in steps_of(page) if isinstance(step, Command) and step.text.startswith("hil analyse")]
+    assert steps
+    assert follow(steps, tmp_path) == ""
