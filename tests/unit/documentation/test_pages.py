@@ -11,12 +11,12 @@ import pytest
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"
 RECORDS = sorted((DOCS / "explanations" / "decisions").glob("*.md"))
-PAGES = sorted(DOCS.rglob("*.md"))
+PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 
 
 def shown(path):
     """Return a path as the test's name shows it."""
-    return path.relative_to(DOCS).as_posix()
+    return path.relative_to(ROOT).as_posix()
 
 
 def anchors(page):
@@ -35,6 +35,13 @@ def test_links_lead_somewhere(page):
         found = (page.parent / path).resolve() if path else page
         assert found.exists(), f"{target} does not exist"
         assert not anchor or anchor in anchors(found), f"{target} has no such heading"
+
+
+def test_every_page_is_on_the_map():
+    """The map names every page but itself; decision records have a test of their own."""
+    map_ = (DOCS / "README.md").read_text(encoding="utf-8")
+    pages = [page.relative_to(DOCS).as_posix() for page in DOCS.rglob("*.md") if page not in RECORDS]
+    assert [page for page in pages if page != "README.md" and f"({page})" not in map_] == []
 
 
 def test_every_record_is_on_the_map():
