@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hil.bench.bench_checks import Located, check_bench
+from hil.bench.bench_checks import check_bench
 from hil.bench.bench_sections import (
     read_buses,
     read_clamp,
@@ -14,6 +14,7 @@ from hil.bench.bench_sections import (
     read_twin,
     read_wire,
 )
+from hil.bench.complaints import Located
 from hil.documents.findings import Findings
 from hil.documents.node import Place
 from hil.documents.reader import MappingReader, read_document
@@ -83,6 +84,7 @@ def read_bench(path: Path, shown: str, findings: Findings) -> BenchSpec | None:
         _check_name(spec.name, path, head.place("name"), findings)
     document.done()
     check_bench(spec, places, findings)
+    _check_certificates(spec, path.parent, places, findings)
     return spec
 
 
@@ -91,5 +93,14 @@ def _steps(document: MappingReader, key: str, places: Located) -> tuple[SafeStep
 
 
 def _check_name(name: str, path: Path, place: Place, findings: Findings) -> None:
-    if name and path.parent.name != name and path.name == "bench.yaml" and path.parent.name != "bench":
+    if name and path.parent.name != name:
         findings.add(place, f"the bench is called '{name}', but its folder '{path.parent.name}'")
+
+
+def _check_certificates(spec: BenchSpec, folder: Path, places: Located, findings: Findings) -> None:
+    """A certificate lies in the bench's folder, so that packages hold it."""
+    for calibration in (item.calibration for item in spec.instruments if item.calibration):
+        file = (folder / calibration.certificate).resolve()
+        if calibration.certificate and not (file.is_relative_to(folder.resolve()) and file.is_file()):
+            message = f"there is no certificate '{calibration.certificate}' in the bench's folder"
+            findings.add(places.of(calibration), message)

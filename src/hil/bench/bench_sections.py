@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import cast
 
-from hil.bench.bench_checks import Located
+from hil.bench.complaints import Located
 from hil.documents.reader import MappingReader
 from hil.model.bench import (
     Bus,
@@ -35,7 +34,9 @@ __all__ = [
     "read_wire",
 ]
 
-_DATE = r"\d{4}-\d{2}-\d{2}"
+_DATE = r"\d{4}-(0[1-9]|1[0-2])-(0[1-9]|[12]\d|3[01])"
+_EPOCH = rf"{_DATE}T([01]\d|2[0-3]):[0-5]\d:[0-5]\dZ"
+_INSTANCE = "[a-z][a-z0-9_]*"
 
 
 def read_buses(document: MappingReader, places: Located) -> tuple[Bus, ...]:
@@ -52,7 +53,7 @@ def read_instruments(document: MappingReader, places: Located) -> tuple[Instrume
     """Read the instruments."""
     instruments = []
     for name, reader in document.entries("instruments", required=True):
-        instruments.append(places.keep(_instrument(name.text, reader), name))
+        instruments.append(places.keep(_instrument(name.text, reader, places), name))
         reader.done()
     return tuple(instruments)
 
@@ -63,11 +64,11 @@ def read_wire(reader: MappingReader) -> Wire:
     names = contacts.keys() if contacts else ()
     wire = Wire(
         role=reader.text("role"),
-        instance=reader.text("instance", ""),
+        instance=reader.text("instance", "", pattern=_INSTANCE),
         instrument=reader.text("instrument"),
-        channel=reader.integer("channel", 0),
+        channel=reader.integer("channel", 0, minimum=0),
         contacts={name: contacts.integer(name) for name in names} if contacts else {},
-        settings=_texts(reader.plain("settings", {})),
+        settings=_texts(reader, "settings"),
         reduced=_reduced(reader.child("reduced")),
         note=reader.text("note", ""),
     )
@@ -99,7 +100,7 @@ def read_envelope_limit(reader: MappingReader) -> EnvelopeLimit:
         maximum=reader.number("max", None),
         period_s=reader.duration("period"),
         max_age_s=reader.duration("max_age"),
-        debounce=reader.integer("debounce", 1),
+        debounce=reader.integer("debounce", 1, minimum=1),
     )
     reader.done()
     return limit
@@ -129,7 +130,7 @@ def read_twin(document: MappingReader, places: Located) -> SimulatedBench | None
             name=name.text,
             model=item.text("model"),
             grid_s=item.duration("grid"),
-            truth=_mapping(item.plain("truth", {})),
+            truth=_mapping(item.child("truth")),
         )
         item.done()
         plants.append(places.keep(plant, name))
@@ -137,28 +138,28 @@ def read_twin(document: MappingReader, places: Located) -> SimulatedBench | None
         peers.append(places.keep(_peer(name.text, item), name))
         item.done()
     twin = SimulatedBench(
-        epoch=reader.text("epoch", pattern=r"\d{4}-\d{2}-\d{2}T\d{2}:\d{2}:\d{2}Z"),
+        epoch=reader.text("epoch", pattern=_EPOCH),
         seed=reader.integer("seed"),
         plants=tuple(plants),
         peers=tuple(peers),
-        person=_texts(reader.plain("person", {})),
+        person=_texts(reader, "person"),
     )
     reader.done()
     return places.keep(twin, reader.place())
 
 
-def _instrument(name: str, reader: MappingReader) -> InstrumentSpec:
+def _instrument(name: str, reader: MappingReader, places: Located) -> InstrumentSpec:
     return InstrumentSpec(
         name=name,
         driver=reader.text("driver"),
         port=reader.text("port", ""),
-        baud=reader.integer("baud", 0),
+        baud=reader.integer("baud", 0, minimum=0),
         bus=reader.text("bus", ""),
         address=reader.integer("address", 0),
         powered_by=reader.text("powered_by", ""),
         identity=_identity(reader.child("identity")),
-        ratings=tuple(_rating(item) for item in reader.children("ratings")),
-        calibration=_calibration(reader.child("calibration")),
+        ratings=tuple(places.keep(_rating(item), item.place()) for item in reader.children("ratings")),
+        calibration=_calibration(reader.child("calibration"), places),
         dut=reader.flag("dut", default=False),
     )
 
@@ -178,7 +179,7 @@ def _identity(reader: MappingReader | None) -> Identity:
 
 def _rating(reader: MappingReader) -> Rating:
     rating = Rating(
-        channel=reader.integer("channel", 0),
+        channel=reader.integer("channel", 0, minimum=0),
         quantity=reader.text("quantity"),
         unit=reader.text("unit"),
         maximum=reader.number("max"),
@@ -187,16 +188,16 @@ def _rating(reader: MappingReader) -> Rating:
     return rating
 
 
-def _calibration(reader: MappingReader | None) -> Calibration | None:
+def _calibration(reader: MappingReader | None, places: Located) -> Calibration | None:
     if reader is None:
         return None
     calibration = Calibration(
         certificate=reader.text("certificate"),
         due=reader.text("due", pattern=_DATE),
-        ranges=tuple(_range(item) for item in reader.children("ranges", required=True)),
+        ranges=tuple(places.keep(_range(item), item.place()) for item in reader.children("ranges", required=True)),
     )
     reader.done()
-    return calibration
+    return places.keep(calibration, reader.place("certificate"))
 
 
 def _range(reader: MappingReader) -> CalibratedRange:
@@ -239,19 +240,21 @@ def _proof(reader: MappingReader) -> Proof:
 
 
 def _peer(name: str, reader: MappingReader) -> PeerSpec:
-    faults = reader.plain("faults", [])
     return PeerSpec(
         device=name,
         model=reader.text("model", ""),
-        truth=_mapping(reader.plain("truth", {})),
-        connects=_texts(reader.plain("connects", {})),
-        faults=tuple(_mapping(fault) for fault in faults) if isinstance(faults, list) else (),
+        truth=_mapping(reader.child("truth")),
+        connects=_texts(reader, "connects"),
+        faults=tuple(_mapping(fault) for fault in reader.children("faults")),
     )
 
 
-def _mapping(plain: object) -> Mapping[str, object]:
-    return cast("Mapping[str, object]", plain) if isinstance(plain, dict) else {}
+def _mapping(reader: MappingReader | None) -> Mapping[str, object]:
+    keys = reader.keys() if reader else ()
+    return {key: reader.plain(key) for key in keys} if reader else {}
 
 
-def _texts(plain: object) -> Mapping[str, str]:
-    return {str(key): str(value) for key, value in plain.items()} if isinstance(plain, dict) else {}
+def _texts(reader: MappingReader, key: str) -> Mapping[str, str]:
+    inner = reader.child(key)
+    names = inner.keys() if inner else ()
+    return {name: inner.text(name) for name in names} if inner else {}

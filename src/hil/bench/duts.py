@@ -23,7 +23,7 @@ def load_duts(path: Path, shown: str, findings: Findings) -> tuple[Dut, ...]:
     duts: dict[str, Dut] = {}
     for reader in document.children("duts", required=True):
         dut = _dut(reader)
-        if dut.serial in duts:
+        if dut.serial and dut.serial in duts:
             findings.add(reader.place("serial"), f"serial number '{dut.serial}' is in the register twice")
         duts.setdefault(dut.serial, dut)
     document.done()

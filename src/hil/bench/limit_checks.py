@@ -1,0 +1,144 @@
+"""What must hold for the numbers of a bench file: ratings, clamps, levels, certificates, envelope, safe-off."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+from hil.bench.complaints import Complaints, known, quantity, quantity_of
+from hil.instruments.roles import STATES
+from hil.model.bench import BenchSpec, CalibratedRange, Clamp, EnvelopeLimit, Proof, ReducedLevel, SafeStep, Wire
+
+__all__ = ["certificates", "clamps", "covered", "envelope", "ratings", "reduced_levels", "safe_steps"]
+
+_HAZARDOUS = frozenset({"supply", "relays"})
+_SHORTEST_PERIOD_S = 0.001
+
+
+def ratings(spec: BenchSpec) -> Complaints:
+    """Check that clamps can be held against every rating."""
+    for item in spec.instruments:
+        for rating in item.ratings:
+            yield from quantity(rating, rating.quantity, rating.unit)
+
+
+def certificates(spec: BenchSpec) -> Complaints:
+    """Check that every range of every certificate gives an uncertainty."""
+    for item in spec.instruments:
+        for entry in item.calibration.ranges if item.calibration else ():
+            for problem in _range_problems(entry):
+                yield entry, f"{item.name}: {problem}"
+
+
+def _range_problems(entry: CalibratedRange) -> Iterator[str]:
+    if entry.low > entry.high:
+        yield f"the range from {entry.low:g} to {entry.high:g} {entry.unit} holds nothing"
+    if entry.absolute < 0 or entry.relative < 0:
+        yield "an uncertainty cannot be below zero"
+    if entry.k <= 0:
+        yield "the coverage factor k must be above zero"
+
+
+def clamps(spec: BenchSpec) -> Complaints:
+    """Check clamps against outputs and ratings."""
+    for clamp in spec.clamps:
+        yield from known(clamp, "output", clamp.output, _outputs(spec))
+        yield from quantity_of(clamp, clamp.output, clamp.quantity, clamp.unit)
+        if clamp.minimum > clamp.maximum:
+            yield clamp, f"{clamp.output}: min {clamp.minimum:g} is above max {clamp.maximum:g}"
+        for rating in _ratings_of(spec, clamp):
+            if (largest := max(abs(clamp.minimum), abs(clamp.maximum))) > rating:
+                beyond = f"{largest:g} {clamp.unit} exceeds the rating {rating:g} {clamp.unit}"
+                yield clamp, f"{clamp.output}: a clamp at {beyond}"
+
+
+def _ratings_of(spec: BenchSpec, clamp: Clamp) -> list[float]:
+    wire = next((wire for wire in spec.wiring if wire.name == clamp.output), None)
+    instrument = next((item for item in spec.instruments if wire and item.name == wire.instrument), None)
+    if wire is None or instrument is None:
+        return []
+    return [
+        rating.maximum
+        for rating in instrument.ratings
+        if rating.quantity == clamp.quantity and rating.channel in {0, wire.channel}
+    ]
+
+
+def reduced_levels(spec: BenchSpec) -> Complaints:
+    """Check that arm can try every reduced level, and that it would show something."""
+    for wire in spec.wiring:
+        if wire.reduced is not None:
+            for problem in _level_problems(spec, wire, wire.reduced):
+                yield wire, f"{wire.name}: {problem}"
+
+
+def _level_problems(spec: BenchSpec, wire: Wire, level: ReducedLevel) -> Iterator[str]:
+    if wire.role != "supply":
+        yield "only a supply has a reduced level"
+    if level.voltage <= 0:
+        yield f"a reduced level of {level.voltage:g} V would show nothing"
+    if level.lowest_current > level.highest_current:
+        yield f"lowest_current {level.lowest_current:g} is above highest_current {level.highest_current:g}"
+    for clamp in spec.clamps:
+        setting = {"voltage": level.voltage, "current": level.current}.get(clamp.quantity)
+        if clamp.output == wire.name and setting is not None and not clamp.minimum <= setting <= clamp.maximum:
+            bounds = f"{clamp.minimum:g} to {clamp.maximum:g} {clamp.unit}"
+            yield f"the reduced {clamp.quantity} {setting:g} {clamp.unit} is outside its clamp {bounds}"
+
+
+def envelope(spec: BenchSpec) -> Complaints:
+    """Check that every limit of the envelope can be watched."""
+    seen: set[str] = set()
+    for limit in spec.envelope:
+        yield from known(limit, "output", limit.output, _outputs(spec))
+        yield from quantity_of(limit, limit.output, limit.quantity, limit.unit)
+        for problem in _bound_problems(limit):
+            yield limit, f"{limit.id}: {problem}"
+        if limit.id and limit.id in seen:
+            yield limit, f"the envelope has two limits called '{limit.id}'"
+        seen.add(limit.id)
+
+
+def _bound_problems(limit: EnvelopeLimit) -> Iterator[str]:
+    if limit.minimum is None and limit.maximum is None:
+        yield "a limit needs min, max or both"
+    elif limit.minimum is not None and limit.maximum is not None and limit.minimum > limit.maximum:
+        yield f"min {limit.minimum:g} is above max {limit.maximum:g}"
+    if limit.period_s < _SHORTEST_PERIOD_S:
+        yield "period must be 1 ms at least"
+    elif limit.max_age_s < 2 * limit.period_s:
+        yield "max_age must be at least twice the period"
+
+
+def safe_steps(spec: BenchSpec) -> Complaints:
+    """Check that every line of safe-off and rest can be taken, and its proof be read."""
+    for step in (*spec.safe_off, *spec.rest):
+        yield from known(step, "output", step.output, _outputs(spec))
+        role = step.output.partition(".")[0]
+        if role in STATES:
+            yield from known(step, "state", step.state, STATES[role])
+        if step.within_s <= 0:
+            yield step, f"{step.output}: within must be longer than zero"
+        if step.proof:
+            yield from _proof(step, step.proof, _outputs(spec))
+
+
+def _proof(step: SafeStep, proof: Proof, outputs: Collection[str]) -> Complaints:
+    yield from known(step, "output", proof.output, outputs)
+    yield from quantity_of(step, proof.output, proof.quantity, proof.unit)
+    if proof.minimum > proof.maximum:
+        yield step, f"proof of {step.output}: min {proof.minimum:g} is above max {proof.maximum:g}"
+
+
+def covered(spec: BenchSpec) -> Complaints:
+    """Check that the safe-off holds every output that can do harm; a supply is proven by more than its word."""
+    made_safe = {step.output for step in spec.safe_off}
+    proven = {step.output for step in spec.safe_off if step.proof}
+    for wire in spec.wiring:
+        if wire.role in _HAZARDOUS and wire.name not in made_safe:
+            yield wire, f"{wire.name} is missing from safe_off"
+        elif wire.role == "supply" and wire.name not in proven:
+            yield wire, f"{wire.name}: its line in safe_off needs a proof, such as its current near zero"
+
+
+def _outputs(spec: BenchSpec) -> list[str]:
+    return [wire.name for wire in spec.wiring]

@@ -1,0 +1,59 @@
+"""The committed bench `adcs`, changed a little: as a file for its reader, or as data for its twin."""
+
+from __future__ import annotations
+
+import shutil
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from hil.bench.bench_file import load_bench
+from hil.bench.binding import bind_simulated
+from hil.model.errors import ConfigurationError
+from hil.wire.transcript import Transcript
+
+__all__ = ["ADCS", "adcs", "bound", "changed", "found", "with_peer"]
+
+ADCS = Path(__file__).parents[2] / "fixtures" / "benches" / "adcs"
+
+
+def adcs():
+    """Return the committed bench."""
+    return load_bench(ADCS.parent, "adcs", ADCS.parents[2])
+
+
+def changed(root: Path, *changes: tuple[str, str]) -> str:
+    """Lay a copy of the bench with changed text into the workspace `root`, and return the text."""
+    folder = root / "fixtures" / "benches" / "adcs"
+    shutil.copytree(ADCS, folder, dirs_exist_ok=True)
+    text = (ADCS / "bench.yaml").read_text(encoding="utf-8")
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new, 1)
+    (folder / "bench.yaml").write_text(text, encoding="utf-8")
+    return text
+
+
+def found(root: Path) -> list[str]:
+    """Return the findings of the bench in the workspace `root`, as a person reads them."""
+    try:
+        load_bench(root / "fixtures" / "benches", "adcs", root)
+    except ConfigurationError as error:
+        return [str(finding) for finding in error.findings]
+    return []
+
+
+def with_peer(spec, device: str, **parts):
+    """Return the bench with parts of one peer replaced: `truth`, `connects`, `faults`."""
+    peers = tuple(replace(peer, **parts) if peer.device == device else peer for peer in spec.simulated.peers)
+    return replace(spec, simulated=replace(spec.simulated, peers=peers))
+
+
+@contextmanager
+def bound(spec):
+    """Yield the simulated bench, and close it."""
+    bench = bind_simulated(spec, Transcript(None))
+    try:
+        yield bench
+    finally:
+        bench.close()

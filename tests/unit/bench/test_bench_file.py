@@ -1,0 +1,280 @@
+"""The bench file: read strictly, with a place for everything that is wrong."""
+
+from __future__ import annotations
+
+import pytest
+from adcs_bench import ADCS, adcs, changed, found
+
+from hil.bench.bench_file import bench_names, load_bench
+from hil.bench.binding import check_twin
+from hil.model.errors import ConfigurationError, Refused
+
+FILE = "fixtures/benches/adcs/bench.yaml"
+
+
+def place(text: str, snippet: str) -> str:
+    """Return file, line and column of a snippet."""
+    before = text[: text.index(snippet)]
+    return f"{FILE}:{before.count(chr(10)) + 1}:{len(before) - (before.rfind(chr(10)) + 1) + 1}"
+
+
+def test_committed_bench_is_clean():
+    """The bench of this workspace has nothing wrong, its twin neither."""
+    spec = adcs()
+    check_twin(spec, ADCS / "bench.yaml", FILE)
+    assert [wire.name for wire in spec.wiring] == ["supply.coil", "supply.sensor", "relays", "magnetometer"]
+    assert spec.wire("relays").contacts == {"a": 1, "b": 2}
+    assert spec.instrument("mag1").address == 0x1C
+    assert spec.safe_off[0].proof.maximum == 0.001
+    assert spec.envelope[0].debounce == 2
+
+
+CHANGES = [
+    # What no reader asked for, what is missing, what has the wrong form.
+    (("max_age: 5 s", "max_aeg: 5 s"), "max_aeg", "unknown key 'max_aeg', did you mean 'max_age'?"),
+    (("max_age: 5 s", "max_aeg: 5 s"), "{id: coil-current", "envelope: key 'max_age' is missing"),
+    (("place: Attitude", "plaice: Attitude"), "plaice", "unknown key 'plaice', did you mean 'place'?"),
+    (("  title: Magnetorquer", "  subtitle: M"), "name: adcs", "bench: key 'title' is missing"),
+    (("within: 2 s", "within: 2"), "2,", "safe_off: 'within' must be a duration"),
+    (('settings: {over_voltage: "8"}', "settings: [over]"), "[over]", "settings must be a mapping, found a list"),
+    (('over_voltage: "8"', "over_voltage: 8"), "8}", "settings: 'over_voltage' must be text, found `8`"),
+    (("instance: coil,", "instance: coil-1,"), "coil-1", "wiring: 'instance' must look like [a-z][a-z0-9_]*"),
+    (('debounce: "2"', 'debounce: "0"'), '"0"}\n- {id: sensor', "'debounce' must be at least 1"),
+    (('due: "2027-09-30"', 'due: "2027-13-30"'), '"2027-13-30"', "'due' must look like"),
+    (('baud: "9600"', 'baud: "-9600"'), '"-9600"', "'baud' must be at least 0"),
+    (('connects: {"1": coil.c', 'faults: {kind: dead}\n      connects: {"1": coil.c'), "{kind: dead}", "list of map"),
+    (("certificates/mag1.txt", "certificates/mag2.txt"), "certificates/mag2", "no certificate 'certificates/mag2.txt'"),
+    (("certificates/mag1.txt", "../adcs.txt"), "../adcs.txt", "no certificate '../adcs.txt' in the bench's folder"),
+    (("name: adcs", "name: adsc"), "adsc", "the bench is called 'adsc', but its folder 'adcs'"),
+    # Instruments.
+    (("driver: lis3mdl", "driver: lis3mld"), "mag1:\n    d", "unknown driver 'lis3mld', did you mean 'lis3mdl'?"),
+    (("    bus: i2c1\n", "    port: /dev/x\n    bus: i2c1\n"), "mag1:\n", "mag1 needs either a port or a bus"),
+    (("    bus: i2c1\n", ""), "mag1:\n", "mag1 needs either a port or a bus with an address"),
+    (("bus: i2c1", "bus: i2c2"), "mag1:\n", "unknown bus 'i2c2', did you mean 'i2c1'?"),
+    (('"0x1C"', '"0x7C"'), "mag1:\n", "mag1: 0x7C is no 7-bit I2C address (0x08 to 0x77)"),
+    (("powered_by: supply.sensor", "powered_by: supply.senser"), "mag1:\n", "did you mean 'supply.sensor'?"),
+    (("powered_by: supply.sensor", "powered_by: relays"), "mag1:\n", "mag1 is fed by relays, which needs a reduced"),
+    (
+        ("  mag1:\n", '  mag2: {driver: lis3mdl, bus: i2c1, address: "0x1C"}\n  mag1:\n'),
+        "mag1:\n",
+        "mag1 and mag2 are both at bus i2c1, address 0x1C",
+    ),
+    (
+        ("/dev/serial/by-id/usb-FTDI_FT232R_A50285BI-if00-port0", "socket://192.168.10.21:5025"),
+        "relay1:\n",
+        "relay1 and psu1 are both at port socket://192.168.10.21:5025",
+    ),
+    (
+        ("buses:\n", "buses:\n  i2c0: {port: /dev/i2c-1}\n"),
+        "i2c1: {",
+        "i2c1 and i2c0 are both the bus at /dev/i2c-1",
+    ),
+    (("  relay1:\n", "  relay/1:\n"), "relay/1", "the name 'relay/1' must be letters, digits"),
+    (('quantity: voltage, unit: V, max: "25"', 'quantity: volts, unit: V, max: "25"'), "{channel", "'volts'"),
+    (('absolute: "0.005"', 'absolute: "-0.005"'), "{quantity: voltage, unit: V, from", "cannot be below zero"),
+    (('relative: "0.01"', 'relative: "0.01", k: "0"'), "{quantity: field", "factor k must be above zero"),
+    (('from: "-400"', 'from: "500"'), "{quantity: field", "mag1: the range from 500 to 400 uT holds nothing"),
+    # Wiring.
+    (("role: magnetometer", "role: magnetometre"), "{role: magnetometre", "did you mean 'magnetometer'?"),
+    (("instrument: relay1", "instrument: relay2"), "{role: relays", "unknown instrument 'relay2', did you mean"),
+    (("instance: sensor", "instance: coil"), '{role: supply, instance: coil, instrument: psu1, channel: "3"', "twice"),
+    (("instance: sensor, ", ""), "{role: supply, instrument", "role 'supply' has several instances, so each needs"),
+    (
+        ('channel: "3",\n', 'channel: "2",\n'),
+        "{role: supply, instance: sensor",
+        "supply.sensor and supply.coil are both on channel 2 of psu1",
+    ),
+    (('b: "2"}', 'b: "1"}'), "{role: relays", "relays: two of its contacts have the same number"),
+    (
+        ("- {role: magnetometer", '- {role: relays, instance: x, instrument: relay1, contacts: {c: "2"}}\n- {role: m'),
+        "{role: relays, instance: x",
+        "relays.x and relays both have contact 2 of relay1",
+    ),
+    (('{voltage: "0.5"', '{voltage: "6.5"'), "{role: supply", "reduced voltage 6.5 V is outside its clamp 0 to 6 V"),
+    (('{voltage: "0.5"', '{voltage: "0"'), "{role: supply", "supply.coil: a reduced level of 0 V would show nothing"),
+    (('lowest_current: "-0.0005"', 'lowest_current: "1"'), "{role: supply", "lowest_current 1 is above highest"),
+    (
+        (
+            "settings: {range",
+            'reduced: {voltage: "1", current: "1", lowest_current: "0", highest_current: "1"},\n   settings: {range',
+        ),
+        "{role: magnetometer",
+        "magnetometer: only a supply has a reduced level",
+    ),
+    # Clamps.
+    (
+        ("output: supply.coil, quantity: v", "output: supply.coal, quantity: v"),
+        "{output: supply.coal",
+        "'supply.coil'?",
+    ),
+    (
+        ('quantity: voltage, unit: V, min: "0"', 'quantity: voltag, unit: V, min: "0"'),
+        "{output: supply.coil, quantity: voltag,",
+        "unknown quantity 'voltag', did you mean 'voltage'?",
+    ),
+    (
+        ('unit: V, min: "0", max: "6"', 'unit: mV, min: "0", max: "6"'),
+        "{output: supply.coil, quantity: voltage, unit: mV",
+        "voltage is given in V here, not in 'mV'",
+    ),
+    (('max: "6"', 'max: "26"'), "{output: supply.coil, quantity: voltage", "a clamp at 26 V exceeds the rating 25 V"),
+    (('min: "0", max: "6"', 'min: "7", max: "6"'), "{output: supply.coil, quantity: voltage", "min 7 is above max 6"),
+    (
+        ("{output: supply.coil, quantity: v", "{output: relays, quantity: v"),
+        "{output: relays, q",
+        "relays has no voltage",
+    ),
+    # Envelope.
+    (('max: "0.03", ', ""), "{id: coil-current", "coil-current: a limit needs min, max or both"),
+    (('max: "0.03"', 'min: "1", max: "0.03"'), "{id: coil-current", "coil-current: min 1 is above max 0.03"),
+    (
+        ("max_age: 5 s", "max_age: 1.9 s"),
+        "{id: coil-current",
+        "coil-current: max_age must be at least twice the period",
+    ),
+    (("period: 1 s", "period: 0 s"), "{id: coil-current", "coil-current: period must be 1 ms at least"),
+    (
+        ("id: sensor-voltage", "id: coil-current"),
+        "{id: coil-current, output: supply.sensor",
+        "two limits called 'coil-c",
+    ),
+    (
+        ("id: sensor-voltage, output: supply.sensor", "id: x, output: magnetometer"),
+        "{id: x",
+        "magnetometer has no voltage",
+    ),
+    # Safe-off and rest.
+    (("state: released", "state: relesed"), "{output: relays", "unknown state 'relesed', did you mean 'released'?"),
+    (
+        ("output: relays, state: released, within: 2 s}\n- {output: supply.sensor", "output: supply.sensor"),
+        "{role: relays",
+        "relays is missing from safe_off",
+    ),
+    (
+        ('2 s,\n   proof: {output: supply.coil, quantity: current, unit: A, min: "-0.001", max: "0.001"}}', "2 s}"),
+        "{role: supply, instance: coil",
+        "supply.coil: its line in safe_off needs a proof",
+    ),
+    (("proof: {output: supply.coil", "proof: {output: relays"), "{output: supply.coil, state", "relays has no current"),
+    (('min: "-0.001"', 'min: "0.002"'), "{output: supply.coil, state", "proof of supply.coil: min 0.002 is above"),
+    (("state: released, within: 2 s", "state: released, within: 0 s"), "{output: relays", "within must be longer than"),
+    # The simulated twin.
+    (("    relay1:\n      connects", "    relay2:\n      connects"), "relay1:\n    driver", "relay1 has no peer"),
+    (("    relay1:\n      connects", "    relay2:\n      connects"), "relay2:\n", "unknown instrument 'relay2'"),
+    (("2026-01-01T08", "2026-02-30T08"), 'epoch: "2026-02-30', "the epoch 2026-02-30T08:00:00Z does not exist"),
+    (("2026-01-01T08", "2026-01-01T28"), '"2026-01-01T28', "simulated: 'epoch' must look like"),
+]
+
+
+@pytest.mark.parametrize(
+    ("change", "at", "message"), CHANGES, ids=[f"{at[:12]}-{text[:40]}" for _, at, text in CHANGES]
+)
+def test_every_mistake_is_told_where_it_is(tmp_path, change, at, message):
+    """One thing changed in the real file is one finding at its place, with what to write instead."""
+    text = changed(tmp_path, change)
+    wrong = found(tmp_path)
+    assert any(line.startswith(f"{place(text, at)}: ") and message in line for line in wrong), wrong
+
+
+def test_all_findings_come_at_once_and_sorted(tmp_path):
+    """Mistakes in five sections are five findings in the order of the file."""
+    text = changed(
+        tmp_path,
+        ("place: Attitude", "plaice: Attitude"),
+        ("driver: lis3mdl", "driver: lis3mld"),
+        ('max: "6"', 'max: "26"'),
+        ("max_age: 5 s", "max_age: 1 s"),
+        ("state: released", "state: relesed"),
+    )
+    snippets = ["plaice", "mag1:", "{output: supply.coil, quantity: voltage", "{id: coil-c", "{output: relays"]
+    assert [line.split(": ")[0] for line in found(tmp_path)] == [place(text, snippet) for snippet in snippets]
+
+
+@pytest.mark.parametrize(
+    ("change", "count"),
+    [
+        (("    driver: lis3mdl\n", ""), 1),
+        (("role: magnetometer, ", ""), 1),
+        (("    bus: i2c1\n", ""), 1),
+        (('  epoch: "2026-01-01T08:00:00Z"\n', ""), 1),
+        (('unit: V, max: "25"', 'max: "25"'), 1),
+    ],
+)
+def test_what_is_missing_is_told_once(tmp_path, change, count):
+    """A key that is not there is one finding, and nothing that only follows from it."""
+    changed(tmp_path, change)
+    assert len(found(tmp_path)) == count
+
+
+def test_two_instruments_without_a_port_do_not_clash(tmp_path):
+    """Two that lack their port are told so; they are not at the same place."""
+    changed(tmp_path, ("    port: TCPIP::192.168.10.21::5025::SOCKET\n", ""), ("    bus: i2c1\n", ""))
+    assert [line.split(": ", 1)[1] for line in found(tmp_path)] == [
+        f"{name} needs either a port or a bus with an address" for name in ("psu1", "mag1")
+    ]
+
+
+def test_other_schema_is_refused(tmp_path):
+    """A file of another version is not read on."""
+    changed(tmp_path, ("hil/bench/1", "hil/bench/2"))
+    assert len(found(tmp_path)) == 1
+    assert "reads schema 'hil/bench/1', not 'hil/bench/2'" in found(tmp_path)[0]
+
+
+def test_unknown_bench_names_the_nearest(tmp_path):
+    """A bench that does not exist is refused with the one that was meant, and all there are."""
+    changed(tmp_path)
+    benches = tmp_path / "fixtures" / "benches"
+    with pytest.raises(Refused, match="no bench 'adsc' in fixtures/benches, did you mean 'adcs'.*benches are: adcs"):
+        load_bench(benches, "adsc", tmp_path)
+    assert bench_names(benches) == ("adcs",)
+    assert bench_names(tmp_path) == ()
+
+
+@pytest.mark.parametrize(
+    ("change", "at", "message"),
+    [
+        (('turns: "60"', 'turms: "60"'), '"60"\n', "unknown key 'turms', did you mean 'turns'?"),
+        (('resistance: "97.9"', 'resistance: "-1"'), '"-1"}\n          x_m', "expected a number above 0, not -1"),
+        (("serial: MY59002391\n        ch", "sreial: X\n        ch"), "X\n", "unknown key 'sreial', did you mean"),
+        (("coil.contact_b", "coil.contakt_b"), "coil.contakt_b", "did you mean 'contact_b'?"),
+        (("grid: 10 ms", "grid: 0 s"), "0 s\n      truth", "expected a duration above 0 s"),
+        (("model: coil-and-earth-field", "model: coil"), "coil\n      grid", "unknown plant model 'coil'"),
+        (("coil.outward", "coil.outwards"), "coil.outwards", "outward"),
+        (('over_voltage: "8"', 'over_voltage: "8 A"'), "{role: supply, instance: coil", "over_voltage is '8 A'"),
+        (("rate: 80 Hz", "rate: 81 Hz"), "{role: magnetometer", "rate 81 Hz does not exist"),
+        (
+            ('instrument: psu1, channel: "3"', 'instrument: mag1, channel: "3"'),
+            "{role: supply, instance: sensor",
+            "a lis3mdl is no supply",
+        ),
+    ],
+)
+def test_what_only_the_twin_understands_has_a_place_too(tmp_path, change, at, message):
+    """Truths, terminals, persons and settings of wires are told at their place in the same file."""
+    text = changed(tmp_path, change)
+    spec = load_bench(tmp_path / "fixtures" / "benches", "adcs", tmp_path)
+    with pytest.raises(ConfigurationError) as caught:
+        check_twin(spec, tmp_path / FILE, FILE)
+    wrong = [str(finding) for finding in caught.value.findings]
+    assert any(line.startswith(f"{place(text, at)}: ") and message in line for line in wrong), wrong
+
+
+def test_all_mistakes_of_the_twin_come_at_once(tmp_path):
+    """Wrong truths of a plant and of a peer are two findings."""
+    changed(tmp_path, ('turns: "60"', 'turms: "60"'), ('gain: ["0.002"', 'gian: ["0.002"'))
+    spec = load_bench(tmp_path / "fixtures" / "benches", "adcs", tmp_path)
+    with pytest.raises(ConfigurationError) as caught:
+        check_twin(spec, tmp_path / FILE, FILE)
+    assert len(caught.value.findings) >= 2
+    assert list(caught.value.findings) == sorted(caught.value.findings)
+
+
+def test_bench_without_twin_is_refused(tmp_path):
+    """A bench for hardware only can be read, but not simulated."""
+    text = changed(tmp_path)
+    changed(tmp_path, (text[text.index("simulated:") :], ""))
+    spec = load_bench(tmp_path / "fixtures" / "benches", "adcs", tmp_path)
+    assert spec.simulated is None
+    with pytest.raises(Refused, match="no simulated twin; add a 'simulated' section"):
+        check_twin(spec, tmp_path / FILE, FILE)
