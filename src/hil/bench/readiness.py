@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import cast
 
 from hil.bench.binding import BoundBench
 from hil.bench.envelope import self_test
-from hil.bench.safe_off import make_safe
+from hil.bench.safe_off import SafeResult, make_safe
 from hil.instruments.roles import Supply
-from hil.model.bench import InstrumentSpec, ReducedLevel, Wire
+from hil.model.bench import InstrumentSpec, ReducedLevel, SafeStep, Wire
 from hil.model.errors import HilError
 from hil.model.identity import Dut, Identity
 
@@ -18,6 +18,7 @@ __all__ = ["Gate", "energised_gates", "unpowered_gates"]
 
 _SETTLE_S = 0.2
 _VOLTAGE_TOLERANCE = 0.05
+_LEAST_SHARE = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,31 +30,45 @@ class Gate:
     detail: str
 
 
-def unpowered_gates(bench: BoundBench) -> Iterator[Gate]:
+def unpowered_gates(bench: BoundBench, dut: Dut | None = None) -> Iterator[Gate]:
     """Look without driving anything: identities, and outputs found on.
 
     Instruments that the bench itself feeds are identified later, under power.
     """
     for instrument in bench.spec.instruments:
         if not instrument.powered_by:
-            yield _identity(bench, instrument, None)
+            yield _identity(bench, instrument, dut)
     yield from _found_on(bench)
 
 
 def energised_gates(bench: BoundBench, dut: Dut | None) -> Iterator[Gate]:
     """Make the bench safe, then try one output at a time at its reduced level, then the envelope.
 
-    Whatever is tried is off again when its gate is given.
+    Whatever is tried is off again, and proven to be, when its gates are given. Nothing is tried on a bench
+    that cannot be made safe, and nothing more once an output stayed on.
     """
-    safe = True
-    for step in bench.spec.safe_off:
-        safe &= make_safe([step], bench.roles, bench.clock, lambda _: None)
-    yield Gate("safe state reached", safe, "every line of safe_off is proven" if safe else "see the safe-off")
+    left_on = _left_on(bench, bench.spec.safe_off)
+    yield Gate("safe state reached", not left_on, left_on or "every line of safe_off is proven")
+    if left_on:
+        return
     for wire in bench.spec.wiring:
         if wire.reduced is not None:
-            yield from _reduced_level(bench, wire, wire.reduced, dut)
+            gates, left_on = _reduced_level(bench, wire, wire.reduced, dut)
+            yield from gates
+            if left_on:
+                yield Gate(f"{wire.name} off again", ok=False, detail=left_on)
+                return
     for limit in bench.spec.envelope:
-        yield Gate(f"envelope {limit.id}", self_test(limit), "trips on what it must trip on, and only on that")
+        trips = self_test(limit)
+        detail = "trips on what it must trip on, and only on that" if trips else "does not trip as it says"
+        yield Gate(f"envelope {limit.id}", trips, detail)
+
+
+def _left_on(bench: BoundBench, steps: Sequence[SafeStep]) -> str:
+    """Take lines of the safe-off and return what could not be made safe, or nothing."""
+    results: list[SafeResult] = []
+    make_safe(steps, bench.roles, bench.clock, results.append)
+    return "; ".join(f"{result.output} is not {result.state}: {result.detail}" for result in results if not result.ok)
 
 
 def _identity(bench: BoundBench, instrument: InstrumentSpec, dut: Dut | None) -> Gate:
@@ -66,7 +81,7 @@ def _identity(bench: BoundBench, instrument: InstrumentSpec, dut: Dut | None) ->
         return Gate(name, ok=False, detail=difference)
     expected = dut.recognised.get(instrument.name, "") if dut else ""
     if expected and expected not in {found.serial, found.model}:
-        return Gate(name, ok=False, detail=f"{found} answers, but DUT {dut.serial if dut else ''} is '{expected}'")
+        return Gate(name, ok=False, detail=f"{found} answers, but the DUT is recognised by '{expected}'")
     return Gate(name, ok=True, detail=str(found))
 
 
@@ -94,46 +109,45 @@ def _found_on(bench: BoundBench) -> Iterator[Gate]:
             continue
         stray = [channel for channel in on if (name, channel) not in safe_places and (name, 0) not in safe_places]
         if stray:
-            detail = f"channel {stray[0]} is on and not wired here: switch it off by hand"
+            detail = f"on, and not wired here: channel {_listed(stray)}; switch it off by hand"
             yield Gate(f"outputs of {name}", ok=False, detail=detail)
         else:
-            detail = f"channels {on} found on, switched off" if on else "all off"
+            detail = f"found on: channel {_listed(on)}, safe-off comes before anything else" if on else "all off"
             yield Gate(f"outputs of {name}", ok=True, detail=detail)
 
 
-def _reduced_level(bench: BoundBench, wire: Wire, level: ReducedLevel, dut: Dut | None) -> Iterator[Gate]:
+def _listed(channels: Sequence[int]) -> str:
+    return ", ".join(map(str, channels))
+
+
+def _reduced_level(bench: BoundBench, wire: Wire, level: ReducedLevel, dut: Dut | None) -> tuple[list[Gate], str]:
+    """Try one output; return its gates, and why it is not off again, if it is not."""
     supply = cast("Supply", bench.roles[wire.name])
     name = f"reduced level of {wire.name}"
+    gates: list[Gate] = []
     try:
         supply.configure(level.voltage, level.current)
         supply.enable()
         bench.clock.sleep(_SETTLE_S)
-        yield _level_gate(name, supply, level)
-        for instrument in bench.spec.instruments:
-            if instrument.powered_by == wire.name:
-                yield _identity(bench, instrument, dut)
+        gates.append(_level_gate(name, supply, level))
+        fed = [instrument for instrument in bench.spec.instruments if instrument.powered_by == wire.name]
+        gates += [_identity(bench, instrument, dut) for instrument in fed]
     except HilError as error:
-        yield Gate(name, ok=False, detail=str(error))
+        gates.append(Gate(name, ok=False, detail=str(error)))
     finally:
-        _switch_off(supply)
+        left_on = _left_on(bench, [step for step in bench.spec.safe_off if step.output == wire.name])
+    return gates, left_on
 
 
 def _level_gate(name: str, supply: Supply, level: ReducedLevel) -> Gate:
     voltage, current = supply.voltage().value, supply.current().value
     detail = f"{voltage:.4g} V, {current:.4g} A"
-    limited = supply.mode() == "CC"
+    # A load may hold an output in its current limit below the voltage that was set; a short or a wrong sign may not.
     near = abs(voltage - level.voltage) <= _VOLTAGE_TOLERANCE * level.voltage
-    if not (near or (limited and voltage > 0)):
-        return Gate(name, ok=False, detail=f"{detail}, {level.voltage:g} V was set: polarity or wiring?")
+    limited = supply.mode() == "CC" and _LEAST_SHARE * level.voltage <= voltage < level.voltage
+    if not (near or limited):
+        return Gate(name, ok=False, detail=f"{detail}, {level.voltage:g} V was set: short, polarity or wiring?")
     if not level.lowest_current <= current <= level.highest_current:
         bounds = f"{level.lowest_current:g} to {level.highest_current:g} A"
         return Gate(name, ok=False, detail=f"{detail}, {bounds} expected: load or wiring?")
     return Gate(name, ok=True, detail=detail)
-
-
-def _switch_off(supply: Supply) -> None:
-    try:
-        supply.disable()
-    except HilError:
-        # The gate already failed on the same silence; safe-off follows in any case and is judged.
-        return
