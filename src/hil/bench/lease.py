@@ -29,13 +29,18 @@ class Lease:
     def __init__(self, keys: Sequence[str], holder: str, folder: Path | None = None) -> None:
         self._folder = folder or Path(tempfile.gettempdir()) / "hil-leases"
         self._files: list[int] = []
-        self._folder.mkdir(mode=0o1777, parents=True, exist_ok=True)
         try:
+            _share(self._folder)
             for key in sorted(set(keys)):
                 self._take(key, holder)
         except Refused:
             self.release()
             raise
+        except OSError as error:
+            self.release()
+            raise Refused(
+                f"leases in {self._folder} cannot be taken: {error.strerror}", "check who owns it, and its permissions"
+            ) from error
 
     def release(self) -> None:
         """Let go of everything; releasing twice is harmless."""
@@ -44,18 +49,40 @@ class Lease:
 
     def _take(self, key: str, holder: str) -> None:
         path = self._folder / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.lease"
-        file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        file = _open(path)
+        self._files.append(file)
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            other = _holder(file)
-            os.close(file)
             raise Refused(
-                f"{key} is held by {other}", "wait for it to end, or stop it: 'hil runs' tells its name"
+                f"{key} is held by {_holder(file)}", "wait for it to end, or stop it: 'hil runs' tells its name"
             ) from None
         os.ftruncate(file, 0)
         os.pwrite(file, json.dumps({"holder": holder, "pid": os.getpid()}).encode(), 0)
-        self._files.append(file)
+
+
+def _share(folder: Path) -> None:
+    """Make the folder so that every user can take leases in it, whatever this one's umask is."""
+    try:
+        folder.mkdir(parents=True)
+    except FileExistsError:
+        return
+    folder.chmod(0o1777)
+
+
+def _open(path: Path) -> int:
+    """Open a lease's file for every user.
+
+    In a folder that everybody can write to, the kernel opens another user's file only where nobody asks
+    to create it (`fs.protected_regular`).
+    """
+    flags = os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW
+    try:
+        return os.open(path, flags)
+    except FileNotFoundError:
+        file = os.open(path, flags | os.O_CREAT)
+    os.fchmod(file, 0o666)
+    return file
 
 
 def _holder(file: int) -> str:
