@@ -38,7 +38,8 @@ class BoundBench:
         clock: the bench's clock.
         transcript: where every operation is noted.
         drivers: per instrument.
-        person: the simulated person, on a simulated bench only.
+        ports: the open byte streams.
+        world: plants, peers and person, on a simulated bench only.
         playback: the record that answers, on a replayed bench only.
     """
 
@@ -49,7 +50,7 @@ class BoundBench:
     drivers: Mapping[str, Driver]
     world: World | None = None
     playback: Playback | None = None
-    _ports: list[TappedPort] = field(default_factory=list)
+    ports: list[TappedPort] = field(default_factory=list)
 
     @cached_property
     def roles(self) -> Mapping[str, object]:
@@ -63,7 +64,7 @@ class BoundBench:
 
     def close(self) -> None:
         """Close every port and free the bench's URLs."""
-        for port in self._ports:
+        for port in self.ports:
             port.close()
         withdraw(_world_url(self.source, self.spec.name))
 
@@ -141,12 +142,8 @@ def _bound(
     world: World | None = None,
     playback: Playback | None = None,
 ) -> BoundBench:
-    ports: list[TappedPort] = []
     drivers: dict[str, Driver] = {}
-    for instrument in spec.instruments:
-        connection = _connect(spec, instrument, source, clock, transcript, ports)
-        drivers[instrument.name] = driver_class(instrument.driver)(connection)
-    return BoundBench(
+    bench = BoundBench(
         spec=spec,
         source=source,
         clock=clock,
@@ -154,8 +151,15 @@ def _bound(
         drivers=drivers,
         world=world,
         playback=playback,
-        _ports=ports,
     )
+    try:
+        for instrument in spec.instruments:
+            connection = _connect(spec, instrument, source, clock, transcript, bench.ports)
+            drivers[instrument.name] = driver_class(instrument.driver)(connection)
+    except BaseException:
+        bench.close()
+        raise
+    return bench
 
 
 def _connect(

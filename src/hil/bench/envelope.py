@@ -106,7 +106,7 @@ def _trips(limit: EnvelopeLimit, value: float) -> bool:
 
 
 def _problem(limit: EnvelopeLimit, value: float) -> str:
-    if math.isnan(value):
+    if not math.isfinite(value):
         return f"{limit.quantity} is not a number"
     if limit.maximum is not None and value > limit.maximum:
         return f"{limit.quantity} {value:.6g} {limit.unit} is above {limit.maximum:g} {limit.unit}"
