@@ -58,15 +58,12 @@ class _Tap:
         received: Callable[[_Result], bytes] | None = None,
     ) -> _Result:
         start_ns = self._clock.now_ns()
-        self._transcript.in_transaction = True
         try:
             result = operation()
         except (OSError, SerialException) as error:
             number = getattr(error, "errno", None) or 0
             self._transcript.note(self.device, name, start_ns, self._clock.now_ns(), sent=sent, error=f"{number}")
             raise
-        finally:
-            self._transcript.in_transaction = False
         self._transcript.note(
             self.device,
             name,

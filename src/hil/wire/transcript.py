@@ -42,7 +42,6 @@ class Transcript:
         self._sink = sink
         self._sequence = 0
         self._waiting = bytearray(HEADER.encode())
-        self.in_transaction = False
 
     def note(
         self,

@@ -15,7 +15,7 @@ from hil.executive.case.steps import Steps
 from hil.executive.run.scheduler import CaseTimeout, Scheduler
 from hil.executive.run.stop import Stopped
 from hil.model.bench import InstrumentSpec
-from hil.model.errors import DeviceFault
+from hil.model.errors import DeviceFault, Diverged
 from hil.model.verdict import Verdict, worst
 from hil.requirements.requirement import Kind, Requirement
 
@@ -118,8 +118,10 @@ class CaseRun:
         if isinstance(error, Stopped):
             self._aborted = f"stopped by {error}"
         elif isinstance(error, CaseTimeout):
-            self._problems.append(f"the case took longer than its {self.planned.max_duration_s:g} s of bench time")
-        elif not isinstance(error, CheckFailed | DeviceFault):
+            self._took_too_long()
+        elif isinstance(error, Diverged) or str(error) in {*self._bench_faults, *self._dut_faults}:
+            return
+        elif not isinstance(error, CheckFailed):
             self._problems.append(_ADDRESS.sub("", f"{type(error).__name__}: {error}".rstrip(": ")))
 
     def finish(self) -> None:
@@ -129,12 +131,22 @@ class CaseRun:
                 for limit, value in data_checks(requirement.records, self.record.taken):
                     self.check.data(requirement, limit, value)
 
+    def close(self) -> None:
+        """Take in what shows only when nothing of the case is left to run, whatever it let through."""
+        self.steps.close()
+        deadline_ns = self.scheduler.deadline_ns
+        if deadline_ns is not None and self.scheduler.now_ns() > deadline_ns:
+            self._took_too_long()
+        if not self._aborted:
+            self.effects.end()
+
     def outcome(self) -> Outcome:
         """Return the verdict as it stands now."""
         requirements = {name: self._requirement(item) for name, item in self.requirements.items()}
         case = worst(requirements.values())
         reasons = self._check_reasons()
-        if self._problems or self._bench_faults or self.scheduler.tripped:
+        problems = [*self._problems, *([f"Diverged: {self.effects.diverged}"] if self.effects.diverged else [])]
+        if problems or self._bench_faults or self.scheduler.tripped:
             case = Verdict.ERROR
         elif self._aborted:
             case = Verdict.ABORTED
@@ -147,11 +159,14 @@ class CaseRun:
         if case in {Verdict.ERROR, Verdict.ABORTED}:
             requirements = {name: worst((verdict, case)) for name, verdict in requirements.items()}
         trip = [self.scheduler.tripped.text] if self.scheduler.tripped else []
-        told = (*trip, *self._problems, *self._bench_faults, *self._dut_faults, *reasons)
+        told = (*trip, *problems, *self._bench_faults, *self._dut_faults, *reasons)
         if not requirements:
             told = (*told, "the case carries no requirement")
         reasons = tuple(dict.fromkeys([*([self._aborted] if self._aborted else []), *told]))
         return Outcome(verdict=case, requirements=requirements, reasons=reasons)
+
+    def _took_too_long(self) -> None:
+        self._problems.append(f"the case took longer than its {self.planned.max_duration_s:g} s of bench time")
 
     def _requirement(self, requirement: Requirement) -> Verdict:
         verdicts = [item.verdict for item in self.check.evaluated if item.requirement == requirement.id]

@@ -79,6 +79,7 @@ class Checks:
         Raises:
             Misused: if catalogue and call do not fit together.
         """
+        of = of or None
         limit = self._limit(requirement, parameter, of)
         found = _figure(value, limit, f"{requirement} {parameter}")
         added = _of_instrument(instrument, found)
@@ -119,7 +120,7 @@ class Checks:
         if parameter not in limits:
             raise Misused(f"{requirement} has no parameter '{parameter}'{did_you_mean(parameter, limits)}")
         limit = limits[parameter]
-        if (of or None) not in (limit.of or (None,)):
+        if of not in (limit.of or (None,)):
             raise Misused(
                 f"{requirement} {parameter} is evaluated of {', '.join(limit.of) or 'nothing in particular'}, not of"
                 f" '{of}'{did_you_mean(of or '', limit.of)}"

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from numbers import Integral, Real
 from typing import Protocol, TypeVar, cast
 
 from hil.model.errors import Diverged
@@ -57,6 +59,11 @@ class Recall:
             raise Diverged(f"{_spoken(key)}, but the record holds {_spoken(found)}")
         return found
 
+    def rest(self, case: str) -> str:
+        """Return what the record of a case goes on with, empty where it has ended, too."""
+        waiting = self._effects.get(case, [])
+        return _spoken(waiting[0]) if waiting else ""
+
     def answers(self, effect: Mapping[str, object]) -> bool:
         """Return whether the record answers in place of the world; nobody answered where it was declined."""
         return effect["effect"] in self._answered and "raised" not in effect
@@ -69,12 +76,24 @@ class Effects:
         write: writes an event.
         where: tells case and step.
         recall: the record that this run has to agree with, or None.
+        undisturbed: keeps requests to stop waiting while an effect is performed.
+
+    Attributes:
+        diverged: the first disagreement with the record, also where the case let it through.
     """
 
-    def __init__(self, write: Callable[..., None], where: Where, recall: Recall | None = None) -> None:
+    def __init__(
+        self,
+        write: Callable[..., None],
+        where: Where,
+        recall: Recall | None = None,
+        undisturbed: Callable[[], AbstractContextManager[None]] = nullcontext,
+    ) -> None:
         self._write = write
         self._where = where
         self._recall = recall
+        self._undisturbed = undisturbed
+        self.diverged = ""
         self._ordinals: Counter[tuple[str, str]] = Counter()
 
     def perform(self, name: str, kind: str, arguments: Mapping[str, object], action: Callable[[], _Result]) -> _Result:
@@ -91,6 +110,20 @@ class Effects:
         Raises:
             Diverged: if a record is to be agreed with, and does not.
         """
+        with self._undisturbed():
+            try:
+                return self._perform(name, kind, arguments, action)
+            except Diverged as error:
+                self.diverged = self.diverged or str(error)
+                raise
+
+    def end(self) -> None:
+        """Compare the end of the case with the record."""
+        rest = self._recall.rest(self._where.case) if self._recall else ""
+        if rest and not self.diverged:
+            self.diverged = f"the case has ended, but its record goes on with {rest}"
+
+    def _perform(self, name: str, kind: str, arguments: Mapping[str, object], action: Callable[[], _Result]) -> _Result:
         number = self._where.number
         self._ordinals[number, name] += 1
         key = {
@@ -122,22 +155,28 @@ class Effects:
 
 
 def encoded(value: object) -> object:
-    """Return a value as JSON: figures become mappings, tuples lists, numbers that are none None."""
+    """Return a value as JSON: figures become mappings, tuples lists, NumPy's numbers plain ones, NaN and inf None."""
     if isinstance(value, Figure):
         return {
             "value": encoded(value.value),
             "unit": value.unit,
-            "uncertainty": value.uncertainty,
+            "uncertainty": encoded(value.uncertainty),
             "dof": encoded(value.dof),
             "status": value.status.value,
         }
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
+    if isinstance(value, Real) and not isinstance(value, bool):  # type: ignore[unreachable]
+        return _number(value)
     if isinstance(value, Mapping):
         return {str(key): encoded(item) for key, item in value.items()}
     if isinstance(value, tuple | list):
         return [encoded(item) for item in value]
     return value
+
+
+def _number(value: Real) -> int | float | None:
+    if isinstance(value, Integral):
+        return int(value)
+    return float(value) if math.isfinite(value) else None
 
 
 def decoded(value: object) -> object:

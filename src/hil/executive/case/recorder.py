@@ -99,6 +99,8 @@ class Recorder:
         """
         if not sources or not (duration > 0 and rate > 0 and math.isfinite(duration * rate)):
             raise ValueError(f"record '{name}': needs a role, and a duration and rate above zero")
+        if len({source.wire.name for source in sources}) < len(sources):
+            raise ValueError(f"record '{name}': one role is given twice")
         facts = RecordingFacts(
             id=f"{self._ids():03d}-{_slug(self._steps.case)}-{_slug(name)}",
             name=name,

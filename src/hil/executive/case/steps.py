@@ -22,6 +22,7 @@ class Steps:
         self._write = write
         self._now = now
         self._titles: list[str] = []
+        self._began: list[float] = []
         self._counts = [0]
 
     @property
@@ -31,19 +32,33 @@ class Steps:
 
     @contextmanager
     def __call__(self, title: str) -> Iterator[None]:
-        """Be in a step; steps nest."""
+        """Be in a step; steps nest, and whoever leaves a step leaves those inside it."""
         depth = len(self._titles)
         del self._counts[depth + 1 :]
         self._counts[depth] += 1
         self._titles.append(title)
+        self._began.append(self._now())
         self._counts.append(0)
-        facts = {"case": self.case, "path": list(self._titles), "number": self.number}
-        began = self._now()
-        self._write("step", **facts)
+        self._write("step", **self._facts())
+        mine = self._counts[: depth + 1]
         outcome = "raised"
         try:
             yield
             outcome = "done"
         finally:
-            self._write("step-end", **facts, outcome=outcome, duration=round(self._now() - began, 9))
+            if self._counts[: depth + 1] == mine:
+                self._leave(depth, outcome)
+
+    def close(self) -> None:
+        """End every step that is open still: those of a loop that a case was thrown out of and keeps hold of."""
+        self._leave(0, "raised")
+
+    def _leave(self, depth: int, outcome: str) -> None:
+        while len(self._titles) > depth:
+            last = len(self._titles) == depth + 1
+            duration = round(self._now() - self._began.pop(), 9)
+            self._write("step-end", **self._facts(), outcome=outcome if last else "raised", duration=duration)
             self._titles.pop()
+
+    def _facts(self) -> dict[str, object]:
+        return {"case": self.case, "path": list(self._titles), "number": self.number}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
@@ -14,7 +15,8 @@ from hil.executive.case.operator import Answer, AnswerSource, Declined, Question
 __all__ = ["AnswersFile", "FirstOf", "Nobody", "Prompt", "SimulatedPerson", "TerminalPerson", "load_answers"]
 
 _SCHEMA = "hil/answers/1"
-_YES = frozenset({"y", "yes"})
+_YES = frozenset({"true", "y", "yes"})
+_NO = frozenset({"false", "n", "no"})
 
 
 class Prompt(Protocol):
@@ -25,7 +27,10 @@ class Prompt(Protocol):
         ...
 
     def line(self) -> str | None:
-        """Return a line if one was entered, None otherwise; waits a fraction of a second at most."""
+        """Return a line with its newline if one was entered, None if not yet, an empty text at the end of input.
+
+        It waits a fraction of a second at most.
+        """
         ...
 
 
@@ -54,8 +59,13 @@ class AnswersFile:
         if question.name not in self._answers:
             hint = did_you_mean(question.name, self._answers)
             raise Declined(f"{self._shown} has no answer to '{question.name}'{hint}", f"asked was: {question.text}")
-        value = self._answers[question.name]
-        return Answer(value in {"true", "yes"} if question.form == "confirm" else value, "answers file")
+        value = _understood(question, self._answers[question.name])
+        if value is None:
+            raise Declined(
+                f"{self._shown} answers '{self._answers[question.name]}' to '{question.name}'",
+                f"answer {_form(question)}; asked was: {question.text}",
+            )
+        return Answer(value, "answers file")
 
 
 class SimulatedPerson:
@@ -85,10 +95,17 @@ class TerminalPerson:
         self._idle = idle
 
     def answer(self, question: Question) -> Answer:
-        """Show the question and wait for a line that answers it."""
+        """Show the question and wait for a line that answers it.
+
+        Raises:
+            Declined: if the input has ended, so that no line will ever come.
+        """
         self._prompt.show(_spoken(question))
         while True:
-            value = _understood(question, self._line())
+            line = self._line()
+            if not line:
+                raise Declined(f"'{question.text}' was not answered: the terminal's input has ended")
+            value = _understood(question, line)
             if value is not None:
                 return Answer(value, self._name)
             self._prompt.show(f"Please answer {_form(question)}")
@@ -96,7 +113,7 @@ class TerminalPerson:
     def _line(self) -> str:
         while (line := self._prompt.line()) is None:
             self._idle()
-        return line.strip()
+        return line
 
 
 class Nobody:
@@ -158,19 +175,21 @@ def _form(question: Question) -> str:
 
 def _understood(question: Question, line: str) -> str | float | bool | None:
     """Return the answer that a line gives, None where it gives none."""
+    said = line.strip()
     match question.form:
         case "confirm":
-            return {True: True, False: False if line.lower() in {"n", "no"} else None}[line.lower() in _YES]
-        case "attach":
-            return question.options[0] if line.lower() in _YES else None
+            return True if said.lower() in _YES else False if said.lower() in _NO else None
+        case "attach" if said.lower() in _YES:
+            return question.options[0]
         case "measure":
-            return _number(line)
+            return _number(said)
         case _:
-            return line if line in question.options else None
+            return said if said in question.options else None
 
 
-def _number(line: str) -> float | None:
+def _number(said: str) -> float | None:
     try:
-        return float(line.replace(",", "."))
+        number = float(said.replace(",", "."))
     except ValueError:
         return None
+    return number if math.isfinite(number) else None

@@ -6,9 +6,13 @@ from collections.abc import Callable, Mapping
 
 from hil.clock.port import Clock
 from hil.evidence.journal import Journal
+from hil.executive.run.stop import StopFlags
 from hil.model.errors import EvidenceError
 
-__all__ = ["Events", "Listener"]
+__all__ = ["DISK_FULL", "Events", "Listener"]
+
+DISK_FULL = "disk full"
+"""The reason of a stop that the disk asked for."""
 
 Listener = Callable[[Mapping[str, object]], None]
 """Takes one event body; what it raises would stop a run, so it must not raise."""
@@ -19,12 +23,12 @@ class Events:
 
     Args:
         journal: where every event is written before anybody sees it.
-        on_full: called once when the disk is full; later events go in as far as space allows.
+        flags: asked to end the run once the disk is full; later events go in as far as space allows.
     """
 
-    def __init__(self, journal: Journal, on_full: Callable[[], None]) -> None:
+    def __init__(self, journal: Journal, flags: StopFlags) -> None:
         self._journal = journal
-        self._on_full = on_full
+        self._flags = flags
         self._clock: Clock | None = None
         self._listeners: list[Listener] = []
 
@@ -37,11 +41,12 @@ class Events:
         self._listeners.append(listener)
 
     def write(self, kind: str, **fields: object) -> None:
-        """Write an event down, then show it."""
+        """Write an event down, then show it; a line of the journal is never cut in two by a request to stop."""
         t = self._clock.now() if self._clock else 0.0
-        try:
-            self._journal.write(kind, t, **fields)
-        except EvidenceError:
-            self._on_full()
-        for listener in self._listeners:
-            listener({"kind": kind, "t": t, **fields})
+        with self._flags.undisturbed():
+            try:
+                self._journal.write(kind, t, **fields)
+            except EvidenceError:
+                self._flags.request(DISK_FULL)  # told once, see Journal.write
+            for listener in self._listeners:
+                listener({"kind": kind, "t": t, **fields})

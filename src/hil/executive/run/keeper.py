@@ -52,7 +52,6 @@ class BenchKeeper:
 
     def arm(self) -> str:
         """Look, make safe, try every output at reduced level, and begin to watch; return why not, if not."""
-        self.touched = True
         for gate in self._gates():
             self._write("gate", name=gate.name, ok=gate.ok, detail=gate.detail)
             if not gate.ok:
@@ -97,7 +96,8 @@ class BenchKeeper:
 
     def _gates(self) -> Iterator[Gate]:
         """Yield the gates one by one; the first that does not hold ends the arming."""
-        yield from unpowered_gates(self._bench)
+        yield from unpowered_gates(self._bench, self._dut)
+        self.touched = True
         yield from energised_gates(self._bench, self._dut)
 
     def _take(self, kind: str, steps: Sequence[SafeStep]) -> list[str]:

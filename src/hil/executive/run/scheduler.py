@@ -92,8 +92,9 @@ class Scheduler:
         Raises:
             Stopped, CaseTimeout, Tripped: see there.
         """
-        self._look()
-        self._run_monitors(self._clock.now_ns())
+        with self._flags.undisturbed():
+            self._look()
+            self._run_monitors(self._clock.now_ns())
 
     def sleep(self, seconds: float) -> None:
         """Let `seconds` of bench time pass."""

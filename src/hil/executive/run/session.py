@@ -12,7 +12,7 @@ from pathlib import Path
 from hil.bench.binding import BoundBench
 from hil.bench.lease import Lease
 from hil.evidence.folder import JOURNAL, RESERVE, TRANSCRIPT, create, free_reserve, hold, require_space
-from hil.evidence.inbox import poll
+from hil.evidence.inbox import Message, poll
 from hil.evidence.journal import Journal
 from hil.evidence.seal import ReportWriter, seal, write_message
 from hil.executive.case.case_run import CaseRun, PlannedCase
@@ -23,7 +23,7 @@ from hil.executive.case.operator import AnswerSource, Operator
 from hil.executive.case.recorder import Recorder
 from hil.executive.case.steps import Steps
 from hil.executive.run.configuration import Configuration
-from hil.executive.run.events import Events, Listener
+from hil.executive.run.events import DISK_FULL, Events, Listener
 from hil.executive.run.freeze import freeze
 from hil.executive.run.keeper import BenchKeeper
 from hil.executive.run.row_store import RowStore
@@ -33,8 +33,9 @@ from hil.model.errors import EvidenceError
 from hil.model.verdict import Verdict
 from hil.wire.transcript import Transcript
 
-__all__ = ["EXIT_TRIPPED", "EXIT_UNSAFE", "Session"]
+__all__ = ["EXIT_INTERRUPTED", "EXIT_TRIPPED", "EXIT_UNSAFE", "Session"]
 
+EXIT_INTERRUPTED = 2
 EXIT_TRIPPED = 6
 EXIT_UNSAFE = 7
 
@@ -70,18 +71,39 @@ class Session:
         recall: Recall | None = None,
     ) -> None:
         self.configuration = configuration
-        self.flags = StopFlags(lambda: self._transcript.in_transaction)
+        self.flags = StopFlags()
         self.poison = ""
         self.current: CaseRun | None = None
         self._recall = recall
         self._ids = count(1)
         self._verdicts: list[Verdict] = []
         self._attempts: dict[str, int] = {}
+        self._stopped = False
         self._closing = ExitStack()
+        try:
+            self._open(planned, binder, answers, leases, listeners)
+        except BaseException:
+            self._closing.close()
+            raise
+
+    def _open(
+        self,
+        planned: Sequence[PlannedCase],
+        binder: Binder,
+        answers: Callable[[BoundBench, Callable[[], None]], AnswerSource],
+        leases: Sequence[str],
+        listeners: Sequence[Listener],
+    ) -> None:
+        """Take the leases, make the folder, write the head of the journal, and open the bench.
+
+        From here to the seal signals are requests to stop.
+        """
+        configuration = self.configuration
         self.folder = self._open_folder(leases)
+        self._closing.enter_context(handle_signals(self.flags))
         self._closing.enter_context(hold(self.folder))
         self._journal = Journal(self.folder / JOURNAL, reserve=self.folder / RESERVE)
-        self._events = Events(self._journal, lambda: self.flags.request("disk full"))
+        self._events = Events(self._journal, self.flags)
         for listener in listeners:
             self._events.listen(listener)
         self._store = RowStore(self.folder, self._events.write)
@@ -110,7 +132,7 @@ class Session:
         attempt = self._attempts[planned.id] = self._attempts.get(planned.id, 0) + 1
         write("case", case=planned.id, attempt=attempt)
         steps = Steps(planned.id, write, self.bench.clock.now)
-        effects = Effects(write, steps, self._recall)
+        effects = Effects(write, steps, self._recall, self.flags.undisturbed)
         requirements = {name: self.configuration.catalogue.requirement(name) for name in planned.requirements}
         self._began_ns = self.bench.clock.now_ns()
         scheduler.deadline_ns = self._began_ns + round(planned.max_duration_s * 1e9)
@@ -132,8 +154,8 @@ class Session:
 
     def end(self, run: CaseRun) -> Verdict:
         """End a case: write its verdict down, and bring the bench to rest."""
-        scheduler = self.keeper.scheduler
-        scheduler.deadline_ns = None
+        run.close()
+        self.keeper.scheduler.deadline_ns = None
         outcome = run.outcome()
         self._events.write(
             "case-end",
@@ -170,7 +192,8 @@ class Session:
 
     def safe(self) -> None:
         """Write down why a run was stopped, if it was, and make the bench safe."""
-        if self.flags.reason:
+        self._stopped = bool(self.flags.reason)
+        if self._stopped:
             self._events.write("stop", reason=self.flags.reason, urgent=self.flags.urgent)
         self.keeper.release()
 
@@ -180,13 +203,15 @@ class Session:
             return EXIT_UNSAFE
         if self.keeper.scheduler.tripped:
             return EXIT_TRIPPED
+        if self._stopped:
+            return EXIT_INTERRUPTED
         if pytest_code == 0 and not all(verdict.good for verdict in self._verdicts):
             return 1
         return pytest_code
 
     def seal(self, exit_code: int, write_reports: ReportWriter) -> str:
         """Seal the package and return its evidence digest."""
-        with handle_signals(self.flags), self.flags.shielded(), self._closing:
+        with self.flags.shielded(), self._closing:
             self._flush()
             self._sink.close()
             return seal(self.folder, self._journal, exit_code=exit_code, write_reports=write_reports)
@@ -269,18 +294,29 @@ class Session:
     def _tick(self) -> None:
         self._flush()
         if not (self.folder / RESERVE).exists():
-            self.flags.request("disk full")
+            self._disk_is_full()
         for message in poll(self.folder):
             if message.kind == "stop":
                 self.flags.request(f"stop by {message.by or 'nobody'}: {message.text}".rstrip(": "))
             else:
-                write_message(self._journal, self.bench.clock.now(), message)
+                self._write_message(message)
+
+    def _write_message(self, message: Message) -> None:
+        try:
+            write_message(self._journal, self.bench.clock.now(), message)
+        except EvidenceError:
+            self._disk_is_full()
+
+    def _disk_is_full(self) -> None:
+        """Ask for the run's end; asked again and again, it is no more urgent than a person's first word."""
+        if not self.flags.reason:
+            self.flags.request(DISK_FULL)
 
     def _flush(self) -> None:
         try:
             self._transcript.flush()
             self._store.tick()
         except (OSError, EvidenceError):
-            self.flags.request("disk full")
+            self._disk_is_full()
             if free_reserve(self.folder / RESERVE):
                 self._flush()

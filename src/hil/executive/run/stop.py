@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
@@ -19,15 +19,14 @@ class Stopped(BaseException):
 class StopFlags:
     """Whether the run is to end, and why.
 
-    The first request lets the present sample finish; a second one is urgent and ends the case at
-    once, wherever Python is, unless a transaction is on the wire or the bench is being made safe.
-
-    Args:
-        busy: tells whether a transaction is on the wire.
+    The first request lets the present sample finish. A second one is urgent and ends a case that
+    computes at once, wherever in its own code it is. What the executive does for a case is never cut
+    in two: no transaction on the wire, no line of the journal, and least of all the way to the safe state.
     """
 
-    def __init__(self, busy: Callable[[], bool] = lambda: False) -> None:
-        self._busy = busy
+    def __init__(self) -> None:
+        self._in_case = 0
+        self._undisturbed = 0
         self._shielded = 0
         self.reason = ""
         self.urgent = False
@@ -44,8 +43,26 @@ class StopFlags:
 
     def interrupt(self) -> None:
         """Raise Stopped for an urgent request if that can be done right here."""
-        if self.urgent and not self._shielded and not self._busy():
+        if self.urgent and self._in_case and not self._undisturbed and not self._shielded:
             raise Stopped(self.reason)
+
+    @contextmanager
+    def case_code(self) -> Iterator[None]:
+        """Let an urgent request end what runs in here at once: a case's own code, and nothing else."""
+        self._in_case += 1
+        try:
+            yield
+        finally:
+            self._in_case -= 1
+
+    @contextmanager
+    def undisturbed(self) -> Iterator[None]:
+        """Let requests wait for the next scheduling point: used while a case is served by the executive."""
+        self._undisturbed += 1
+        try:
+            yield
+        finally:
+            self._undisturbed -= 1
 
     @contextmanager
     def shielded(self) -> Iterator[None]:
