@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from collections.abc import Callable, Generator, Sequence
-from pathlib import Path
 from typing import NoReturn
 
 import pytest
@@ -13,11 +10,12 @@ import pytest
 from hil.executive.case.case_run import CaseRun, PlannedCase
 from hil.executive.run.configuration import Configuration
 from hil.executive.run.session import Session
-from hil.executive.run.stop import Stopped, handle_signals
+from hil.executive.run.stop import Stopped
 from hil.model.errors import HilError
 from hil.model.verdict import Verdict
 from hil.plugin.case_fixtures import case_fixtures
 from hil.plugin.collection import MARKERS, plan_cases, skipped_cases
+from hil.plugin.fixture_modules import load_fixture_modules
 
 __all__ = ["Campaign", "Opener"]
 
@@ -32,6 +30,9 @@ class Campaign:
         configuration: what the run is made of.
         opener: opens the session.
 
+    Raises:
+        ConfigurationError: if the workspace's fixtures cannot be loaded.
+
     Attributes:
         session: the open session, None before the first case.
         error: why there is none, where a person can mend it.
@@ -44,6 +45,7 @@ class Campaign:
         self.error: HilError | None = None
         self.collection_errors: list[tuple[str, str]] = []
         self._opener = opener
+        self._fixtures = load_fixture_modules(configuration.workspace)
         self._planned: dict[str, PlannedCase] = {}
         self._skipped: dict[str, str] = {}
         self._ended: set[str] = set()
@@ -62,17 +64,25 @@ class Campaign:
             config.addinivalue_line("markers", marker)
         roles = dict.fromkeys(wire.role for wire in self.configuration.bench.wiring)
         config.pluginmanager.register(case_fixtures(lambda: self.running, roles), "hil_case_fixtures")
-        for path in sorted(self.configuration.workspace.fixtures.glob("*.py")):
-            config.pluginmanager.register(_load(path), f"hil_workspace_fixtures_{path.stem}")
+        for name, module in self._fixtures.items():
+            config.pluginmanager.register(module, f"hil_workspace_fixtures_{name}")
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
-        """Keep what could not be collected, for the error that a person sees."""
+        """Keep what could not be collected, for the error that a person sees.
+
+        Cases of a module that takes itself out as a whole would be missing from the plan without a word.
+        """
         if report.failed:
             self.collection_errors.append((report.nodeid, report.longreprtext))
+        elif report.skipped:
+            text = "E the module skips itself: skip its cases one by one, so that each is NOT_RUN with its reason"
+            self.collection_errors.append((report.nodeid, text))
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         """Freeze the planned cases before anything is deselected."""
+        if self.collection_errors:
+            return
         try:
             self._planned = plan_cases(items, self.configuration)
             self._skipped = skipped_cases(self._planned, self.configuration.request.skips)
@@ -86,26 +96,25 @@ class Campaign:
     @pytest.hookimpl(wrapper=True)
     def pytest_runtestloop(self, session: pytest.Session) -> Generator[None, object, object]:
         """Arm before the first case and make safe after the last, whatever happened between."""
-        if session.testsfailed or not self._planned or session.config.option.collectonly:
+        if self.collection_errors or not self._planned or session.config.option.collectonly:
             return (yield)
         try:
             self.session = self._opener(self.configuration, list(self._planned.values()))
         except HilError as error:
             self._refuse(error)
-        with handle_signals(self.session.flags):
+        try:
+            self.session.arm()
+            return (yield)
+        finally:
             try:
-                self._arm(session)
-                return (yield)
-            finally:
                 self.session.safe()
+            finally:
                 self._note_not_run()
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, object, object]:
         """Begin the case before its set-up, and end it after its teardown."""
-        reason = self._skipped.get(item.nodeid) or self.running.poison
-        if item.get_closest_marker("xfail"):
-            reason = reason or "marked xfail: a failure that is expected is no verdict"
+        reason = self._reason_against(item)
         if reason:
             self._skip(item, reason)
             return (yield)
@@ -119,6 +128,12 @@ class Campaign:
             self.running.end(run)
             self._ended.add(item.nodeid)
 
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_pyfunc_call(self) -> Generator[None, object, object]:
+        """Let an urgent stop end the case's own code, wherever it is."""
+        with self.running.flags.case_code():
+            return (yield)
+
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(
         self, item: pytest.Item, call: pytest.CallInfo[None]
@@ -129,7 +144,7 @@ class Campaign:
         if run is None:
             return report
         if call.excinfo is not None:
-            if call.excinfo.errisinstance(pytest.skip.Exception):
+            if call.excinfo.errisinstance((pytest.skip.Exception, pytest.xfail.Exception)):
                 run.skip(str(call.excinfo.value))
                 return report
             run.raised(call.excinfo.value)
@@ -156,15 +171,21 @@ class Campaign:
         self.error = error
         pytest.exit(str(error), returncode=pytest.ExitCode.USAGE_ERROR)
 
-    def _arm(self, session: pytest.Session) -> None:
-        try:
-            self.running.arm()
-        except Stopped as stopped:
-            session.shouldstop = f"stopped by {stopped}"
-
     def _stop(self, session: pytest.Session, error: BaseException) -> None:
         if isinstance(error, Stopped) or self.running.flags.reason:
             session.shouldstop = f"stopped by {self.running.flags.reason}"
+
+    def _reason_against(self, item: pytest.Item) -> str:
+        """Return why this case is not run, empty where it is."""
+        running = self.running
+        if known := self._skipped.get(item.nodeid) or running.poison:
+            return known
+        if running.flags.reason:
+            item.session.shouldstop = f"stopped by {running.flags.reason}"
+            return str(item.session.shouldstop)
+        if item.get_closest_marker("xfail"):
+            return "marked xfail: a failure that is expected is no verdict"
+        return ""
 
     def _skip(self, item: pytest.Item, reason: str) -> None:
         self.running.not_run(item.nodeid, reason)
@@ -187,14 +208,3 @@ def _judge(report: pytest.TestReport, run: CaseRun) -> None:
         return
     report.outcome = "passed" if outcome.verdict.good else "failed"
     report.longrepr = None if outcome.verdict.good else "\n".join((outcome.verdict.value, *outcome.reasons))
-
-
-def _load(path: Path) -> object:
-    name = f"hil_workspace_fixtures.{path.stem}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise pytest.UsageError(f"{path} cannot be loaded")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module

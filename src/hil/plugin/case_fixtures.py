@@ -12,7 +12,10 @@ import pytest
 from hil.executive.case.case_run import CaseRun
 from hil.executive.run.session import Session
 
-__all__ = ["CaseClock", "case_fixtures"]
+__all__ = ["CASE_FIXTURES", "CaseClock", "case_fixtures"]
+
+CASE_FIXTURES = ("check", "clock", "iterations", "operator", "parameters", "record", "step")
+"""What every case can ask for, whatever its bench is."""
 
 
 class CaseClock:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import pytest
@@ -10,6 +11,7 @@ from hil.documents.suggest import did_you_mean
 from hil.executive.case.case_run import PlannedCase
 from hil.executive.run.configuration import Configuration
 from hil.model.errors import ConfigurationError, Finding, Refused
+from hil.plugin.case_fixtures import CASE_FIXTURES
 from hil.plugin.literals import written_checks
 from hil.requirements.catalogue import Catalogue
 
@@ -29,14 +31,14 @@ def plan_cases(items: Sequence[pytest.Item], configuration: Configuration) -> di
     Raises:
         ConfigurationError: with every marker that the catalogue cannot follow, and every gap in `over`.
     """
-    planned = {item.nodeid: _planned(item) for item in items}
-    findings = [finding for item in items for finding in _marker_findings(item, configuration.catalogue)]
+    findings = [finding for item in items for finding in _item_findings(item, configuration)]
+    findings += [finding for item in items for finding in _marker_findings(item, configuration.catalogue)]
     findings += [finding for item in items for finding in _check_findings(item, configuration.catalogue)]
     findings += _uncovered(items, configuration.catalogue)
     if findings:
         # A parametrised case is one function: what is wrong in it is told once.
         raise ConfigurationError(tuple(dict.fromkeys(findings)))
-    return planned
+    return {item.nodeid: _planned(item) for item in items}
 
 
 def skipped_cases(planned: Mapping[str, PlannedCase], skips: Mapping[str, str]) -> dict[str, str]:
@@ -57,20 +59,57 @@ def skipped_cases(planned: Mapping[str, PlannedCase], skips: Mapping[str, str]) 
 
 
 def _planned(item: pytest.Item) -> PlannedCase:
-    mark = item.get_closest_marker("max_duration")
     doc = getattr(getattr(item, "function", None), "__doc__", "") or ""
     return PlannedCase(
         id=item.nodeid,
         title=doc.strip().partition("\n")[0],
         plan=item.path.parent.name,
         requirements=_requirements(item),
-        max_duration_s=float(mark.args[0]) if mark and mark.args else _LONGEST_S,
+        max_duration_s=_max_duration_s(item) or _LONGEST_S,
     )
+
+
+def _max_duration_s(item: pytest.Item) -> float | None:
+    """Return what the marker says, NaN where it says no duration, None where there is none."""
+    mark = item.get_closest_marker("max_duration")
+    if mark is None:
+        return None
+    seconds = mark.args[0] if len(mark.args) == 1 and not mark.kwargs else None
+    return float(seconds) if isinstance(seconds, int | float) and not isinstance(seconds, bool) else math.nan
 
 
 def _requirements(item: pytest.Item) -> tuple[str, ...]:
     marks = item.iter_markers("requirement")
     return tuple(dict.fromkeys(str(name) for mark in marks for name in mark.args))
+
+
+def _item_findings(item: pytest.Item, configuration: Configuration) -> Iterator[Finding]:
+    """Yield what would stop this case, or leave it out of the evidence, after the bench was armed."""
+    path, line, _ = item.location
+    if item.path.parent not in configuration.plans:
+        yield _at(path, line, "cases stand in the folder of their plan, not below it, so that they are evidence")
+    seconds = _max_duration_s(item)
+    if seconds is not None and not 0 < seconds < math.inf:
+        yield _at(path, line, f"max_duration of {item.name} takes one number of seconds above zero")
+    if any(mark.kwargs or not mark.args for mark in item.iter_markers("requirement")):
+        yield _at(path, line, f"requirement of {item.name} takes ids and nothing else")
+    roles = sorted({wire.role for wire in configuration.bench.wiring})
+    for name in _unprovided(item):
+        message = f"{item.name} asks for '{name}', which nothing provides"
+        yield _at(path, line, f"{message}{did_you_mean(name, (*CASE_FIXTURES, *roles))}")
+
+
+def _unprovided(item: pytest.Item) -> list[str]:
+    """Return the fixtures that a case asks for and nobody provides.
+
+    pytest tells it in no public way before the case runs; where its own notes look otherwise, the case's
+    set-up tells.
+    """
+    provided = getattr(getattr(item, "_fixtureinfo", None), "name2fixturedefs", None)
+    if provided is None:
+        return []
+    given = {"request", *provided, *_parameters(item)}
+    return [name for name in getattr(item, "fixturenames", ()) if name not in given]
 
 
 def _marker_findings(item: pytest.Item, catalogue: Catalogue) -> Iterator[Finding]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,7 +15,7 @@ import pytest
 
 from hil.executive.run.configuration import Configuration
 from hil.executive.run.session import Session
-from hil.model.errors import ConfigurationError, Finding
+from hil.model.errors import ConfigurationError, Finding, Refused
 from hil.plugin.campaign import Campaign, Opener
 
 __all__ = ["Launched", "launch"]
@@ -36,7 +38,8 @@ def launch(configuration: Configuration, opener: Opener) -> Launched:
         ConfigurationError: if cases cannot be collected or do not fit the catalogue.
     """
     campaign = Campaign(configuration, opener)
-    with tempfile.TemporaryDirectory(prefix="hil-") as folder, _own_environment():
+    root = configuration.workspace.root
+    with tempfile.TemporaryDirectory(prefix="hil-") as folder, _own_environment(), _own_modules(root):
         ini = Path(folder) / "pytest.ini"
         ini.write_text(_INI, encoding="ascii")
         code = pytest.main(_arguments(configuration, ini), plugins=[campaign])
@@ -44,6 +47,8 @@ def launch(configuration: Configuration, opener: Opener) -> Launched:
         raise campaign.error
     if campaign.collection_errors:
         raise ConfigurationError(tuple(_finding(where, text) for where, text in campaign.collection_errors))
+    if campaign.session is None and code == pytest.ExitCode.USAGE_ERROR:
+        raise Refused("the plans could not be collected, see above", "mend what pytest names there")
     return Launched(int(code), campaign.session)
 
 
@@ -52,6 +57,7 @@ def _arguments(configuration: Configuration, ini: Path) -> list[str]:
     return [
         *("-c", str(ini)),
         *("--rootdir", str(workspace.root)),
+        *("--confcutdir", str(workspace.testplans)),
         "--import-mode=importlib",
         "--strict-markers",
         *("-p", "no:terminal"),
@@ -76,7 +82,29 @@ def _own_environment() -> Iterator[None]:
                 os.environ[name] = value
 
 
+@contextmanager
+def _own_modules(root: Path) -> Iterator[None]:
+    """Forget the plans' modules afterwards: those of another workspace have the same names."""
+    before = set(sys.modules)
+    try:
+        yield
+    finally:
+        # All of them are looked at before one goes: a namespace package asks its parent where it is.
+        for name in [name for name in set(sys.modules) - before if _is_inside(sys.modules[name], root)]:
+            del sys.modules[name]
+
+
+def _is_inside(module: object, root: Path) -> bool:
+    places = [getattr(module, "__file__", None) or "", *getattr(module, "__path__", ())]
+    return any(place and Path(place).is_relative_to(root) for place in places)
+
+
 def _finding(where: str, text: str) -> Finding:
-    """Return the sentence of a collection error: the last line that is no frame of a traceback."""
-    lines = [line.removeprefix("E").strip() for line in text.splitlines() if line.startswith("E ")]
-    return Finding(path=where, line=0, column=0, message="; ".join(lines) or text.strip())
+    """Return the sentence of a collection error and its line; of a traceback nothing else is for a person."""
+    told = [line[1:].strip() for line in text.splitlines() if line.startswith("E ")]
+    frames = re.findall(rf"^{re.escape(where)}:(\d+): ", text, re.MULTILINE)
+    quoted = re.search(r'^File ".*", line (\d+)$', told[0]) if told else None
+    if quoted:  # a syntax error: the line, its text, a mark below it, and last what it is
+        return Finding(path=where, line=int(quoted[1]), column=1, message=told[-1])
+    message = "; ".join(told) or text.strip()
+    return Finding(path=where, line=int(frames[-1]) if frames else 0, column=1 if frames else 0, message=message)

@@ -40,7 +40,11 @@ def written_checks(function: Callable[..., object]) -> Iterator[WrittenCheck]:
         return
     source = textwrap.dedent("".join(lines))
     indent = len(lines[0]) - len(lines[0].lstrip())
-    for node in ast.walk(ast.parse(source)):
+    try:
+        tree = ast.parse(source)
+    except SyntaxError:  # a text in the first column keeps an indented function from being taken out
+        return
+    for node in ast.walk(tree):
         if isinstance(node, ast.Call) and ast.unparse(node.func) in _NAMES:
             texts = [_text(argument) for argument in node.args[:2]]
             if len(texts) == 2 and texts[0] is not None and texts[1] is not None:

@@ -54,7 +54,8 @@ def _answers_of(
         last = _person(request, bench, idle)
         if prepared is None or request.answers is None:
             return last
-        return FirstOf(AnswersFile(prepared, shown(request.answers)), last, frozenset(prepared))
+        file = AnswersFile(prepared, shown(request.answers))
+        return file if isinstance(last, Nobody) else FirstOf(file, last, frozenset(prepared))
 
     return make
 

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import os
 import select
 import sys
 
 __all__ = ["Terminal"]
 
 _PATIENCE_S = 0.1
+_BLOCK = 4096
 
 
 class Terminal:
     """Standard input and standard error; a look for input never waits for long."""
+
+    def __init__(self) -> None:
+        self._typed = b""
 
     def show(self, text: str) -> None:
         """Show a line where standard output stays clean."""
@@ -19,6 +24,26 @@ class Terminal:
         sys.stderr.flush()
 
     def line(self) -> str | None:
-        """Return a line if one was entered, None otherwise; the end of input counts as an empty line."""
-        ready, _, _ = select.select([sys.stdin], [], [], _PATIENCE_S)
-        return sys.stdin.readline() if ready else None
+        """Return a line with its newline if one was entered, None if not yet, an empty text once input has ended.
+
+        Lines that were typed ahead are kept here, where `select` does not see them any more.
+        """
+        if b"\n" not in self._typed:
+            ready, _, _ = select.select([sys.stdin], [], [], _PATIENCE_S)
+            if not ready:
+                return None
+            if not (more := _read()):
+                return ""
+            self._typed += more
+            if b"\n" not in self._typed:
+                return None
+        line, _, self._typed = self._typed.partition(b"\n")
+        return line.decode(errors="replace") + "\n"
+
+
+def _read() -> bytes:
+    """Return what was typed, nothing at the end of input and once the terminal is gone."""
+    try:
+        return os.read(sys.stdin.fileno(), _BLOCK)
+    except OSError:
+        return b""

@@ -23,6 +23,8 @@ from hil.report.procedure import procedure_lines
 
 __all__ = ["Replayed", "procedure", "replay"]
 
+_NO_CASES = 5
+
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
@@ -58,7 +60,8 @@ def replay(package: Package) -> Replayed:
 def _rehearsed(configuration: Configuration, opener: Opener) -> Session:
     launched = launch(configuration, opener)
     if launched.session is None:
-        raise Refused("no cases were found in these plans", "cases are functions test_* in files test_*.py")
+        why = "no cases were found in these plans" if launched.code == _NO_CASES else "no case could be run"
+        raise Refused(why, "cases are functions test_* in files test_*.py")
     launched.session.abandon()
     return launched.session
 

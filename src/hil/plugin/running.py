@@ -16,7 +16,8 @@ from hil.report.write import write_reports
 
 __all__ = ["run"]
 
-_NO_CASES = 5
+_WITHOUT = {2: "interrupted before the first case", 5: "no cases were found in these plans"}
+"""Why there is no package, by exit code."""
 
 
 def run(request: Request, out: TextIO, *, verbose: bool = False) -> int:
@@ -28,8 +29,7 @@ def run(request: Request, out: TextIO, *, verbose: bool = False) -> int:
     listeners = [Progress(out, verbose=verbose)]
     launched = launch(configuration, partial(open_simulated, listeners=listeners, alone=True))
     if launched.session is None:
-        if launched.code == _NO_CASES:
-            out.write("no cases were found in these plans\n")
+        out.write(f"{_WITHOUT.get(launched.code, 'nothing was run')}\n")
         return launched.code
     code = launched.session.exit_code(launched.code)
     digest = launched.session.seal(code, write_reports)

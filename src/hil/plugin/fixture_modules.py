@@ -1,0 +1,51 @@
+"""The workspace's own fixtures, loaded by path, with a plain sentence where they cannot be."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import traceback
+from pathlib import Path
+from types import ModuleType
+
+from hil.executive.run.workspace import Workspace
+from hil.model.errors import ConfigurationError, Finding
+
+__all__ = ["load_fixture_modules"]
+
+
+def load_fixture_modules(workspace: Workspace) -> dict[str, ModuleType]:
+    """Return every module of the workspace's fixtures by its name.
+
+    Raises:
+        ConfigurationError: with every module that cannot be loaded, and why.
+    """
+    modules: dict[str, ModuleType] = {}
+    findings: list[Finding] = []
+    for path in sorted(workspace.fixtures.glob("*.py")):
+        try:
+            modules[path.stem] = _load(path)
+        except Exception as error:  # noqa: BLE001 - importing somebody's module can raise anything
+            findings.append(_finding(workspace.shown(path), path, error))
+    if findings:
+        raise ConfigurationError(tuple(findings))
+    return modules
+
+
+def _load(path: Path) -> ModuleType:
+    name = f"hil_workspace_fixtures.{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{path.name} is no Python module")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def _finding(shown: str, path: Path, error: Exception) -> Finding:
+    message = f"{type(error).__name__}: {error}"
+    if isinstance(error, SyntaxError) and error.filename == str(path):
+        return Finding(shown, error.lineno or 0, error.offset or 1, f"{type(error).__name__}: {error.msg}")
+    own = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+    return Finding(shown, (own[-1] if own else 0) or 0, 1, message)
