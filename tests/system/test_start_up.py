@@ -29,8 +29,8 @@ def alternating(first, second, cwd, pairs):
     return tuple(zip(*times, strict=True))
 
 
-def holds_at_last(measure, attempts=2):
-    """Return whether a measurement holds; a machine that was busy with something else gets another chance."""
+def holds_at_last(measure, attempts=3):
+    """Return whether a measurement holds; a machine that was busy with something else gets other chances."""
     return any(measure() for _ in range(attempts))
 
 

@@ -68,6 +68,7 @@ class Plant(ABC):
         self._next_ns = grid_ns
         self._moments = deque([_Moment(0, state, MappingProxyType(dict(inputs)))])
         self._ahead: tuple[_Moment, Vector] | None = None
+        self._past: tuple[int, Vector, Inputs] | None = None  # what `observe_at` saw last; no command changes the past
         self._listeners: list[Callable[[], None]] = []
 
     @abstractmethod
@@ -126,7 +127,8 @@ class Plant(ABC):
 
     def observe(self, signal: str) -> float:
         """Return a signal at the present instant, commands of this instant included."""
-        return self._signal(signal, self._moments[-1], self._now_ns)
+        last = self._moments[-1]
+        return self.signal(signal, self._state_at(last, self._now_ns), last.inputs, self._now_ns / NANOSECONDS)
 
     def observe_at(self, signal: str, at_ns: int) -> float:
         """Return a signal at an instant of the last two seconds, before any command of that instant.
@@ -134,10 +136,13 @@ class Plant(ABC):
         So the answer does not depend on whether somebody asks before or after such a command. Only at the epoch
         itself there is no before.
         """
-        moment = next((item for item in reversed(self._moments) if item.at_ns < at_ns), self._moments[0])
-        if at_ns < moment.at_ns or at_ns > self._now_ns:
-            raise ValueError(f"plant {self.name} cannot be observed at {at_ns} ns, it is {self._now_ns} ns")
-        return self._signal(signal, moment, at_ns)
+        if self._past is None or self._past[0] != at_ns:
+            moment = next((item for item in reversed(self._moments) if item.at_ns < at_ns), self._moments[0])
+            if at_ns < moment.at_ns or at_ns > self._now_ns:
+                raise ValueError(f"plant {self.name} cannot be observed at {at_ns} ns, it is {self._now_ns} ns")
+            self._past = (at_ns, self._state_at(moment, at_ns), moment.inputs)
+        _, state, inputs = self._past
+        return self.signal(signal, state, inputs, at_ns / NANOSECONDS)
 
     def state(self) -> Mapping[str, object]:
         """Return everything that the plant needs to go on, as JSON values."""
@@ -150,15 +155,13 @@ class Plant(ABC):
         self._moments = deque(_Moment(at, tuple(row), MappingProxyType(dict(inputs))) for at, row, inputs in rows)
         self._now_ns = cast("int", state["now_ns"])
         self._next_ns = self._end_ns(self._moments[-1])
-        self._ahead = None
+        self._ahead = self._past = None
 
-    def _signal(self, name: str, moment: _Moment, at_ns: int) -> float:
-        state = moment.state
-        if at_ns > moment.at_ns:
-            share = (at_ns - moment.at_ns) / (self._end_ns(moment) - moment.at_ns)
-            ahead = self._state_ahead(moment)
-            state = tuple([a + (b - a) * share for a, b in zip(state, ahead, strict=True)])
-        return self.signal(name, state, moment.inputs, at_ns / NANOSECONDS)
+    def _state_at(self, moment: _Moment, at_ns: int) -> Vector:
+        if at_ns <= moment.at_ns:
+            return moment.state
+        share = (at_ns - moment.at_ns) / (self._end_ns(moment) - moment.at_ns)
+        return tuple([a + (b - a) * share for a, b in zip(moment.state, self._state_ahead(moment), strict=True)])
 
     def _end_ns(self, moment: _Moment) -> int:
         return (moment.at_ns // self._grid_ns + 1) * self._grid_ns
