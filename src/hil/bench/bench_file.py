@@ -20,7 +20,7 @@ from hil.documents.node import Place
 from hil.documents.reader import MappingReader, read_document
 from hil.documents.suggest import did_you_mean
 from hil.model.bench import BenchSpec, SafeStep
-from hil.model.errors import Refused
+from hil.model.errors import ConfigurationError, Refused
 
 __all__ = ["SCHEMA", "bench_names", "load_bench", "read_bench"]
 
@@ -53,9 +53,8 @@ def load_bench(benches: Path, name: str, root: Path) -> BenchSpec:
     findings = Findings()
     path = benches / name / "bench.yaml"
     spec = read_bench(path, str(path.relative_to(root)), findings)
-    findings.raise_if_any()
-    if spec is None:
-        raise Refused(f"{path} cannot be read", "check the file's permissions")
+    if spec is None or len(findings):
+        raise ConfigurationError(tuple(findings))
     return spec
 
 

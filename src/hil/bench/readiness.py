@@ -38,6 +38,9 @@ def unpowered_gates(bench: BoundBench, dut: Dut | None = None) -> Iterator[Gate]
     for instrument in bench.spec.instruments:
         if not instrument.powered_by:
             yield _identity(bench, instrument, dut)
+    if dut and dut.recognised and not dut.recognised.keys() & bench.drivers.keys():
+        detail = f"it is recognised by {', '.join(sorted(dut.recognised))}, and this bench has no such instrument"
+        yield Gate(f"identity of {dut.serial}", ok=False, detail=detail)
     yield from _found_on(bench)
 
 

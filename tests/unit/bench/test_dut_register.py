@@ -60,6 +60,16 @@ def test_entries_without_serial_number_are_no_duplicates(tmp_path):
     assert [line.split(": ", 1)[1] for line in wrong] == ["duts: key 'serial' is missing"] * 2
 
 
+def test_file_that_is_no_register(tmp_path):
+    """A missing file, or one of another schema, is a finding and holds nobody."""
+    findings = Findings()
+    assert load_duts(tmp_path / "none.yaml", "fixtures/none.yaml", findings) == ()
+    assert [str(finding) for finding in findings] == ["fixtures/none.yaml: the file is missing"]
+    (tmp_path / "other.yaml").write_text("schema: hil/bench/1\n", encoding="utf-8")
+    assert load_duts(tmp_path / "other.yaml", "fixtures/other.yaml", findings) == ()
+    assert "schema must be 'hil/duts/1' here" in str(list(findings)[-1])
+
+
 def test_unknown_article_names_the_nearest(tmp_path):
     """A serial number that is not registered is refused, with the one that was meant, and all there are."""
     duts, _ = load(tmp_path, GOOD)

@@ -150,6 +150,16 @@ def test_article_is_recognised_by_any_device(device, serial):
         assert energy(bench) == OFF
 
 
+def test_article_that_nothing_here_can_recognise_is_not_ready():
+    """A register that names no instrument of this bench proves nothing of who is on it."""
+    with bound(adcs()) as bench:
+        gate = gates(bench, replace(DUT, recognised={"magg1": "LIS3MDL"}))["identity of SN-1"]
+        assert not gate.ok
+        assert gate.detail == "it is recognised by magg1, and this bench has no such instrument"
+        found = gates(bench, replace(DUT, recognised={"elsewhere": "X", "mag1": "LIS3MDL"}))
+        assert "identity of SN-1" not in found
+
+
 @pytest.mark.parametrize(
     ("truth", "connects", "detail"),
     [
