@@ -176,6 +176,31 @@ def test_every_mistake_is_told_where_it_is(tmp_path, change, at, message):
     assert any(line.startswith(f"{place(text, at)}: ") and message in line for line in wrong), wrong
 
 
+def test_rating_of_the_whole_instrument_holds_for_every_channel(tmp_path):
+    """A rating without a channel is held against the clamps of all its outputs; one of another channel is not."""
+    changed(
+        tmp_path, ('{channel: "2", quantity: voltage, unit: V, max: "25"}', '{quantity: voltage, unit: V, max: "5"}')
+    )
+    assert [line.split(": ", 1)[1] for line in found(tmp_path)] == [
+        "supply.coil: a clamp at 6 V exceeds the rating 5 V"
+    ]
+    changed(
+        tmp_path, ('{channel: "2", quantity: voltage, unit: V, max: "25"}', '{quantity: voltage, unit: V, max: "3"}')
+    )
+    assert len(found(tmp_path)) == 2
+    changed(tmp_path, ('{channel: "2", quantity: v', '{channel: "1", quantity: v'), ('V, max: "25"', 'V, max: "3"'))
+    assert found(tmp_path) == []
+
+
+def test_certificate_elsewhere_is_none(tmp_path):
+    """A file outside the bench's folder would not be in a package."""
+    changed(tmp_path, ("certificates/mag1.txt", "../mag1.txt"))
+    (tmp_path / "fixtures" / "benches" / "mag1.txt").write_text("a certificate", encoding="utf-8")
+    assert [line.split(": ", 1)[1] for line in found(tmp_path)] == [
+        "there is no certificate '../mag1.txt' in the bench's folder"
+    ]
+
+
 def test_all_findings_come_at_once_and_sorted(tmp_path):
     """Mistakes in five sections are five findings in the order of the file."""
     text = changed(
