@@ -102,7 +102,7 @@ def _is_inside(module: object, root: Path) -> bool:
 def _finding(where: str, text: str) -> Finding:
     """Return the sentence of a collection error and its line; of a traceback nothing else is for a person."""
     told = [line[1:].strip() for line in text.splitlines() if line.startswith("E ")]
-    frames = re.findall(rf"^{re.escape(where)}:(\d+): ", text, re.MULTILINE)
+    frames = re.findall(rf"^.*{re.escape(where)}:(\d+): ", text, re.MULTILINE)
     quoted = re.search(r'^File ".*", line (\d+)$', told[0]) if told else None
     if quoted:  # a syntax error: the line, its text, a mark below it, and last what it is
         return Finding(path=where, line=int(quoted[1]), column=1, message=told[-1])

@@ -1,0 +1,372 @@
+"""Whole runs in small workspaces: however a case ends, everything that is left of it says the same."""
+
+from __future__ import annotations
+
+import pytest
+from workspaces import agreed, make
+
+CHECK = '''
+@pytest.mark.requirement("T-010")
+def test_one(check):
+    """The ratio is what it is."""
+    check("T-010", "ratio", {value})
+'''
+
+LAST = """
+@pytest.mark.requirement("T-010")
+def test_last(check):
+    check("T-010", "ratio", 1.0)
+"""
+
+CURRENT = """
+@pytest.fixture
+def current(supply):
+    supply.coil.configure(5.0, 0.01)
+    supply.coil.enable()
+    return supply.coil
+"""
+
+
+def ran(tmp_path, *cases, **changes):
+    """Run cases in a workspace of their own."""
+    return make(tmp_path / "workspace", *cases).run(**changes)
+
+
+@pytest.mark.parametrize(("value", "verdict"), [("1.0", "PASS"), ("2.0", "FAIL"), ("math.nan", "INCONCLUSIVE")])
+def test_a_check_decides_its_case_and_its_run(tmp_path, value, verdict):
+    """One check, one case, one run: all have the same verdict."""
+    agreed(ran(tmp_path, CHECK.format(value=value)), {"test_one": verdict}, verdict, 0 if verdict == "PASS" else 1)
+
+
+def test_data_that_were_asked_for_are_recorded(tmp_path):
+    """A requirement that asks for data is RECORDED when they are there, long enough and without a gap."""
+    cases = """
+    @pytest.mark.requirement("T-030")
+    def test_one(field, record):
+        record("field", field, duration=1.0, rate=40.0)
+    """
+    found = ran(tmp_path, cases)
+    agreed(found, {"test_one": "RECORDED"}, "RECORDED", 0)
+    assert {check["parameter"] for check in found.package.events("check")} == {
+        "channels", "duration", "max_gap", "rate",
+    }  # fmt: skip
+
+
+def test_data_that_are_too_short_fail(tmp_path):
+    """Half a second where a whole one is due fails, with both numbers in the reason."""
+    cases = """
+    @pytest.mark.requirement("T-030")
+    def test_one(field, record):
+        record("field", field, duration=0.5, rate=40.0)
+    """
+    found = ran(tmp_path, cases)
+    agreed(found, {"test_one": "FAIL"}, "FAIL", 1)
+    assert "0.5 s is below the minimum of 1 s" in found.reasons("test_one")
+
+
+def test_data_of_another_name_are_no_data(tmp_path):
+    """A recording that nobody asked for does not stand in for the one that is due."""
+    cases = """
+    @pytest.mark.requirement("T-030")
+    def test_one(field, record):
+        record("fild", field, duration=1.0, rate=40.0)
+    """
+    found = ran(tmp_path, cases)
+    agreed(found, {"test_one": "NOT_EVALUATED"}, "NOT_EVALUATED", 1)
+    assert found.reasons("test_one") == "T-030 got no recording 'field'"
+
+
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [
+        ("pass", "T-020 got no check of rate of x, rate of y"),
+        ('check("T-020", "rate", Figure(value=0.1, unit="deg/s"), of="x")', "T-020 got no check of rate of y"),
+    ],
+    ids=["no check", "one axis missing"],
+)
+def test_a_check_that_is_missing_is_no_pass(tmp_path, body, reason):
+    """What was not evaluated, wholly or for one axis, is NOT_EVALUATED and says what is missing."""
+    cases = f"""
+    @pytest.mark.requirement("T-020")
+    def test_one(check):
+        {body}
+    """
+    found = ran(tmp_path, cases)
+    agreed(found, {"test_one": "NOT_EVALUATED"}, "NOT_EVALUATED", 1)
+    assert found.reasons("test_one") == reason
+
+
+@pytest.mark.parametrize(
+    ("statement", "reason"),
+    [
+        ("assert 1 > 2, 'the supply did not follow'", "AssertionError: the supply did not follow"),
+        ("1 / 0", "ZeroDivisionError: division by zero"),
+        ("pytest.fail('not like this')", "Failed: not like this"),
+        ("raise SystemExit('gone')", "SystemExit: gone"),
+        ('check("T-010", "ratio", Figure(value=1.0, unit="V"))', "UnitError"),
+        ('check("T-010", parameter="rati", value=1.0)', "T-010 has no parameter 'rati', did you mean 'ratio'?"),
+    ],
+    ids=["assert", "exception", "fail", "exit", "unit", "parameter"],
+)
+def test_what_a_case_raises_is_an_error(tmp_path, statement, reason):
+    """An assertion or exception outside `check` is an ERROR, whatever was checked before; later cases still run."""
+    cases = f"""
+    @pytest.mark.requirement("T-010")
+    def test_one(check):
+        check("T-010", "ratio", 1.0)
+        {statement}
+    """
+    found = ran(tmp_path, cases, LAST)
+    agreed(found, {"test_one": "ERROR", "test_last": "PASS"}, "ERROR", 1)
+    assert reason in found.reasons("test_one")
+
+
+@pytest.mark.parametrize("place", ["before", "after"])
+def test_what_set_up_and_teardown_raise_is_an_error(tmp_path, place):
+    """An exception in a fixture counts as much as one in the case, also after a case that passed."""
+    before, after = ("1 / 0", "pass") if place == "before" else ("pass", "1 / 0")
+    cases = f"""
+    @pytest.fixture
+    def thing():
+        {before}
+        yield
+        {after}
+
+    @pytest.mark.requirement("T-010")
+    def test_one(thing, check):
+        check("T-010", "ratio", 1.0)
+    """
+    found = ran(tmp_path, cases)
+    agreed(found, {"test_one": "ERROR"}, "ERROR", 1)
+    assert found.reasons("test_one").startswith("ZeroDivisionError")
+    assert len(found.package.events("check")) == (1 if place == "after" else 0)
+
+
+def test_a_required_check_stops_its_case(tmp_path):
+    """`check.require` ends the case with the check's verdict, not with an ERROR."""
+    cases = """
+    @pytest.mark.requirement("T-010", "T-050")
+    def test_one(check, supply):
+        check.require("T-010", "ratio", 2.0)
+        check("T-050", "voltage", supply.coil.voltage())
+    """
+    found = ran(tmp_path, cases)
+    agreed(found, {"test_one": "FAIL"}, "FAIL", 1)
+    assert "T-050 got no check of voltage" in found.reasons("test_one")
+    assert not found.package.events("effect")
+
+
+def test_a_bench_fault_that_a_case_swallows_is_an_error(tmp_path):
+    """A case that goes on after silence of the bench is an ERROR, and the remaining cases are not run."""
+    cases = """
+    @pytest.mark.requirement("T-010")
+    def test_one(supply, check, clock):
+        clock.sleep(20)
+        try:
+            supply.sensor.voltage()
+        except Exception:
+            pass
+        check("T-010", "ratio", 1.0)
+    """
+    workspace = make(tmp_path / "workspace", cases, LAST)
+    workspace.give_faults("psu1", "{kind: late, by: 600 ms, from: 20 s, until: 24 s}")
+    workspace.change_bench({"period: 1 s, max_age: 5 s": "period: 60 s, max_age: 300 s"})
+    workspace.change_bench({"period: 2 s, max_age: 10 s": "period: 60 s, max_age: 300 s"})
+    found = workspace.run()
+    agreed(found, {"test_one": "ERROR", "test_last": "NOT_RUN"}, "ERROR", 1)
+    (fault,) = found.package.events("fault")
+    assert (fault["device"], fault["dut"]) == ("psu1", False)
+    assert found.reasons("test_last").startswith("bench fault: psu1")
+
+
+def test_a_trip_that_a_case_swallows_is_an_error(tmp_path):
+    """Whoever catches the trip is still in ERROR; the bench is safe, and nothing further runs."""
+    cases = """
+    @pytest.mark.requirement("T-010")
+    def test_one(field, check, clock):
+        for _ in range(20):
+            try:
+                clock.sleep(1.0)
+            except Exception:
+                pass
+        check("T-010", "ratio", 1.0)
+    """
+    workspace = make(tmp_path / "workspace", cases, LAST)
+    workspace.change_bench({'max: "3.5", period: 2 s': 'max: "3.0", period: 2 s'})
+    found = workspace.run()
+    agreed(found, {"test_one": "ERROR", "test_last": "NOT_RUN"}, "ERROR", 6)
+    (trip,) = found.package.events("trip")
+    assert trip["limit"] == "sensor-voltage"
+    assert "supply.sensor: voltage" in found.reasons("test_one")
+    assert found.reasons("test_last").startswith("the envelope tripped: supply.sensor")
+    assert all(end["ok"] for end in found.package.events("safe-end"))
+
+
+def test_a_dead_magnetometer_is_an_error(tmp_path):
+    """Silence of the bench in a recording is an ERROR; what was recorded is kept as incomplete."""
+    cases = """
+    @pytest.mark.requirement("T-030")
+    def test_one(field, record):
+        record("field", field, duration=30.0, rate=40.0)
+    """
+    workspace = make(tmp_path / "workspace", cases, LAST)
+    workspace.give_faults("mag1", "{kind: dead, from: 10 s}")
+    found = workspace.run()
+    agreed(found, {"test_one": "ERROR", "test_last": "NOT_RUN"}, "ERROR", 1)
+    ends = {end["recording"]: end for end in found.package.events("recording-end")}
+    assert not ends["001-test_one-field"]["complete"]
+    assert ends["001-test_one-field"]["rows"] > 0
+
+
+@pytest.mark.parametrize(("requirement", "verdict"), [("T-040", "FAIL"), ("T-030", "INCONCLUSIVE")])
+@pytest.mark.parametrize("swallowed", [False, True])
+def test_a_silent_device_under_test_fails_what_speaks_of_it(tmp_path, requirement, verdict, swallowed):
+    """Silence of the DUT is FAIL where a requirement is about its answers, and INCONCLUSIVE elsewhere."""
+    statement = 'record("field", field, duration=30.0, rate=40.0)'
+    statement = (
+        f"try:\n            {statement}\n        except Exception:\n            pass" if swallowed else statement
+    )
+    cases = f"""
+    @pytest.mark.requirement("{requirement}")
+    def test_one(field, record, check):
+        {statement}
+    """
+    workspace = make(tmp_path / "workspace", cases, LAST)
+    workspace.give_faults("mag1", "{kind: dead, from: 10 s}")
+    workspace.change_bench({"    driver: lis3mdl": "    driver: lis3mdl\n    dut: true"})
+    found = workspace.run()
+    worst = "FAIL" if verdict == "FAIL" else "INCONCLUSIVE"
+    agreed(found, {"test_one": verdict, "test_last": "PASS"}, worst, 1)
+    assert [fault["dut"] for fault in found.package.events("fault")] == [True]
+
+
+@pytest.mark.parametrize(
+    ("decorator", "statement", "reason"),
+    [
+        ("@pytest.mark.skip(reason='no jig')", "pass", "no jig"),
+        ("", "pytest.skip('no jig')", "no jig"),
+        ("", "pytest.xfail('known')", "known"),
+        ("@pytest.mark.xfail(reason='known')", "1 / 0", "marked xfail"),
+    ],
+    ids=["mark", "skip", "xfail", "xfail mark"],
+)
+def test_what_takes_itself_out_is_not_run(tmp_path, decorator, statement, reason):
+    """Skip and xfail are no verdicts: the case is NOT_RUN with its reason, and the run is no pass."""
+    cases = f"""
+    {decorator}
+    @pytest.mark.requirement("T-010")
+    def test_one(check):
+        check("T-010", "ratio", 1.0)
+        {statement}
+    """
+    found = ran(tmp_path, cases, LAST)
+    agreed(found, {"test_one": "NOT_RUN", "test_last": "PASS"}, "NOT_RUN", 1)
+    assert reason in found.reasons("test_one")
+
+
+def test_a_case_that_the_command_line_skips_is_a_deviation(tmp_path):
+    """A skipped case is NOT_RUN with the person's reason, and speaks against closing anything."""
+    found = ran(tmp_path, CHECK.format(value="1.0"), LAST, skips={"test_one": "jig in repair"})
+    agreed(found, {"test_one": "NOT_RUN", "test_last": "PASS"}, "NOT_RUN", 1)
+    assert found.reasons("test_one") == "jig in repair"
+    (requirement,) = found.package.results()["requirements"]
+    assert "deviation: case test_one is skipped: jig in repair" in requirement["reasons"]
+    assert "jig in repair" in found.out
+
+
+def test_an_orphan_is_listed_and_is_no_pass(tmp_path):
+    """A case without a requirement is told, runs, and is NOT_EVALUATED."""
+    found = ran(tmp_path, CHECK.format(value="1.0"), "def test_two():\n    pass")
+    agreed(found, {"test_one": "PASS", "test_two": "NOT_EVALUATED"}, "NOT_EVALUATED", 1)
+    (orphan,) = found.package.events("orphan")
+    assert orphan["cases"] == ["testplans/small/test_small.py::test_two"]
+    assert "test_two carries no requirement" in found.out
+
+
+def test_a_changed_parameter_is_a_deviation(tmp_path):
+    """The value of the command line counts, is told, and keeps the run from closing anything."""
+    cases = """
+    @pytest.mark.requirement("T-010")
+    def test_one(check, parameters):
+        check("T-010", "ratio", parameters.current / 0.02)
+    """
+    found = ran(tmp_path, cases, overrides={"current": "0.02"})
+    agreed(found, {"test_one": "PASS"}, "PASS", 0)
+    assert "deviation: parameter current is 0.02 A instead of 0.01 A" in found.out
+    assert not found.package.results()["requirements"][0]["eligible"]
+    assert "DEVIATION" in found.page()
+
+
+@pytest.mark.parametrize(
+    ("statement", "seconds"),
+    [
+        ("clock.sleep(12)", 10),
+        ("try:\n            clock.sleep(12)\n        except BaseException:\n            pass", 10),
+        ("supply.sensor.voltage()", 0.001),
+    ],
+    ids=["in a wait", "swallowed", "in the last call"],
+)
+def test_a_case_that_takes_too_long_is_an_error(tmp_path, statement, seconds):
+    """Passing `max_duration` is an ERROR, whether a scheduling point sees it or the case's end only."""
+    cases = f"""
+    @pytest.mark.requirement("T-010")
+    @pytest.mark.max_duration({seconds})
+    def test_one(check, clock, supply):
+        check("T-010", "ratio", 1.0)
+        {statement}
+    """
+    found = ran(tmp_path, cases, LAST)
+    agreed(found, {"test_one": "ERROR", "test_last": "PASS"}, "ERROR", 1)
+    assert found.reasons("test_one") == f"the case took longer than its {seconds:g} s of bench time"
+
+
+def test_a_supply_that_refuses_to_switch_off_is_unsafe(tmp_path):
+    """An output that cannot be proven safe has its own exit code, and the run is an ERROR."""
+    cases = """
+    @pytest.mark.requirement("T-010")
+    def test_one(current, check, clock):
+        clock.sleep(10)
+        check("T-010", "ratio", 1.0)
+    """
+    workspace = make(tmp_path / "workspace", CURRENT, cases, LAST)
+    workspace.give_faults("psu1", "{kind: refuse-off, from: 8 s}")
+    found = workspace.run()
+    agreed(found, {"test_one": "PASS", "test_last": "NOT_RUN"}, "ERROR", 7)
+    assert found.package.results()["safe"] is False
+    assert "NOT SAFE" in found.page()
+    assert "THE BENCH COULD NOT BE PROVEN SAFE" in found.out
+
+
+def test_a_wrong_identity_is_not_armed_and_not_touched(tmp_path):
+    """Another instrument than the bench file's is not driven at all, not even to its safe state."""
+    workspace = make(tmp_path / "workspace", CHECK.format(value="1.0"), LAST)
+    workspace.give_faults("psu1", '{kind: identity, value: "ACME,E36312A,MY1,1.0"}')
+    found = workspace.run()
+    agreed(found, {"test_one": "NOT_RUN", "test_last": "NOT_RUN"}, "NOT_RUN", 1)
+    assert "expected manufacturer" in found.reasons("test_one")
+    assert not found.package.events("armed", "case", "safe", "safe-end")
+    assert not any("OUTP" in bytes.fromhex(line.split("\t")[5]).decode("latin-1") for line in _writes(found))
+
+
+def _writes(found):
+    lines = found.package.transcript_path.read_text().splitlines()[1:]
+    return [line for line in lines if line.split("\t")[1:3] == ["psu1", "write"]]
+
+
+def test_a_loop_that_a_case_is_thrown_out_of_ends_its_steps(tmp_path):
+    """An exception in an iteration ends the iteration's step before the case ends, whoever holds the loop."""
+    cases = """
+    @pytest.mark.requirement("T-010")
+    def test_one(iterations, step):
+        turns = iterations("Turn", 3)
+        for turn in turns:
+            with step("Within"):
+                if turn == 2:
+                    raise ValueError("here")
+    """
+    found = ran(tmp_path, cases, LAST)
+    agreed(found, {"test_one": "ERROR", "test_last": "PASS"}, "ERROR", 1)
+    kinds = [event["kind"] for event in found.package.events("step", "step-end", "case-end")]
+    assert kinds == ["step", "step", "step-end", "step-end"] * 2 + ["case-end", "case-end"]
+    outcomes = [event["outcome"] for event in found.package.events("step-end")]
+    assert outcomes == ["done", "done", "raised", "raised"]

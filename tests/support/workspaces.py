@@ -1,0 +1,249 @@
+"""Small workspaces with one plan on a bench of their own, and ways to run it."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import subprocess
+import sys
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+from hil.evidence.package import Package
+from hil.evidence.verify import verify
+from hil.executive.run.configuration import Request
+from hil.executive.run.software import PINNED
+from hil.model.identity import Source
+from hil.plugin.running import run
+from hil.requirements.catalogue import load_catalogue
+from hil.requirements.layout import LOCK
+
+__all__ = ["DUT", "HEAD", "REQUIREMENTS", "ROOT", "Ended", "Ran", "Workspace", "agreed", "finish", "make"]
+
+ROOT = Path(__file__).parents[2]
+DUT = "SIM-ADCS-1"
+
+HEAD = """\
+import math
+
+import pytest
+
+from hil.model.figure import Figure
+"""
+
+REQUIREMENTS = """\
+- {id: T-010, rev: 1, text: The ratio shall be about one., kind: limit, method: test,
+   limits: [{parameter: ratio, unit: "1", min: "0.5", max: "1.5", decision: simple}]}
+- {id: T-020, rev: 1, text: Both axes shall be small., kind: limit, method: test,
+   limits: [{parameter: rate, of: [x, y], unit: deg/s, max: "0.5", decision: simple}]}
+- {id: T-030, rev: 1, text: The field shall be recorded., kind: record, method: test,
+   records: {recording: field, channels: [x, y, z], rate: 40 Hz, duration: 1 s, max_gap: 0.1 s}}
+- {id: T-040, rev: 1, text: The magnetometer shall answer., kind: limit, method: test,
+   limits: [{parameter: answers, equals: "yes"}]}
+- {id: T-050, rev: 1, text: The voltage shall be known., kind: limit, method: test,
+   limits: [{parameter: voltage, unit: V, min: "0", max: "6"}]}
+- {id: T-060, rev: 2, text: Nobody asks for this any more., kind: limit, method: test, withdrawn: true,
+   limits: [{parameter: ratio, unit: "1", min: "0.5", decision: simple}]}
+- {id: T-070, rev: 1, text: Each board shall have its ratio., kind: limit, method: test, over: {board: [a, b]},
+   limits: [{parameter: ratio, unit: "1", min: "0.5", decision: simple}]}
+"""
+
+_DOCUMENT = """\
+schema: hil/requirements/1
+document: {id: T, issue: "1.0", title: A small plan}
+requirements:
+"""
+
+_PARAMETERS = """\
+schema: hil/parameters/1
+parameters:
+- {name: current, value: "0.01", unit: A, text: Coil current}
+"""
+
+_PLACES = {"psu1": '      connects: {"2"', "relay1": '      connects: {"1"', "mag1": "      connects: {field"}
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A command that ended in a process of its own."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def last_line(self) -> str:
+        """The last line of standard output."""
+        return self.out.splitlines()[-1] if self.out else ""
+
+
+@dataclass(frozen=True)
+class Ran:
+    """A run that ended in this process: its exit code, what was shown, and its package."""
+
+    code: int
+    out: str
+    package: Package
+
+    def verdicts(self) -> dict[str, str]:
+        """Return the verdict of every planned case, by the case's own name."""
+        return {_short(case["case"]): str(case["verdict"]) for case in self.package.results()["cases"]}
+
+    def reasons(self, case: str) -> str:
+        """Return the reasons of one case, a line each."""
+        found = next(each for each in self.package.results()["cases"] if _short(each["case"]) == case)
+        return "\n".join(found["reasons"])
+
+    def junit(self) -> dict[str, str]:
+        """Return what JUnit says of every case: `passed`, `failure`, `error` or `skipped`."""
+        root = ET.fromstring(self.package.text("data/report/junit.xml"))  # noqa: S314 - we wrote it
+        kinds = ("failure", "error", "skipped")
+        return {
+            _short(case.get("name", "")): next((kind for kind in kinds if case.find(kind) is not None), "passed")
+            for case in root.iter("testcase")
+        }
+
+    def page(self) -> str:
+        """Return the report's page."""
+        return self.package.text("data/report/report.html")
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """A workspace in a folder of its own."""
+
+    root: Path
+    plan: Path
+    environment: dict[str, str] = field(default_factory=lambda: {**os.environ, **PINNED})
+
+    @property
+    def reports(self) -> Path:
+        """Where packages go."""
+        return self.root / "reports"
+
+    def folders(self) -> list[Path]:
+        """Return every run's folder."""
+        return sorted(self.reports.iterdir()) if self.reports.exists() else []
+
+    def request(self, **changes) -> Request:
+        """Return the request for the plan on the simulated bench."""
+        wanted = {"start": self.root, "plans": (self.plan.name,), "bench": "adcs", "dut": DUT}
+        return Request(**{**wanted, "source": Source.SIMULATED, **changes})
+
+    def run(self, **changes) -> Ran:
+        """Run the plan in this process, and return how it ended; the workspace holds no other run."""
+        before = self.folders()
+        out = io.StringIO()
+        code = run(self.request(**changes), out)
+        (folder,) = [folder for folder in self.folders() if folder not in before]
+        return Ran(code, out.getvalue(), Package(folder))
+
+    def start(self, *arguments: str, **options) -> subprocess.Popen[str]:
+        """Start `hil` in a process of its own."""
+        options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "stdin": subprocess.DEVNULL, **options}
+        command = [sys.executable, "-m", "hil.cli", *arguments]
+        return subprocess.Popen(command, cwd=self.root, env=self.environment, text=True, **options)
+
+    def start_run(self, *arguments: str, **options) -> subprocess.Popen[str]:
+        """Start `hil run` for the plan on the simulated bench, in a process of its own."""
+        wanted = ("run", self.plan.name, "--bench", "adcs", "--dut", DUT, "--source", "simulated")
+        return self.start(*wanted, *arguments, **options)
+
+    def hil(self, *arguments: str, timeout: float = 50) -> Ended:
+        """Run `hil` in a process of its own to its end."""
+        return finish(self.start(*arguments), timeout)
+
+    def lock(self) -> None:
+        """Write the plan's lock as its requirements are now."""
+        from hil.requirements.lock import lock_text  # noqa: PLC0415 - beside its only use
+
+        catalogue = load_catalogue(self.root, [self.plan], locked=False)
+        (self.plan / LOCK).write_text(lock_text(catalogue.of_plan(self.plan.name)), encoding="utf-8")
+
+    def change(self, file: str, changes: Mapping[str, str]) -> None:
+        """Replace texts of a file, each of which is there once."""
+        path = self.root / file
+        text = path.read_text(encoding="utf-8")
+        for old, new in changes.items():
+            assert text.count(old) == 1, f"{file} has {text.count(old)} times {old!r}"
+            text = text.replace(old, new)
+        path.write_text(text, encoding="utf-8")
+
+    def change_bench(self, changes: Mapping[str, str]) -> None:
+        """Replace texts of the bench file."""
+        self.change("fixtures/benches/adcs/bench.yaml", changes)
+
+    def give_faults(self, device: str, *faults: str) -> None:
+        """Let a simulated instrument go wrong."""
+        place = _PLACES[device]
+        self.change_bench({place: f"      faults: [{', '.join(faults)}]\n{place}"})
+
+
+def finish(process: subprocess.Popen[str], timeout: float = 50) -> Ended:
+    """Wait for the end of a command; one that does not end is killed, and fails the test."""
+    try:
+        out, err = process.communicate(timeout=timeout)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.communicate()
+        raise
+    return Ended(process.returncode, out or "", err or "")
+
+
+def make(
+    root: Path,
+    *cases: str,
+    requirements: str = REQUIREMENTS,
+    parameters: str = _PARAMETERS,
+    fixtures: Mapping[str, str] | None = None,
+) -> Workspace:
+    """Make a workspace with one plan and a copy of the magnetorquer bench.
+
+    Args:
+        root: its folder, which must not exist yet.
+        cases: parts of the test module behind its imports, see `HEAD`; each may be indented.
+        requirements: the entries of `requirements.yaml`.
+        parameters: the whole `parameters.yaml`.
+        fixtures: more fixture modules by file name.
+    """
+    shutil.copytree(ROOT / "fixtures", root / "fixtures", ignore=shutil.ignore_patterns("__pycache__"))
+    (root / "hil.toml").touch()
+    for name, text in (fixtures or {}).items():
+        (root / "fixtures" / name).write_text(textwrap.dedent(text), encoding="utf-8")
+    plan = root / "testplans/small"
+    plan.mkdir(parents=True)
+    (plan / "requirements.yaml").write_text(_DOCUMENT + requirements, encoding="utf-8")
+    (plan / "parameters.yaml").write_text(parameters, encoding="utf-8")
+    text = "\n\n".join((HEAD, *(textwrap.dedent(part).strip("\n") + "\n" for part in cases)))
+    (plan / "test_small.py").write_text(text, encoding="utf-8")
+    workspace = Workspace(root, plan)
+    workspace.lock()
+    return workspace
+
+
+_ELEMENTS = {"PASS": "passed", "RECORDED": "passed", "ERROR": "error", "ABORTED": "error", "NOT_RUN": "skipped"}
+
+
+def agreed(ran: Ran, verdicts: Mapping[str, str], run_verdict: str, code: int) -> None:
+    """Assert that journal, results, JUnit, page, last lines and exit code say the same of a sealed run."""
+    ends = {_short(end["case"]): end["verdict"] for end in ran.package.events("case-end")}
+    results = ran.package.results()
+    assert ran.verdicts() == dict(verdicts)
+    assert {**verdicts, **ends} == dict(verdicts)
+    assert results["verdict"] == run_verdict
+    assert next(iter(ran.package.events("results")))["verdict"] == run_verdict
+    assert ran.junit() == {case: _ELEMENTS.get(verdict, "failure") for case, verdict in verdicts.items()}
+    assert f"</svg>{run_verdict}</p>" in ran.page()
+    assert all(f"{verdict}</span>" in ran.page() for verdict in verdicts.values())
+    assert f"\n{run_verdict}  " in ran.out
+    assert (ran.code, ran.package.events("end")[0]["exit_code"]) == (code, code)
+    assert ran.out.splitlines()[-1].endswith(ran.package.name)
+    assert verify(ran.package.folder).findings == ()
+
+
+def _short(case: str) -> str:
+    return case.rpartition("::")[2]
