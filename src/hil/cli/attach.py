@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from hil.cli.folders import find_run
+from hil.cli.folders import find_running
 
 __all__ = ["command"]
 
@@ -20,6 +20,6 @@ def command(run: str, file: Path, text: str, by: str) -> int:
     """Attach a file to a run that is going on; it becomes part of the evidence, with its hash."""
     from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
 
-    post(find_run(run), "attachment", by=by, text=text, attach=file)
+    post(find_running(run), "attachment", by=by, text=text, attach=file)
     click.echo("the run will take the file at its next scheduling point")
     return 0

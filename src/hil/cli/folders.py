@@ -7,7 +7,7 @@ from pathlib import Path
 from hil.documents.suggest import did_you_mean
 from hil.model.errors import Refused
 
-__all__ = ["find_run", "reports_folder"]
+__all__ = ["find_run", "find_running", "reports_folder", "shown"]
 
 
 def reports_folder() -> Path:
@@ -15,6 +15,27 @@ def reports_folder() -> Path:
     from hil.executive.run.workspace import find_workspace  # noqa: PLC0415 - only where a run is named
 
     return find_workspace(Path.cwd()).reports
+
+
+def shown(path: Path) -> str:
+    """Return a path as a person types it: relative to the present folder where it is inside."""
+    return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else str(path)
+
+
+def find_running(asked: str) -> Path:
+    """Return the folder of a run that is going on, to which something can be said.
+
+    Raises:
+        Refused: if there is none, or nobody would listen any more.
+    """
+    from hil.evidence.folder import is_held, is_sealed  # noqa: PLC0415 - only where a run is spoken to
+
+    folder = find_run(asked)
+    if is_sealed(folder):
+        raise Refused(f"{folder.name} is sealed", "a sealed run takes nothing any more")
+    if not is_held(folder):
+        raise Refused(f"{folder.name} is not going on, it was interrupted", "hil seal seals it as it is")
+    return folder
 
 
 def find_run(asked: str) -> Path:

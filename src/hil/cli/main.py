@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+import traceback
 from collections.abc import Mapping, Sequence
 from typing import cast
 
@@ -33,6 +34,8 @@ COMMANDS: Mapping[str, str] = {
 """Every command with its help line, so that `hil --help` loads none of them."""
 
 _USAGE = 4
+_INTERRUPTED = 130
+_INTERNAL = 3
 
 
 class Commands(click.Group):
@@ -88,8 +91,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         error.show()
         code = _USAGE
     except (click.Abort, KeyboardInterrupt):
-        code = 130
+        code = _INTERRUPTED
     except BrokenPipeError:
         sys.stderr.close()
         code = 141
+    except Exception:  # noqa: BLE001 - an error of ours: whoever mends it needs the traceback
+        traceback.print_exc()
+        click.echo("hil: this is an error of hil itself; please report it with the lines above", err=True)
+        code = _INTERNAL
     sys.exit(code)

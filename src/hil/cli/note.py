@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from hil.cli.folders import find_run
+from hil.cli.folders import find_running
 
 __all__ = ["command"]
 
@@ -17,6 +17,6 @@ def command(run: str, text: str, by: str) -> int:
     """Write a note into a run that is going on; it becomes part of the evidence."""
     from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
 
-    post(find_run(run), "note", by=by, text=text)
+    post(find_running(run), "note", by=by, text=text)
     click.echo("the run will take the note at its next scheduling point")
     return 0

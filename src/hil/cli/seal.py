@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from hil.cli.folders import find_run
+from hil.cli.folders import find_run, shown
 
 __all__ = ["command"]
 
@@ -21,5 +21,5 @@ def command(run: str) -> int:
 
     folder = find_run(run)
     click.echo(f"evidence digest {recover(folder, write_reports=write_reports)}")
-    click.echo(str(folder))
+    click.echo(shown(folder))
     return 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from hil.cli.folders import find_run
+from hil.cli.folders import find_running
 
 __all__ = ["command"]
 
@@ -17,6 +17,6 @@ def command(run: str, reason: str, by: str) -> int:
     """Ask a run to stop at its next scheduling point, make the bench safe, and seal."""
     from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
 
-    post(find_run(run), "stop", by=by, text=reason)
+    post(find_running(run), "stop", by=by, text=reason)
     click.echo("the run will stop at its next scheduling point")
     return 0
