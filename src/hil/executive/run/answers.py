@@ -149,9 +149,9 @@ def load_answers(path: Path, shown: str) -> Mapping[str, str]:
     findings = Findings()
     document = read_document(path, shown, findings, schema=_SCHEMA)
     answers: dict[str, str] = {}
-    inner = document.child("answers", required=True) if document else None
-    if document and inner:
-        answers = {key: inner.text(key) for key in inner.keys()}  # noqa: SIM118 - a reader, no dictionary
+    if document:
+        inner = document.child("answers", required=True)
+        answers = {key: inner.text(key) for key in inner.keys()} if inner else {}  # noqa: SIM118 - a reader
         document.done()
     findings.raise_if_any()
     return answers

@@ -1,0 +1,77 @@
+"""Questions of a case: who answers them, and what becomes of a case that nobody answers."""
+
+from __future__ import annotations
+
+import pytest
+from workspaces import agreed, make
+
+from hil.model.errors import ConfigurationError
+
+ASKING = """
+@pytest.mark.requirement("T-050")
+def test_asking(operator, check):
+    operator.confirm("Is the jig closed?", name="jig-closed")
+    voltage = operator.measure("Read the voltmeter", "V", name="voltmeter", uncertainty=0.01)
+    check("T-050", "voltage", voltage)
+"""
+
+
+def answers(workspace, text):
+    """Write an answers file, and return where it is."""
+    path = workspace.root / "answers.yaml"
+    path.write_text(f"schema: hil/answers/1\nanswers: {text}\n")
+    return path
+
+
+def test_answers_of_a_file_are_evidence(tmp_path):
+    """Each answer is in the journal with the question it was given to, and with its source."""
+    workspace = make(tmp_path / "workspace", ASKING)
+    ran = workspace.run(answers=answers(workspace, '{jig-closed: "Yes", voltmeter: "4.98"}'), person=True)
+    agreed(ran, {"test_asking": "PASS"}, "PASS", 0)
+    assert [(each["name"], each["value"], each["by"]) for each in ran.package.events("answer")] == [
+        ("jig-closed", True, "answers file"),
+        ("voltmeter", 4.98, "answers file"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ('{jig-close: "yes"}', "answers.yaml has no answer to 'jig-closed', did you mean 'jig-close'?"),
+        ('{jig-closed: "no"}', "'Is the jig closed?' was not confirmed"),
+        ('{jig-closed: "perhaps"}', "answers.yaml answers 'perhaps' to 'jig-closed'; answer yes or no"),
+        ('{jig-closed: "yes", voltmeter: "much"}', "answers.yaml answers 'much' to 'voltmeter'; answer a number in V"),
+        ('{jig-closed: "yes", voltmeter: "nan"}', "answers.yaml answers 'nan' to 'voltmeter'; answer a number in V"),
+    ],
+)
+def test_an_answer_that_is_none_is_an_error(tmp_path, text, reason):
+    """A file that does not answer the question ends the case, and says what to write."""
+    workspace = make(tmp_path / "workspace", ASKING)
+    ran = workspace.run(answers=answers(workspace, text), person=True)
+    agreed(ran, {"test_asking": "ERROR"}, "ERROR", 1)
+    assert reason in ran.reasons("test_asking")
+
+
+def test_a_wrong_answers_file_is_refused_before_the_run(tmp_path):
+    """A file of another kind is told with its place, and no run begins."""
+    workspace = make(tmp_path / "workspace", ASKING)
+    path = workspace.root / "answers.yaml"
+    path.write_text('schema: hil/answers/1\nanswer: {a: "yes"}\n')
+    with pytest.raises(ConfigurationError, match=r"answers.yaml:2:1: .*unknown key 'answer', did you mean 'answers'\?"):
+        workspace.run(answers=path)
+    assert workspace.folders() == []
+
+
+def test_without_a_person_a_question_says_what_to_do(tmp_path):
+    """Asked to ask at a terminal where there is none, the case ends with a way out."""
+    ran = make(tmp_path / "workspace", ASKING).run(person=True)
+    agreed(ran, {"test_asking": "ERROR"}, "ERROR", 1)
+    assert "'Is the jig closed?' needs a person, and there is no terminal" in ran.reasons("test_asking")
+    assert "give an answer to 'jig-closed' with --answers FILE" in ran.reasons("test_asking")
+
+
+def test_the_simulated_person_says_what_it_does_not_know(tmp_path):
+    """A question that the simulated bench has no answer to names the place where it would be given."""
+    ran = make(tmp_path / "workspace", ASKING).run()
+    agreed(ran, {"test_asking": "ERROR"}, "ERROR", 1)
+    assert "the simulated person does not know what 'voltmeter' is" in ran.reasons("test_asking")

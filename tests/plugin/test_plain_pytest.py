@@ -1,0 +1,96 @@
+"""Plain pytest: a simulated bench where one is named, and nothing at all where none is."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+from workspaces import DUT, Ended, make
+
+from hil.evidence.package import Package
+from hil.evidence.verify import verify
+
+GOOD = """
+@pytest.mark.requirement("T-030")
+def test_one(field, record):
+    record("field", field, duration=1.0, rate=40.0)
+
+
+@pytest.mark.requirement("T-010")
+def test_two(check):
+    check("T-010", "ratio", 1.0)
+"""
+BENCH = ("testplans", "--bench", "adcs", "--dut", DUT)
+
+
+def pytest_in(folder, *arguments) -> Ended:
+    """Run pytest in a folder, in a process of its own."""
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTEST_")}
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *arguments]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=50, check=False)
+    return Ended(done.returncode, done.stdout, done.stderr)
+
+
+def test_plain_pytest_runs_a_plan_and_seals(tmp_path):
+    """A named bench makes a run of an ordinary pytest, with a package at its end."""
+    workspace = make(tmp_path / "workspace", GOOD)
+    ended = pytest_in(workspace.root, *BENCH, "-v")
+    (folder,) = workspace.folders()
+    assert ended.code == 0, ended.out
+    assert f"package: {folder}" in ended.out
+    assert "test_one RECORDED" in ended.out
+    assert verify(folder).ok
+    assert Package(folder).events("end")[0]["exit_code"] == 0
+
+
+def test_plain_pytest_tells_verdicts_and_keeps_deselected_cases(tmp_path):
+    """A case that pytest takes out was planned all the same, and the run is no pass."""
+    workspace = make(tmp_path / "workspace", GOOD.replace('"ratio", 1.0', '"ratio", 9.0'))
+    ended = pytest_in(workspace.root, *BENCH, "-k", "test_two")
+    (folder,) = workspace.folders()
+    results = Package(folder).results()
+    assert ended.code == 1
+    assert "T-010 ratio is FAIL" in ended.out
+    assert (results["cases"][0]["verdict"], results["cases"][0]["reasons"]) == ("NOT_RUN", ["deselected"])
+    assert results["cases"][1]["verdict"] == "FAIL"
+
+
+def test_plain_pytest_refuses_hardware(tmp_path):
+    """What reaches out of the process needs `hil run`."""
+    workspace = make(tmp_path / "workspace", GOOD)
+    ended = pytest_in(workspace.root, *BENCH, "--source", "hardware")
+    assert ended.code == 4
+    assert "use hil run" in ended.err
+    assert workspace.folders() == []
+
+
+def test_plain_pytest_refuses_wrong_files_and_names(tmp_path):
+    """What is wrong is a sentence and exit code 4, not a traceback."""
+    workspace = make(tmp_path / "workspace", GOOD.replace("T-030", "T-03O"))
+    ended = pytest_in(workspace.root, *BENCH)
+    assert ended.code == 4
+    assert "unknown requirement 'T-03O', did you mean 'T-030'?" in ended.out + ended.err
+    ended = pytest_in(workspace.root, "testplans", "--bench", "adsc", "--dut", DUT)
+    assert ended.code == 4
+    assert "Traceback" not in ended.out + ended.err
+    assert workspace.folders() == []
+
+
+def test_an_unrelated_pytest_run_is_untouched(tmp_path):
+    """Without a bench the plugin adds options and nothing else: no fixture, no marker, no import."""
+    (tmp_path / "test_other.py").write_text(
+        "import sys\n\n"
+        "import pytest\n\n"
+        "@pytest.fixture\ndef check():\n    return 'mine'\n\n"
+        "def test_other(check):\n"
+        "    assert check == 'mine'\n"
+        "    assert not {name for name in sys.modules if name.startswith('hil.') and name != 'hil.plugin.options'} "
+        "- {'hil.plugin'}\n\n"
+        "def test_no_role(request):\n"
+        "    with pytest.raises(pytest.FixtureLookupError):\n"
+        "        request.getfixturevalue('supply')\n"
+    )
+    ended = pytest_in(tmp_path, "-c", os.devnull, "--rootdir", str(tmp_path), "test_other.py")
+    assert ended.code == 0, ended.out
+    assert "--bench" in pytest_in(tmp_path, "-c", os.devnull, "--help").out

@@ -1,0 +1,322 @@
+"""Runs that are interrupted, killed, or run out of space: the bench is safe, and nothing recorded is lost."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import random
+import signal
+import subprocess
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+from workspaces import DUT, finish, make
+
+from hil.cli.main import main
+from hil.evidence.package import Package
+from hil.evidence.reading import read_journal
+from hil.evidence.verify import State, verify
+
+pytestmark = pytest.mark.system
+
+LONG = """
+@pytest.mark.requirement("T-030")
+@pytest.mark.max_duration(1e9)
+def test_long(field, record, step):
+    for part in range(100_000):
+        with step(f"Part {part}"):
+            record("field", field, duration=5.0, rate=40.0)
+
+
+@pytest.mark.requirement("T-010")
+def test_last(check):
+    check("T-010", "ratio", 1.0)
+"""
+
+COMPUTING = """
+@pytest.mark.requirement("T-010")
+def test_computing(check, step, field):
+    with step("Compute"):
+        while True:
+            sum(range(1000))
+
+
+def test_last():
+    pass
+"""
+
+SWALLOWING = """
+@pytest.mark.requirement("T-010")
+@pytest.mark.max_duration(1e9)
+def test_swallowing(check, clock):
+    while True:
+        try:
+            clock.sleep(0.1)
+        except Exception:
+            pass
+"""
+
+
+STARTED: list[subprocess.Popen[str]] = []
+
+
+@pytest.fixture(autouse=True)
+def no_run_is_left():
+    """End the runs that a failed test leaves."""
+    yield
+    while STARTED:
+        process = STARTED.pop()
+        if process.poll() is None:
+            process.kill()
+            process.communicate()
+
+
+def until(process, text: str) -> None:
+    """Read standard output until a line holds `text`; the test's timeout ends a run that never says it."""
+    STARTED.append(process)
+    for line in process.stdout:
+        if text in line:
+            return
+    raise AssertionError(f"the run ended before it said {text!r}: {process.stderr.read()}")
+
+
+def started(tmp_path, cases=LONG, text="1 Part", **options):
+    """Start a run in a workspace of its own, and return both once it is amid its case."""
+    workspace = make(tmp_path / "workspace", cases)
+    process = workspace.start_run(**options)
+    until(process, text)
+    return workspace, process
+
+
+def package_of(workspace) -> Package:
+    """Return the one run of a workspace."""
+    (folder,) = workspace.folders()
+    return Package(folder)
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_signal_ends_the_run_safe_and_sealed(tmp_path, name):
+    """The case is ABORTED, the rest NOT_RUN, every output proven safe, the package sealed, the exit code 2."""
+    workspace, process = started(tmp_path)
+    process.send_signal(signal.Signals[name])
+    ended = finish(process)
+    package = package_of(workspace)
+    results = package.results()
+    assert ended.code == 2, ended.err
+    assert ended.err == ""
+    assert ended.last_line == f"reports/{package.name}"
+    assert [case["verdict"] for case in results["cases"]] == ["ABORTED", "NOT_RUN"]
+    assert (results["verdict"], results["interrupted"], results["safe"]) == ("ABORTED", True, True)
+    assert [(stop["reason"], stop["urgent"]) for stop in package.events("stop")] == [(name, False)]
+    found = verify(package.folder)
+    assert (found.state, found.findings, found.ok) == (State.SEALED, (), False)
+
+
+def test_two_signals_end_a_case_that_only_computes(tmp_path):
+    """A case that never comes to a scheduling point is ended by the second SIGINT, and the bench is safe."""
+    workspace, process = started(tmp_path, COMPUTING, "Compute")
+    process.send_signal(signal.SIGINT)
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(1.0)
+    process.send_signal(signal.SIGINT)
+    ended = finish(process)
+    package = package_of(workspace)
+    assert ended.code == 2, ended.err
+    assert [case["verdict"] for case in package.results()["cases"]] == ["ABORTED", "NOT_RUN"]
+    assert [stop["urgent"] for stop in package.events("stop")] == [True]
+    assert verify(package.folder).findings == ()
+    assert package.results()["safe"] is True
+
+
+@pytest.mark.timeout(120)
+def test_two_signals_at_any_moment_cut_nothing_in_two(tmp_path):
+    """Whatever the executive is at when both signals come, the journal's chain and the package are whole."""
+    pauses = random.Random(7)  # noqa: S311 - moments, no secrets
+    for number in range(6):
+        workspace, process = started(tmp_path / str(number))
+        time.sleep(pauses.uniform(0.0, 0.3))
+        process.send_signal(signal.SIGINT)
+        process.send_signal(signal.SIGTERM)
+        ended = finish(process)
+        package = package_of(workspace)
+        assert (ended.code, ended.err) == (2, "")
+        found = verify(package.folder)
+        assert (found.state, found.findings) == (State.SEALED, ())
+        assert package.results()["safe"] is True
+
+
+def test_a_case_that_swallows_exceptions_is_stopped(tmp_path):
+    """`except Exception` does not catch a stop."""
+    workspace, process = started(tmp_path, SWALLOWING, "test_swallowing")
+    process.send_signal(signal.SIGTERM)
+    assert finish(process).code == 2
+    assert package_of(workspace).results()["verdict"] == "ABORTED"
+
+
+def moment(line) -> float:
+    """Return the wall time of a journal line in seconds."""
+    return datetime.fromisoformat(line.wall["utc"]).replace(tzinfo=UTC).timestamp()
+
+
+@pytest.mark.timeout(300)
+def test_a_killed_run_loses_nothing_that_was_told(tmp_path):
+    """Killed at any of 30 moments, a run is found incomplete, whole up to the kill, and sealed as it is."""
+    moments = random.Random(20260101)  # noqa: S311 - moments, no secrets
+    workspace = make(tmp_path / "workspace", LONG)
+    for number in range(30):
+        process = workspace.start_run("--output", str(tmp_path / f"reports-{number}"))
+        until(process, "armed" if number % 3 else "plan small")
+        time.sleep(moments.uniform(0.0, 1.0))
+        process.kill()
+        killed = time.time()
+        finish(process)
+        check_killed(next((tmp_path / f"reports-{number}").iterdir()), killed)
+
+
+def check_killed(folder: Path, killed: float) -> None:
+    """Look at what a killed run left, seal it, and look again."""
+    found = verify(folder)
+    assert (found.state, found.ok) == (State.INTERRUPTED, False)
+    assert found.findings[0].message.endswith("the package is incomplete")
+    lines = read_journal(folder / "data/journal.jsonl")
+    assert lines.findings == ()
+    assert killed - moment(lines.lines[-1]) < 1.0
+    events = [dict(event) for event in lines.events]
+    with pytest.raises(SystemExit) as left:
+        main(["verify", str(folder)])
+    assert left.value.code == 1
+    with pytest.raises(SystemExit) as left:
+        main(["seal", str(folder)])
+    assert left.value.code == 0
+    sealed = verify(folder)
+    assert (sealed.state, sealed.findings, sealed.ok, sealed.complete) == (State.SEALED, (), False, False)
+    package = Package(folder)
+    assert [dict(event) for event in package.events()[: len(events)]] == events
+    assert package.results()["verdict"] in {"ABORTED", "ERROR"}
+
+
+def test_hil_seals_and_verifies_a_killed_run(tmp_path):
+    """The same by the commands a person types: verify says 1, seal says where, status says SEALED."""
+    workspace, process = started(tmp_path)
+    process.kill()
+    finish(process)
+    name = package_of(workspace).name
+    before = workspace.hil("verify", name)
+    assert (before.code, before.out.splitlines()[0]) == (1, f"{name}: INTERRUPTED, the run did not go to its own end")
+    assert "INTERRUPTED" in workspace.hil("runs").out
+    refused = workspace.hil("stop", name)
+    assert refused.code == 4
+    assert "is not going on" in refused.err
+    sealed = workspace.hil("seal", name)
+    assert (sealed.code, sealed.last_line) == (0, f"reports/{name}")
+    after = workspace.hil("verify", name)
+    assert (after.code, after.err) == (1, "")
+    assert after.out.splitlines()[0] == f"{name}: SEALED, the run did not go to its own end"
+    assert "verdict     ABORTED" in workspace.hil("status", name).out
+
+
+def test_another_run_on_the_same_bench_is_refused(tmp_path):
+    """Who holds the bench is told; once the holder is dead, nobody is in the way."""
+    workspace, process = started(tmp_path)
+    second = finish(workspace.start_run())
+    assert second.code == 4
+    assert f"is held by a run of small (process {process.pid})" in second.err
+    assert len(workspace.folders()) == 1
+    process.kill()
+    finish(process)
+    third = workspace.start_run()
+    until(third, "1 Part")
+    third.send_signal(signal.SIGINT)
+    assert finish(third).code == 2
+
+
+def test_what_other_terminals_say_becomes_evidence(tmp_path):
+    """A note, a file and a stop from other processes arrive in the journal, with their authors."""
+    workspace, process = started(tmp_path)
+    (workspace.root / "photo.jpg").write_bytes(b"not really a photo")
+    name = package_of(workspace).name
+    assert "RUNNING" in workspace.hil("status", name).out
+    assert workspace.hil("note", name, "door opened", "--by", "Ada").code == 0
+    assert workspace.hil("attach", name, "photo.jpg", "--by", "Ada", "--text", "jig").code == 0
+    assert workspace.hil("stop", name, "--by", "Ada", "--reason", "smell").code == 0
+    ended = finish(process)
+    package = package_of(workspace)
+    assert ended.code == 2
+    assert [(note["text"], note["by"]) for note in package.events("note")] == [("door opened", "Ada")]
+    (attachment,) = package.events("attachment")
+    assert (package.folder / "data/attachments" / attachment["file"]).read_bytes() == b"not really a photo"
+    assert [stop["reason"].endswith("Ada: smell") for stop in package.events("stop")] == [True]
+    assert verify(package.folder).findings == ()
+    assert workspace.hil("note", name, "too late").code == 4
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of 64 MB of its own."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    if os.geteuid() != 0:
+        pytest.skip("mounting a small file system needs root")
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64m", "tmpfs", place], check=False)
+    if mounted.returncode:
+        pytest.skip("no file system can be mounted here")
+    yield place
+    subprocess.run(["umount", "--lazy", place], check=True)
+
+
+def test_a_full_disk_ends_the_run_safe_and_with_words(tmp_path, small_disk):
+    """What fits is kept and can be verified, the bench is safe, and the person reads why the run ended."""
+    workspace = make(tmp_path / "workspace", LONG)
+    process = workspace.start_run("--output", str(small_disk / "reports"))
+    until(process, "1 Part")
+    fill(small_disk / "filler")
+    ended = finish(process)
+    (folder,) = (small_disk / "reports").iterdir()
+    package = Package(folder)
+    assert "Traceback" not in ended.err + ended.out
+    assert ended.code == 2, ended.err
+    assert [stop["reason"] for stop in package.events("stop")] == ["disk full"]
+    assert [end["ok"] for end in package.events("safe-end")] == [True]
+    assert "stopped by disk full" in ended.out
+    if verify(folder).state is not State.SEALED:
+        (small_disk / "filler").unlink()
+        assert workspace.hil("seal", str(folder)).code == 0
+    assert verify(folder).findings == ()
+
+
+def fill(path: Path) -> None:
+    """Write until nothing more fits."""
+    with path.open("wb", buffering=0) as stream, contextlib.suppress(OSError):
+        for size in (1 << 20, 1 << 12, 1):
+            with contextlib.suppress(OSError):
+                while stream.write(bytes(size)):
+                    pass
+
+
+def test_a_place_without_space_is_refused(tmp_path, small_disk):
+    """A run whose evidence has no space does not begin."""
+    workspace = make(tmp_path / "workspace", LONG)
+    (small_disk / "filler").write_bytes(bytes(20_000_000))
+    ended = finish(workspace.start_run("--output", str(small_disk / "reports")))
+    assert ended.code == 4
+    assert "MB are free" in ended.err
+    assert not (small_disk / "reports").exists()
+
+
+def test_the_last_line_of_a_finished_run_is_its_package(tmp_path):
+    """Scripts find the package without looking for it, also where the case itself prints."""
+    cases = """
+    @pytest.mark.requirement("T-010")
+    def test_one(check):
+        print("something of the case's own")
+        check("T-010", "ratio", 1.0)
+    """
+    workspace = make(tmp_path / "workspace", cases)
+    ended = finish(workspace.start_run())
+    assert (ended.code, ended.err) == (0, "")
+    assert ended.last_line == f"reports/{package_of(workspace).name}"
+    assert workspace.hil("verify", ended.last_line).code == 0
+    assert workspace.hil("replay", ended.last_line).code == 0
+    assert DUT in ended.last_line
