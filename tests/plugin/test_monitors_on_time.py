@@ -54,8 +54,8 @@ def ran(tmp_path_factory):
 
 
 def test_no_reading_grows_too_old(ran):
-    """Also in a recording that leaves no 50 ms between samples, readings are never older than the maximum age."""
-    for limit, most in (("coil-current", 5), ("sensor-voltage", 10)):
+    """Also between the samples of a recording, readings come no later than two of their periods."""
+    for limit, most in (("coil-current", 2.1), ("sensor-voltage", 4.1)):
         times = ran.package.recording(f"envelope-{limit}").time
         assert max(later - earlier for earlier, later in pairwise(times)) <= most
 
@@ -71,3 +71,17 @@ def test_samples_stay_on_their_grid(ran):
 def test_a_replay_gives_every_monitor_its_turn(ran):
     """Waits without an operation between them end at their instants, so that what follows is recorded at the same."""
     assert replay(ran.package).differences == ()
+
+
+def test_a_current_that_flows_for_a_second_is_seen(tmp_path):
+    """A current above its limit trips while it flows, although every phase of the coil is barely longer than the period."""
+    root = workspace(tmp_path / "workspace")
+    bench = root / "fixtures/benches/adcs/bench.yaml"
+    text = bench.read_text()
+    assert 'unit: A, max: "0.03", period: 1 s' in text
+    bench.write_text(text.replace('unit: A, max: "0.03", period: 1 s', 'unit: A, max: "0.003", period: 1 s'))
+    ended = run_here(root)
+    assert ended.code == 6
+    trips = ended.package.events("trip")
+    assert [trip["limit"] for trip in trips] == ["coil-current"]
+    assert trips[0]["t"] < 10

@@ -13,6 +13,13 @@ from hil.model.figure import Figure
 __all__ = ["Monitor", "Trip", "self_test"]
 
 
+_UNKNOWN_NS = 40_000_000
+"""How long a first reading is taken to last."""
+
+_SOONER = 10
+"""After a reading outside, the next one comes this many times sooner, so that a short excess is confirmed too."""
+
+
 @dataclass(frozen=True, slots=True)
 class Trip:
     """Why the bench must be made safe: the limit, the last reading (None if there was none), and a sentence."""
@@ -26,8 +33,9 @@ class Trip:
 class Monitor:
     """Watches one limit.
 
-    A reading outside, or one that is no number, counts towards the debounce; a good one clears the
-    count. The absence of good readings for longer than the maximum age is a trip of its own.
+    A reading outside, or one that is no number, counts towards the debounce, and the next is due after
+    a tenth of the period; a good one clears the count. The absence of good readings for longer than the
+    maximum age is a trip of its own.
 
     Args:
         limit: the limit of the bench file.
@@ -42,13 +50,19 @@ class Monitor:
         self._max_age_ns = round(limit.max_age_s * NANOSECONDS)
         self._start_ns = start_ns
         self._outside = 0
+        self._lasts_ns = _UNKNOWN_NS
         self.due_ns = start_ns
         self.good_ns = start_ns
 
     @property
+    def room_ns(self) -> int:
+        """The time that a reading needs, judged by the last one, with a quarter to spare."""
+        return self._lasts_ns + self._lasts_ns // 4
+
+    @property
     def overdue_ns(self) -> int:
-        """The instant from which on waiting longer would let the reading grow too old."""
-        return self.good_ns + self._max_age_ns - self._period_ns
+        """The instant from which on it is read wherever the case is: a period late, or soon too old."""
+        return min(self.due_ns + self._period_ns, self.good_ns + self._max_age_ns - self._period_ns)
 
     def restart(self, now_ns: int) -> None:
         """Begin anew after a time in which nothing could be read, such as a safe-off."""
@@ -56,11 +70,16 @@ class Monitor:
         self._outside = 0
 
     def take(self, now: Callable[[], int]) -> tuple[Figure, Trip | None]:
-        """Take a reading and judge it; the next is due one period after this one was."""
-        elapsed = max(0, now() - self._start_ns) // self._period_ns
+        """Take a reading and judge it; the next is due on the period's grid, or soon after one outside."""
+        began_ns = now()
+        elapsed = max(0, began_ns - self._start_ns) // self._period_ns
         self.due_ns = self._start_ns + (elapsed + 1) * self._period_ns
         figure = self._read()
-        return figure, self.judge(figure, now())
+        self._lasts_ns = now() - began_ns
+        trip = self.judge(figure, now())
+        if self._outside:
+            self.due_ns = min(self.due_ns, began_ns + self._period_ns // _SOONER)
+        return figure, trip
 
     def judge(self, figure: Figure, now_ns: int) -> Trip | None:
         """Count a reading and return the trip that it causes, if any."""

@@ -6,13 +6,14 @@ import fcntl
 import hashlib
 import json
 import os
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from hil.model.errors import Refused
 
 __all__ = ["Lease"]
+
+_FOLDER = Path("/tmp/hil-leases")  # noqa: S108 - the same for every user, whatever TMPDIR says; see _open and _share
 
 
 class Lease:
@@ -27,7 +28,7 @@ class Lease:
     """
 
     def __init__(self, keys: Sequence[str], holder: str, folder: Path | None = None) -> None:
-        self._folder = folder or Path(tempfile.gettempdir()) / "hil-leases"
+        self._folder = folder or _FOLDER
         self._files: list[int] = []
         try:
             _share(self._folder)

@@ -130,7 +130,7 @@ def _proof(step: SafeStep, proof: Proof, outputs: Collection[str]) -> Complaints
 
 
 def covered(spec: BenchSpec) -> Complaints:
-    """Check that the safe-off holds every output that can do harm; a supply is proven by more than its word."""
+    """Check that every output that can do harm is in the safe-off, and that a supply is clamped and proven."""
     made_safe = {step.output for step in spec.safe_off}
     proven = {step.output for step in spec.safe_off if step.proof}
     for wire in spec.wiring:
@@ -138,6 +138,9 @@ def covered(spec: BenchSpec) -> Complaints:
             yield wire, f"{wire.name} is missing from safe_off"
         elif wire.role == "supply" and wire.name not in proven:
             yield wire, f"{wire.name}: its line in safe_off needs a proof, such as its current near zero"
+        clamped = {clamp.quantity for clamp in spec.clamps if clamp.output == wire.name}
+        if wire.role == "supply" and not clamped >= {"voltage", "current"}:
+            yield wire, f"{wire.name} needs clamps for voltage and current"
 
 
 def _outputs(spec: BenchSpec) -> list[str]:

@@ -53,7 +53,8 @@ def lock(plans: tuple[str, ...]) -> None:
     for folder in folders:
         requirements = catalogue.of_plan(folder.name)
         (folder / LOCK).write_text(lock_text(requirements), encoding="utf-8")
-        click.echo(f"{workspace.shown(folder / LOCK)}: {len(requirements)} requirements locked")
+        noun = "requirement" if len(requirements) == 1 else "requirements"
+        click.echo(f"{workspace.shown(folder / LOCK)}: {len(requirements)} {noun} locked")
 
 
 @command.command("diff")

@@ -53,10 +53,27 @@ def _case(place: int, case: Body, events: Sequence[Body]) -> Iterator[str]:
         yield f"{_INDENT * 2}{label:<12}  {value}"
     by_step = _by(events, "step")
     ended = {text(event, "number"): event for event in events if event["kind"] == "step-end"}
-    yield from (f"{_INDENT * 3}{line}" for line in _actions(by_step.get("", [])))
-    for step in (event for event in events if event["kind"] == "step"):
-        number_ = text(step, "number")
-        yield from _step(place, step, ended.get(number_, {}), by_step.get(number_, []))
+    for stretch in _stretches(events):
+        if stretch[0]["kind"] == "step":
+            number_ = text(stretch[0], "number")
+            yield from _step(place, stretch[0], ended.get(number_, {}), by_step.get(number_, []))
+        else:
+            yield from (f"{_INDENT * 3}{line}" for line in _actions(stretch))
+
+
+def _stretches(events: Sequence[Body]) -> Iterator[list[Body]]:
+    """Give every step's beginning alone, and what happens outside steps in one piece between them."""
+    outside: list[Body] = []
+    for event in events:
+        if event["kind"] == "step":
+            if outside:
+                yield outside
+            yield [event]
+            outside = []
+        elif not text(event, "step") and event["kind"] != "step-end":
+            outside.append(event)
+    if outside:
+        yield outside
 
 
 def _by(events: Sequence[Body], key: str) -> dict[str, list[Body]]:

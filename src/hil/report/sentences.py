@@ -90,7 +90,9 @@ def closing_sentence(results: Body) -> str:
         return "This run speaks of no requirement."
     if able == total:
         return f"This run can close {'its requirement' if total == 1 else f'all {total} requirements'}."
-    return f"This run can close {able or 'none'} of {counted(total, 'requirement')}."
+    if total == 1:
+        return "This run cannot close its requirement."
+    return f"This run can close {able or 'none'} of {total} requirements."
 
 
 def _closes(requirement: Body) -> bool:

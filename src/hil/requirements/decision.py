@@ -172,19 +172,24 @@ def _too_coarse(known: Judgement, limit: Limit) -> str:
 
 def _between(low: float, high: float, guard: float, unit: str) -> str:
     if guard == 0:
-        return f"an upper limit above the maximum of {high:g} {unit} shows nothing"
+        return f"an upper limit above the maximum of {_with(f'{high:g}', unit)} shows nothing"
     zone = " and ".join(
         part
         for part, bound in ((f"at least {low + guard:.6g}", low), (f"at most {high - guard:.6g}", high))
         if math.isfinite(bound)
     )
-    return f"within the guard band of {guard:.3g} {unit} around the limit, {zone} {unit} passes"
+    return f"within the guard band of {_with(f'{guard:.3g}', unit)} around the limit, {_with(zone, unit)} passes"
 
 
 def _beyond(value: float, limit: Limit, low: float) -> str:
+    found = _with(f"{value:.6g}", limit.unit)
     if value < low:
-        return f"{value:.6g} {limit.unit} is below the minimum of {limit.minimum} {limit.unit}"
-    return f"{value:.6g} {limit.unit} is above the maximum of {limit.maximum} {limit.unit}"
+        return f"{found} is below the minimum of {_with(str(limit.minimum), limit.unit)}"
+    return f"{found} is above the maximum of {_with(str(limit.maximum), limit.unit)}"
+
+
+def _with(number: str, unit: str) -> str:
+    return number if unit == "1" else f"{number} {unit}"
 
 
 def _bounds(limit: Limit) -> tuple[float, float]:

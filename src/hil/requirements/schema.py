@@ -112,7 +112,9 @@ def _check(requirement: Requirement, reader: MappingReader) -> None:
 
 def _limit(reader: MappingReader) -> Limit:
     before = len(reader.findings)
-    decision = reader.text("decision", Decision.GUARDED, choices=tuple(Decision))
+    # A word is found or not: no uncertainty applies to it.
+    usual = Decision.SIMPLE if reader.has("equals") else Decision.GUARDED
+    decision = reader.text("decision", usual, choices=tuple(Decision))
     limit = Limit(
         parameter=reader.text("parameter", pattern=_NAME),
         of=reader.texts("of", ()),
@@ -120,7 +122,7 @@ def _limit(reader: MappingReader) -> Limit:
         minimum=reader.decimal("min", None),
         maximum=reader.decimal("max", None),
         equals=reader.text("equals", None),
-        decision=Decision(decision) if decision else Decision.GUARDED,
+        decision=Decision(decision) if decision else usual,
         min_tur=reader.decimal("min_tur", None),
     )
     _check_once(reader.place("of"), reader, "name", list(limit.of))

@@ -78,8 +78,10 @@ def read_transcript(path: Path) -> Iterator[Operation]:
     """Yield the operations of a transcript; a torn last line is left out.
 
     Raises:
-        EvidenceError: if the file is not a transcript, or a line of it is damaged.
+        EvidenceError: if the file is missing, is not a transcript, or a line of it is damaged.
     """
+    if not path.is_file():
+        raise EvidenceError(f"{path} is missing", "without its transcript a run cannot be replayed")
     with path.open(encoding="utf-8", newline="\n") as lines:
         if next(lines, "") != HEADER:
             raise EvidenceError(f"{path.name} is not a transcript of format 1")

@@ -118,22 +118,44 @@ def test_bad_readings_within_the_debounce_grow_old_too():
     assert trips(replace(LIMIT, debounce=50), *[nan] * 7) == [False] * 6 + [True]
 
 
-def test_reading_that_waits_too_long_is_overdue_before_it_is_stale():
-    """One period before the last good reading is too old, waiting longer is no choice any more."""
+def test_reading_that_is_a_period_late_does_not_wait_for_its_place():
+    """A period after it was due, or a period before the last good one is too old, waiting is no choice any more."""
     monitor = Monitor(LIMIT, lambda: Figure(value=0.0, unit="A"), 2 * SECOND)
-    assert monitor.overdue_ns == 6 * SECOND
+    assert monitor.overdue_ns == 3 * SECOND
     monitor.take(lambda: 3 * SECOND)
-    assert monitor.overdue_ns == 7 * SECOND
+    assert monitor.overdue_ns == 5 * SECOND
+    hurried = Monitor(replace(LIMIT, max_age_s=1.5), lambda: Figure(value=0.0, unit="A"), 2 * SECOND)
+    assert hurried.overdue_ns == 5 * SECOND // 2
+
+
+def test_reading_outside_is_confirmed_soon():
+    """After a reading outside, the next is due after a tenth of the period; after a good one, on the grid again."""
+    values = iter([1.0, 0.0])
+    monitor = Monitor(LIMIT, lambda: Figure(value=next(values), unit="A"), 0)
+    monitor.take(lambda: 0)
+    assert monitor.due_ns == SECOND // 10
+    monitor.take(lambda: SECOND // 10)
+    assert monitor.due_ns == SECOND
+
+
+def test_room_follows_what_readings_last():
+    """A wait has room for a reading if it is a quarter longer than the last one lasted."""
+    instants = iter([0, 8_000_000, 8_000_000])
+    monitor = Monitor(LIMIT, lambda: Figure(value=0.0, unit="A"), 0)
+    monitor.take(lambda: next(instants))
+    assert monitor.room_ns == 10_000_000
 
 
 def test_restart_forgets_count_age_and_grid():
     """After a safe-off, watching begins as if nothing had been."""
-    monitor = Monitor(LIMIT, lambda: Figure(value=1.0, unit="A"), 0)
+    values = iter([1.0, 1.0, 0.0])
+    monitor = Monitor(LIMIT, lambda: Figure(value=next(values), unit="A"), 0)
     monitor.take(lambda: 0)
     monitor.restart(100 * SECOND + 7)
     assert (monitor.due_ns, monitor.good_ns) == (100 * SECOND + 7,) * 2
     assert monitor.stale(105 * SECOND) is None
     assert monitor.take(lambda: 100 * SECOND + 7)[1] is None
+    monitor.take(lambda: 100 * SECOND + 8)
     assert monitor.due_ns == 101 * SECOND + 7
 
 

@@ -50,7 +50,7 @@ def test_eligible_requirement_that_did_not_pass_is_not_closed():
     entry = {"id": "A-1", "verdict": "NOT_EVALUATED", "eligible": True, "reasons": []}
     results = {"verdict": "NOT_EVALUATED", "run": {"source": "hardware"}, "requirements": [entry]}
     assert closing_lines(results)[-2:] == [
-        "This run can close none of 1 requirement.",
+        "This run cannot close its requirement.",
         "  its verdict is NOT_EVALUATED (A-1)",
     ]
 

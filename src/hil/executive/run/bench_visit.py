@@ -19,15 +19,18 @@ __all__ = ["check_bench", "safe_bench"]
 
 
 def check_bench(start: Path, name: str, source: Source, *, energise: bool) -> Iterator[Gate]:
-    """Yield the readiness gates of a bench; without `energise` nothing is driven.
+    """Yield the readiness gates of a bench; without `energise`, or if one does not hold, nothing is driven.
 
     Raises:
         Refused: for hardware, or an unknown bench.
         ConfigurationError: with everything that is wrong with the bench file.
     """
     with _visit(start, name, source) as bench:
-        yield from unpowered_gates(bench)
-        if energise:
+        ready = True
+        for gate in unpowered_gates(bench, None):
+            ready = ready and gate.ok
+            yield gate
+        if energise and ready:
             yield from energised_gates(bench, None)
 
 

@@ -17,13 +17,6 @@ from hil.wire.replay import MONITOR
 __all__ = ["CaseTimeout", "Scheduler", "Watch"]
 
 _TICK_S = 0.2
-_SLOT_NS = 50_000_000
-"""A monitor does not start in the last 50 ms of a wait, so that the wait ends at its instant.
-
-Commands then happen at the same bench time whether or not there is one more monitor, and so does
-the physics that follows from them. Only a monitor whose reading would grow too old does not wait for
-its place: safety goes first, also in a recording whose samples leave no 50 ms between them.
-"""
 
 
 class CaseTimeout(BaseException):
@@ -48,6 +41,11 @@ class Watch(Protocol):
 
 class Scheduler:
     """Runs due monitors and reads stop flags wherever a case lets time pass or calls a role.
+
+    A due monitor runs in a wait that has room for its reading, so that the wait ends at its instant. Commands
+    then happen at the same bench time whether or not there is one more monitor, and so does the physics that
+    follows from them. Only a monitor that is a whole period late, or whose reading would grow too old, does not
+    wait for its place: safety goes first.
 
     Args:
         bench: the bench, whose clock it drives.
@@ -129,8 +127,8 @@ class Scheduler:
         """Return when this wait has to look up again: at a monitor's turn, or at its end."""
         if not self._watching or self._bench.playback is not None:
             return when_ns
-        now_ns, latest_ns = self._clock.now_ns(), when_ns - _SLOT_NS
-        turns = [monitor.due_ns for monitor in self._monitors if now_ns < monitor.due_ns <= latest_ns]
+        now_ns = self._clock.now_ns()
+        turns = [monitor.due_ns for monitor in self._monitors if now_ns < monitor.due_ns <= when_ns - monitor.room_ns]
         return min(turns, default=when_ns)
 
     def _run_monitors(self, until_ns: int) -> None:
@@ -142,7 +140,7 @@ class Scheduler:
             return
         for monitor in self._monitors:
             now_ns = self._clock.now_ns()
-            room = until_ns - now_ns >= _SLOT_NS
+            room = until_ns - now_ns >= monitor.room_ns
             if now_ns >= monitor.due_ns and (room or now_ns >= monitor.overdue_ns):
                 self._take(monitor)
 

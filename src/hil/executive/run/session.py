@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict
 from io import FileIO
 from itertools import count
 from pathlib import Path
@@ -24,10 +23,9 @@ from hil.executive.case.recorder import Recorder
 from hil.executive.case.steps import Steps
 from hil.executive.run.configuration import Configuration
 from hil.executive.run.events import DISK_FULL, Events, Listener
-from hil.executive.run.freeze import freeze
+from hil.executive.run.head import write_head
 from hil.executive.run.keeper import BenchKeeper
 from hil.executive.run.row_store import RowStore
-from hil.executive.run.software import version
 from hil.executive.run.stop import StopFlags, handle_signals
 from hil.model.errors import EvidenceError
 from hil.model.verdict import Verdict
@@ -109,7 +107,7 @@ class Session:
         self._store = RowStore(self.folder, self._events.write)
         self._sink = FileIO(self.folder / TRANSCRIPT, "w")
         self._transcript = Transcript(self._sink)
-        self._write_head(planned)
+        write_head(configuration, planned, self.folder, self._events.write)
         self.bench = binder(self._transcript, self._where)
         self._closing.callback(self.bench.close)
         self._events.follow(self.bench.clock)
@@ -230,53 +228,6 @@ class Session:
         self._closing.callback(lease.release)
         return create(configuration.reports, bench=configuration.bench.name, dut=configuration.dut.serial)
 
-    def _write_head(self, planned: Sequence[PlannedCase]) -> None:
-        """Freeze everything and write the run's first events: what is judged by is fixed before the first step."""
-        configuration = self.configuration
-        frozen = freeze(configuration, self.folder)
-        dut = {key: value for key, value in asdict(configuration.dut).items() if key not in {"recognised", "simulated"}}
-        twin = configuration.bench.simulated
-        self._events.write(
-            "run",
-            format=1,
-            bench=configuration.bench.name,
-            bench_files=frozen.bench,
-            source=configuration.request.source.value,
-            purpose=configuration.request.purpose.value,
-            dut=dut,
-            operator=configuration.request.operator,
-            plans=[plan.name for plan in configuration.plans],
-            seed=str(twin.seed) if twin else "",
-            epoch=twin.epoch if twin else "",
-            catalogue=frozen.catalogue,
-            parameters=frozen.parameters,
-            sources=frozen.sources,
-            calibration=frozen.calibration,
-            version=version(),
-            deviations=list(configuration.deviations),
-            overrides=dict(configuration.request.overrides),
-            skips=dict(configuration.request.skips),
-        )
-        cases = [
-            {
-                "case": case.id,
-                "title": case.title,
-                "plan": case.plan,
-                "requirements": list(case.requirements),
-                "max_duration": case.max_duration_s,
-            }
-            for case in planned
-        ]
-        self._events.write("planned", cases=cases)
-        if orphans := [case.id for case in planned if not case.requirements]:
-            self._events.write("orphan", cases=orphans)
-        for name in configuration.catalogue.ids:
-            requirement = configuration.catalogue.requirement(name)
-            if requirement.anomaly:
-                self._events.write(
-                    "anomaly", text=f"{requirement.id}, source {requirement.source}: {requirement.anomaly}"
-                )
-
     def _where(self) -> str:
         return f"step {self.current.steps.number or 'none'} of {self.current.planned.id}" if self.current else "no case"
 
@@ -297,7 +248,7 @@ class Session:
             self._disk_is_full()
         for message in poll(self.folder):
             if message.kind == "stop":
-                self.flags.request(f"stop by {message.by or 'nobody'}: {message.text}".rstrip(": "))
+                self.flags.request(f"{message.by or 'another terminal'}: {message.text}".rstrip(": "))
             else:
                 self._write_message(message)
 
