@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -59,14 +58,25 @@ class Package:
     def _reading(self) -> JournalReading:
         return read_journal(self.folder / JOURNAL)
 
+    @cached_property
+    def _events(self) -> tuple[Body, ...]:
+        return self._reading.events
+
+    @cached_property
+    def _of_recordings(self) -> tuple[dict[str, Body], dict[str, Body]]:
+        """Per recording the bodies of its beginning, and of its end if it has one."""
+        begun, ended = self.events("recording"), self.events("recording-end")
+        return {event["recording"]: event for event in begun}, {event["recording"]: event for event in ended}
+
     def lines(self) -> tuple[JournalLine, ...]:
         """Return the journal's lines, with wall stamps."""
         return self._reading.lines
 
     def events(self, *kinds: str) -> tuple[Body, ...]:
         """Return the bodies of all events, or of those of some kinds."""
-        events = self._reading.events
-        return tuple(event for event in events if event["kind"] in kinds) if kinds else events
+        if not kinds:
+            return self._events
+        return tuple(event for event in self._events if event["kind"] in kinds)
 
     def run(self) -> Body:
         """Return the body of the `run` event, empty where there is none yet."""
@@ -100,12 +110,11 @@ class Package:
         Raises:
             EvidenceError: where the run has no such recording, or it cannot be read.
         """
-        begun = self._of(self.recordings(), identifier)
-        if begun is None:
-            known = ", ".join(event["recording"] for event in self.recordings()) or "none"
+        begun, ended = self._of_recordings
+        if identifier not in begun:
+            known = ", ".join(begun) or "none"
             raise EvidenceError(f"{self.name}: there is no recording {identifier!r}", f"it has {known}")
-        ended = self._of(self.events("recording-end"), identifier)
-        return read_recording(self.folder / RECORDINGS, begun, ended)
+        return read_recording(self.folder / RECORDINGS, begun[identifier], ended.get(identifier))
 
     def json(self, relative: str) -> Any:  # noqa: ANN401 - JSON holds what it holds
         """Return what a JSON file of the package says; the path is relative to the folder."""
@@ -127,6 +136,3 @@ class Package:
         if not path.is_relative_to(self.folder.resolve()):
             raise EvidenceError(f"{self.name}: {relative} is outside of the package", "name a file of the package")
         return path
-
-    def _of(self, events: tuple[Body, ...], identifier: str) -> Mapping[str, Any] | None:
-        return next((event for event in events if event["recording"] == identifier), None)

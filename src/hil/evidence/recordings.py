@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 __all__ = ["Recorded", "convert", "hashes_of", "read_hdf5", "read_recording", "write_hdf5"]
 
 _CHUNK = 16_384
+_SMALL = 1_024
+"""Up to this many rows a recording is stored as it is: chunks and compression would make it larger."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +68,8 @@ class Recorded:
 def convert(rows: Path, hdf5: Path, *, begun: Mapping[str, Any], ended: Mapping[str, Any]) -> None:
     """Turn a row file into HDF5, prove by reading back that nothing was lost, and only then remove the rows.
 
+    A row file that comes back because the machine went down is converted again, to the same bytes.
+
     Args:
         rows: the row file.
         hdf5: the file to write; it is there whole or not at all.
@@ -88,7 +92,6 @@ def convert(rows: Path, hdf5: Path, *, begun: Mapping[str, Any], ended: Mapping[
     part.replace(hdf5)
     sync_folder(hdf5.parent)
     rows.unlink()
-    sync_folder(rows.parent)
 
 
 def write_hdf5(found: RowsFile, path: Path, *, begun: Mapping[str, Any], ended: Mapping[str, Any]) -> None:
@@ -96,7 +99,7 @@ def write_hdf5(found: RowsFile, path: Path, *, begun: Mapping[str, Any], ended: 
     import h5py  # noqa: PLC0415 - slow to import
 
     options: dict[str, Any] = {"dtype": "<f8", "shape": (found.rows,), "track_times": False}
-    if found.rows:
+    if found.rows > _SMALL:
         options |= {"chunks": (min(found.rows, _CHUNK),), "compression": "gzip", "compression_opts": 4, "shuffle": True}
     with h5py.File(path, "w", libver=("v110", "v110")) as file:
         file.attrs.update(_facts(begun, ended))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -107,9 +107,11 @@ def write_message(journal: Journal, t: float, message: Message) -> None:
 
 def _convert_all(folder: Path, journal: Journal) -> None:
     events = read_journal(folder / JOURNAL).events
+    ends = {event["recording"]: event for event in events if event["kind"] == "recording-end"}
     for begun in events:
         if begun["kind"] == "recording":
-            _convert_one(folder / RECORDINGS, begun, _end_of(begun["recording"], events), journal)
+            _convert_one(folder / RECORDINGS, begun, ends.get(begun["recording"]), journal)
+    sync_folder(folder / RECORDINGS)
 
 
 def _convert_one(place: Path, begun: Body, ended: Mapping[str, Any] | None, journal: Journal) -> None:
@@ -125,11 +127,6 @@ def _convert_one(place: Path, begun: Body, ended: Mapping[str, Any] | None, jour
             journal.write("anomaly", journal.last_t, text=text)
     elif not hdf5.exists():
         journal.write("anomaly", journal.last_t, text=f"recording {identifier}: its rows are gone")
-
-
-def _end_of(identifier: str, events: Sequence[Body]) -> Body | None:
-    ends = (event for event in events if event["kind"] == "recording-end" and event["recording"] == identifier)
-    return next(ends, None)
 
 
 def _tidy(folder: Path) -> None:
