@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import pytest
 from magnetorquer_runs import ROOT
 
-from hil.bench.bench_file import load_bench
 from hil.bench.binding import bind_simulated
 from hil.bench.envelope import Monitor
+from hil.bench.file.reading import load_bench
 from hil.executive.run.scheduler import Scheduler
 from hil.executive.run.stop import StopFlags
 from hil.wire.transcript import Transcript

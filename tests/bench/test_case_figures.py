@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from hil.evidence.journal import Journal
-from hil.evidence.rows import Rows
+from hil.evidence.journal.writer import Journal
+from hil.evidence.recordings.rows import Rows
 from hil.executive.case.checks import Checks
 from hil.executive.case.effects import Effects
 from hil.executive.case.steps import Steps

@@ -12,13 +12,13 @@ import pytest
 from evidence_runs import begin, sealed_run, stamps, whole_case, write_report
 
 from hil.evidence.folder import JOURNAL, RESERVE, RESULTS, TORN, create, hold
-from hil.evidence.journal import Journal
-from hil.evidence.package import Package
-from hil.evidence.reading import cut_torn_tail, read_journal
-from hil.evidence.recover import recover
-from hil.evidence.rows import Rows, read_rows
-from hil.evidence.seal import seal
-from hil.evidence.verify import State, verify
+from hil.evidence.journal.reader import cut_torn_tail, read_journal
+from hil.evidence.journal.writer import Journal
+from hil.evidence.package.contents import Package
+from hil.evidence.package.recovery import recover
+from hil.evidence.package.sealing import seal
+from hil.evidence.package.verification import State, verify
+from hil.evidence.recordings.rows import Rows, read_rows
 from hil.model.errors import EvidenceError
 
 KILLED = 9
@@ -174,7 +174,7 @@ def test_a_seal_without_space_can_be_finished_later(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patched:
-        patched.setattr("hil.evidence.seal.convert", full)
+        patched.setattr("hil.evidence.package.sealing.convert", full)
         with pytest.raises(EvidenceError, match="disk full"):
             seal(folder, journal, exit_code=0, write_reports=write_report)
     journal.close()

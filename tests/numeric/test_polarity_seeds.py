@@ -13,8 +13,8 @@ import pytest
 from magnetorquer_runs import BOARDS, ROOT
 
 from hil.analysis import magnetics
-from hil.bench.bench_file import load_bench
 from hil.bench.binding import bind_simulated
+from hil.bench.file.reading import load_bench
 from hil.clock.port import NANOSECONDS
 from hil.plugin.collection import MARKERS
 from hil.wire.transcript import Transcript

@@ -74,7 +74,7 @@ def test_a_replay_gives_every_monitor_its_turn(ran):
 
 
 def test_a_current_that_flows_for_a_second_is_seen(tmp_path):
-    """A current above its limit trips while it flows, although every phase of the coil is barely longer than the period."""
+    """A current above its limit trips while it flows, although its phases are barely longer than the period."""
     root = workspace(tmp_path / "workspace")
     bench = root / "fixtures/benches/adcs/bench.yaml"
     text = bench.read_text()

@@ -8,8 +8,8 @@ import sys
 
 from workspaces import DUT, Ended, make
 
-from hil.evidence.package import Package
-from hil.evidence.verify import verify
+from hil.evidence.package.contents import Package
+from hil.evidence.package.verification import verify
 
 GOOD = """
 @pytest.mark.requirement("T-030")

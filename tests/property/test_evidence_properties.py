@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.documents.canonical import JsonError, canonical
-from hil.evidence.journal import Journal
-from hil.evidence.quick_json import quick_canonical
-from hil.evidence.reading import read_journal
-from hil.evidence.seal import seal
-from hil.evidence.verify import State, verify
+from hil.evidence.journal.quick_json import quick_canonical
+from hil.evidence.journal.reader import read_journal
+from hil.evidence.journal.writer import Journal
+from hil.evidence.package.sealing import seal
+from hil.evidence.package.verification import State, verify
 
 TAG_FILES = ("bagit.txt", "bag-info.txt", "manifest-sha256.txt", "tagmanifest-sha256.txt")
 

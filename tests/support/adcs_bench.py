@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from hil.bench.bench_file import load_bench
 from hil.bench.binding import bind_simulated
+from hil.bench.file.reading import load_bench
 from hil.model.errors import ConfigurationError
 from hil.wire.transcript import Transcript
 

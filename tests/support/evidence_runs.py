@@ -7,11 +7,11 @@ from pathlib import Path
 
 from hil.clock.wall import WallStamp
 from hil.documents.canonical import digest
-from hil.evidence.facts import entries_of, freeze_calibration, freeze_catalogue
 from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE
-from hil.evidence.journal import Journal
-from hil.evidence.rows import Rows
-from hil.evidence.seal import seal
+from hil.evidence.journal.writer import Journal
+from hil.evidence.package.sealing import seal
+from hil.evidence.recordings.rows import Rows
+from hil.evidence.results.facts import entries_of, freeze_calibration, freeze_catalogue
 from hil.model.figure import Figure
 from hil.requirements.decision import judge
 from hil.requirements.requirement import Kind, Limit, Requirement

@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from hil.evidence.package import Package
-from hil.executive.run.configuration import Request, configure
+from hil.evidence.package.contents import Package
+from hil.executive.setup.configuration import Request, configure
 from hil.model.identity import Source
 from hil.plugin.launch import launch
 from hil.plugin.opening import open_simulated

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from hil.clock.wall import WallStamp
-from hil.evidence.facts import freeze_calibration, freeze_catalogue
-from hil.evidence.journal import Journal
-from hil.evidence.rows import Rows
-from hil.evidence.seal import seal
+from hil.evidence.journal.writer import Journal
+from hil.evidence.package.sealing import seal
+from hil.evidence.recordings.rows import Rows
+from hil.evidence.results.facts import freeze_calibration, freeze_catalogue
 from hil.report.write import write_reports
 
 NAME = "20261121T053012Z-flatsat-GYR-007-3fa9c1"

@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from hil.evidence.package import Package
-from hil.evidence.verify import verify
-from hil.executive.run.configuration import Request
-from hil.executive.run.software import PINNED
+from hil.evidence.package.contents import Package
+from hil.evidence.package.verification import verify
+from hil.executive.setup.configuration import Request
+from hil.executive.setup.software import PINNED
 from hil.model.identity import Source
 from hil.plugin.running import run
 from hil.requirements.catalogue import load_catalogue

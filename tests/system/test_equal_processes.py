@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from magnetorquer_runs import rows, start_elsewhere, workspace
 
-from hil.evidence.package import Package
+from hil.evidence.package.contents import Package
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
 

@@ -15,9 +15,9 @@ import pytest
 from workspaces import DUT, finish, make
 
 from hil.cli.main import main
-from hil.evidence.package import Package
-from hil.evidence.reading import read_journal
-from hil.evidence.verify import State, verify
+from hil.evidence.journal.reader import read_journal
+from hil.evidence.package.contents import Package
+from hil.evidence.package.verification import State, verify
 
 pytestmark = pytest.mark.system
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from hil.bench.places import place_of
+from hil.bench.file.places import place_of
 from hil.clock.virtual import VirtualClock
 from hil.documents.findings import Findings
 from hil.instruments.driver import Clamps, Connection, Driver

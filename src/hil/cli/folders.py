@@ -12,7 +12,7 @@ __all__ = ["find_run", "find_running", "reports_folder", "shown"]
 
 def reports_folder() -> Path:
     """Return the reports folder of the workspace that holds the present folder."""
-    from hil.executive.run.workspace import find_workspace  # noqa: PLC0415 - only where a run is named
+    from hil.executive.setup.workspace import find_workspace  # noqa: PLC0415 - only where a run is named
 
     return find_workspace(Path.cwd()).reports
 

@@ -22,7 +22,7 @@ def command(plans: tuple[str, ...], bench: str, dut: str) -> int:
     The whole cases run on the simulated bench; nothing else is driven, and no package is kept.
     """
     pin()
-    from hil.executive.run.configuration import Request  # noqa: PLC0415 - after the pins
+    from hil.executive.setup.configuration import Request  # noqa: PLC0415 - after the pins
     from hil.plugin.rehearsing import procedure  # noqa: PLC0415 - after the pins
 
     request = Request(start=Path.cwd(), plans=plans, bench=bench, dut=dut, source=Source.SIMULATED)

@@ -19,7 +19,7 @@ def command(run: str) -> int:
     value and recording is the same, 1 otherwise.
     """
     pin()
-    from hil.evidence.package import Package  # noqa: PLC0415 - after the pins
+    from hil.evidence.package.contents import Package  # noqa: PLC0415 - after the pins
     from hil.plugin.rehearsing import replay  # noqa: PLC0415 - after the pins
 
     found = replay(Package(find_run(run)))

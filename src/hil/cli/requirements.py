@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hil.documents.findings import Findings
-from hil.executive.run.workspace import Workspace, find_workspace
+from hil.executive.setup.workspace import Workspace, find_workspace
 from hil.requirements.layout import LOCK
 
 if TYPE_CHECKING:

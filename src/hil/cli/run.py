@@ -53,7 +53,7 @@ def command(  # noqa: PLR0913 - one argument per option
     envelope tripped, 7 the bench could not be proven safe.
     """
     pin()
-    from hil.executive.run.configuration import Request  # noqa: PLC0415 - after the pins
+    from hil.executive.setup.configuration import Request  # noqa: PLC0415 - after the pins
     from hil.plugin.running import run  # noqa: PLC0415 - after the pins
 
     request = Request(

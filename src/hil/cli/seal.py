@@ -16,7 +16,7 @@ def command(run: str) -> int:
 
     The last line of standard output is the package's path.
     """
-    from hil.evidence.recover import recover  # noqa: PLC0415 - heavy
+    from hil.evidence.package.recovery import recover  # noqa: PLC0415 - heavy
     from hil.report.write import write_reports  # noqa: PLC0415 - heavy
 
     folder = find_run(run)

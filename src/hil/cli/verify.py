@@ -17,7 +17,7 @@ def command(run: str) -> int:
     Checked are the manifests, the journal's chain, every row of every recording, the results, and every
     verdict against value, uncertainty and frozen limit. Exit code 0 for a whole package of a complete run, 1 otherwise.
     """
-    from hil.evidence.verify import verify  # noqa: PLC0415 - heavy
+    from hil.evidence.package.verification import verify  # noqa: PLC0415 - heavy
 
     found = verify(find_run(run))
     for finding in found.findings:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hil.clock import wall
-from hil.evidence.facts import read_json
 from hil.evidence.folder import JOURNAL, RESULTS, is_held, is_sealed
-from hil.evidence.reading import Body, JournalLine, read_journal
-from hil.evidence.verify import State
+from hil.evidence.journal.reader import Body, JournalLine, read_journal
+from hil.evidence.package.verification import State
+from hil.evidence.results.facts import read_json
 from hil.model.errors import EvidenceError
 
 __all__ = ["RunSummary", "find_runs", "status"]

@@ -8,9 +8,9 @@ from typing import NoReturn
 import pytest
 
 from hil.executive.case.case_run import CaseRun, PlannedCase
-from hil.executive.run.configuration import Configuration
 from hil.executive.run.session import Session
 from hil.executive.run.stop import Stopped
+from hil.executive.setup.configuration import Configuration
 from hil.model.errors import HilError
 from hil.model.verdict import Verdict
 from hil.plugin.case_fixtures import case_fixtures

@@ -9,7 +9,7 @@ import pytest
 
 from hil.documents.suggest import did_you_mean
 from hil.executive.case.case_run import PlannedCase
-from hil.executive.run.configuration import Configuration
+from hil.executive.setup.configuration import Configuration
 from hil.model.errors import ConfigurationError, Finding, Refused
 from hil.plugin.case_fixtures import CASE_FIXTURES
 from hil.plugin.literals import written_checks

@@ -8,7 +8,7 @@ import traceback
 from pathlib import Path
 from types import ModuleType
 
-from hil.executive.run.workspace import Workspace
+from hil.executive.setup.workspace import Workspace
 from hil.model.errors import ConfigurationError, Finding
 
 __all__ = ["load_fixture_modules"]

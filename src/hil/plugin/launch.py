@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from hil.executive.run.configuration import Configuration
 from hil.executive.run.session import Session
+from hil.executive.setup.configuration import Configuration
 from hil.model.errors import ConfigurationError, Finding, Refused
 from hil.plugin.campaign import Campaign, Opener
 

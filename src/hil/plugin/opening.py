@@ -10,9 +10,9 @@ from hil.bench.binding import BoundBench, bind_simulated
 from hil.executive.case.case_run import PlannedCase
 from hil.executive.case.operator import AnswerSource
 from hil.executive.run.answers import AnswersFile, FirstOf, Nobody, SimulatedPerson, TerminalPerson, load_answers
-from hil.executive.run.configuration import Configuration, Request
 from hil.executive.run.events import Listener
 from hil.executive.run.session import Session
+from hil.executive.setup.configuration import Configuration, Request
 from hil.plugin.prompt import Terminal
 
 __all__ = ["open_simulated"]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.executive.run.configuration import Request, configure
+from hil.executive.setup.configuration import Request, configure
 from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
 from hil.plugin.campaign import Campaign

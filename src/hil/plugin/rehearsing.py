@@ -9,12 +9,12 @@ from functools import partial
 from pathlib import Path
 
 from hil.bench.binding import bind_replayed
-from hil.evidence.package import Package
+from hil.evidence.package.contents import Package
 from hil.executive.case.case_run import PlannedCase
 from hil.executive.run.answers import Nobody
-from hil.executive.run.configuration import Configuration, Request, configure
 from hil.executive.run.replaying import differences, recall_of, replay_request, unpack
 from hil.executive.run.session import Session
+from hil.executive.setup.configuration import Configuration, Request, configure
 from hil.model.errors import Refused
 from hil.plugin.campaign import Opener
 from hil.plugin.launch import launch

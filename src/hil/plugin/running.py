@@ -6,8 +6,8 @@ from functools import partial
 from pathlib import Path
 from typing import TextIO
 
-from hil.executive.run.configuration import Request, configure
 from hil.executive.run.session import Session
+from hil.executive.setup.configuration import Request, configure
 from hil.plugin.launch import launch
 from hil.plugin.opening import open_simulated
 from hil.plugin.progress import Progress
@@ -38,7 +38,7 @@ def run(request: Request, out: TextIO, *, verbose: bool = False) -> int:
 
 
 def _tell(session: Session, digest: str, out: TextIO) -> None:
-    from hil.evidence.package import Package  # noqa: PLC0415 - not before the run
+    from hil.evidence.package.contents import Package  # noqa: PLC0415 - not before the run
 
     out.write("\n")
     out.writelines(f"{line}\n" for line in closing_lines(Package(session.folder).results()))

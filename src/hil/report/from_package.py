@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from hil.evidence.bag import INFO
-from hil.evidence.package import Package
+from hil.evidence.package.bag import INFO
+from hil.evidence.package.contents import Package
 from hil.model.errors import EvidenceError
 from hil.report.material import Body, Trace
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from hil.report.as_run import attributed
 from hil.report.material import Body, inners, text, texts
 from hil.report.numbers import bench_time, duration, number, with_unit
+from hil.report.page.as_run import attributed
 from hil.report.sentences import counted
 
 __all__ = ["procedure_lines"]

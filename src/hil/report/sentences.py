@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from hil.model.identity import Source
 from hil.model.verdict import Verdict
 from hil.report.material import Body, flag, inner, inners, text, texts, verdict
-from hil.report.view import Closing
+from hil.report.page.view import Closing
 
 __all__ = ["closing_sentence", "closings", "counted", "headline", "safe_word", "source_word", "subject", "warnings"]
 

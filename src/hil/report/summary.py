@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from hil.model.verdict import Verdict
-from hil.report.as_run import check_row
 from hil.report.material import Body, inner, inners, text, texts, verdict
+from hil.report.page.as_run import check_row
 from hil.report.sentences import closing_sentence, closings, headline, source_word, warnings
 
 __all__ = ["check_lines", "closing_lines"]

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from hil.evidence.durable import write_whole
 from hil.evidence.folder import REPORT
-from hil.evidence.package import Package
-from hil.report.assemble import assemble
+from hil.evidence.package.contents import Package
 from hil.report.from_package import PackageMaterial
 from hil.report.junit import junit
-from hil.report.page import render
+from hil.report.page.assemble import assemble
+from hil.report.page.rendering import render
 
 __all__ = ["HTML", "JUNIT", "make_reports", "write_reports"]
 

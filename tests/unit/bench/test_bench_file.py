@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from adcs_bench import ADCS, adcs, changed, found
 
-from hil.bench.bench_file import bench_names, load_bench
 from hil.bench.binding import check_twin
+from hil.bench.file.reading import bench_names, load_bench
 from hil.model.errors import ConfigurationError, Refused
 
 FILE = "fixtures/benches/adcs/bench.yaml"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hil.bench.places import place_of
+from hil.bench.file.places import place_of
 
 TEXT = """\
 simulated:

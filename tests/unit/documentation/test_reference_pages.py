@@ -21,7 +21,7 @@ PLAN_FILES = (ROOT / "docs" / "reference" / "plan-files.md").read_text(encoding=
 CASE_API = (ROOT / "docs" / "reference" / "case-api.md").read_text(encoding="utf-8")
 
 READERS = [
-    *((path, BENCH_FILE) for path in sorted((SOURCE / "bench").glob("*.py"))),
+    *((path, BENCH_FILE) for path in sorted((SOURCE / "bench").rglob("*.py"))),
     *((path, BENCH_FILE) for path in sorted((SOURCE / "simulation").rglob("*.py"))),
     *((SOURCE / "requirements" / name, PLAN_FILES) for name in ("schema.py", "parameters.py")),
 ]

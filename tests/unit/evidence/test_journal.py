@@ -9,8 +9,8 @@ import pytest
 from evidence_runs import stamps
 
 from hil.documents.canonical import JsonError, canonical
-from hil.evidence.journal import Journal
-from hil.evidence.reading import read_journal
+from hil.evidence.journal.reader import read_journal
+from hil.evidence.journal.writer import Journal
 from hil.model.errors import EvidenceError
 
 

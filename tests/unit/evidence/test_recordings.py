@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from evidence_runs import begin, record
 
-from hil.evidence.package import Package
-from hil.evidence.recordings import convert, hashes_of, read_hdf5
-from hil.evidence.rows import BLOCK
+from hil.evidence.package.contents import Package
+from hil.evidence.recordings.hdf5 import convert, hashes_of, read_hdf5
+from hil.evidence.recordings.rows import BLOCK
 from hil.model.errors import EvidenceError
 
 

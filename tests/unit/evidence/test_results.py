@@ -6,10 +6,10 @@ import pytest
 from evidence_runs import LIMIT, REQUIREMENTS, begin, case_end, check, planned, recorded_check, run_fields, whole_case
 
 from hil.documents.canonical import canonical
-from hil.evidence.facts import Facts, entries_of, facts_of, limit_of
 from hil.evidence.folder import JOURNAL
-from hil.evidence.reading import read_journal
-from hil.evidence.results import derive, results_of
+from hil.evidence.journal.reader import read_journal
+from hil.evidence.results.derived import derive, results_of
+from hil.evidence.results.facts import Facts, entries_of, facts_of, limit_of
 from hil.model.errors import EvidenceError
 
 

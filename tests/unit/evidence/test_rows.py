@@ -7,7 +7,7 @@ import struct
 
 import pytest
 
-from hil.evidence.rows import BLOCK, Rows, read_rows, row_blocks, table
+from hil.evidence.recordings.rows import BLOCK, Rows, read_rows, row_blocks, table
 from hil.model.errors import EvidenceError
 
 

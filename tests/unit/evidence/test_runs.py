@@ -6,9 +6,9 @@ import pytest
 from evidence_runs import begin, record, sealed_run, whole_case
 
 from hil.evidence.folder import create, hold
-from hil.evidence.package import Package
+from hil.evidence.package.contents import Package
+from hil.evidence.package.verification import State
 from hil.evidence.runs import find_runs, status
-from hil.evidence.verify import State
 from hil.model.errors import EvidenceError
 
 

@@ -11,14 +11,14 @@ import pytest
 from evidence_runs import begin, check, run_fields, sealed_run, whole_case, write_report
 
 from hil.documents.canonical import canonical
-from hil.evidence.bag import evidence_digest, manifest_text, read_manifest, write_manifests
 from hil.evidence.folder import JOURNAL, create, hold
 from hil.evidence.inbox import post
-from hil.evidence.journal import Journal
-from hil.evidence.package import Package
-from hil.evidence.recover import recover
-from hil.evidence.seal import seal
-from hil.evidence.verify import State, verify
+from hil.evidence.journal.writer import Journal
+from hil.evidence.package.bag import evidence_digest, manifest_text, read_manifest, write_manifests
+from hil.evidence.package.contents import Package
+from hil.evidence.package.recovery import recover
+from hil.evidence.package.sealing import seal
+from hil.evidence.package.verification import State, verify
 from hil.model.errors import EvidenceError, Refused
 
 
@@ -281,7 +281,7 @@ def test_an_interrupted_run_is_sealed_as_it_is(folder):
         "recording", 1.0, case="test_rest", step="1", recording="001", name="rest", channels=channels, rate=1.0,
         duration=9.0, source="hardware",
     )  # fmt: skip
-    from hil.evidence.rows import Rows  # noqa: PLC0415 - this test alone leaves rows open
+    from hil.evidence.recordings.rows import Rows  # noqa: PLC0415 - this test alone leaves rows open
 
     rows = Rows(folder / "data/recordings/001.rows", recording="001", channels=[("x", "deg/s")], on_block=print)
     rows.append((1.0, 2.0))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hil.model.verdict import Verdict
-from hil.report.figures import Band, Point, decimate, draw_points, draw_traces, finite
 from hil.report.material import Trace
+from hil.report.page.figures import Band, Point, decimate, draw_points, draw_traces, finite
 
 
 def trace(name="x", unit="deg/s", size=1000):

@@ -3,7 +3,7 @@ from xml.etree import ElementTree as ET
 import pytest
 import specimen_run
 
-from hil.evidence.package import Package
+from hil.evidence.package.contents import Package
 from hil.model.verdict import Verdict
 from hil.report.junit import junit
 

@@ -9,11 +9,11 @@ from html.parser import HTMLParser
 import pytest
 import specimen_run
 
-from hil.evidence.package import Package
+from hil.evidence.package.contents import Package
 from hil.model.verdict import Verdict
-from hil.report.drawings import recording_graphics
 from hil.report.from_package import PackageMaterial
-from hil.report.page import TEMPLATES
+from hil.report.page.drawings import recording_graphics
+from hil.report.page.rendering import TEMPLATES
 from hil.report.write import HTML, JUNIT, make_reports
 
 VOID = {"meta", "path", "circle", "br", "use", "link", "img"}

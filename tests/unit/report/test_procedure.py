@@ -1,6 +1,6 @@
 import specimen_run
 
-from hil.evidence.package import Package
+from hil.evidence.package.contents import Package
 from hil.report.procedure import procedure_lines
 
 DRIVE = {"case": "a", "step": "1", "name": "supply.coil.set", "effect": "drives", "result": None}

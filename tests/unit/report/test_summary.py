@@ -1,7 +1,7 @@
 import pytest
 import specimen_run
 
-from hil.evidence.package import Package
+from hil.evidence.package.contents import Package
 from hil.model.errors import EvidenceError
 from hil.report.summary import check_lines, closing_lines
 

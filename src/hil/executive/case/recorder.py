@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from hil.bench.calibration import standard_uncertainty
 from hil.clock.port import NANOSECONDS
-from hil.evidence.recordings import Recorded, read_recording
+from hil.evidence.recordings.hdf5 import Recorded, read_recording
 from hil.executive.case.effects import Effects
 from hil.executive.case.facade import Facade
 from hil.executive.case.steps import Steps

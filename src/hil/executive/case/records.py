@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import cast
 
-from hil.evidence.recordings import Recorded
+from hil.evidence.recordings.hdf5 import Recorded
 from hil.executive.run.row_store import RecordingFacts
 from hil.model.figure import Figure
 from hil.requirements.requirement import Decision, Limit, Records

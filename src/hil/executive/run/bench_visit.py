@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from hil.bench.bench_file import load_bench
 from hil.bench.binding import BoundBench, bind_simulated, check_twin
+from hil.bench.file.reading import load_bench
 from hil.bench.readiness import Gate, energised_gates, unpowered_gates
 from hil.bench.safe_off import SafeResult, make_safe
-from hil.executive.run.configuration import refuse_hardware
-from hil.executive.run.workspace import find_workspace
+from hil.executive.setup.configuration import refuse_hardware
+from hil.executive.setup.workspace import find_workspace
 from hil.model.identity import Source
 from hil.wire.transcript import Transcript
 

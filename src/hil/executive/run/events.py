@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from hil.clock.port import Clock
-from hil.evidence.journal import Journal
+from hil.evidence.journal.writer import Journal
 from hil.executive.run.stop import StopFlags
 from hil.model.errors import EvidenceError
 

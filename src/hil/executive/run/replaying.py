@@ -8,9 +8,9 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-from hil.evidence.package import Package
+from hil.evidence.package.contents import Package
 from hil.executive.case.effects import Recall
-from hil.executive.run.configuration import Request
+from hil.executive.setup.configuration import Request
 from hil.model.errors import Diverged, EvidenceError
 from hil.model.identity import Purpose, Source
 from hil.model.verdict import Verdict

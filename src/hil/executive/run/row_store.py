@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hil.evidence.folder import RECORDINGS, RESERVE
-from hil.evidence.rows import Rows
+from hil.evidence.recordings.rows import Rows
 
 __all__ = ["OpenRecording", "RecordedChannel", "RecordingFacts", "RowStore"]
 

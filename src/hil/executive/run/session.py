@@ -12,8 +12,8 @@ from hil.bench.binding import BoundBench
 from hil.bench.lease import Lease
 from hil.evidence.folder import JOURNAL, RESERVE, TRANSCRIPT, create, free_reserve, hold, require_space
 from hil.evidence.inbox import Message, poll
-from hil.evidence.journal import Journal
-from hil.evidence.seal import ReportWriter, seal, write_message
+from hil.evidence.journal.writer import Journal
+from hil.evidence.package.sealing import ReportWriter, seal, write_message
 from hil.executive.case.case_run import CaseRun, PlannedCase
 from hil.executive.case.checks import Checks
 from hil.executive.case.effects import Effects, Recall
@@ -21,12 +21,12 @@ from hil.executive.case.facade import Facade, RoleSet
 from hil.executive.case.operator import AnswerSource, Operator
 from hil.executive.case.recorder import Recorder
 from hil.executive.case.steps import Steps
-from hil.executive.run.configuration import Configuration
 from hil.executive.run.events import DISK_FULL, Events, Listener
-from hil.executive.run.head import write_head
 from hil.executive.run.keeper import BenchKeeper
 from hil.executive.run.row_store import RowStore
 from hil.executive.run.stop import StopFlags, handle_signals
+from hil.executive.setup.configuration import Configuration
+from hil.executive.setup.head import write_head
 from hil.model.errors import EvidenceError
 from hil.model.verdict import Verdict
 from hil.wire.transcript import Transcript

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 
-from hil.bench import limit_checks
-from hil.bench.complaints import Complaints, Located, known
+from hil.bench.file import limit_checks
+from hil.bench.file.complaints import Complaints, Located, known
 from hil.clock.virtual import VirtualClock
 from hil.documents.findings import Findings
 from hil.instruments.registry import driver_names

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hil.evidence.durable import PART, sync_file, sync_folder
-from hil.evidence.rows import BLOCK, RowsFile, read_rows, row_blocks, table
+from hil.evidence.recordings.rows import BLOCK, RowsFile, read_rows, row_blocks, table
 from hil.model.errors import EvidenceError
 
 if TYPE_CHECKING:

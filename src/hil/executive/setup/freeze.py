@@ -11,9 +11,9 @@ from pathlib import Path
 
 from hil.clock import wall
 from hil.documents.canonical import canonical
-from hil.evidence.facts import entries_of, freeze_calibration, freeze_catalogue
-from hil.executive.run.configuration import Configuration
-from hil.executive.run.software import software_identity
+from hil.evidence.results.facts import entries_of, freeze_calibration, freeze_catalogue
+from hil.executive.setup.configuration import Configuration
+from hil.executive.setup.software import software_identity
 from hil.model.bench import BenchSpec
 from hil.requirements.layout import LOCK, PARAMETERS, REQUIREMENTS
 

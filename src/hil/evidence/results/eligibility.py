@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from hil.evidence.facts import Facts
-from hil.evidence.reading import Body
+from hil.evidence.journal.reader import Body
+from hil.evidence.results.facts import Facts
 from hil.model.identity import Purpose, Source
 from hil.model.verdict import Verdict
 

@@ -7,11 +7,11 @@ from enum import StrEnum
 from functools import partial
 from pathlib import Path
 
-from hil.evidence.bag import digest_of_manifest, hash_payload, manifest_text
-from hil.evidence.consistent import content_findings, guarded, results_event
 from hil.evidence.folder import JOURNAL, SEAL, is_held, is_sealed
-from hil.evidence.intact import bag_findings
-from hil.evidence.reading import read_journal
+from hil.evidence.journal.reader import read_journal
+from hil.evidence.package.bag import digest_of_manifest, hash_payload, manifest_text
+from hil.evidence.package.consistent import content_findings, guarded, results_event
+from hil.evidence.package.intact import bag_findings
 from hil.model.errors import EvidenceError, Finding
 
 __all__ = ["State", "Verification", "verify"]

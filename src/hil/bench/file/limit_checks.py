@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
-from hil.bench.complaints import Complaints, known, quantity, quantity_of
+from hil.bench.file.complaints import Complaints, known, quantity, quantity_of
 from hil.instruments.roles import STATES
 from hil.model.bench import BenchSpec, CalibratedRange, Clamp, EnvelopeLimit, Proof, ReducedLevel, SafeStep, Wire
 

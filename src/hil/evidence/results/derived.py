@@ -9,9 +9,9 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from hil.evidence.eligibility import reasons_against
-from hil.evidence.facts import Facts, facts_of
-from hil.evidence.reading import Body, JournalReading
+from hil.evidence.journal.reader import Body, JournalReading
+from hil.evidence.results.eligibility import reasons_against
+from hil.evidence.results.facts import Facts, facts_of
 from hil.model.verdict import Verdict, worst
 
 __all__ = ["Derived", "derive", "results_of"]

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from hil.evidence.bag import (
+from hil.evidence.durable import sha256_of
+from hil.evidence.folder import SEAL
+from hil.evidence.package.bag import (
     DECLARATION,
     INFO,
     MANIFEST,
@@ -16,8 +18,6 @@ from hil.evidence.bag import (
     tag_manifest_text,
     top_entries,
 )
-from hil.evidence.durable import sha256_of
-from hil.evidence.folder import SEAL
 from hil.model.errors import Finding
 
 __all__ = ["bag_findings"]

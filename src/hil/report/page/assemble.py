@@ -9,12 +9,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from hil.documents.canonical import parse_strict
 from hil.model.identity import Source
 from hil.model.verdict import Verdict
-from hil.report.as_run import attributed, checks_of, recording_rows, step_rows
-from hil.report.bench_file import instruments, parse, wiring
-from hil.report.drawings import charts, recording_graphics
-from hil.report.happenings import deviations, gates, happenings, people, safe_off
 from hil.report.material import Body, Material, flat, inner, inners, text, texts, verdict
 from hil.report.numbers import duration, with_unit
+from hil.report.page.as_run import attributed, checks_of, recording_rows, step_rows
+from hil.report.page.bench_file import instruments, parse, wiring
+from hil.report.page.drawings import charts, recording_graphics
+from hil.report.page.happenings import deviations, gates, happenings, people, safe_off
+from hil.report.page.view import CaseName, CaseView, Fact, Graphic, ParameterRow, RequirementRow, RunView
 from hil.report.sentences import (
     closing_sentence,
     closings,
@@ -25,7 +26,6 @@ from hil.report.sentences import (
     subject,
     warnings,
 )
-from hil.report.view import CaseName, CaseView, Fact, Graphic, ParameterRow, RequirementRow, RunView
 
 __all__ = ["assemble"]
 

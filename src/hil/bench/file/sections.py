@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil.bench.complaints import Located
+from hil.bench.file.complaints import Located
 from hil.documents.reader import MappingReader
 from hil.model.bench import (
     Bus,

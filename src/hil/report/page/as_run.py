@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from hil.report.material import Body, flag, inner, inners, text, texts, verdict
 from hil.report.numbers import bench_time, duration, limit_text, measured, number, with_unit
-from hil.report.view import CaseName, CheckRow, Exchange, RecordingRow, StepRow
+from hil.report.page.view import CaseName, CheckRow, Exchange, RecordingRow, StepRow
 
 __all__ = ["attributed", "check_row", "checks_of", "recording_rows", "step_rows"]
 

@@ -6,12 +6,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from hil.evidence.bag import MANIFEST, digest_of_manifest, evidence_digest
-from hil.evidence.facts import Entries, facts_of, read_json
 from hil.evidence.folder import JOURNAL, RECORDINGS, RESULTS, TRANSCRIPT, is_sealed
-from hil.evidence.reading import Body, JournalLine, JournalReading, read_journal
-from hil.evidence.recordings import Recorded, read_recording
-from hil.evidence.results import Derived, results_of
+from hil.evidence.journal.reader import Body, JournalLine, JournalReading, read_journal
+from hil.evidence.package.bag import MANIFEST, digest_of_manifest, evidence_digest
+from hil.evidence.recordings.hdf5 import Recorded, read_recording
+from hil.evidence.results.derived import Derived, results_of
+from hil.evidence.results.facts import Entries, facts_of, read_json
 from hil.model.errors import EvidenceError
 
 __all__ = ["Package"]

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from hil.evidence.facts import Entries, limit_of
-from hil.evidence.reading import Body
+from hil.evidence.journal.reader import Body
+from hil.evidence.results.facts import Entries, limit_of
 from hil.model.figure import Figure, FigureStatus
 from hil.model.verdict import Verdict
 from hil.requirements.decision import Judgement, judge

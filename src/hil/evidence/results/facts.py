@@ -12,7 +12,7 @@ from typing import Any
 from hil.documents.canonical import JsonError, canonical, parse_strict
 from hil.evidence.durable import write_whole
 from hil.evidence.folder import CALIBRATION, CATALOGUE
-from hil.evidence.reading import JournalReading
+from hil.evidence.journal.reader import JournalReading
 from hil.model.errors import EvidenceError
 from hil.requirements.requirement import Decision, Limit, Requirement
 

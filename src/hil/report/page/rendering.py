@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from hil.model.verdict import Verdict
-from hil.report.view import RunView
+from hil.report.page.view import RunView
 
 __all__ = ["TEMPLATES", "render"]
 

@@ -8,11 +8,11 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from hil.bench.bench_file import load_bench
 from hil.bench.binding import check_twin, simulated_twin
-from hil.bench.duts import find_dut, load_duts
+from hil.bench.file.duts import find_dut, load_duts
+from hil.bench.file.reading import load_bench
 from hil.documents.findings import Findings
-from hil.executive.run.workspace import Workspace, find_workspace
+from hil.executive.setup.workspace import Workspace, find_workspace
 from hil.model.bench import BenchSpec
 from hil.model.errors import ConfigurationError, Finding, Refused
 from hil.model.identity import Dut, Purpose, Source

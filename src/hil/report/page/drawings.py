@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from hil.report.figures import Band, Point, decimate, draw_points, draw_traces, finite
 from hil.report.material import Body, Material, Trace, inner, inners, text, verdict
 from hil.report.numbers import number, with_unit
+from hil.report.page.figures import Band, Point, decimate, draw_points, draw_traces, finite
+from hil.report.page.view import Graphic
 from hil.report.sentences import counted
-from hil.report.view import Graphic
 
 __all__ = ["charts", "recording_graphics"]
 

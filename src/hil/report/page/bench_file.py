@@ -9,7 +9,7 @@ from hil.documents.node import Mapping as MappingNode
 from hil.documents.node import Node, Scalar, Sequence
 from hil.documents.strict_yaml import parse_yaml
 from hil.report.material import Body, flat, inner, inners, text
-from hil.report.view import InstrumentRow, WireRow
+from hil.report.page.view import InstrumentRow, WireRow
 
 __all__ = ["instruments", "parse", "wiring"]
 

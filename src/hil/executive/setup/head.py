@@ -7,9 +7,9 @@ from dataclasses import asdict
 from pathlib import Path
 
 from hil.executive.case.case_run import PlannedCase
-from hil.executive.run.configuration import Configuration
-from hil.executive.run.freeze import freeze
-from hil.executive.run.software import version
+from hil.executive.setup.configuration import Configuration
+from hil.executive.setup.freeze import freeze
+from hil.executive.setup.software import version
 
 __all__ = ["write_head"]
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hil.bench.bench_checks import check_bench
-from hil.bench.bench_sections import (
+from hil.bench.file.checks import check_bench
+from hil.bench.file.complaints import Located
+from hil.bench.file.sections import (
     read_buses,
     read_clamp,
     read_envelope_limit,
@@ -14,7 +15,6 @@ from hil.bench.bench_sections import (
     read_twin,
     read_wire,
 )
-from hil.bench.complaints import Located
 from hil.documents.findings import Findings
 from hil.documents.node import Place
 from hil.documents.reader import MappingReader, read_document

@@ -9,7 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from hil.documents.canonical import canonical
-from hil.evidence.bag import (
+from hil.evidence.durable import DISK_FULL, PART, sync_folder, write_whole
+from hil.evidence.folder import INBOX, JOURNAL, RECORDINGS, RESERVE, RESULTS, SEAL, free_reserve
+from hil.evidence.inbox import Message, poll
+from hil.evidence.journal.reader import Body, JournalReading, read_journal
+from hil.evidence.journal.writer import Journal
+from hil.evidence.package.bag import (
     MANIFEST,
     digest_of_manifest,
     info_text,
@@ -17,13 +22,8 @@ from hil.evidence.bag import (
     put_seal,
     write_manifests,
 )
-from hil.evidence.durable import DISK_FULL, PART, sync_folder, write_whole
-from hil.evidence.folder import INBOX, JOURNAL, RECORDINGS, RESERVE, RESULTS, SEAL, free_reserve
-from hil.evidence.inbox import Message, poll
-from hil.evidence.journal import Journal
-from hil.evidence.reading import Body, JournalReading, read_journal
-from hil.evidence.recordings import convert
-from hil.evidence.results import results_of
+from hil.evidence.recordings.hdf5 import convert
+from hil.evidence.results.derived import results_of
 from hil.model.errors import EvidenceError
 
 __all__ = ["ReportWriter", "end_journal", "finish", "info_of", "seal", "write_message"]

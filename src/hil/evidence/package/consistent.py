@@ -7,16 +7,16 @@ from functools import partial
 from pathlib import Path
 
 from hil.documents.canonical import canonical
-from hil.evidence.bag import INFO
 from hil.evidence.durable import sha256_of
-from hil.evidence.facts import facts_of
 from hil.evidence.folder import ATTACHMENTS, CALIBRATION, CATALOGUE, JOURNAL, PARAMETERS, RECORDINGS, RESULTS
-from hil.evidence.judged import judge_again
-from hil.evidence.quick_json import quick_canonical
-from hil.evidence.reading import Body, JournalReading
-from hil.evidence.recordings import hashes_of
-from hil.evidence.results import results_of
-from hil.evidence.seal import info_of
+from hil.evidence.journal.quick_json import quick_canonical
+from hil.evidence.journal.reader import Body, JournalReading
+from hil.evidence.package.bag import INFO
+from hil.evidence.package.judged import judge_again
+from hil.evidence.package.sealing import info_of
+from hil.evidence.recordings.hdf5 import hashes_of
+from hil.evidence.results.derived import results_of
+from hil.evidence.results.facts import facts_of
 from hil.model.errors import Finding, HilError
 
 __all__ = ["content_findings", "guarded", "results_event"]

@@ -5,12 +5,12 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from hil.evidence.bag import MANIFEST, digest_of_manifest, make_read_only
 from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE, hold, is_sealed
-from hil.evidence.journal import Journal
-from hil.evidence.reading import Body, cut_torn_tail, read_journal
-from hil.evidence.rows import Rows
-from hil.evidence.seal import ReportWriter, finish, seal
+from hil.evidence.journal.reader import Body, cut_torn_tail, read_journal
+from hil.evidence.journal.writer import Journal
+from hil.evidence.package.bag import MANIFEST, digest_of_manifest, make_read_only
+from hil.evidence.package.sealing import ReportWriter, finish, seal
+from hil.evidence.recordings.rows import Rows
 from hil.model.errors import EvidenceError, Refused
 from hil.model.verdict import Verdict
 

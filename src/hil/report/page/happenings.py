@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from hil.report.material import Body, flag, text, texts
 from hil.report.numbers import bench_time, duration, number, with_unit
-from hil.report.view import CaseName, GateRow, Happening, SafeRow
+from hil.report.page.view import CaseName, GateRow, Happening, SafeRow
 
 __all__ = ["deviations", "gates", "happenings", "people", "safe_off"]
 

@@ -12,8 +12,8 @@ from typing import Self
 from hil.clock import wall
 from hil.evidence.durable import DISK_FULL, sync_folder
 from hil.evidence.folder import free_reserve
-from hil.evidence.quick_json import quick_canonical
-from hil.evidence.reading import FIRST, read_journal
+from hil.evidence.journal.quick_json import quick_canonical
+from hil.evidence.journal.reader import FIRST, read_journal
 from hil.model.errors import EvidenceError
 
 __all__ = ["SYNCED", "Journal"]

@@ -1,0 +1,1 @@
+"""The bench file and the register of devices under test: read, checked, every finding at once."""

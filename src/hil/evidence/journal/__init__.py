@@ -1,0 +1,1 @@
+"""The journal: written event by event, read line by line."""

@@ -1,0 +1,1 @@
+"""The package: a sealed bag, its reader, its verification."""

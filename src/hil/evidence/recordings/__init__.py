@@ -1,0 +1,1 @@
+"""Recordings: rows while they grow, HDF5 for good."""

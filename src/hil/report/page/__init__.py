@@ -1,0 +1,1 @@
+"""The page: from the evidence of one run to one HTML file."""
