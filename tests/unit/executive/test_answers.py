@@ -1,0 +1,178 @@
+"""Who answers: a file, a person, or nobody."""
+
+from __future__ import annotations
+
+import pytest
+from case_parts import Case
+
+from hil.executive.case.operator import Answer, Declined, Question
+from hil.executive.run.answers import AnswersFile, FirstOf, Nobody, SimulatedPerson, TerminalPerson, load_answers
+from hil.executive.run.stop import Stopped
+from hil.model.errors import ConfigurationError
+
+CONFIRM = Question(name="jig", form="confirm", text="Closed?")
+CHOOSE = Question(name="phone", form="choose", text="Which way?", options=("outward", "inward"))
+MEASURE = Question(name="meter", form="measure", text="Read it", unit="V")
+ATTACH = Question(name="board", form="attach", text="Connect x", options=("x", "y"))
+
+
+class Typed:
+    """A terminal at which lines were typed; None is a moment without one, and at the end input ends."""
+
+    def __init__(self, *lines):
+        self.lines = list(lines)
+        self.shown = []
+
+    def show(self, text):
+        """Keep what is shown."""
+        self.shown.append(text)
+
+    def line(self):
+        """Return the next line."""
+        return self.lines.pop(0) if self.lines else ""
+
+
+@pytest.mark.parametrize(
+    ("question", "line", "value"),
+    [
+        (CONFIRM, "yes\n", True),
+        (CONFIRM, " Y \n", True),
+        (CONFIRM, "NO\n", False),
+        (CHOOSE, "inward\n", "inward"),
+        (MEASURE, "12.5\n", 12.5),
+        (MEASURE, "12,5\n", 12.5),
+        (ATTACH, "yes\n", "x"),
+        (ATTACH, "y\n", "x"),
+    ],
+)
+def test_a_person_answers_in_the_form_of_the_question(question, line, value):
+    """Each form understands what a person would type."""
+    terminal = Typed(line)
+    assert TerminalPerson(terminal, "Ada", lambda: None).answer(question) == Answer(value, "Ada")
+    assert terminal.shown[0].startswith(question.text)
+
+
+@pytest.mark.parametrize(
+    ("question", "line"),
+    [(CONFIRM, "maybe"), (CONFIRM, ""), (CHOOSE, "up"), (MEASURE, "much"), (MEASURE, "nan"), (MEASURE, "inf")],
+)
+def test_what_is_no_answer_is_asked_again(question, line):
+    """A person is told what would be one; nothing is guessed."""
+    terminal = Typed(f"{line}\n", None, None, "yes\n", "inward\n", "1\n")
+    answer = TerminalPerson(terminal, "Ada", lambda: None).answer(question)
+    assert answer.value in {True, "inward"}
+    assert terminal.shown[1].startswith("Please answer ")
+
+
+def test_a_stop_is_found_while_a_person_thinks():
+    """Waiting for an answer is a scheduling point."""
+
+    def stop():
+        raise Stopped("SIGINT")
+
+    with pytest.raises(Stopped):
+        TerminalPerson(Typed(None), "Ada", stop).answer(CONFIRM)
+
+
+def test_the_end_of_input_is_nobody():
+    """A terminal that is gone is not asked for ever."""
+    with pytest.raises(Declined, match="the terminal's input has ended"):
+        TerminalPerson(Typed("perhaps\n"), "Ada", lambda: None).answer(CONFIRM)
+
+
+def test_a_file_answers_by_name():
+    """Every form has its text in the file; who answered is the file."""
+    file = AnswersFile({"jig": "Yes", "phone": "inward", "meter": "4.9", "board": "y"}, "answers.yaml")
+    found = [file.answer(question).value for question in (CONFIRM, CHOOSE, MEASURE)]
+    assert found == [True, "inward", 4.9]
+    assert file.answer(CONFIRM).by == "answers file"
+
+
+def test_a_file_attaches_what_it_names():
+    """For what is to be connected the file says yes, or what is connected."""
+    assert AnswersFile({"board": "yes"}, "a").answer(ATTACH).value == "x"
+    assert AnswersFile({"board": "x"}, "a").answer(ATTACH).value == "x"
+
+
+@pytest.mark.parametrize(
+    ("answers", "message"),
+    [
+        ({"jgi": "yes"}, "a.yaml has no answer to 'jig', did you mean 'jgi'?; asked was: Closed?"),
+        ({"jig": "sure"}, "a.yaml answers 'sure' to 'jig'; answer yes or no; asked was: Closed?"),
+    ],
+)
+def test_a_file_that_does_not_answer_declines(answers, message):
+    """The nearest name, or the form of the answer, is told."""
+    with pytest.raises(Declined) as caught:
+        AnswersFile(answers, "a.yaml").answer(CONFIRM)
+    assert str(caught.value) == message
+
+
+def test_the_file_goes_before_whoever_is_there():
+    """A question that the file knows goes to the file, every other one to the person."""
+
+    class Person:
+        def answer(self, form, name, text, options):
+            return f"{form} {name}"
+
+    both = FirstOf(AnswersFile({"phone": "inward"}, "a"), SimulatedPerson(Person()), frozenset({"phone"}))
+    assert both.answer(CHOOSE) == Answer("inward", "answers file")
+    assert both.answer(MEASURE) == Answer("measure meter", "simulated person")
+
+
+def test_nobody_says_what_to_do():
+    """A question without anybody names the way out."""
+    with pytest.raises(Declined, match=r"needs a person, and there is no terminal; .*'jig' with --answers FILE"):
+        Nobody().answer(CONFIRM)
+
+
+def test_a_file_of_answers_is_read_strictly(tmp_path):
+    """What is wrong with it is told with its place."""
+    file = tmp_path / "a.yaml"
+    file.write_text('schema: hil/answers/1\nanswers: {jig: "yes"}\n')
+    assert load_answers(file, "a.yaml") == {"jig": "yes"}
+    file.write_text('schema: hil/answers/1\nanswer: {jig: "yes"}\n')
+    with pytest.raises(ConfigurationError, match=r"unknown key 'answer', did you mean 'answers'\?"):
+        load_answers(file, "a.yaml")
+
+
+class Says:
+    """Answers everything with one value."""
+
+    def __init__(self, value):
+        self.value = value
+
+    def answer(self, question):
+        """Answer."""
+        return Answer(self.value, "Ada")
+
+
+def test_an_answer_is_evidence_with_its_question(tmp_path):
+    """The journal has what was asked, what was answered, and by whom."""
+    case = Case(tmp_path, answers=Says("4.9"))
+    figure = case.run.operator.measure("Read it", "V", name="meter", uncertainty=0.1)
+    assert (figure.value, figure.unit, figure.uncertainty) == (4.9, "V", 0.1)
+    kinds = [event["kind"] for event in case.written.events]
+    assert kinds == ["question", "answer", "effect"]
+    assert case.written.of("answer")[0]["by"] == "Ada"
+
+
+@pytest.mark.parametrize(
+    ("value", "ask", "message"),
+    [
+        (False, lambda operator: operator.confirm("Closed?", name="jig"), "'Closed?' was not confirmed"),
+        ("up", lambda operator: operator.choose("Which?", ["in", "out"], name="way"), "'up' is no answer to 'way'"),
+        ("nan", lambda operator: operator.measure("Read", "V", name="meter"), "'nan' is no number for 'meter'"),
+        (True, lambda operator: operator.measure("Read", "V", name="meter"), "'True' is no number for 'meter'"),
+        (
+            "y",
+            lambda operator: operator.attach("x", "Connect x", name="b", options=["x", "y"]),
+            "'x' was to be connected",
+        ),
+    ],
+)
+def test_an_answer_that_does_not_fit_is_declined(tmp_path, value, ask, message):
+    """Whoever answers, the operator takes only what the question allows."""
+    case = Case(tmp_path, answers=Says(value))
+    with pytest.raises(Declined, match=message.replace("?", r"\?")):
+        ask(case.run.operator)

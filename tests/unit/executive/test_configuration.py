@@ -1,0 +1,77 @@
+"""Configurations: everything that a run is made of is read, and everything that is wrong is told at once."""
+
+from __future__ import annotations
+
+import pytest
+from workspaces import make
+
+from hil.executive.setup.configuration import configure
+from hil.model.errors import ConfigurationError, Refused
+from hil.model.identity import Source
+
+CASES = "def test_one():\n    pass"
+
+
+def test_a_request_becomes_a_configuration(tmp_path):
+    """Plans, catalogue, parameters, bench and article are all there; the reports are the workspace's."""
+    workspace = make(tmp_path / "workspace", CASES)
+    found = configure(workspace.request())
+    assert found.plans == (workspace.plan,)
+    assert "T-010" in found.catalogue.ids
+    assert found.parameters["small"].current == 0.01
+    assert (found.bench.name, found.dut.serial, found.reports) == ("adcs", "SIM-ADCS-1", workspace.reports)
+    assert found.deviations == ()
+
+
+def test_everything_that_is_wrong_is_told_at_once(tmp_path):
+    """Catalogue, parameters, bench and register: one run of the command finds all of it."""
+    workspace = make(tmp_path / "workspace", CASES)
+    workspace.change("testplans/small/requirements.yaml", {'max: "1.5", decision': 'max: "0.1", decision'})
+    workspace.change("testplans/small/parameters.yaml", {"unit: A": "unit: Amps"})
+    workspace.change_bench({"epoch:": "epcoh:"})
+    workspace.change("fixtures/duts.yaml", {"model: EM": "model: XM"})
+    with pytest.raises(ConfigurationError) as caught:
+        configure(workspace.request())
+    files = {finding.path for finding in caught.value.findings}
+    assert files == {
+        "fixtures/benches/adcs/bench.yaml",
+        "fixtures/duts.yaml",
+        "testplans/small/parameters.yaml",
+        "testplans/small/requirements.yaml",
+    }
+    assert all(finding.line > 0 for finding in caught.value.findings)
+
+
+def test_hardware_is_refused_in_a_plain_sentence(tmp_path):
+    """What cannot be made safe after a kill is not driven."""
+    workspace = make(tmp_path / "workspace", CASES)
+    with pytest.raises(Refused, match="this version does not drive hardware: .*; use --source simulated"):
+        configure(workspace.request(source=Source.HARDWARE))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"plans": ("smal",)}, r"no plan 'smal', did you mean 'small'\?"),
+        ({"bench": "acds"}, r"did you mean 'adcs'\?"),
+        (
+            {"dut": "SIM-ADCS-2"},
+            r"'SIM-ADCS-2' in fixtures/duts.yaml, did you mean 'SIM-ADCS-1'\?",
+        ),
+    ],
+)
+def test_a_name_that_does_not_exist_has_a_nearest(tmp_path, changes, message):
+    """The nearest name that exists is told."""
+    workspace = make(tmp_path / "workspace", CASES)
+    with pytest.raises(Refused, match=message):
+        configure(workspace.request(**changes))
+
+
+def test_deviations_are_sentences(tmp_path):
+    """A changed parameter and a skipped case are both told."""
+    workspace = make(tmp_path / "workspace", CASES)
+    found = configure(workspace.request(overrides={"current": "0.02"}, skips={"test_one": "no jig"}))
+    assert found.deviations == (
+        "parameter current is 0.02 A instead of 0.01 A",
+        "case test_one is skipped: no jig",
+    )

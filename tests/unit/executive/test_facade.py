@@ -1,0 +1,99 @@
+"""Façades: what a case holds instead of a role."""
+
+from __future__ import annotations
+
+import pytest
+from case_parts import Case
+
+from hil.executive.case.facade import RoleSet
+from hil.executive.run.stop import Stopped
+from hil.model.errors import NoReply
+
+
+def test_an_unknown_operation_names_the_nearest(tmp_path):
+    """A misspelt operation is told with the role instance and a way out."""
+    case = Case(tmp_path)
+    with pytest.raises(AttributeError, match=r"supply.coil has no operation 'voltgae', did you mean 'voltage'\?"):
+        case.coil.voltgae()
+
+
+def test_only_the_operations_of_the_role_are_there(tmp_path):
+    """What a driver can do besides is not a case's business."""
+    case = Case(tmp_path)
+    with pytest.raises(AttributeError, match="no operation 'calls'"):
+        case.coil.calls  # noqa: B018 - the attribute is the test
+
+
+def test_a_call_is_an_effect_of_its_kind(tmp_path):
+    """Driving and reading are told apart, and arguments have their names however they were given."""
+    case = Case(tmp_path)
+    case.coil.configure(5.0, current=0.1)
+    case.coil.voltage()
+    effects = [(each["name"], each["effect"], each["arguments"]) for each in case.written.of("effect")]
+    assert effects == [
+        ("supply.coil.configure", "drives", {"voltage": 5.0, "current": 0.1}),
+        ("supply.coil.voltage", "reads", {}),
+    ]
+    assert case.supply.calls[0] == ("configure", (5.0, 0.1))
+
+
+def test_a_call_with_wrong_arguments_drives_nothing(tmp_path):
+    """The role is not reached, and nothing is written."""
+    case = Case(tmp_path)
+    with pytest.raises(TypeError):
+        case.coil.configure(5.0)
+    assert (case.supply.calls, case.written.events) == ([], [])
+
+
+def test_readings_carry_the_certificate_of_their_instrument(tmp_path):
+    """The expanded uncertainty of the certificate is halved; where no range covers a reading it is unknown."""
+    case = Case(tmp_path)
+    assert case.coil.voltage().uncertainty == pytest.approx((0.002 + 0.01 * 5.0) / 2)
+    assert case.coil.current().uncertainty is None
+
+
+def test_every_call_is_a_scheduling_point(tmp_path):
+    """A stop is found before the instrument is reached."""
+    case = Case(tmp_path)
+    case.flags.request("SIGINT")
+    with pytest.raises(Stopped):
+        case.coil.disable()
+    assert case.supply.calls == []
+
+
+def test_a_fault_is_noted_even_if_the_case_swallows_it(tmp_path):
+    """What was silent, and whose it is, is written before the case learns of it."""
+    case = Case(tmp_path)
+    case.supply.fault = NoReply("psu1", "nothing came", "look at the cable")
+    with pytest.raises(NoReply):
+        case.coil.voltage()
+    (fault,) = case.written.of("fault")
+    assert (fault["device"], fault["dut"], fault["error"], fault["hint"]) == (
+        "psu1", False, "NoReply", "look at the cable",
+    )  # fmt: skip
+    assert case.run.bench_fault.startswith("psu1: nothing came")
+
+
+def test_what_a_case_uses_is_noted(tmp_path):
+    """The instruments behind a case decide what its evidence is worth."""
+    case = Case(tmp_path)
+    assert case.run.used == {}
+    case.coil.voltage()
+    case.field.sample()
+    assert case.run.used == {"psu1": "simulated", "mag1": "simulated"}
+
+
+def test_what_has_no_channels_is_not_recorded(tmp_path):
+    """A supply's output is not sampled; the message names it."""
+    case = Case(tmp_path)
+    with pytest.raises(TypeError, match="supply.coil has no channels"):
+        case.run.record("x", case.coil, duration=1.0, rate=10.0)
+
+
+def test_a_set_of_roles_names_the_nearest_instance(tmp_path):
+    """`supply.coli` is told from `supply.coil`."""
+    case = Case(tmp_path)
+    roles = RoleSet("supply", {"coil": case.coil})
+    assert roles.coil is case.coil
+    with pytest.raises(AttributeError, match=r"no 'coli' among the bench's supply, did you mean 'coil'\?"):
+        roles.coli  # noqa: B018 - the attribute is the test

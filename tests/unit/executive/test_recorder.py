@@ -1,0 +1,171 @@
+"""`record`: samples at their instants, kept whole or kept as incomplete, and what a requirement asks of them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from case_parts import Case
+
+from hil.evidence.recordings.hdf5 import Recorded
+from hil.executive.case.records import data_checks
+from hil.executive.run.row_store import RecordingFacts
+from hil.executive.run.stop import Stopped
+from hil.model.errors import NoReply
+from hil.requirements.decision import judge
+from hil.requirements.requirement import Records
+
+
+def test_sample_k_is_taken_at_k_over_rate(tmp_path):
+    """However long a sample takes, the next one is not shifted by it."""
+    case = Case(tmp_path)
+    case.clock.sleep(0.25)
+    taken = case.run.record("field", case.field, duration=1.0, rate=8.0)
+    expected = 0.25 + np.arange(8) / 8 + 0.001
+    assert taken.time == pytest.approx(expected, abs=1e-9)
+    assert list(taken["x"]) == list(range(8))
+    assert (len(taken), taken.rate, taken.unit("x")) == (8, 8.0, "uT")
+
+
+def test_a_recording_tells_its_beginning_its_end_and_its_hash(tmp_path):
+    """The journal holds what was asked for, and the hash that the effect's result repeats."""
+    case = Case(tmp_path)
+    case.run.record("field", case.field, duration=1.0, rate=10.0)
+    (begun,), (ended,), (effect,) = (case.written.of(kind) for kind in ("recording", "recording-end", "effect"))
+    assert (begun["recording"], begun["name"], begun["rate"], begun["duration"]) == (
+        "001-test_x-field", "field", 10.0, 1.0,
+    )  # fmt: skip
+    assert (ended["rows"], ended["complete"], ended["sha256"]) == (10, True, effect["result"])
+    assert (effect["name"], effect["effect"]) == ("record.field", "records")
+    assert ended["gaps"] == pytest.approx(0.1)
+
+
+def test_several_roles_have_their_names_before_their_channels(tmp_path):
+    """Channels of several roles are told apart; two roles of one name are refused."""
+    case = Case(tmp_path)
+    with pytest.raises(ValueError, match="one role is given twice"):
+        case.run.record("both", case.field, case.field, duration=1.0, rate=10.0)
+    assert case.written.events == []
+
+
+def test_the_certificate_counts_at_the_largest_reading(tmp_path):
+    """The least certain sample speaks for its channel."""
+    case = Case(tmp_path)
+    taken = case.run.record("field", case.field, duration=5.0, rate=10.0)
+    assert taken.uncertainty("x") == pytest.approx((0.2 + 0.01 * 49) / 2)
+    assert taken.uncertainty("y") == pytest.approx((0.2 + 0.01 * 40) / 2)
+
+
+@pytest.mark.parametrize(("duration", "rate"), [(0.0, 1.0), (1.0, 0.0), (-1.0, 1.0), (math.inf, 1.0), (math.nan, 1.0)])
+def test_a_recording_of_nothing_is_refused(tmp_path, duration, rate):
+    """Duration and rate are above zero, and something is recorded."""
+    case = Case(tmp_path)
+    with pytest.raises(ValueError, match="needs a role, and a duration and rate above zero"):
+        case.run.record("field", case.field, duration=duration, rate=rate)
+    with pytest.raises(ValueError, match="needs a role"):
+        case.run.record("field", duration=1.0, rate=1.0)
+
+
+def test_silence_keeps_what_was_recorded_as_incomplete(tmp_path):
+    """The rows before the silence are on the disk, and the recording says that it did not end."""
+    case = Case(tmp_path)
+    case.sensor.fault, case.sensor.silent_from = NoReply("mag1", "nothing came"), 4
+    with pytest.raises(NoReply):
+        case.run.record("field", case.field, duration=1.0, rate=10.0)
+    (ended,) = case.written.of("recording-end")
+    assert (ended["rows"], ended["complete"]) == (4, False)
+    assert len(case.written.of("fault")) == 1
+
+
+def test_a_stop_ends_a_recording_between_two_samples(tmp_path):
+    """The present sample is finished first."""
+    case = Case(tmp_path)
+    sample = case.sensor.sample
+
+    def stopping():
+        row = sample()
+        if row[0] == 2.0:
+            case.flags.request("SIGINT")
+        return row
+
+    case.sensor.sample = stopping
+    with pytest.raises(Stopped):
+        case.run.record("field", case.field, duration=1.0, rate=10.0)
+    assert [(end["rows"], end["complete"]) for end in case.written.of("recording-end")] == [(3, False)]
+
+
+def test_recordings_of_one_name_are_kept_apart(tmp_path):
+    """Each has an id of its own in the run."""
+    case = Case(tmp_path)
+    for _ in range(2):
+        case.run.record("field", case.field, duration=0.5, rate=10.0)
+    assert [each["recording"] for each in case.written.of("recording")] == ["001-test_x-field", "002-test_x-field"]
+
+
+def recorded(times, *, channels=("x", "y"), rate=10.0, complete=True, name="field"):
+    """Return a recording as `data_checks` takes it."""
+    array = np.asarray(times, dtype=float)
+    facts = RecordingFacts(
+        id="001", name=name, case="c", step="", channels=(), rate=rate, duration=1.0, source="simulated"
+    )
+    of_channels = dict.fromkeys(channels, array)
+    units = dict.fromkeys(channels, "uT")
+    taken = Recorded(
+        id="001",
+        name=name,
+        rate=rate,
+        time=array,
+        arrays=of_channels,
+        units=units,
+        instruments=units,
+        source="simulated",
+        complete=complete,
+    )
+    return {"facts": facts, "recorded": taken}
+
+
+ASKED = Records(recording="field", channels=("x", "y"), rate_hz=10.0, duration_s=1.0, max_gap_s=0.15)
+WHOLE = np.arange(10) / 10
+
+
+def verdicts(*taken):
+    """Return the verdict of every criterion, by parameter."""
+    return {limit.parameter: str(judge(value, limit).verdict) for limit, value in data_checks(ASKED, taken)}
+
+
+def test_a_whole_recording_meets_every_criterion():
+    """Ten samples at 10 Hz last one second."""
+    assert set(verdicts(recorded(WHOLE)).values()) == {"PASS"}
+    assert set(verdicts(recorded(WHOLE))) == {"channels", "duration", "rate", "max_gap"}
+
+
+@pytest.mark.parametrize(
+    ("parameter", "changed"),
+    [
+        ("channels", {"times": WHOLE, "channels": ("x",)}),
+        ("end", {"times": WHOLE, "complete": False}),
+        ("duration", {"times": WHOLE[:9]}),
+        ("rate", {"times": WHOLE * 1.01}),
+        ("max_gap", {"times": [*WHOLE[:5], *WHOLE[5:] + 0.1]}),
+    ],
+)
+def test_each_criterion_fails_for_its_reason(parameter, changed):
+    """A channel, the end, some time, the rate or a gap: each has its own criterion."""
+    assert verdicts(recorded(**changed))[parameter] == "FAIL"
+
+
+def test_the_poorest_recording_counts():
+    """One good recording of that name does not outweigh a poor one."""
+    assert verdicts(recorded(WHOLE), recorded(WHOLE[:5]))["duration"] == "FAIL"
+
+
+def test_one_sample_has_no_rate():
+    """A single row shows nothing of a rate, and no duration but its own."""
+    found = verdicts(recorded([0.0]))
+    assert (found["rate"], found["duration"], found["max_gap"]) == ("FAIL", "FAIL", "PASS")
+
+
+def test_what_was_never_taken_has_no_criteria():
+    """So its requirement stays NOT_EVALUATED."""
+    assert verdicts(recorded(WHOLE, name="other")) == {}

@@ -1,0 +1,173 @@
+"""Scheduling points: monitors take their turn, time stays exact, and a run can be stopped."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+from case_parts import Watch, limit, monitor, scheduler
+
+from hil.clock.virtual import VirtualClock
+from hil.executive.run.scheduler import CaseTimeout, Scheduler
+from hil.executive.run.stop import StopFlags, Stopped
+from hil.model.errors import NoReply, Tripped
+from hil.wire.transcript import Transcript
+
+
+def watched(*specs, **choices):
+    """Return a clock, a scheduler with a monitor per limit, and what it reports to."""
+    clock, watch = VirtualClock(), Watch()
+    flags = choices.pop("flags", None)
+    monitors = [monitor(clock, spec, **choices) for spec in specs]
+    return clock, scheduler(clock, *monitors, flags=flags, watch=watch), watch
+
+
+def test_monitors_run_in_waits_at_their_period():
+    """Whether or not a case reads the quantity, it is read as often as the bench file says."""
+    _, scheduled, watch = watched(limit())
+    scheduled.sleep(5.5)
+    assert [round(t) for _, t, _ in watch.readings] == [0, 1, 2, 3, 4, 5]
+
+
+@pytest.mark.parametrize("extra", [0, 1, 3])
+def test_a_wait_ends_at_its_instant(extra):
+    """However many monitors there are, what comes after a wait happens at the same time."""
+    clock, scheduled, watch = watched(limit(), *(limit(f"extra-{number}") for number in range(extra)))
+    ends = []
+    for seconds in (0.7, 1.0, 0.33, 2.0, 0.05):
+        scheduled.sleep(seconds)
+        ends.append(clock.now_ns())
+    assert ends == [700_000_000, 1_700_000_000, 2_030_000_000, 4_030_000_000, 4_080_000_000]
+    assert len({name for name, _, _ in watch.readings}) == 1 + extra
+
+
+def test_no_monitor_begins_where_its_reading_would_not_end_in_time():
+    """The end of a wait is kept free for as long as a reading takes."""
+    clock, scheduled, watch = watched(limit(), takes=0.1)
+    scheduled.sleep(0.5)
+    scheduled.sleep(0.55)
+    assert clock.now() == 1.05
+    assert len(watch.readings) == 1
+    scheduled.sleep(0.5)
+    assert (clock.now(), len(watch.readings)) == (1.55, 2)
+
+
+def test_a_monitor_that_is_overdue_runs_at_a_call_too():
+    """A case that never waits is watched all the same."""
+    clock, scheduled, watch = watched(limit(max_age=3.0))
+    scheduled.sleep(0.5)
+    clock.sleep(0.2)
+    scheduled.point()
+    assert len(watch.readings) == 1
+    clock.sleep(3.0)
+    scheduled.point()
+    assert len(watch.readings) == 2
+
+
+def test_a_reading_outside_trips_once_and_for_all():
+    """The bench is made safe before the case learns of it, and every later point raises again."""
+    clock, scheduled, watch = watched(limit(maximum=4.0))
+    with pytest.raises(Tripped, match=r"voltage 5 V is above 4 V"):
+        scheduled.sleep(1.0)
+    for attempt in (scheduled.point, scheduled.idle, lambda: scheduled.sleep(1.0)):
+        with pytest.raises(Tripped, match="stays so for the rest of the run"):
+            attempt()
+    assert len(watch.trips) == 1
+    assert scheduled.tripped is watch.trips[0]
+    assert clock.now() < 1.0
+
+
+def test_the_debounce_counts_readings_in_a_row():
+    """One reading outside is looked at again; as many as the debounce in a row trip."""
+    values = iter([11.0, 5.0, 11.0, 11.0])
+    _, scheduled, watch = watched(limit(debounce=2), value=lambda: next(values))
+    with pytest.raises(Tripped):
+        scheduled.sleep(10.0)
+    assert [value for _, _, value in watch.readings] == [11.0, 5.0, 11.0, 11.0]
+
+
+def test_silence_trips_when_the_last_reading_is_too_old():
+    """A monitor that falls silent is a reading that grows old, and its fault is told."""
+
+    def silent():
+        raise NoReply("psu1", "nothing came")
+
+    clock, scheduled, watch = watched(limit(max_age=3.0), value=silent)
+    with pytest.raises(Tripped, match=r"no good voltage for .* s, 3 s allowed \(psu1: nothing came\)"):
+        scheduled.sleep(20.0)
+    assert 3.0 < clock.now() < 5.0
+    assert all(value != value for _, _, value in watch.readings)  # noqa: PLR0124 - NaN is not itself
+
+
+def test_nothing_is_read_before_and_after_the_watch():
+    """Monitors run from arming to the safe state, in between and not else."""
+    clock, watch = VirtualClock(), Watch()
+    bench = SimpleNamespace(clock=clock, playback=None, transcript=Transcript(None))
+    scheduled = Scheduler(bench, [monitor(clock, limit())], StopFlags(), watch)
+    scheduled.sleep(5.0)
+    assert watch.readings == []
+    scheduled.watch_from_now()
+    scheduled.sleep(1.5)
+    scheduled.rest()
+    scheduled.sleep(5.0)
+    assert [round(t) for _, t, _ in watch.readings] == [5, 6]
+
+
+def test_a_case_past_its_deadline_ends():
+    """The deadline is looked at wherever time passes."""
+    _, scheduled, _ = watched()
+    scheduled.deadline_ns = 2_000_000_000
+    scheduled.sleep(2.0)
+    with pytest.raises(CaseTimeout):
+        scheduled.sleep(0.5)
+    with pytest.raises(CaseTimeout):
+        scheduled.point()
+
+
+def test_a_stop_is_found_in_a_wait_and_at_a_point():
+    """A request ends the wait before more time passes."""
+    flags = StopFlags()
+    clock, scheduled, _ = watched(flags=flags)
+    flags.request("SIGTERM")
+    for attempt in (scheduled.point, scheduled.idle, lambda: scheduled.sleep(1.0)):
+        with pytest.raises(Stopped, match="SIGTERM"):
+            attempt()
+    assert clock.now() == 0.0
+
+
+@pytest.mark.parametrize("seconds", [-1.0, float("nan")])
+def test_time_does_not_run_backwards(seconds):
+    """A wait of no duration is refused."""
+    _, scheduled, _ = watched()
+    with pytest.raises(ValueError, match="cannot last"):
+        scheduled.sleep(seconds)
+
+
+class Record:
+    """A playback that holds turns of monitors."""
+
+    def __init__(self, *turns_ns: int) -> None:
+        self.turns = list(turns_ns)
+        self.taken: list[int] = []
+
+    def due_monitor(self, latest_ns: int) -> str:
+        """Return the limit whose turn is next."""
+        return "v" if self.turns and self.turns[0] <= latest_ns else ""
+
+    def take(self, device: str, name: str) -> None:
+        """Take the turn."""
+        assert (device, name) == ("v", "monitor")
+        self.taken.append(self.turns.pop(0))
+
+
+def test_replayed_monitors_follow_the_record():
+    """In a replay a monitor runs in the wait in which the record has it, whatever is due."""
+    clock, watch, record = VirtualClock(), Watch(), Record(0, 300_000_000, 2_500_000_000)
+    bench = SimpleNamespace(clock=clock, playback=record, transcript=Transcript(None))
+    scheduled = Scheduler(bench, [monitor(clock, limit(), takes=0.0)], StopFlags(), watch)
+    scheduled.watch_from_now()
+    scheduled.sleep(2.0)
+    assert record.taken == [0, 300_000_000]
+    scheduled.sleep(2.0)
+    assert record.taken == [0, 300_000_000, 2_500_000_000]
+    assert len(watch.readings) == 3

@@ -1,0 +1,80 @@
+"""Stopping: signals set flags, and nothing but a case's own code is ended at once."""
+
+from __future__ import annotations
+
+import os
+import signal
+
+import pytest
+
+from hil.executive.run.stop import StopFlags, Stopped, handle_signals
+
+
+def test_the_first_reason_stays_and_the_second_request_is_urgent():
+    """Whoever asked first is named; asking again makes it urgent."""
+    flags = StopFlags()
+    flags.check()
+    flags.request("SIGINT")
+    assert (flags.reason, flags.urgent) == ("SIGINT", False)
+    flags.request("SIGTERM")
+    assert (flags.reason, flags.urgent) == ("SIGINT", True)
+    with pytest.raises(Stopped, match="SIGINT"):
+        flags.check()
+
+
+def test_a_stop_is_no_exception():
+    """A case's `except Exception` does not catch it."""
+    assert not issubclass(Stopped, Exception)
+
+
+def test_one_request_never_interrupts():
+    """The present sample, and whatever else is going on, comes to its end."""
+    flags = StopFlags()
+    flags.request("SIGINT")
+    with flags.case_code():
+        flags.interrupt()
+
+
+@pytest.mark.parametrize("inside", ["undisturbed", "shielded"])
+def test_an_urgent_request_ends_a_cases_own_code_only(inside):
+    """Neither the executive's work for a case nor pytest's own is cut in two."""
+    flags = StopFlags()
+    flags.request("SIGINT")
+    flags.request("SIGINT")
+    flags.interrupt()
+    with flags.case_code():
+        with getattr(flags, inside)():
+            flags.interrupt()
+        with pytest.raises(Stopped):
+            flags.interrupt()
+    flags.interrupt()
+
+
+def test_a_shield_holds_off_scheduling_points_too():
+    """While the bench is made safe nothing raises; outside it does again."""
+    flags = StopFlags()
+    flags.request("SIGTERM")
+    with flags.shielded(), flags.shielded():
+        flags.check()
+    with flags.undisturbed(), pytest.raises(Stopped):
+        flags.check()
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_signals_are_requests_while_they_are_handled(name):
+    """A signal is a request with its name; the handler before is put back."""
+    flags, before = StopFlags(), signal.getsignal(signal.Signals[name])
+    with handle_signals(flags):
+        os.kill(os.getpid(), signal.Signals[name])
+    assert flags.reason == name
+    assert signal.getsignal(signal.Signals[name]) is before
+
+
+def test_the_second_signal_ends_a_case_that_computes():
+    """Wherever its code is, it ends there."""
+    flags = StopFlags()
+    with handle_signals(flags), flags.case_code(), pytest.raises(Stopped):
+        signal.raise_signal(signal.SIGINT)
+        assert flags.reason == "SIGINT"
+        signal.raise_signal(signal.SIGINT)
+        pytest.fail("the second signal did nothing")

@@ -1,0 +1,69 @@
+"""Workspaces: the nearest folder upwards that says it is one."""
+
+from __future__ import annotations
+
+import pytest
+
+from hil.executive.setup.workspace import find_workspace
+from hil.model.errors import ConfigurationError, Refused
+
+
+def test_an_empty_hil_toml_makes_a_workspace(tmp_path):
+    """Its folders have their usual names, seen from any folder below."""
+    (tmp_path / "hil.toml").touch()
+    deep = tmp_path / "a/b"
+    deep.mkdir(parents=True)
+    found = find_workspace(deep)
+    assert (found.root, found.name) == (tmp_path, tmp_path.name)
+    assert (found.testplans, found.reports) == (tmp_path / "testplans", tmp_path / "reports")
+    assert found.benches == tmp_path / "fixtures/benches"
+    assert (found.shown(tmp_path / "x/y"), found.shown(tmp_path.parent / "z")) == ("x/y", str(tmp_path.parent / "z"))
+
+
+def test_a_project_file_makes_a_workspace_if_it_speaks_of_hil(tmp_path):
+    """Another project's pyproject.toml is passed by."""
+    (tmp_path / "pyproject.toml").write_text('[tool.hil]\nname = "Ours"\nreports = "evidence"\n')
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    (inner / "pyproject.toml").write_text("[tool.other]\n")
+    found = find_workspace(inner)
+    assert (found.root, found.name, found.reports) == (tmp_path, "Ours", tmp_path / "evidence")
+
+
+def test_without_a_workspace_there_is_a_way_out(tmp_path):
+    """The message says what makes one."""
+    with pytest.raises(Refused, match=r"no workspace at .*; put a hil.toml"):
+        find_workspace(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('report = "x"\n', "hil.toml: unknown key 'report', did you mean 'reports'?"),
+        ("reports = 5\n", "hil.toml: 'reports' must be a text"),
+        ("reports = \n", "hil.toml: Invalid value"),
+    ],
+)
+def test_wrong_settings_are_told(tmp_path, text, message):
+    """Unknown keys, wrong kinds and broken files are findings of the file."""
+    (tmp_path / "hil.toml").write_text(text)
+    with pytest.raises(ConfigurationError) as caught:
+        find_workspace(tmp_path)
+    assert message in str(caught.value)
+
+
+def test_a_plan_is_found_by_path_and_by_name(tmp_path):
+    """From anywhere in the workspace; what is no plan is refused with the nearest."""
+    (tmp_path / "hil.toml").touch()
+    plan = tmp_path / "testplans/gyro"
+    plan.mkdir(parents=True)
+    (plan / "requirements.yaml").touch()
+    found = find_workspace(tmp_path)
+    assert found.plan("gyro", tmp_path) == plan
+    assert found.plan("testplans/gyro/", tmp_path) == plan
+    assert found.plan(".", plan) == plan
+    assert found.plans() == ("gyro",)
+    with pytest.raises(Refused, match=r"no plan 'gryo', did you mean 'gyro'\?; plans of this workspace are: gyro"):
+        found.plan("gryo", tmp_path)
+    with pytest.raises(Refused):
+        found.plan("testplans", tmp_path)
