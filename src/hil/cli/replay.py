@@ -21,10 +21,12 @@ def command(run: str) -> int:
     pin()
     from hil.evidence.package.contents import Package  # noqa: PLC0415 - after the pins
     from hil.plugin.rehearsing import replay  # noqa: PLC0415 - after the pins
+    from hil.report.sentences import counted  # noqa: PLC0415 - after the pins
 
     found = replay(Package(find_run(run)))
     for difference in found.differences:
         click.echo(difference, err=True)
-    word = "the same" if not found.differences else f"{len(found.differences)} differences"
-    click.echo(f"{found.cases} cases with {found.checks} checks replayed from their bytes: {word}")
+    word = counted(len(found.differences), "difference") if found.differences else "the same"
+    amount = f"{counted(found.cases, 'case')} with {counted(found.checks, 'check')}"
+    click.echo(f"{amount} replayed from their bytes: {word}")
     return 1 if found.differences else 0

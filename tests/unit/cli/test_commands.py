@@ -193,7 +193,7 @@ def test_replay_says_how_much_it_compared(ran):
     """A package that is whole replays to the same."""
     workspace, name = ran
     ended = workspace.hil("replay", name)
-    assert (ended.code, ended.out) == (0, "1 cases with 1 checks replayed from their bytes: the same\n")
+    assert (ended.code, ended.out) == (0, "1 case with 1 check replayed from their bytes: the same\n")
 
 
 def test_an_error_of_hil_is_told_apart(capsys, monkeypatch):

@@ -7,6 +7,7 @@ import platform
 import shutil
 import subprocess
 import sys
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 
@@ -43,10 +44,16 @@ def software_identity(workspace: Path) -> dict[str, object]:
         "workspace": {"commit": _commit(workspace), "difference": _git(workspace, "diff", "HEAD")},
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "packages": {item.name: item.version for item in sorted(metadata.distributions(), key=lambda d: d.name)},
+        "packages": dict(_packages()),
         "numeric": {name: os.environ.get(name, "") for name in PINNED},
         "byte_order": sys.byteorder,
     }
+
+
+@cache  # a process does not outlive its packages, and reading what they say of themselves takes long
+def _packages() -> tuple[tuple[str, str], ...]:
+    told = [item.metadata for item in metadata.distributions()]
+    return tuple(sorted((facts["Name"], facts["Version"]) for facts in told))
 
 
 def _commit(folder: Path) -> dict[str, object]:
