@@ -370,3 +370,21 @@ def test_a_loop_that_a_case_is_thrown_out_of_ends_its_steps(tmp_path):
     assert kinds == ["step", "step", "step-end", "step-end"] * 2 + ["case-end", "case-end"]
     outcomes = [event["outcome"] for event in found.package.events("step-end")]
     assert outcomes == ["done", "done", "raised", "raised"]
+
+
+@pytest.mark.parametrize("remaining", [(), (LAST,)], ids=["last case", "case before"])
+def test_a_stop_that_no_scheduling_point_saw_is_no_pass(tmp_path, remaining):
+    """A case that comes to its end all the same keeps its verdict; the run is ABORTED, and nothing more begins."""
+    cases = """
+    import signal
+
+    @pytest.mark.requirement("T-010")
+    def test_one(check):
+        check("T-010", "ratio", 1.0)
+        signal.raise_signal(signal.SIGINT)
+    """
+    found = ran(tmp_path, cases, *remaining)
+    agreed(found, {"test_one": "PASS", **({"test_last": "NOT_RUN"} if remaining else {})}, "ABORTED", 2)
+    assert [stop["reason"] for stop in found.package.events("stop")] == ["SIGINT"]
+    if remaining:
+        assert found.reasons("test_last") == "stopped by SIGINT"

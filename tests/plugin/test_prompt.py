@@ -1,0 +1,63 @@
+"""The terminal at which a person answers: a look never waits, and no line is lost."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import pytest
+
+from hil.plugin.prompt import Terminal
+
+
+@pytest.fixture
+def typing(monkeypatch):
+    """Return a function that types at standard input; called with nothing it closes it."""
+    read, write = os.pipe()
+    stream = os.fdopen(read)
+    monkeypatch.setattr(sys, "stdin", stream)
+    still_open = [write]
+
+    def typed(text: str = "") -> None:
+        if text:
+            os.write(write, text.encode())
+        else:
+            os.close(still_open.pop())
+
+    yield typed
+    while still_open:
+        os.close(still_open.pop())
+    stream.close()
+
+
+def test_nothing_typed_is_no_line(typing):
+    """Half a line is not one yet."""
+    terminal = Terminal()
+    assert terminal.line() is None
+    typing("ye")
+    assert terminal.line() is None
+    typing("s\n")
+    assert terminal.line() == "yes\n"
+    assert terminal.line() is None
+
+
+def test_lines_typed_ahead_are_kept(typing):
+    """Two lines that came at once answer two questions."""
+    typing("yes\n12.5\n")
+    terminal = Terminal()
+    assert [terminal.line(), terminal.line(), terminal.line()] == ["yes\n", "12.5\n", None]
+
+
+def test_the_end_of_input_is_an_empty_text(typing):
+    """An empty line is a line; the end of input is none, however often one looks."""
+    typing("\n")
+    typing()
+    terminal = Terminal()
+    assert [terminal.line(), terminal.line(), terminal.line()] == ["\n", "", ""]
+
+
+def test_questions_go_to_standard_error(capsys):
+    """Standard output stays clean, so that its last line is the package."""
+    Terminal().show("Closed?")
+    told = capsys.readouterr()
+    assert (told.out, told.err) == ("", "  ? Closed? ")
