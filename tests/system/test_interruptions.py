@@ -133,7 +133,7 @@ def test_two_signals_end_a_case_that_only_computes(tmp_path):
 @pytest.mark.timeout(120)
 def test_two_signals_at_any_moment_cut_nothing_in_two(tmp_path):
     """Whatever the executive is at when both signals come, the journal's chain and the package are whole."""
-    pauses = random.Random(7)  # noqa: S311 - moments, no secrets
+    pauses = random.Random(7)
     for number in range(6):
         workspace, process = started(tmp_path / str(number))
         time.sleep(pauses.uniform(0.0, 0.3))
@@ -163,7 +163,7 @@ def moment(line) -> float:
 @pytest.mark.timeout(300)
 def test_a_killed_run_loses_nothing_that_was_told(tmp_path):
     """Killed at any of 30 moments, a run is found incomplete, whole up to the kill, and sealed as it is."""
-    moments = random.Random(20260101)  # noqa: S311 - moments, no secrets
+    moments = random.Random(20260101)
     workspace = make(tmp_path / "workspace", LONG)
     for number in range(30):
         process = workspace.start_run("--output", str(tmp_path / f"reports-{number}"))
