@@ -102,17 +102,10 @@ def test_an_output_that_lies_about_being_off_is_unsafe(tmp_path):
 def test_a_coil_without_a_field_never_passes(tmp_path, changes):
     """A contact that sticks, or an open winding: no case passes, and no sense is reported."""
     ran, verdicts, differences = ended(tmp_path, changes)
-    assert verdicts == {POLARITY: "FAIL", LINEARITY: "ERROR", COMPASS: "FAIL"}
+    assert verdicts == {POLARITY: "FAIL", LINEARITY: "INCONCLUSIVE", COMPASS: "FAIL"}
     sense = next(check for check in ran.package.events("check") if check["parameter"] == "sense")
     assert sense["verdict"] == "INCONCLUSIVE"
     assert differences == ()
-
-
-def test_no_place_in_memory_is_evidence(tmp_path):
-    """The reason that an assertion gives names no object's address, which differs from run to run."""
-    ran, _, _ = ended(tmp_path, {TRUTH: "x_plus: {broken: true}"})
-    assert "generator object" in ran.reasons()
-    assert " at 0x" not in ran.reasons()
 
 
 def test_an_action_that_raised_is_written_down(tmp_path):

@@ -20,13 +20,20 @@ def command(run: str) -> int:
     """
     pin()
     from hil.evidence.package.contents import Package  # noqa: PLC0415 - after the pins
+    from hil.evidence.package.verification import State, verify  # noqa: PLC0415 - after the pins
     from hil.plugin.rehearsing import replay  # noqa: PLC0415 - after the pins
     from hil.report.sentences import counted  # noqa: PLC0415 - after the pins
 
-    found = replay(Package(find_run(run)))
+    folder = find_run(run)
+    state = verify(folder).state
+    if state is State.DAMAGED:
+        click.echo(
+            f"{folder.name} is DAMAGED, and so is what its replay says; hil verify tells what is wrong", err=True
+        )
+    found = replay(Package(folder))
     for difference in found.differences:
         click.echo(difference, err=True)
     word = counted(len(found.differences), "difference") if found.differences else "the same"
     amount = f"{counted(found.cases, 'case')} with {counted(found.checks, 'check')}"
     click.echo(f"{amount} replayed from their bytes: {word}")
-    return 1 if found.differences else 0
+    return 1 if found.differences or state is State.DAMAGED else 0

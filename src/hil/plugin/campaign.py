@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
+from pathlib import Path
 from typing import NoReturn
 
 import pytest
@@ -147,7 +148,7 @@ class Campaign:
             if call.excinfo.errisinstance((pytest.skip.Exception, pytest.xfail.Exception)):
                 run.skip(str(call.excinfo.value))
                 return report
-            run.raised(call.excinfo.value)
+            run.raised(call.excinfo.value, self._where(call.excinfo))
             self._stop(item.session, call.excinfo.value)
         if call.when == "call":
             run.finish()
@@ -185,6 +186,15 @@ class Campaign:
             return str(item.session.shouldstop)
         if item.get_closest_marker("xfail"):
             return "marked xfail: a failure that is expected is no verdict"
+        return ""
+
+    def _where(self, error: pytest.ExceptionInfo[BaseException]) -> str:
+        """Return file and line of the innermost code of the plan or the fixtures that the error came through."""
+        workspace = self.configuration.workspace
+        for entry in reversed(error.traceback):
+            path = Path(str(entry.path))
+            if path.is_relative_to(workspace.testplans) or path.is_relative_to(workspace.fixtures):
+                return f"{workspace.shown(path)}:{entry.lineno + 1}"
         return ""
 
     def _skip(self, item: pytest.Item, reason: str) -> None:

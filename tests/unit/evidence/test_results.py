@@ -30,10 +30,21 @@ def events_of(*events):
 
 
 def verdicts_of(*events):
-    """Return the verdicts of cases, of the requirement, and of the run."""
+    """Return the verdicts of cases, of the first requirement that they carry, and of the run."""
     results = derive(events_of(*events), Facts(catalogue=entries_of(REQUIREMENTS)), content_digest="")
     cases = {case["case"]: str(case["verdict"]) for case in results["cases"]}
-    return cases, str(results["requirements"][0]["verdict"]), str(results["verdict"])
+    carried = [requirement for requirement in results["requirements"] if requirement["cases"]]
+    return cases, str(carried[0]["verdict"]), str(results["verdict"])
+
+
+def test_a_requirement_that_no_case_carries_is_listed():
+    """What the plan's catalogue asks for and no planned case verifies is NOT_RUN, with that reason."""
+    events = events_of({"kind": "case", "case": "test_a", "attempt": 1}, ended("test_a", "PASS", {"GYR-030": "PASS"}))
+    results = derive(events, Facts(catalogue=entries_of(REQUIREMENTS)), content_digest="")
+    missing = [requirement for requirement in results["requirements"] if not requirement["cases"]]
+    assert missing
+    assert all(requirement["verdict"] == "NOT_RUN" for requirement in missing)
+    assert all("no planned case carries it" in requirement["reasons"] for requirement in missing)
 
 
 def ended(case, verdict, requirements):

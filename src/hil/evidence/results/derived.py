@@ -19,6 +19,7 @@ __all__ = ["Derived", "derive", "results_of"]
 Derived = dict[str, Any]
 """The content of `data/results.json`."""
 
+_BY_CASES = frozenset({"test", "inspection"})
 _OVERRIDING = frozenset({Verdict.ERROR, Verdict.ABORTED, Verdict.NOT_RUN})
 
 
@@ -113,7 +114,7 @@ def derive(events: Sequence[Body], facts: Facts, *, content_digest: str) -> Deri
     results["cases"] = cases
     results["requirements"] = [
         _requirement(identifier, results, events, facts)
-        for identifier in sorted({identifier for case in cases for identifier in case["requirements"]})
+        for identifier in sorted({identifier for case in cases for identifier in case["requirements"]} | _due(facts))
     ]
     results["counts"] = dict(Counter(case["verdict"] for case in cases))
     results["verdict"] = _verdict_of_run(results, armed="armed" in kinds)
@@ -177,7 +178,7 @@ def _requirement(identifier: str, results: Derived, events: Sequence[Body], fact
     entry = facts.catalogue.get(identifier, {})
     cases = [case for case in results["cases"] if identifier in case["requirements"]]
     checks = [check for case in cases for check in case["checks"] if check["requirement"] == identifier]
-    verdict = worst(case["requirements"][identifier] for case in cases)
+    verdict = worst(case["requirements"][identifier] for case in cases) if cases else Verdict.NOT_RUN
     reasons = reasons_against(identifier, verdict, results, events, facts)
     return {
         "id": identifier,
@@ -187,6 +188,15 @@ def _requirement(identifier: str, results: Derived, events: Sequence[Body], fact
         "checks": len(checks),
         "eligible": not reasons,
         "reasons": reasons,
+    }
+
+
+def _due(facts: Facts) -> set[str]:
+    """Return the requirements that a test has to verify, whether or not a planned case does."""
+    return {
+        identifier
+        for identifier, entry in facts.catalogue.items()
+        if entry.get("method") in _BY_CASES and entry.get("kind") != "parent" and not entry.get("withdrawn")
     }
 
 

@@ -29,16 +29,16 @@ def reasons_against(
     used = {name: source for case in cases for name, source in case["used"].items()}
     checks = [check for case in cases for check in case["checks"] if check["requirement"] == identifier]
     reasons = [] if verdict.good else [f"its verdict is {verdict}"]
+    if not cases:
+        reasons.append("no planned case carries it")
     if identifier not in facts.catalogue:
         reasons.append("it is not in the frozen catalogue")
     reasons.extend(_against_sources(results["run"], used))
     reasons.extend(_against_run(results))
     reasons.extend(_against_dut(results["run"], events))
-    if results["run"].get("source") == Source.HARDWARE:
-        names = {name for check in checks for name in check["instruments"]} | _recorded_by(cases, events)
-        names |= {name for name in used if facts.calibration.get(name, {}).get("due")}
-        hardware = {name for name in names if used.get(name, Source.HARDWARE) == Source.HARDWARE}
-        reasons.extend(_against_calibration(sorted(hardware), facts))
+    names = {name for check in checks for name in check["instruments"]} | _recorded_by(cases, events)
+    names |= {name for name in used if facts.calibration.get(name, {}).get("due")}
+    reasons.extend(_against_calibration(sorted(names), facts))
     return reasons
 
 

@@ -122,6 +122,7 @@ def _entry(item: Requirement) -> dict[str, Any]:
         "stage": item.stage,
         "over": {key: list(values) for key, values in item.over.items()},
         "fingerprint": item.fingerprint,
+        "withdrawn": item.withdrawn,
         "records": None if item.records is None else asdict(item.records),
     }
 

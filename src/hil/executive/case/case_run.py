@@ -113,8 +113,8 @@ class CaseRun:
         """Note that the case took itself out; whatever it did before, it is NOT_RUN."""
         self._skipped = reason or "skipped"
 
-    def raised(self, error: BaseException) -> None:
-        """Note what came out of the case's code."""
+    def raised(self, error: BaseException, where: str = "") -> None:
+        """Note what came out of the case's code, and from where (file and line, as people see them)."""
         if isinstance(error, Stopped):
             self._aborted = f"stopped by {error}"
         elif isinstance(error, CaseTimeout):
@@ -122,7 +122,8 @@ class CaseRun:
         elif isinstance(error, Diverged) or str(error) in {*self._bench_faults, *self._dut_faults}:
             return
         elif not isinstance(error, CheckFailed):
-            self._problems.append(_ADDRESS.sub("", f"{type(error).__name__}: {error}".rstrip(": ")))
+            told = _ADDRESS.sub("", f"{type(error).__name__}: {error}".rstrip(": "))
+            self._problems.append(f"{told} ({where})" if where else told)
 
     def finish(self) -> None:
         """Evaluate the criteria of the recordings that requirements ask for."""

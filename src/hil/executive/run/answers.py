@@ -9,7 +9,7 @@ from typing import Protocol
 
 from hil.documents.findings import Findings
 from hil.documents.reader import read_document
-from hil.documents.suggest import did_you_mean
+from hil.documents.suggest import did_you_mean, nearest
 from hil.executive.case.operator import Answer, AnswerSource, Declined, Question
 
 __all__ = ["AnswersFile", "FirstOf", "Nobody", "Prompt", "SimulatedPerson", "TerminalPerson", "load_answers"]
@@ -136,8 +136,9 @@ class FirstOf:
         self._known = known
 
     def answer(self, question: Question) -> Answer:
-        """Answer from the file where it has the name, else from the other."""
-        return (self._first if question.name in self._known else self._last).answer(question)
+        """Answer from the file where it has the name, else from the other; a near miss is not guessed at."""
+        meant = nearest(question.name, self._known)
+        return (self._first if question.name in self._known or meant else self._last).answer(question)
 
 
 def load_answers(path: Path, shown: str) -> Mapping[str, str]:

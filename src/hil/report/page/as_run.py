@@ -11,7 +11,8 @@ from hil.report.page.view import CaseName, CheckRow, Exchange, RecordingRow, Ste
 
 __all__ = ["attributed", "check_row", "checks_of", "recording_rows", "step_rows"]
 
-_EFFECTS = {"drives": "drive", "reads": "read", "waits": "wait", "asks": "question"}
+_EFFECTS = {"reads": "read", "waits": "wait", "asks": "question"}
+_OUTSIDE = frozenset({"effect", "question", "answer", "recording"})
 
 
 def attributed(events: Sequence[Body]) -> list[Body]:
@@ -40,8 +41,10 @@ def attributed(events: Sequence[Body]) -> list[Body]:
 
 
 def step_rows(events: Sequence[Body]) -> tuple[StepRow, ...]:
-    """Return the steps among the events of one case, in the order in which they began."""
-    return tuple(_step(event, _within(events, place)) for place, event in enumerate(events) if event["kind"] == "step")
+    """Return the steps among the events of one case in the order in which they began, set-up and the like first."""
+    steps = [_step(event, _within(events, place)) for place, event in enumerate(events) if event["kind"] == "step"]
+    outside = [event for event in events if event["kind"] in _OUTSIDE and not text(event, "step")]
+    return (_outside(outside), *steps) if outside else tuple(steps)
 
 
 def checks_of(events: Sequence[Body], names: Mapping[str, CaseName]) -> tuple[CheckRow, ...]:
@@ -112,10 +115,36 @@ def _step(begin: Body, within: Sequence[Body]) -> StepRow:
     )
 
 
+def _outside(events: Sequence[Body]) -> StepRow:
+    """Return a row for what a case did outside its steps: fixtures that set up, and what follows the last step."""
+    return StepRow(
+        number="-",
+        attempt=text(events[0], "tried"),
+        depth=0,
+        title="Outside steps",
+        begin=bench_time(events[0].get("t")),
+        duration="",
+        outcome="",
+        effects=_effects(events),
+        recordings=tuple(text(event, "recording") for event in events if event["kind"] == "recording"),
+        exchanges=_exchanges(events),
+    )
+
+
 def _effects(within: Sequence[Body]) -> str:
-    counted = Counter(text(event, "effect") for event in within if event["kind"] == "effect")
+    """Return what was driven, call by call, and how often it was read, waited and asked."""
+    effects = [event for event in within if event["kind"] == "effect"]
+    driven = [_call(event) for event in effects if event.get("effect") == "drives"]
+    counted = Counter(text(event, "effect") for event in effects)
     words = [(counted[kind], word) for kind, word in _EFFECTS.items() if counted[kind]]
-    return ", ".join(f"{count} {word}{'s' if count > 1 else ''}" for count, word in words)
+    return "; ".join((*driven, ", ".join(f"{count} {word}{'s' if count > 1 else ''}" for count, word in words))).strip(
+        "; "
+    )
+
+
+def _call(effect: Body) -> str:
+    arguments = inner(effect, "arguments")
+    return f"{text(effect, 'name')}({', '.join(f'{key}={arguments[key]}' for key in arguments)})"
 
 
 def _exchanges(within: Sequence[Body]) -> tuple[Exchange, ...]:
