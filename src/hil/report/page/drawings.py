@@ -20,7 +20,10 @@ _MOST_ROWS = 40  # of one chart
 
 
 def charts(checks: Sequence[Body]) -> tuple[Graphic, ...]:
-    """Return a chart for each parameter that has a limit or was checked more than once, in order of appearance."""
+    """Return a chart for each parameter that has a limit or was checked more than once, in order of appearance.
+
+    What a recording had to be is in the table: its length and rate are as planned, and nothing to look at.
+    """
     groups: dict[tuple[str, str, str], list[Body]] = {}
     for check in checks:
         if finite(check.get("value")) is not None and not isinstance(check.get("value"), str):
@@ -29,7 +32,7 @@ def charts(checks: Sequence[Body]) -> tuple[Graphic, ...]:
     return tuple(
         graphic
         for (requirement, parameter, unit), members in groups.items()
-        if check_bounds(members[0]) or len(members) > 1
+        if (check_bounds(members[0]) or len(members) > 1) and not _of_recordings(members)
         for graphic in _chart(f"{requirement} {parameter}", unit, members)
     )
 
@@ -65,6 +68,10 @@ def check_bounds(check: Body) -> Band | None:
     if (low is None and high is None) or text(check, "limit_unit") not in {"", text(check, "unit")}:
         return None
     return Band(unit=text(check, "unit"), low=low, high=high)
+
+
+def _of_recordings(members: Sequence[Body]) -> bool:
+    return all(check_bounds(check) and text(check, "verdict") == "RECORDED" for check in members)
 
 
 def _chart(title: str, unit: str, members: Sequence[Body]) -> list[Graphic]:
