@@ -48,5 +48,8 @@ class Events:
                 self._journal.write(kind, t, **fields)
             except EvidenceError:
                 self._flags.request(DISK_FULL)  # told once, see Journal.write
-            for listener in self._listeners:
-                listener({"kind": kind, "t": t, **fields})
+            for listener in tuple(self._listeners):
+                try:
+                    listener({"kind": kind, "t": t, **fields})
+                except (Exception, SystemExit):  # noqa: BLE001 - a display that is gone must not reach the bench
+                    self._listeners.remove(listener)

@@ -189,11 +189,13 @@ class Session:
         }
 
     def safe(self) -> None:
-        """Write down why a run was stopped, if it was, and make the bench safe."""
-        self._stopped = bool(self.flags.reason)
-        if self._stopped:
-            self._events.write("stop", reason=self.flags.reason, urgent=self.flags.urgent)
-        self.keeper.release()
+        """Make the bench safe, whatever else fails, and write down why the run was stopped, if it was."""
+        try:
+            self._stopped = bool(self.flags.reason)
+            if self._stopped:
+                self._events.write("stop", reason=self.flags.reason, urgent=self.flags.urgent)
+        finally:
+            self.keeper.release()
 
     def exit_code(self, pytest_code: int) -> int:
         """Return the run's exit code: what happened to the bench outweighs what pytest says."""
