@@ -19,7 +19,7 @@ from hil.executive.run.answers import Nobody
 from hil.executive.run.row_store import RowStore
 from hil.executive.run.scheduler import Scheduler
 from hil.executive.run.stop import StopFlags
-from hil.instruments.roles import Channel
+from hil.instruments.sampled import Channel
 from hil.model.bench import CalibratedRange, Calibration, EnvelopeLimit, InstrumentSpec, Wire
 from hil.model.figure import Figure
 from hil.requirements.requirement import Decision, Kind, Limit, Records, Requirement

@@ -16,7 +16,9 @@ from typing import ClassVar, TypeVar
 from hil.clock.port import Clock
 from hil.instruments import settings
 from hil.instruments.driver import Connection, Outlet
-from hil.instruments.roles import Channel, Magnetometer, drives, reads
+from hil.instruments.marks import drives, reads
+from hil.instruments.roles import Magnetometer
+from hil.instruments.sampled import Channel
 from hil.model.bench import Wire
 from hil.model.errors import Garbled, NoReply, Refused, Rejected, WrongIdentity
 from hil.model.identity import Identity

@@ -1,52 +1,24 @@
-"""Roles: what a case asks for, whichever instrument fills it.
-
-A role's operations either drive the bench or read it. The decorators say which, because the
-executive journals both, and issues only the last driving call again when a case is run again.
-"""
+"""Roles: what a case asks for, whichever instrument fills it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Protocol
 
+from hil.instruments.marks import drives, reads
+from hil.instruments.sampled import Sampled, Streamed
 from hil.model.figure import Figure
 
-__all__ = ["ROLES", "STATES", "Channel", "Magnetometer", "Relays", "Sampled", "Supply", "drives", "reads"]
-
-_Operation = TypeVar("_Operation", bound=Callable[..., object])
-
-
-def drives(operation: _Operation) -> _Operation:
-    """Mark an operation that changes the bench."""
-    operation.effect = "drives"  # type: ignore[attr-defined]  # a mark on a function, read by the façade
-    return operation
-
-
-def reads(operation: _Operation) -> _Operation:
-    """Mark an operation that only looks."""
-    operation.effect = "reads"  # type: ignore[attr-defined]  # a mark on a function, read by the façade
-    return operation
-
-
-@dataclass(frozen=True, slots=True)
-class Channel:
-    """One channel of a sampled role: its name, and the unit of its numbers."""
-
-    name: str
-    unit: str
-
-
-class Sampled(Protocol):
-    """Anything that `record` can sample."""
-
-    def channels(self) -> tuple[Channel, ...]:
-        """Return the channels, in the order of a sample's numbers."""
-        ...
-
-    def sample(self) -> tuple[float, ...]:
-        """Return the newest number of every channel; NaN where the device marks it invalid."""
-        ...
+__all__ = [
+    "ROLES",
+    "STATES",
+    "Gyroscope",
+    "Magnetometer",
+    "Obc",
+    "Relays",
+    "RotationTable",
+    "Supply",
+    "Thermal",
+]
 
 
 class Supply(Protocol):
@@ -126,12 +98,124 @@ class Magnetometer(Sampled, Protocol):
         ...
 
 
-ROLES: dict[str, type] = {"magnetometer": Magnetometer, "relays": Relays, "supply": Supply}
+class Thermal(Protocol):
+    """A temperature controller. Degrees Celsius."""
+
+    @drives
+    def hold(self, temperature: float) -> None:
+        """Regulate to a setpoint [degC]; the setpoint is read back."""
+        ...
+
+    @drives
+    def standby(self) -> None:
+        """Stop regulating: no power into the thermoelectric cooler; it is read back."""
+        ...
+
+    @reads
+    def temperature(self) -> Figure:
+        """Return the process value in degC; NaN where the controller reports a broken sensor."""
+        ...
+
+    @reads
+    def setpoint(self) -> Figure:
+        """Return the working setpoint in degC."""
+        ...
+
+    @reads
+    def output(self) -> Figure:
+        """Return the working output power in %, negative while it cools."""
+        ...
+
+
+class RotationTable(Protocol):
+    """A rotation table. Degrees and degrees per second, positive counter-clockwise seen from above."""
+
+    @drives
+    def set_rate(self, rate: float) -> None:
+        """Turn steadily at a rate [deg/s] and wait until the encoder shows it."""
+        ...
+
+    @drives
+    def stop(self) -> None:
+        """Stop, and wait until the encoder stands still."""
+        ...
+
+    @reads
+    def angle(self) -> Figure:
+        """Return the encoder's angle in deg; full turns are counted."""
+        ...
+
+    @reads
+    def rate(self) -> Figure:
+        """Return the rate in deg/s from the encoder's angle over time, never from the command's echo."""
+        ...
+
+    @reads
+    def at_rest(self) -> bool:
+        """Return whether the encoder's angle does not change."""
+        ...
+
+
+class Obc(Protocol):
+    """A board that plays the on-board computer."""
+
+    @reads
+    def identify(self) -> str:
+        """Return protocol version, firmware and build hash."""
+        ...
+
+    @reads
+    def analog(self, channel: int) -> Figure:
+        """Return the voltage of one analogue input in V."""
+        ...
+
+
+class Gyroscope(Streamed, Protocol):
+    """A three-axis gyroscope: channels x, y, z in deg/s and temperature in degC."""
+
+    @drives
+    def start(self) -> None:
+        """Wake the sensor at the range, rate and bandwidth of the wiring, and wait for its first valid sample."""
+        ...
+
+    @drives
+    def stop(self) -> None:
+        """Switch the sensor's gyroscope off."""
+        ...
+
+    @reads
+    def bandwidth(self) -> Figure:
+        """Return the noise bandwidth of the chosen filter in Hz."""
+        ...
+
+    @reads
+    def resolution(self) -> Figure:
+        """Return the smallest step of the chosen range in deg/s."""
+        ...
+
+    @reads
+    def full_scale(self) -> Figure:
+        """Return the largest rate of the chosen range in deg/s."""
+        ...
+
+
+ROLES: dict[str, type] = {
+    "gyroscope": Gyroscope,
+    "magnetometer": Magnetometer,
+    "obc": Obc,
+    "relays": Relays,
+    "rotation_table": RotationTable,
+    "supply": Supply,
+    "thermal": Thermal,
+}
 """Every role by the name that bench files and cases use."""
 
 STATES: dict[str, dict[str, str]] = {
+    "gyroscope": {"asleep": "stop"},
     "magnetometer": {"asleep": "stop"},
     "relays": {"released": "release_all"},
+    "rotation_table": {"stopped": "stop"},
     "supply": {"off": "disable"},
+    "thermal": {"standby": "standby"},
 }
 """Per role the states that safe-off and rest may name, and the operation that leads there."""

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from hil.instruments.driver import Clamps
-from hil.instruments.roles import drives, reads
+from hil.instruments.marks import drives, reads
 from hil.instruments.scpi import ScpiSession, as_number, as_register, as_switch
 from hil.model.errors import Refused, Rejected
 from hil.model.figure import Figure

@@ -13,8 +13,9 @@ from typing import ClassVar
 
 from hil.instruments import settings
 from hil.instruments.driver import Connection, Outlet
+from hil.instruments.marks import drives, reads
 from hil.instruments.modbus import ModbusSession
-from hil.instruments.roles import Relays, drives, reads
+from hil.instruments.roles import Relays
 from hil.model.bench import Wire
 from hil.model.errors import DeviceFault, Garbled, NoReply, Refused, Rejected
 from hil.model.identity import Identity

@@ -11,7 +11,7 @@ from scripted import ScriptedBus
 from hil.clock.virtual import VirtualClock
 from hil.instruments.driver import Clamps, Connection
 from hil.instruments.lis3mdl import Lis3mdl
-from hil.instruments.roles import Channel
+from hil.instruments.sampled import Channel
 from hil.model.bench import Wire
 from hil.model.errors import Garbled, NoReply, Refused, Rejected, WrongIdentity
 from hil.model.identity import Identity

@@ -9,7 +9,8 @@ from typing import Any, Protocol
 from hil.bench.calibration import calibrated
 from hil.documents.suggest import did_you_mean
 from hil.executive.case.effects import Effects
-from hil.instruments.roles import ROLES, Sampled
+from hil.instruments.roles import ROLES
+from hil.instruments.sampled import Sampled
 from hil.model.bench import InstrumentSpec, Wire
 from hil.model.errors import DeviceFault
 from hil.model.figure import Figure

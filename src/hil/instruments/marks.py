@@ -1,0 +1,25 @@
+"""Marks on a role's operations: whether they drive the bench or read it.
+
+The executive journals both, and issues only the last driving call again when a case is run again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+__all__ = ["drives", "reads"]
+
+_Operation = TypeVar("_Operation", bound=Callable[..., object])
+
+
+def drives(operation: _Operation) -> _Operation:
+    """Mark an operation that changes the bench."""
+    operation.effect = "drives"  # type: ignore[attr-defined]  # a mark on a function, read by the façade
+    return operation
+
+
+def reads(operation: _Operation) -> _Operation:
+    """Mark an operation that only looks."""
+    operation.effect = "reads"  # type: ignore[attr-defined]  # a mark on a function, read by the façade
+    return operation

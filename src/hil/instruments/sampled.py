@@ -1,0 +1,73 @@
+"""Roles that `record` can sample: number by number, or streamed by the device itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["Channel", "Sampled", "StreamReport", "Streamed"]
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One channel of a sampled role: its name, and the unit of its numbers."""
+
+    name: str
+    unit: str
+
+
+class Sampled(Protocol):
+    """Anything that `record` can sample."""
+
+    def channels(self) -> tuple[Channel, ...]:
+        """Return the channels, in the order of a sample's numbers."""
+        ...
+
+    def sample(self) -> tuple[float, ...]:
+        """Return the newest number of every channel; NaN where the device marks it invalid."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class StreamReport:
+    """How a streamed recording went.
+
+    Attributes:
+        frames: frames received.
+        lost: frames that never came.
+        drift: rate of the device's clock against the bench's minus 1, None where unknown.
+        drift_uncertainty: standard uncertainty of `drift`.
+    """
+
+    frames: int
+    lost: int
+    drift: float | None
+    drift_uncertainty: float | None
+
+
+class Streamed(Sampled, Protocol):
+    """A sampled role that can also run by itself and be emptied block by block."""
+
+    def begin(self, rate: float) -> None:
+        """Let the device sample at `rate` [Hz] by itself; device time starts to count."""
+        ...
+
+    def drain(self) -> NDArray[np.float64]:
+        """Return the samples since the last call, shape (n, 1 + channels): device time in s since `begin`, channels.
+
+        A sample that was lost leaves its place in time empty. Call it at least every `longest_pause` seconds.
+        """
+        ...
+
+    def end(self) -> StreamReport:
+        """Stop sampling and return how it went."""
+        ...
+
+    @property
+    def longest_pause(self) -> float:
+        """Seconds after which a buffer on the way overflows at the present rate, with a margin."""
+        ...
