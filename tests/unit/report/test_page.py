@@ -329,7 +329,7 @@ def test_recordings_with_the_same_channels_share_a_drawing(folder):
     (graphic,) = recording_graphics(material, [event] * 3, [], [])[event["case"]]
     assert graphic.title == "test_noise_at_rest · rest (3 recordings)"
     assert graphic.described.startswith("x from -0.")
-    assert len(re.findall(r"\bM ", re.search(r'<path d="([^"]*)"[^>]*var\(--line-1\)', graphic.svg)[1])) == 3
+    assert re.search(r'class="line c0 d0" d="([^"]*)"', graphic.svg)[1].count("M") == 3
 
 
 def test_what_the_envelope_watched_has_its_limits(folder):

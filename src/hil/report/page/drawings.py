@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from hil.report.drawing.points import Point, draw_points
+from hil.report.drawing.scales import Band, finite
+from hil.report.drawing.traces import decimate, draw_traces
 from hil.report.material import Body, Material, Trace, inner, inners, text, verdict
 from hil.report.numbers import number, with_unit
-from hil.report.page.figures import Band, Point, decimate, draw_points, draw_traces, finite
 from hil.report.page.view import Graphic
 from hil.report.sentences import counted
 
@@ -33,7 +35,7 @@ def charts(checks: Sequence[Body]) -> tuple[Graphic, ...]:
         graphic
         for (requirement, parameter, unit), members in groups.items()
         if (check_bounds(members[0]) or len(members) > 1) and not _of_recordings(members)
-        for graphic in _chart(f"{requirement} {parameter}", unit, members)
+        for graphic in _chart(requirement, parameter, unit, members)
     )
 
 
@@ -74,7 +76,8 @@ def _of_recordings(members: Sequence[Body]) -> bool:
     return all(check_bounds(check) and text(check, "verdict") == "RECORDED" for check in members)
 
 
-def _chart(title: str, unit: str, members: Sequence[Body]) -> list[Graphic]:
+def _chart(requirement: str, parameter: str, unit: str, members: Sequence[Body]) -> list[Graphic]:
+    title = f"{requirement} {parameter}"
     several = len({text(check, "case") for check in members}) > 1
     points = [_point(check, several=several) for check in members]
     band = check_bounds(members[0]) or Band(unit=unit, low=None, high=None)
@@ -82,16 +85,21 @@ def _chart(title: str, unit: str, members: Sequence[Body]) -> list[Graphic]:
     return [
         Graphic(
             title=title,
-            described=_told(title, unit, len(part), limited=check_bounds(members[0]) is not None),
-            svg=draw_points(title, part, band),
+            described=_told(title, part, band),
+            svg=draw_points(title, parameter, part, band),
         )
         for part in parts
     ]
 
 
-def _told(title: str, unit: str, count: int, *, limited: bool) -> str:
-    limits = "; dashed lines are its limits, the shade is what they allow" if limited else ""
-    return f"{counted(count, 'check')} of {title} in {unit or '1'}, with expanded uncertainty{limits}"
+def _told(title: str, points: Sequence[Point], band: Band) -> str:
+    """Return what a chart shows: how many checks, and what bars, lines and shade mean where there are any."""
+    within = "" if band.unit in {"", "1"} else f" in {band.unit}"
+    barred = sum(point.expanded is not None for point in points)
+    bars = "; bars are expanded uncertainties" if barred else ""
+    some = f", known of {barred}" if 0 < barred < len(points) else ""
+    limits = "; dashed lines are limits, the shade is what they allow" if band.edges else ""
+    return f"{counted(len(points), 'check')} of {title}{within}{bars}{some}{limits}."
 
 
 def _point(check: Body, *, several: bool) -> Point:
@@ -100,7 +108,7 @@ def _point(check: Body, *, several: bool) -> Point:
     return Point(
         label=" · ".join(label for label in labels if label) or text(check, "parameter"),
         value=finite(check.get("value")) or 0.0,
-        expanded=finite(check.get("expanded")) if same else None,
+        expanded=(finite(check.get("expanded")) or None) if same else None,  # of zero there is nothing to draw
         verdict=verdict(check),
     )
 
@@ -156,4 +164,6 @@ def _range(pieces: Sequence[Trace]) -> str:
     if not len(known):
         return f"{name}: no finite sample"
     low, high = float(known.min()), float(known.max())
+    if number(low, 4) == number(high, 4):
+        return f"{name} {with_unit(number(low, 4), unit)} throughout"
     return f"{name} from {number(low, 4)} to {with_unit(number(high, 4), unit)}"
