@@ -117,13 +117,18 @@ def test_a_damaged_echo_is_forgiven_where_the_board_obeyed():
         assert relays.closed() == ("heater",)
 
 
-def test_chatter_on_the_line_is_thrown_away():
-    """Unasked bytes every 0.1 s are not taken for answers."""
+def test_chatter_on_the_line_is_a_fault_and_the_board_obeys():
+    """Unasked bytes are told as what they are, after the setting has left; what is read is right."""
+    told = []
     with board(faults=[{"kind": "chatty", "every": "0.1 s", "text": "?"}]) as (driver, clock):
         relays = driver.role(WIRE)
         for _ in range(20):
-            relays.close("heater")
-            assert relays.closed() == ("heater",)
-            relays.release_all()
-            assert relays.closed() == ()
+            for act, contacts in ((lambda: relays.close("heater"), ("heater",)), (relays.release_all, ())):
+                try:
+                    act()
+                    assert relays.closed() == contacts
+                except Garbled as fault:
+                    told.append(str(fault))
             clock.sleep(0.07)
+    assert len(told) > 5
+    assert all("3f came, and nobody had asked for it" in text for text in told)

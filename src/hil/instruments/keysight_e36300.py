@@ -12,7 +12,7 @@ from typing import ClassVar
 from hil.instruments import settings
 from hil.instruments.driver import Connection, Outlet
 from hil.instruments.roles import Supply
-from hil.instruments.scpi import ScpiSession, as_identification, as_switch
+from hil.instruments.scpi import ScpiSession, as_switch
 from hil.instruments.scpi_supply import Dialect, ScpiOutput
 from hil.model.bench import Wire
 from hil.model.errors import Refused
@@ -53,11 +53,11 @@ class KeysightE36300:
         if connection.port is None:
             raise Refused(f"{connection.device}: a keysight-e36300 is reached by a port", "give it `port:`")
         self._connection = connection
-        self._session = ScpiSession(connection.device, connection.port)
+        self._session = ScpiSession(connection.device, connection.port, framed=True)
 
     def identify(self) -> Identity:
         """Ask `*IDN?`."""
-        manufacturer, model, serial, firmware = self._session.query("*IDN?", as_identification)
+        manufacturer, model, serial, firmware = self._session.identification()
         return Identity(manufacturer=manufacturer, model=model, serial=serial, firmware=firmware)
 
     def outlets(self) -> Sequence[Outlet]:

@@ -27,6 +27,7 @@ LONGEST_S = 0.5
 _ATTEMPTS = 3
 _QUIET_S = 0.05
 _IS_EXCEPTION = 0x80
+_MOST_SHOWN = 32
 _ENVELOPE = 5  # unit, function, byte count, and two bytes of checksum
 # Modbus Application Protocol Specification V1.1b3, section 7.
 _EXCEPTIONS = {
@@ -98,6 +99,15 @@ class _Client(ModbusSerialClient):  # type: ignore[misc]  # pymodbus is followed
         self.received += data
         return data
 
+    def unasked(self, gap: float) -> bytes:
+        """Return what waits, or comes within `gap` seconds."""
+        self._port.timeout = min(gap, LONGEST_S)
+        stray = self._port.read(1) if gap or self._port.in_waiting else b""
+        if stray:
+            stray += self._port.read(self._port.in_waiting)
+        self.discarded += len(stray)
+        return stray
+
     def settle(self) -> None:
         """Let a late reply come and throw it away, so that it answers no later request."""
         self._port.timeout = _QUIET_S
@@ -111,7 +121,8 @@ class ModbusSession:
     """The host's end of one Modbus RTU line to one unit.
 
     Reads are asked again where nothing or nonsense comes; writes are sent once, and the driver
-    reads back what became of them.
+    reads back what became of them. A reply does not say which of two equal questions it belongs to, so
+    nothing may wait before a read, and a read that proves something is followed by a quiet gap.
 
     Args:
         device: the instrument's name in the bench file, for messages.
@@ -132,6 +143,29 @@ class ModbusSession:
     def discarded(self) -> int:
         """How many bytes came that nobody had asked for."""
         return self._client.discarded
+
+    def must_be_quiet(self, gap: float = 0.0) -> None:
+        """Refuse bytes that came unasked, or come within `gap` seconds, 0.5 at most.
+
+        After a fault some may be owed; the next exchange waits for those and throws them away.
+
+        Raises:
+            Garbled: something came; it may be the reply that another request should have got.
+            NoReply: the port failed.
+        """
+        if not self._settled:
+            return
+        try:
+            stray = self._client.unasked(gap)
+        except OSError as error:
+            raise NoReply(self._device, f"the port failed: {error}", "look at cable and power") from error
+        if stray:
+            self._settled = False
+            raise Garbled(
+                self._device,
+                f"{stray[:_MOST_SHOWN].hex(' ')} came, and nobody had asked for it",
+                "look who else talks on the line, and at its termination",
+            )
 
     def read_coils(self, address: int, count: int) -> tuple[bool, ...]:
         """Read `count` coils from `address` on (function 01)."""
@@ -182,6 +216,7 @@ class ModbusSession:
 
     def _read(self, asked: str, function: int, request: Callable[[], _Reply], parse: Callable[[_Reply], _T]) -> _T:
         faults: list[DeviceFault] = []
+        self.must_be_quiet()
         while len(faults) < _ATTEMPTS:
             try:
                 return self._exchange(asked, function, request, parse)

@@ -1,10 +1,16 @@
 """A SCPI session on a port: lines out, strict replies in, and never a reply taken for another query's.
 
 Every exchange is bounded by the port's timeout, 0.5 s at most. Queries only read, so they are asked
-again; settings are written once and proven by what the instrument says afterwards. A query that got
-no reply, or nonsense, leaves the session out of step: its reply may still come, and would be taken
-for the reply to the next query. Instruments answer in order, so the session then asks `*IDN?` and
-throws away every line before the four fields that only this query gives.
+again; settings are written once and proven by what the instrument says afterwards.
+
+Nobody owes the host a byte that it did not ask for. What waits before a question while the session is in
+step is a fault of its own: it may be the reply that the question before should have got. What comes between
+a question and its reply is kept apart by a frame: the instrument is asked for its identification in
+the same line, and only a line that begins with it is a reply.
+
+A query that got no reply, or nonsense, leaves the session out of step: its reply may still come.
+Instruments answer in order, so the session then asks `*IDN?` and throws away every line before the four
+fields that only this query gives.
 """
 
 from __future__ import annotations
@@ -25,6 +31,7 @@ LONGEST_S = 0.5
 _ATTEMPTS = 3
 _LONGEST_ERROR_QUEUE = 32
 _MOST_LINES_OUT_OF_STEP = 4
+_MOST_SHOWN = 60
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[Ee][+-]?\d+)?", re.ASCII)
 _ERROR = re.compile(r'([+-]?\d+),"(.*)"', re.ASCII)
 _REGISTER = re.compile(r"\+?\d{1,10}", re.ASCII)
@@ -42,6 +49,7 @@ class ScpiSession:
         terminator: what ends every line, both ways.
         timeout: longest wait for one reply in seconds.
         error_query: the query that takes the oldest entry out of the error queue.
+        framed: whether questions are asked together with `*IDN?`, for instruments that take several in a line.
     """
 
     def __init__(
@@ -52,12 +60,15 @@ class ScpiSession:
         terminator: bytes = b"\n",
         timeout: float = LONGEST_S,
         error_query: str = "SYST:ERR?",
+        framed: bool = False,
     ) -> None:
         self._device = device
         self._port = port
         self._terminator = terminator
         self._timeout = min(timeout, LONGEST_S)
         self._error_query = error_query
+        self._framed = framed
+        self._frame = ""
         self._in_step = True
         self._queue_known = False
         self._discarded = 0
@@ -76,18 +87,17 @@ class ScpiSession:
 
         Raises:
             NoReply: nothing, or half a line, came each time.
-            Garbled: a line came that `parse` does not accept.
+            Garbled: a line came that `parse` does not accept, or bytes that nobody had asked for.
         """
-        faults: list[DeviceFault] = []
-        while len(faults) < _ATTEMPTS:
-            try:
-                if not self._in_step:
-                    self._step_again()
-                return self._ask(command, parse)
-            except (NoReply, Garbled) as fault:
-                self._in_step = self._queue_known = False
-                faults.append(fault)
-        raise faults[0]
+        return self._query(lambda: self._ask(command, parse))
+
+    def identification(self) -> tuple[str, str, str, str]:
+        """Ask `*IDN?` and return manufacturer, model, serial number and firmware.
+
+        Raises:
+            NoReply, Garbled: see `query`.
+        """
+        return self._query(lambda: self._bare("*IDN?", self._identified))
 
     def setting(self, command: str, *, urgent: bool = False) -> None:
         """Send a setting once, and take everything out of the error queue.
@@ -100,9 +110,12 @@ class ScpiSession:
 
         Raises:
             Rejected: the instrument queued an error.
+            NoReply, Garbled: see `query`; an urgent setting has left before.
         """
-        if not self._queue_known and not urgent:
-            self.errors()
+        if not urgent:
+            if not self._queue_known:
+                self.errors()
+            self._must_be_quiet()
         ours = self._queue_known
         self._send(command)
         queued = self.errors()
@@ -128,7 +141,40 @@ class ScpiSession:
             "switch the instrument off and on, and look who else talks to it",
         )
 
+    def _query(self, ask: Callable[[], _T]) -> _T:
+        """Ask until there is a reply, three times at most; what came unasked is raised at once."""
+        self._must_be_quiet()
+        faults: list[DeviceFault] = []
+        while len(faults) < _ATTEMPTS:
+            try:
+                if not self._in_step:
+                    self._step_again()
+                return ask()
+            except (NoReply, Garbled) as fault:
+                self._in_step = self._queue_known = False
+                faults.append(fault)
+        raise faults[0]
+
     def _ask(self, command: str, parse: Callable[[str], _T]) -> _T:
+        if not self._framed:
+            return self._bare(command, parse)
+        separator = "" if command.startswith("*") else ":"
+        return self._bare(f"*IDN?;{separator}{command}", lambda line: parse(self._unframed(line)))
+
+    def _unframed(self, line: str) -> str:
+        """Return what follows the identification, which must be the one that was learnt last."""
+        frame, separator, reply = line.partition(";")
+        if not separator or frame != (self._frame or frame):
+            raise ValueError(f"a reply that begins with {self._frame or 'the identification'};")
+        self._identified(frame)
+        return reply
+
+    def _identified(self, line: str) -> tuple[str, str, str, str]:
+        fields = as_identification(line)
+        self._frame = line
+        return fields
+
+    def _bare(self, command: str, parse: Callable[[str], _T]) -> _T:
         self._send(command)
         line = self._line(command)
         try:
@@ -142,7 +188,6 @@ class ScpiSession:
 
     def _send(self, command: str) -> None:
         try:
-            self._discard()
             self._port.timeout = self._timeout
             self._port.write(command.encode("ascii") + self._terminator)
         except OSError as error:
@@ -167,11 +212,12 @@ class ScpiSession:
 
     def _step_again(self) -> None:
         """Bring queries and replies back into step, by the one reply that cannot be mistaken."""
+        self._waiting()
         self._send("*IDN?")
         for _ in range(_MOST_LINES_OUT_OF_STEP):
             line = self._line("*IDN?")
             try:
-                as_identification(line)
+                self._identified(line)
             except ValueError:
                 self._discarded += len(line) + len(self._terminator)
             else:
@@ -179,10 +225,25 @@ class ScpiSession:
                 return
         raise Garbled(self._device, "lines come without an end that no query asked for", "look who else talks to it")
 
-    def _discard(self) -> None:
-        if waiting := self._port.in_waiting:
-            self._discarded += waiting
-            self._port.reset_input_buffer()
+    def _must_be_quiet(self) -> None:
+        """Refuse bytes that came unasked; out of step some may be owed, and stepping again deals with them."""
+        if self._in_step and (stray := self._waiting()):
+            self._in_step = self._queue_known = False
+            raise Garbled(
+                self._device,
+                f"{stray[:_MOST_SHOWN]!r} came, and nobody had asked for it",
+                "look who else talks to it, and switch it off and on",
+            )
+
+    def _waiting(self) -> bytes:
+        """Take what came unasked; the transcript shows it."""
+        try:
+            waiting = self._port.in_waiting
+            stray = self._port.read(waiting) if waiting else b""
+        except OSError as error:
+            raise self._dead_port("*IDN?", error) from error
+        self._discarded += len(stray)
+        return stray
 
 
 def as_text(reply: str) -> str:
@@ -195,7 +256,7 @@ def as_text(reply: str) -> str:
 def as_identification(reply: str) -> tuple[str, str, str, str]:
     """Accept the four fields of `*IDN?`: manufacturer, model, serial number, firmware."""
     fields = [field.strip() for field in as_text(reply).split(",")]
-    if len(fields) != 4 or not fields[0] or not fields[1]:
+    if len(fields) != 4 or not fields[0] or not fields[1] or ";" in reply:
         raise ValueError("manufacturer, model, serial number and firmware")
     return fields[0], fields[1], fields[2], fields[3]
 

@@ -14,6 +14,7 @@ from hil.model.bench import Clamp, Wire
 from hil.model.errors import ClampExceeded, Refused, Rejected
 from hil.model.identity import Identity
 
+IDN = (b"*IDN?\n", b"Keysight Technologies,E36312A,MY59002391,2.1.0-1.0.4-1.12\n")
 NONE = (b"SYST:ERR?\n", b'+0,"No error"\n')
 SOUND, TRIPPED = (b"VOLT:PROT:TRIP? (@2)\n", b"0\n"), (b"VOLT:PROT:TRIP? (@2)\n", b"1\n")
 
@@ -23,9 +24,16 @@ def clamp(quantity, unit, maximum):
     return Clamp(output="supply.coil", quantity=quantity, unit=unit, minimum=0.0, maximum=maximum)
 
 
+def framed(request, reply):
+    """Return question and reply as they go over the line: together with the identification."""
+    if b"?" not in request or request == IDN[0]:
+        return request, reply
+    return b"*IDN?;:" + request, reply and IDN[1].strip() + b";" + reply
+
+
 def driver(*script, clamps=()):
     """Return a driver on a port that plays this script, and the port."""
-    port = ScriptedPort(VirtualClock(), script)
+    port = ScriptedPort(VirtualClock(), [framed(*pair) for pair in script])
     connection = Connection(device="psu1", clock=port.clock, clamps=Clamps({2: tuple(clamps)}), port=port)
     return KeysightE36300(connection), port
 
@@ -43,7 +51,7 @@ def test_the_constructor_sends_nothing():
 
 def test_it_says_who_it_is():
     """The four fields of *IDN? become the identity."""
-    psu, _ = driver((b"*IDN?\n", b"Keysight Technologies,E36312A,MY59002391,2.1.0-1.0.4-1.12\n"))
+    psu, _ = driver(IDN)
     assert psu.identify() == Identity(
         manufacturer="Keysight Technologies", model="E36312A", serial="MY59002391", firmware="2.1.0-1.0.4-1.12"
     )

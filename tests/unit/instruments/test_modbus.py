@@ -200,12 +200,31 @@ def test_a_very_late_echo_is_not_taken_for_coils():
     assert port.done
 
 
-def test_stray_input_is_thrown_away_and_counted():
-    """What came before the request is no answer to it."""
+def test_what_came_before_a_read_is_a_fault_and_no_reply():
+    """A frame that waits may be the reply that another request should have got; nothing is sent."""
     modbus, port = session((READ_COILS, COILS_5))
-    port.come(ON)
+    port.come(COILS_5)
+    with pytest.raises(Garbled, match="01 01 01 05 .* came, and nobody had asked for it"):
+        modbus.read_coils(0, 8)
+    assert port.written == []
+    assert modbus.discarded == len(COILS_5)
     assert modbus.read_coils(0, 8)[0]
-    assert modbus.discarded == len(ON)
+
+
+def test_a_quiet_gap_shows_the_reply_that_a_stale_frame_has_displaced():
+    """A stale frame is read in place of the reply; the reply that comes behind it gives it away."""
+    modbus, _ = session((READ_COILS, ((0.0, COILS_5), (0.008, framed("01 01 01 07")))))
+    modbus.read_coils(0, 8)
+    with pytest.raises(Garbled, match="01 01 01 07 .* came"):
+        modbus.must_be_quiet(0.02)
+
+
+def test_silence_is_quiet():
+    """A gap in which nothing comes is what it takes, and no more."""
+    modbus, port = session((READ_COILS, COILS_5))
+    modbus.read_coils(0, 8)
+    modbus.must_be_quiet(0.02)
+    assert port.clock.now() == pytest.approx(0.02)
 
 
 def test_a_port_that_fails_is_no_reply():

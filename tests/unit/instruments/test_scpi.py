@@ -63,6 +63,7 @@ def test_what_is_no_decimal_number_is_refused(reply):
         (as_identification, "Keysight Technologies,E36312A,MY59002391"),
         (as_identification, "a,b,c,d,e"),
         (as_identification, ",,,"),
+        (as_identification, "a,b,c,d;0"),
     ],
 )
 def test_replies_of_the_wrong_form_are_refused(parse, reply):
@@ -146,12 +147,45 @@ def test_nonsense_once_is_asked_again():
     assert scpi.query("VOLT?", as_number) == 4.2
 
 
-def test_stray_input_is_thrown_away_and_counted():
-    """What came before the question is no answer to it."""
-    scpi, port = session((b"VOLT?\n", b"+4.2\n"))
+def test_what_came_before_the_question_is_a_fault_and_no_answer():
+    """It may be the reply that another question should have got; nothing is asked, and then all is well again."""
+    scpi, port = session((b"*IDN?\n", IDN), (b"VOLT?\n", b"+4.2\n"))
     port.come(b"+9.9\n")
-    assert scpi.query("VOLT?", as_number) == 4.2
+    with pytest.raises(Garbled, match=r"psu1: b'\+9.9\\n' came, and nobody had asked for it; look who else"):
+        scpi.query("VOLT?", as_number)
+    assert port.written == []
     assert scpi.discarded == 5
+    assert scpi.query("VOLT?", as_number) == 4.2
+
+
+def test_an_urgent_setting_leaves_before_stray_input_is_told():
+    """Switching off comes first, whatever waits."""
+    scpi, port = session((b"OUTP OFF\n", b""))
+    port.come(b"0\n")
+    with pytest.raises(Garbled, match="nobody had asked"):
+        scpi.setting("OUTP OFF", urgent=True)
+    assert port.written == [b"OUTP OFF\n"]
+
+
+def test_a_framed_reply_begins_with_the_identification():
+    """One line asks both; a line without the identification is no reply, and neither is another instrument's."""
+    ours, other = IDN.strip(), IDN.strip().replace(b"MY5", b"MY6")
+    ask = b"*IDN?;:VOLT?\n"
+    for wrong in (b"+9.9\n", other + b";+9.9\n", ours + b"\n"):
+        scpi, port = session((b"*IDN?\n", IDN), (ask, wrong), (b"*IDN?\n", IDN), (ask, ours + b";+4.2\n"), framed=True)
+        assert scpi.identification()[1] == "E36312A"
+        assert scpi.query("VOLT?", as_number) == 4.2
+        assert port.done
+
+
+def test_a_late_framed_reply_does_not_bring_the_session_into_step():
+    """It begins with the identification, but it is no reply to `*IDN?`."""
+    ask, reply = b"*IDN?;:VOLT?\n", IDN.strip()
+    scpi, port = session(
+        (ask, late(0.6, reply + b";+9.9\n")), (b"*IDN?\n", late(0.2, IDN)), (ask, reply + b";+4.2\n"), framed=True
+    )
+    assert scpi.query("VOLT?", as_number) == 4.2
+    assert port.done
 
 
 def test_a_line_that_never_falls_silent_is_garbled():
