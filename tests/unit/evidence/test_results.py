@@ -129,14 +129,36 @@ def test_an_error_elsewhere_in_the_case_takes_its_checks():
     assert verdicts_of(begun, *checks, error, *passed("test_b"))[1] == "ERROR"
 
 
-def test_the_last_attempt_counts_and_every_attempt_is_kept():
-    """A declared retry replaces the checks, and the first attempt is still told."""
+def test_the_worst_attempt_counts_and_every_attempt_is_kept():
+    """Nothing declares a retry, so a pass does not replace the failure before it; nor does it replace a death."""
+    facts = Facts(catalogue=entries_of(REQUIREMENTS))
     first = ({"kind": "case", "case": "test_a", "attempt": 1}, checked("test_a", "x", "FAIL"))
-    events = events_of(*first, ended("test_a", "FAIL", {"GYR-030": "FAIL"}), *passed("test_a", 2))
-    results = derive(events, Facts(catalogue=entries_of(REQUIREMENTS)), content_digest="")
-    assert results["cases"][0]["verdict"] == "PASS"
-    assert [attempt["verdict"] for attempt in results["cases"][0]["attempts"]] == ["FAIL", "PASS"]
-    assert len(results["cases"][0]["checks"]) == 2
+    failed = events_of(*first, ended("test_a", "FAIL", {"GYR-030": "FAIL"}), *passed("test_a", 2))
+    case = derive(failed, facts, content_digest="")["cases"][0]
+    assert (case["verdict"], case["requirements"]["GYR-030"]) == ("FAIL", "FAIL")
+    assert [attempt["verdict"] for attempt in case["attempts"]] == ["FAIL", "PASS"]
+    assert len(case["checks"]) == 2
+    died = events_of(*passed("test_a")[:-1], *passed("test_a", 2))
+    assert derive(died, facts, content_digest="")["cases"][0]["verdict"] == "ABORTED"
+
+
+def test_a_second_body_of_one_id_is_not_dropped():
+    """Two planned cases of one id are as good as the worse, and one of them that never ran is NOT_RUN."""
+    facts = Facts(catalogue=entries_of(REQUIREMENTS))
+    events = events_of(*passed("test_a"), *passed("test_b"))
+    again = next(event for event in events if event["kind"] == "planned")
+    case = derive([again, *events], facts, content_digest="")["cases"][0]
+    assert (case["verdict"], case["requirements"]["GYR-030"]) == ("NOT_RUN", "NOT_RUN")
+
+
+def test_a_failure_stands_in_a_case_that_takes_itself_out():
+    """What was found before a skip counts; what was not evaluated is NOT_RUN."""
+    begun = {"kind": "case", "case": "test_a", "attempt": 1}
+    end = ended("test_a", "NOT_RUN", {"GYR-030": "NOT_RUN"})
+    failing = verdicts_of(begun, checked("test_a", "x", "FAIL"), end, *passed("test_b"))
+    assert (failing[0]["test_a"], failing[1]) == ("FAIL", "FAIL")
+    passing = verdicts_of(begun, checked("test_a", "x"), end, *passed("test_b"))
+    assert (passing[0]["test_a"], passing[1]) == ("NOT_RUN", "NOT_RUN")
 
 
 def test_not_run_has_its_reason():

@@ -15,6 +15,11 @@ from hil.model.figure import Figure
 SILENCE = NoReply("psu1", "nothing came")
 
 
+def skipped(case):
+    """Take itself out."""
+    case.run.skip("no jig")
+
+
 def good(case):
     """Evaluate everything that T-010 asks for."""
     case.run.check("T-010", "ratio", 1.0)
@@ -74,6 +79,7 @@ ENDINGS = [
     ("stopped in error", [lambda case: case.run.raised(Stopped("x")), raised_fault], "ERROR"),
     ("skipped", [good, lambda case: case.run.skip("no jig")], "NOT_RUN"),
     ("skipped without a word", [lambda case: case.run.skip("")], "NOT_RUN"),
+    ("skipped after a failure", [lambda case: case.run.check("T-010", "ratio", 2.0), skipped], "FAIL"),
     ("skipped in error", [lambda case: case.run.skip("no jig"), raised_fault], "ERROR"),
     ("require failed", [good, lambda case: case.run.raised(CheckFailed("x"))], "PASS"),
 ]

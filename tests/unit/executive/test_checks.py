@@ -6,9 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from case_parts import Case
+from case_parts import REQUIREMENTS, Case
 
-from hil.executive.case.checks import CheckFailed, Misused
+from hil.evidence.package.judged import judge_again
+from hil.evidence.results.facts import entries_of
+from hil.executive.case.checks import CheckFailed
+from hil.executive.case.given import Misused
 from hil.model.figure import Figure, FigureStatus
 from hil.requirements.units import UnitError
 
@@ -37,9 +40,9 @@ def test_what_the_catalogue_does_not_hold_is_refused(tmp_path, arguments, of, me
     assert case.written.events == []
 
 
-@pytest.mark.parametrize("value", [5.0, 5, True, np.float64(5.0)])
+@pytest.mark.parametrize("value", [5.0, 5, np.float64(5.0), np.int64(5)])
 def test_a_bare_number_has_no_unit(tmp_path, value):
-    """Where a unit is due, a number without one is refused, a flag in any case."""
+    """Where a unit is due, a number without one is refused."""
     case = Case(tmp_path, "T-050", "T-010")
     with pytest.raises(Misused, match="has no unit, and V is due"):
         case.run.check("T-050", "voltage", value)
@@ -121,3 +124,69 @@ def test_what_is_written_is_what_was_judged(tmp_path):
     case = Case(tmp_path, "T-010")
     assert case.run.check("T-010", "ratio", 1.5 + 1e-13) == "PASS"
     assert case.written.of("check")[0]["value"] == 1.5
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (np.True_, "a bool is neither a number nor a word"),
+        (True, "True (bool) is neither a number nor a word"),
+        (b"1.0", "b'1.0' (bytes) is neither a number nor a word"),
+        (1 + 0j, "(1+0j) (complex) is neither a number nor a word"),
+        (np.complex128(1.0), "is neither a number nor a word, and a number in 1 is due"),
+        (np.array([1.0, 1.0]), "a ndarray of shape (2,) is neither a number nor a word"),
+        (None, "None (NoneType) is neither a number nor a word"),
+        ("1.0", "'1.0' is a word, and a number in 1 is due"),
+        (Figure(value=np.True_, unit="1"), "the value of a figure is one real number, found a bool"),
+        (Figure(value="1.0", unit="1"), "the value of a figure is one real number, found '1.0' (str)"),
+        (Figure(value=np.ones(2), unit="1"), "the value of a figure is one real number, found a ndarray of shape (2,)"),
+        (Figure(value=1.0, unit="1", uncertainty=True), "the uncertainty of a figure is one real number"),
+        (Figure(value=1.0, unit="1", dof=True), "the dof of a figure is one real number"),
+        (Figure(value=1.0, unit=1), "the unit of a figure is a text"),
+        (Figure(value=1.0, unit="1", status="fine"), "'fine' (str) is no status of a figure"),
+    ],
+)
+def test_what_is_no_figure_is_refused(tmp_path, value, message):
+    """Flags, texts, bytes, arrays and complex numbers never stand for a number, and nothing is written."""
+    case = Case(tmp_path, "T-010")
+    with pytest.raises(Misused) as caught:
+        case.run.check("T-010", "ratio", value)
+    assert message in str(caught.value)
+    assert case.written.events == []
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        np.float32(0.1),
+        np.int64(1),
+        Figure(value=np.float32(0.1), unit="1", uncertainty=np.float32(0.01), dof=np.int64(7)),
+        Figure(value=np.int64(1), unit=np.str_("1"), status="measured"),
+    ],
+)
+def test_numpys_numbers_are_written_as_they_were_judged(tmp_path, value):
+    """A float32 becomes a float before it is judged, so that the journal's digits give the same margin again."""
+    case = Case(tmp_path, "T-010")
+    case.run.check("T-010", "ratio", value)
+    (check,) = case.written.of("check")
+    numbers = [check[name] for name in ("value", "uncertainty", "dof", "expanded", "margin") if check[name] is not None]
+    assert {type(number) for number in numbers} == {float}
+    assert type(check["status"]) is str
+    entries = {item.id: item for item in REQUIREMENTS}
+    assert list(judge_again(check, entries_of([entries["T-010"]]))) == []
+
+
+def test_the_worst_of_several_checks_of_one_criterion_counts(tmp_path):
+    """A criterion that is evaluated again is a check of its own, and a later pass does not replace a failure."""
+    case = Case(tmp_path, "T-010")
+    for value in (2.0, 1.0):
+        case.run.check("T-010", "ratio", value)
+    assert [check["verdict"] for check in case.written.of("check")] == ["FAIL", "PASS"]
+    assert case.run.outcome().verdict == "FAIL"
+
+
+def test_only_a_role_adds_its_uncertainty(tmp_path):
+    """Whatever else has a calibration is no instrument of the bench."""
+    case = Case(tmp_path, "T-050")
+    with pytest.raises(Misused, match="instrument is a role of this case, found a InstrumentSpec"):
+        case.run.check("T-050", "voltage", volts(5.0), instrument=case.instrument)

@@ -97,3 +97,13 @@ def test_a_set_of_roles_names_the_nearest_instance(tmp_path):
     assert roles.coil is case.coil
     with pytest.raises(AttributeError, match=r"no 'coli' among the bench's supply, did you mean 'coil'\?"):
         roles.coli  # noqa: B018 - the attribute is the test
+
+
+def test_a_facade_cannot_be_patched(tmp_path):
+    """Wiring, certificate and operations are what the bench file says, whatever a case or a fixture would like."""
+    case = Case(tmp_path)
+    for name, value in (("instrument", None), ("voltage", lambda: None)):
+        with pytest.raises(AttributeError, match=f"supply.coil is what the bench file says, its '{name}'"):
+            setattr(case.coil, name, value)
+    with pytest.raises(AttributeError, match="supply is what the bench file says, its 'coil'"):
+        RoleSet("supply", {"coil": case.coil}).coil = None

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from case_parts import Case
 
 from hil.evidence.recordings.hdf5 import Recorded
+from hil.executive.case.facade import RoleSet
+from hil.executive.case.given import Misused
 from hil.executive.case.records import data_checks
 from hil.executive.run.row_store import RecordingFacts
 from hil.executive.run.stop import Stopped
@@ -103,13 +106,13 @@ def test_recordings_of_one_name_are_kept_apart(tmp_path):
     assert [each["recording"] for each in case.written.of("recording")] == ["001-test_x-field", "002-test_x-field"]
 
 
-def recorded(times, *, channels=("x", "y"), rate=10.0, complete=True, name="field"):
+def recorded(times, *, channels=("x", "y"), rate=10.0, complete=True, name="field", samples=None):
     """Return a recording as `data_checks` takes it."""
     array = np.asarray(times, dtype=float)
     facts = RecordingFacts(
         id="001", name=name, case="c", step="", channels=(), rate=rate, duration=1.0, source="simulated"
     )
-    of_channels = dict.fromkeys(channels, array)
+    of_channels = dict.fromkeys(channels, array if samples is None else np.asarray(samples, dtype=float))
     units = dict.fromkeys(channels, "uT")
     taken = Recorded(
         id="001",
@@ -131,7 +134,7 @@ WHOLE = np.arange(10) / 10
 
 def verdicts(*taken):
     """Return the verdict of every criterion, by parameter."""
-    return {limit.parameter: str(judge(value, limit).verdict) for limit, value in data_checks(ASKED, taken)}
+    return {limit.parameter: str(judge(value, limit).verdict) for limit, value, _ in data_checks(ASKED, taken)}
 
 
 def test_a_whole_recording_meets_every_criterion():
@@ -155,17 +158,65 @@ def test_each_criterion_fails_for_its_reason(parameter, changed):
     assert verdicts(recorded(**changed))[parameter] == "FAIL"
 
 
+@pytest.mark.parametrize("lost", [[0], [3, 4], range(10)], ids=["one", "two", "all"])
+@pytest.mark.parametrize("word", [math.nan, math.inf])
+def test_samples_that_are_no_numbers_are_counted(lost, word):
+    """One sample that is not finite makes the data inconclusive, and the channels and numbers are named."""
+    samples = np.arange(10.0)
+    samples[list(lost)] = word
+    taken = recorded(WHOLE, samples=samples)
+    assert verdicts(taken)["not_finite"] == "INCONCLUSIVE"
+    ((value, reason),) = [(v, why) for limit, v, why in data_checks(ASKED, [taken]) if limit.parameter == "not_finite"]
+    count = len(lost)
+    assert (value.value, reason) == (2 * count, f"{2 * count} of 20 samples are not finite: x {count}, y {count}")
+
+
+def test_only_channels_that_are_asked_for_must_be_finite():
+    """A channel beside them may have been without a sensor."""
+    array = np.full(10, math.nan)
+    taken = recorded(WHOLE)
+    taken["recorded"].arrays["temperature"] = array
+    assert set(verdicts(taken).values()) == {"PASS"}
+
+
 def test_the_poorest_recording_counts():
     """One good recording of that name does not outweigh a poor one."""
     assert verdicts(recorded(WHOLE), recorded(WHOLE[:5]))["duration"] == "FAIL"
 
 
 def test_one_sample_has_no_rate():
-    """A single row shows nothing of a rate, and no duration but its own."""
-    found = verdicts(recorded([0.0]))
-    assert (found["rate"], found["duration"], found["max_gap"]) == ("FAIL", "FAIL", "PASS")
+    """A single row shows nothing of a rate, and no duration, however slow it was asked to be."""
+    for rate in (10.0, 1e-6):
+        found = verdicts(recorded([0.0], rate=rate))
+        assert (found["rate"], found["duration"], found["max_gap"]) == ("FAIL", "FAIL", "PASS")
 
 
 def test_what_was_never_taken_has_no_criteria():
     """So its requirement stays NOT_EVALUATED."""
     assert verdicts(recorded(WHOLE, name="other")) == {}
+
+
+def test_only_roles_of_the_case_are_recorded(tmp_path):
+    """Numbers from anywhere else would be no measurement: objects, sets of roles, and roles of another case."""
+    (tmp_path / "other").mkdir()
+    case, other = Case(tmp_path), Case(tmp_path / "other")
+    foreign = [
+        (case.sensor, "this is a Magnetometer"),
+        (SimpleNamespace(wire=case.field.wire, sample=lambda: (0.0, 0.0)), "this is a SimpleNamespace"),
+        (other.field, "this belongs to another case"),
+        (RoleSet("magnetometer", {"one": case.field}), "is a set of roles"),
+    ]
+    for source, message in foreign:
+        with pytest.raises(Misused, match=message):
+            case.run.record("field", source, duration=1.0, rate=10.0)
+    assert case.written.events == []
+
+
+def test_what_was_recorded_cannot_be_changed(tmp_path):
+    """A requirement's criteria look at the same samples at the case's end."""
+    case = Case(tmp_path)
+    taken = case.run.record("field", case.field, duration=1.0, rate=10.0)
+    for array in (taken["x"], taken.time):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+    assert isinstance(case.run.record.taken, tuple)

@@ -25,9 +25,15 @@ _OVERRIDING = frozenset({Verdict.ERROR, Verdict.ABORTED, Verdict.NOT_RUN})
 
 @dataclass(slots=True, kw_only=True)
 class _Case:
-    """What the events say of one planned case; checks and steps are those of the last attempt."""
+    """What the events say of one planned case; checks and steps are those of the last attempt.
+
+    Nothing declares a retry, so that no attempt replaces another: `earlier` keeps what those before the last one came
+    to, and `times` how often the case was planned.
+    """
 
     planned: Mapping[str, Any]
+    times: int = 1
+    earlier: dict[str, list[Verdict]] = field(default_factory=dict)
     begun: bool = False
     end: Body | None = None
     attempts: list[dict[str, Any]] = field(default_factory=list)
@@ -41,6 +47,7 @@ class _Case:
         """Take one event that names this case."""
         match event["kind"]:
             case "case":
+                self._keep_earlier()
                 self.begun, self.end = True, None
                 self.attempts.append({"attempt": event["attempt"], "verdict": None, "reasons": []})
                 self.checks, self.steps, self.dut_fault = [], [], False
@@ -68,6 +75,11 @@ class _Case:
             return Verdict(self.end["verdict"])
         return Verdict.ABORTED if self.begun else Verdict.NOT_RUN
 
+    def own_verdicts(self) -> list[Verdict]:
+        """Return how every attempt ended, and NOT_RUN for one that is missing."""
+        before = [Verdict(item["verdict"] or Verdict.ABORTED) for item in self.attempts[:-1]]
+        return [*before, self.own_verdict(), *([] if self.all_begun() or not self.begun else [Verdict.NOT_RUN])]
+
     def reasons(self) -> list[str]:
         """Return why the case ended so."""
         if self.end is not None:
@@ -75,6 +87,23 @@ class _Case:
         if self.begun:
             return ["the run ended within this case"]
         return self.not_run or ["the run ended before this case"]
+
+    def plan_again(self, planned: Mapping[str, Any]) -> None:
+        """Take in that two bodies have this case's id: what one of them carries, both do."""
+        self.times += 1
+        self.planned = {**self.planned, "requirements": [*self.planned["requirements"], *planned["requirements"]]}
+
+    def all_begun(self) -> bool:
+        """Return whether there was an attempt for every time that it was planned."""
+        return len(self.attempts) >= self.times
+
+    def _keep_earlier(self) -> None:
+        if self.begun:
+            for check in self.checks:
+                self.earlier.setdefault(check["requirement"], []).append(Verdict(check["verdict"]))
+            for identifier in self.planned["requirements"]:
+                said = self.end["requirements"].get(identifier) if self.end else None
+                self.earlier.setdefault(identifier, []).append(Verdict(said) if said else self.own_verdict())
 
     def _end_step(self, event: Body) -> None:
         for step in reversed(self.steps):
@@ -126,7 +155,10 @@ def _cases(events: Sequence[Body]) -> list[_Case]:
     for event in events:
         if event["kind"] == "planned":
             for planned in event["cases"]:
-                cases.setdefault(planned["case"], _Case(planned=planned))
+                if planned["case"] in cases:
+                    cases[planned["case"]].plan_again(planned)
+                else:
+                    cases[planned["case"]] = _Case(planned=planned)
         elif isinstance(event.get("case"), str):
             unplanned = {"case": event["case"], "title": "", "plan": "", "requirements": []}
             cases.setdefault(event["case"], _Case(planned=unplanned)).take(event)
@@ -134,13 +166,14 @@ def _cases(events: Sequence[Body]) -> list[_Case]:
 
 
 def _case(case: _Case, facts: Facts) -> dict[str, Any]:
-    identifiers = {*case.planned["requirements"], *(check["requirement"] for check in case.checks)}
+    checked = (check["requirement"] for check in case.checks)
+    identifiers = {*case.planned["requirements"], *checked, *case.earlier}
     requirements = {identifier: _within(identifier, case, facts) for identifier in sorted(identifiers)}
     return {
         "case": case.planned["case"],
         "title": case.planned["title"],
         "plan": case.planned["plan"],
-        "verdict": worst([case.own_verdict(), *requirements.values()]),
+        "verdict": worst([*case.own_verdicts(), *requirements.values()]),
         "reasons": case.reasons(),
         "requirements": requirements,
         "duration": case.end["duration"] if case.end else None,
@@ -153,14 +186,18 @@ def _case(case: _Case, facts: Facts) -> dict[str, Any]:
 
 
 def _within(identifier: str, case: _Case, facts: Facts) -> Verdict:
-    """Return what one case says of one requirement: the worst of its checks, of the case's word, and of its end."""
+    """Return what one case says of one requirement: the worst of its checks, of the case's word, and of its end.
+
+    A case that took itself out is NOT_RUN, and what it found before stands.
+    """
     own = case.own_verdict()
-    if own is Verdict.NOT_RUN:
-        return own
     checks = [check for check in case.checks if check["requirement"] == identifier]
+    verdicts = [*case.earlier.get(identifier, ()), *(Verdict(check["verdict"]) for check in checks)]
+    if not case.all_begun():
+        verdicts.append(Verdict.NOT_RUN)
     # A device under test that falls silent explains what is missing: the case's own word counts then.
-    verdicts = [] if case.dut_fault and not checks else [worst(Verdict(check["verdict"]) for check in checks)]
-    if not case.dut_fault and _is_short(facts.catalogue.get(identifier, {}), checks):
+    excused = case.dut_fault or own is Verdict.NOT_RUN
+    if not excused and (not checks or _is_short(facts.catalogue.get(identifier, {}), checks)):
         verdicts.append(Verdict.NOT_EVALUATED)
     if case.end is not None and identifier in case.end["requirements"]:
         verdicts.append(Verdict(case.end["requirements"][identifier]))

@@ -110,7 +110,7 @@ class CaseRun:
         (self._dut_faults if instrument.dut else self._bench_faults).append(str(fault))
 
     def skip(self, reason: str) -> None:
-        """Note that the case took itself out; whatever it did before, it is NOT_RUN."""
+        """Note that the case took itself out; it is NOT_RUN at best, and what it found before stands."""
         self._skipped = reason or "skipped"
 
     def raised(self, error: BaseException, where: str = "") -> None:
@@ -129,8 +129,8 @@ class CaseRun:
         """Evaluate the criteria of the recordings that requirements ask for."""
         for requirement in self.requirements.values():
             if requirement.records is not None:
-                for limit, value in data_checks(requirement.records, self.record.taken):
-                    self.check.data(requirement, limit, value)
+                for limit, value, reason in data_checks(requirement.records, self.record.taken):
+                    self.check.data(requirement, limit, value, reason)
 
     def close(self) -> None:
         """Take in what shows only when nothing of the case is left to run, whatever it let through."""
@@ -145,23 +145,19 @@ class CaseRun:
         """Return the verdict as it stands now."""
         requirements = {name: self._requirement(item) for name, item in self.requirements.items()}
         case = worst(requirements.values())
-        reasons = self._check_reasons()
+        reasons = (*([self._skipped] if self._skipped else []), *self._check_reasons())
         problems = [*self._problems, *([f"Diverged: {self.effects.diverged}"] if self.effects.diverged else [])]
         if problems or self._bench_faults or self.scheduler.tripped:
             case = Verdict.ERROR
         elif self._aborted:
             case = Verdict.ABORTED
         elif self._skipped:
-            return Outcome(
-                verdict=Verdict.NOT_RUN,
-                requirements=dict.fromkeys(self.requirements, Verdict.NOT_RUN),
-                reasons=(self._skipped,),
-            )
+            case = worst((case, Verdict.NOT_RUN)) if requirements else Verdict.NOT_RUN
         if case in {Verdict.ERROR, Verdict.ABORTED}:
             requirements = {name: worst((verdict, case)) for name, verdict in requirements.items()}
         trip = [self.scheduler.tripped.text] if self.scheduler.tripped else []
         told = (*trip, *problems, *self._bench_faults, *self._dut_faults, *reasons)
-        if not requirements:
+        if not requirements and not self._skipped:
             told = (*told, "the case carries no requirement")
         reasons = tuple(dict.fromkeys([*([self._aborted] if self._aborted else []), *told]))
         return Outcome(verdict=case, requirements=requirements, reasons=reasons)
@@ -174,9 +170,9 @@ class CaseRun:
         missing = self._missing(requirement)
         if self._dut_faults:
             verdicts.append(Verdict.FAIL if _speaks_of_answers(requirement) else Verdict.INCONCLUSIVE)
-        elif missing:
+        elif missing and not self._skipped:
             verdicts.append(Verdict.NOT_EVALUATED)
-        return worst(verdicts)
+        return worst([*verdicts, Verdict.NOT_RUN] if self._skipped else verdicts)
 
     def _missing(self, requirement: Requirement) -> list[str]:
         done = {(item.parameter, item.of) for item in self.check.evaluated if item.requirement == requirement.id}
@@ -191,7 +187,7 @@ class CaseRun:
             for item in self.check.evaluated
             if not item.verdict.good
         ]
-        for requirement in self.requirements.values():
+        for requirement in () if self._skipped else self.requirements.values():
             if missing := self._missing(requirement):
                 reasons.append(f"{requirement.id} got no check of {', '.join(missing)}")
             elif requirement.kind is Kind.RECORD and not any(

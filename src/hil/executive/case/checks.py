@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hil.bench.calibration import standard_uncertainty
 from hil.documents.suggest import did_you_mean
 from hil.executive.case.facade import Facade
+from hil.executive.case.given import Misused, given
 from hil.executive.case.steps import Steps
 from hil.model.errors import HilError
 from hil.model.figure import Figure
@@ -16,11 +17,7 @@ from hil.model.verdict import Verdict
 from hil.requirements.decision import Judgement, judge
 from hil.requirements.requirement import Kind, Limit, Requirement
 
-__all__ = ["CheckFailed", "Checks", "Evaluated", "Misused"]
-
-
-class Misused(HilError):
-    """A case asks for a check that the catalogue does not hold, or gives it something that is no figure."""
+__all__ = ["CheckFailed", "Checks", "Evaluated"]
 
 
 class CheckFailed(HilError):
@@ -55,7 +52,12 @@ class Checks:
         self._steps = steps
         self._write = write
         self._used = used
-        self.evaluated: list[Evaluated] = []
+        self._evaluated: list[Evaluated] = []
+
+    @property
+    def evaluated(self) -> tuple[Evaluated, ...]:
+        """Every check so far, also where the same criterion was evaluated several times: the worst counts."""
+        return tuple(self._evaluated)
 
     def __call__(
         self,
@@ -67,6 +69,9 @@ class Checks:
         instrument: Facade | None = None,
     ) -> Verdict:
         """Evaluate one criterion, record it, and go on; the case fails at its end.
+
+        The same criterion may be evaluated again, in every turn of a loop for example: each is a check of its own, and
+        the worst of them counts.
 
         Args:
             requirement: id, one of the case's marker.
@@ -81,10 +86,10 @@ class Checks:
         """
         of = of or None
         limit = self._limit(requirement, parameter, of)
-        found = _figure(value, limit, f"{requirement} {parameter}")
+        found = given(value, limit, f"{requirement} {parameter}")
         added = _of_instrument(instrument, found)
         self._evaluate(requirement, limit, of, found, added)
-        return self.evaluated[-1].verdict
+        return self._evaluated[-1].verdict
 
     def require(
         self,
@@ -102,12 +107,19 @@ class Checks:
         """
         verdict = self(requirement, parameter, value, of=of, instrument=instrument)
         if not verdict.good:
-            last = self.evaluated[-1]
+            last = self._evaluated[-1]
             raise CheckFailed(f"{requirement} {parameter} is {verdict}: {last.reason}")
 
-    def data(self, requirement: Requirement, limit: Limit, value: Figure | str) -> None:
-        """Evaluate one criterion that a recording has to meet; met, it is RECORDED."""
-        self._evaluate(requirement.id, limit, None, value, None)
+    def data(self, requirement: Requirement, limit: Limit, value: Figure | str, reason: str = "") -> None:
+        """Evaluate one criterion that a recording has to meet; met, it is RECORDED.
+
+        Args:
+            requirement: what asks for the recording.
+            limit: the criterion.
+            value: what was found.
+            reason: why it is not met, where that can be told better than by value and limit.
+        """
+        self._evaluate(requirement.id, limit, None, value, None, reason)
 
     def _limit(self, requirement: str, parameter: str, of: str | None) -> Limit:
         if requirement not in self._requirements:
@@ -128,7 +140,13 @@ class Checks:
         return limit
 
     def _evaluate(
-        self, requirement: str, limit: Limit, of: str | None, found: Figure | str, added: float | None
+        self,
+        requirement: str,
+        limit: Limit,
+        of: str | None,
+        found: Figure | str,
+        added: float | None,
+        reason: str = "",
     ) -> None:
         """Judge what will be written down, to the digits that will be written down, so that anybody can judge again."""
         judgement = judge(found, limit, instrument_uncertainty=added)
@@ -142,6 +160,8 @@ class Checks:
             )
             judgement = judge(written, limit)
         status = found.status.value if isinstance(found, Figure) else ""
+        if reason and not judgement.verdict.good:
+            judgement = replace(judgement, reason=reason)
         self._note(requirement, limit, of, judgement, status)
 
     def _note(self, requirement: str, limit: Limit, of: str | None, judgement: Judgement, status: str) -> None:
@@ -170,24 +190,18 @@ class Checks:
             reason=judgement.reason,
             instruments=sorted(self._used),
         )
-        self.evaluated.append(
+        self._evaluated.append(
             Evaluated(
                 requirement=requirement, parameter=limit.parameter, of=of, verdict=verdict, reason=judgement.reason
             )
         )
 
 
-def _figure(value: Figure | float | str, limit: Limit, what: str) -> Figure | str:
-    if isinstance(value, Figure | str):
-        return value
-    if isinstance(value, bool) or limit.unit != "1":
-        raise Misused(f"{what}: a bare {value!r} has no unit, and {limit.unit or 'a word'} is due", "give a Figure")
-    return Figure(value=float(value), unit="1")
-
-
 def _of_instrument(instrument: Facade | None, found: Figure | str) -> float | None:
     if instrument is None or isinstance(found, str):
         return None
+    if not isinstance(instrument, Facade):
+        raise Misused(f"instrument is a role of this case, found a {type(instrument).__name__}", "give supply.coil")
     return standard_uncertainty(instrument.instrument.calibration, found.unit, found.value)
 
 

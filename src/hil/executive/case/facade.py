@@ -48,6 +48,13 @@ class Facade:
         host: the case that holds it.
     """
 
+    wire: Wire
+    instrument: InstrumentSpec
+    _role: object
+    _effects: Effects
+    _host: Host
+    _operations: dict[str, Callable[..., Any]]
+
     def __init__(
         self,
         wire: Wire,
@@ -56,16 +63,14 @@ class Facade:
         effects: Effects,
         host: Host,
     ) -> None:
-        self.wire = wire
-        self.instrument = instrument
-        self._role = role
-        self._effects = effects
-        self._host = host
-        self._operations = {
+        operations = {
             name: operation
             for name, operation in inspect.getmembers(ROLES[wire.role], callable)
             if hasattr(operation, "effect")
         }
+        self.__dict__.update(
+            wire=wire, instrument=instrument, _role=role, _effects=effects, _host=host, _operations=operations
+        )
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         operations: dict[str, Callable[..., Any]] = self.__dict__.get("_operations", {})
@@ -74,8 +79,15 @@ class Facade:
             raise AttributeError(f"{self.__dict__['wire'].name} has no operation '{name}'{hint}")
         return self._bound(name, operations[name])
 
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"{self.wire.name} is what the bench file says, its '{name}' cannot be changed")
+
     def __repr__(self) -> str:
         return f"<{self.wire.name} on {self.instrument.name}>"
+
+    def serves(self, effects: Effects) -> bool:
+        """Return whether this is a role of the case that has these effects."""
+        return self._effects is effects
 
     @property
     def sampled(self) -> Sampled:
@@ -120,9 +132,14 @@ class Facade:
 class RoleSet:
     """The named instances of one role: `supply.coil`, `supply.sensor`."""
 
+    _role: str
+    _instances: dict[str, Facade]
+
     def __init__(self, role: str, instances: dict[str, Facade]) -> None:
-        self._role = role
-        self._instances = instances
+        self.__dict__.update(_role=role, _instances=instances)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"{self._role} is what the bench file says, its '{name}' cannot be changed")
 
     def __getattr__(self, name: str) -> Facade:
         instances: dict[str, Facade] = self.__dict__.get("_instances", {})

@@ -11,7 +11,8 @@ from hil.bench.calibration import standard_uncertainty
 from hil.clock.port import NANOSECONDS
 from hil.evidence.recordings.hdf5 import Recorded, read_recording
 from hil.executive.case.effects import Effects
-from hil.executive.case.facade import Facade
+from hil.executive.case.facade import Facade, RoleSet
+from hil.executive.case.given import Misused
 from hil.executive.case.steps import Steps
 from hil.executive.run.row_store import RecordedChannel, RecordingFacts, RowStore
 from hil.executive.run.scheduler import Scheduler
@@ -39,12 +40,12 @@ class Recording:
 
     @property
     def time(self) -> NDArray[np.float64]:
-        """Bench time of every sample in s, shape (samples,)."""
-        return self._recorded.time
+        """Bench time of every sample in s, shape (samples,); it cannot be written to."""
+        return _read_only(self._recorded.time)
 
     def __getitem__(self, channel: str) -> NDArray[np.float64]:
-        """Return one channel, shape (samples,)."""
-        return self._recorded[channel]
+        """Return one channel, shape (samples,); it cannot be written to, copy it to work on it."""
+        return _read_only(self._recorded[channel])
 
     def __len__(self) -> int:
         return len(self._recorded)
@@ -85,7 +86,12 @@ class Recorder:
         self._store = store
         self._source = source
         self._ids = ids
-        self.taken: list[Mapping[str, object]] = []
+        self._taken: list[Mapping[str, object]] = []
+
+    @property
+    def taken(self) -> tuple[Mapping[str, object], ...]:
+        """Every finished recording of the case."""
+        return tuple(self._taken)
 
     def __call__(self, name: str, *sources: Facade, duration: float, rate: float) -> Recording:
         """Sample roles at `rate` [Hz] for `duration` [s] of bench time.
@@ -95,10 +101,13 @@ class Recorder:
 
         Raises:
             ValueError: for no role, or a duration or rate that is not above zero.
+            Misused: for something that is no role of this case.
             DeviceFault: if a device falls silent; what was recorded is kept as incomplete.
         """
         if not sources or not (duration > 0 and rate > 0 and math.isfinite(duration * rate)):
             raise ValueError(f"record '{name}': needs a role, and a duration and rate above zero")
+        for source in sources:
+            self._require_own(name, source)
         if len({source.wire.name for source in sources}) < len(sources):
             raise ValueError(f"record '{name}': one role is given twice")
         facts = RecordingFacts(
@@ -114,6 +123,14 @@ class Recorder:
         arguments = {"duration": duration, "rate": rate, "channels": [channel.name for channel in facts.channels]}
         self._effects.perform(f"record.{name}", "records", arguments, lambda: self._sample(facts, sources))
         return self._finished(facts, sources)
+
+    def _require_own(self, name: str, source: object) -> None:
+        """Refuse what is no role of this case: its numbers would come from nowhere."""
+        if isinstance(source, RoleSet):
+            raise Misused(f"record '{name}': {source!r} is a set of roles", "name one, as in supply.coil")
+        if not isinstance(source, Facade) or not source.serves(self._effects):
+            what = "belongs to another case" if isinstance(source, Facade) else f"is a {type(source).__name__}"
+            raise Misused(f"record '{name}': only roles of this case can be recorded, this {what}", "give its fixture")
 
     def _sample(self, facts: RecordingFacts, sources: tuple[Facade, ...]) -> str:
         recording = self._store.begin(facts)
@@ -142,8 +159,15 @@ class Recorder:
             ],
         }
         recorded = read_recording(self._store.recordings, begun, {"complete": True})
-        self.taken.append({"facts": facts, "recorded": recorded})
+        self._taken.append({"facts": facts, "recorded": recorded})
         return Recording(recorded, _uncertainties(facts, recorded, sources))
+
+
+def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what was recorded, as it was: the criteria of a requirement look at the same numbers at the case's end."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 def _channels(sources: tuple[Facade, ...]) -> tuple[RecordedChannel, ...]:

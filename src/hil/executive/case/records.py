@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from hil.evidence.recordings.hdf5 import Recorded
 from hil.executive.run.row_store import RecordingFacts
-from hil.model.figure import Figure
+from hil.model.figure import Figure, FigureStatus
 from hil.requirements.requirement import Decision, Limit, Records
 
-__all__ = ["data_checks"]
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["Criterion", "data_checks"]
 
 
-def data_checks(records: Records, taken: Sequence[Mapping[str, object]]) -> Iterator[tuple[Limit, Figure | str]]:
+Criterion = tuple[Limit, Figure | str, str]
+"""What must hold, what was found, and a reason where that is told better than by the two; else empty."""
+
+
+def data_checks(records: Records, taken: Sequence[Mapping[str, object]]) -> Iterator[Criterion]:
     """Yield every criterion of a recording with what was found; the poorest recording of that name counts.
+
+    Samples that are not finite are counted over all of them, and leave the requirement INCONCLUSIVE.
 
     A recording that was never taken yields nothing, so that its requirement stays NOT_EVALUATED.
     """
@@ -23,22 +33,46 @@ def data_checks(records: Records, taken: Sequence[Mapping[str, object]]) -> Iter
         return
     found = [cast("Recorded", item["recorded"]) for item in named]
     missing = sorted({channel for item in found for channel in records.channels if channel not in item.channels})
-    yield _word("channels", "complete"), f"without {', '.join(missing)}" if missing else "complete"
+    yield _word("channels", "complete"), f"without {', '.join(missing)}" if missing else "complete", ""
     if not all(item.complete for item in found):
-        yield _word("end", "complete"), "incomplete"
+        yield _word("end", "complete"), "incomplete", ""
+    yield from _not_finite(records, found)
     if records.duration_s is not None:
-        # A recording of n samples lasts n / rate: its last sample stands for one period, too.
-        shortest = min(_span(item) + 1 / item.rate for item in found)
-        yield _at_least("duration", records.duration_s, "s"), _exact(shortest, "s")
+        yield _at_least("duration", records.duration_s, "s"), _exact(min(map(_duration, found)), "s"), ""
     if records.rate_hz is not None:
         slowest = min((len(item) - 1) / _span(item) if len(item) > 1 and _span(item) else 0.0 for item in found)
-        yield _at_least("rate", records.rate_hz * (1 - _RATE_TOLERANCE), "Hz"), _exact(slowest, "Hz")
+        yield _at_least("rate", records.rate_hz * (1 - _RATE_TOLERANCE), "Hz"), _exact(slowest, "Hz"), ""
     if records.max_gap_s is not None:
-        yield _at_most("max_gap", records.max_gap_s, "s"), _exact(max(_gap(item) for item in found), "s")
+        yield _at_most("max_gap", records.max_gap_s, "s"), _exact(max(_gap(item) for item in found), "s"), ""
 
 
 _RATE_TOLERANCE = 1e-3
 """A sampling clock may be this much slow: quartz is, and the last sample's latency counts, too."""
+
+
+def _not_finite(records: Records, found: Sequence[Recorded]) -> Iterator[Criterion]:
+    """Yield the number of samples that are no numbers, where there are any: what they were is not known."""
+    counts = {
+        channel: int(sum(_invalid(item[channel]) for item in found if channel in item.channels))
+        for channel in records.channels
+    }
+    count = sum(counts.values())
+    if count:
+        samples = sum(len(item) for item in found for channel in records.channels if channel in item.channels)
+        named = ", ".join(f"{channel} {number}" for channel, number in counts.items() if number)
+        figure = Figure(value=float(count), unit="1", status=FigureStatus.NOT_OBSERVABLE)
+        yield _at_most("not_finite", 0, "1"), figure, f"{count} of {samples} samples are not finite: {named}"
+
+
+def _invalid(samples: NDArray[np.float64]) -> int:
+    import numpy as np  # noqa: PLC0415 - only recordings pay for it
+
+    return int(np.count_nonzero(~np.isfinite(samples)))
+
+
+def _duration(item: Recorded) -> float:
+    """Return how long a recording lasts, in s: its last sample stands for one period, too, a single one for none."""
+    return _span(item) + 1 / item.rate if len(item) > 1 else 0.0
 
 
 def _span(item: Recorded) -> float:
