@@ -42,7 +42,7 @@ def test_hdf5_holds_what_the_rows_held(tmp_path):
     assert (before.instruments, after.source) == ({"x": "psu1"}, "hardware")
     with h5py.File(place / "001-rest.h5") as file:
         assert dict(file["channels/x"].attrs) == {
-            "calibration": "C-1", "instrument": "psu1", "name": "x", "unit": "deg/s",
+            "calibration": "C-1", "instrument": "psu1", "unit": "deg/s",
         }  # fmt: skip
         assert (file.attrs["rate"], file.attrs["source"], file.attrs["sha256"]) == (100.0, "hardware", ended["sha256"])
 

@@ -9,6 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hil.evidence.durable import PART, sync_file, sync_folder
+from hil.evidence.recordings.datasets import (
+    Dataset,
+    add_dataset,
+    describe,
+    open_dataset,
+    read_part,
+    write_part,
+)
 from hil.evidence.recordings.rows import BLOCK, RowsFile, read_rows, row_blocks, table
 from hil.model.errors import EvidenceError
 
@@ -18,9 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Recorded", "convert", "hashes_of", "read_hdf5", "read_recording", "write_hdf5"]
 
-_CHUNK = 16_384
-_SMALL = 1_024
-"""Up to this many rows a recording is stored as it is: chunks and compression would make it larger."""
+_TIME = {"unit": "s", "meaning": "bench time"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,21 +104,17 @@ def write_hdf5(found: RowsFile, path: Path, *, begun: Mapping[str, Any], ended: 
     """Write the rows as HDF5: dataset `time`, and one per channel in group `channels`; same rows, same bytes."""
     import h5py  # noqa: PLC0415 - slow to import
 
-    options: dict[str, Any] = {"dtype": "<f8", "shape": (found.rows,), "track_times": False}
-    if found.rows > _SMALL:
-        options |= {"chunks": (min(found.rows, _CHUNK),), "compression": "gzip", "compression_opts": 4, "shuffle": True}
+    names = [channel["name"] for channel in begun["channels"]]
     with h5py.File(path, "w", libver=("v110", "v110")) as file:
-        file.attrs.update(_facts(begun, ended))
-        sets = [file.create_dataset("time", **options)]
-        sets[0].attrs.update({"unit": "s", "meaning": "bench time"})
+        describe(file.id, _facts(begun, ended))
+        file.attrs["order"] = names or [""]
         group = file.create_group("channels")
-        for channel in begun["channels"]:
-            sets.append(group.create_dataset(channel["name"], **options))
-            sets[-1].attrs.update({key: value for key, value in channel.items() if value is not None})
-        file.attrs["order"] = [channel["name"] for channel in begun["channels"]] or [""]
-        for start, block in enumerate(row_blocks(found)):
-            for column, dataset in zip(table(block, found.width).T, sets, strict=True):
-                dataset[start * BLOCK : start * BLOCK + len(column)] = column
+        sets = [add_dataset(file, "time", found.rows), *(add_dataset(group, name, found.rows) for name in names)]
+        for dataset, facts in zip(sets, [_TIME, *begun["channels"]], strict=True):
+            describe(dataset, {key: value for key, value in facts.items() if key != "name"})
+        for place, block in enumerate(row_blocks(found)):
+            for dataset, column in zip(sets, table(block, found.width).T, strict=True):
+                write_part(dataset, place * BLOCK, column)
     sync_file(path)
 
 
@@ -158,7 +160,8 @@ def read_hdf5(path: Path) -> dict[str, NDArray[np.float64]]:
 
     try:
         with h5py.File(path, "r") as file:
-            return {name: dataset[:] for name, dataset in zip(["time", *_order(file)], _sets(file), strict=True)}
+            sets = _sets(file)
+            return {name: read_part(dataset, 0, dataset.shape[0]) for name, dataset in sets.items()}
     except (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError) as error:
         raise EvidenceError(f"{path}: this HDF5 file cannot be read: {error}", "see hil verify") from error
 
@@ -176,33 +179,31 @@ def hashes_of(path: Path, at: Sequence[int]) -> list[tuple[int, str]]:
 
     try:
         with h5py.File(path, "r") as file:
-            return list(_hashes(_sets(file), at))
+            return list(_hashes([*_sets(file).values()], at))
     except (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError) as error:
         raise EvidenceError(f"{path}: this HDF5 file cannot be read: {error}", "see hil verify") from error
 
 
-def _hashes(sets: list[Any], at: Sequence[int]) -> Iterator[tuple[int, str]]:
+def _hashes(sets: Sequence[Dataset], at: Sequence[int]) -> Iterator[tuple[int, str]]:
     import numpy as np  # noqa: PLC0415 - slow to import
 
-    running, done = hashlib.sha256(), 0
+    running, done, rows = hashlib.sha256(), 0, sets[0].shape[0]
     for target in sorted(at):
-        while done < min(target, len(sets[0])):
-            stop = min(target, done + BLOCK, len(sets[0]))
-            columns = [np.asarray(dataset[done:stop], "<f8") for dataset in sets]
-            running.update(np.ascontiguousarray(np.column_stack(columns)).tobytes())
+        while done < min(target, rows):
+            stop = min(target, done + BLOCK, rows)
+            running.update(np.column_stack([read_part(dataset, done, stop) for dataset in sets]).tobytes())
             done = stop
         yield done, running.hexdigest()
 
 
-def _order(file: Any) -> list[str]:  # noqa: ANN401 - h5py publishes no types
-    return [str(name) for name in file.attrs["order"] if name]
-
-
-def _sets(file: Any) -> list[Any]:  # noqa: ANN401 - h5py publishes no types
-    return [file["time"], *(file["channels"][name] for name in _order(file))]
+def _sets(file: Any) -> dict[str, Dataset]:  # noqa: ANN401 - h5py publishes no types
+    """Return `time` and the channels in their order, open."""
+    group = file["channels"]
+    channels = {str(name): open_dataset(group, str(name)) for name in file.attrs["order"] if name}
+    return {"time": open_dataset(file, "time"), **channels}
 
 
 def _facts(begun: Mapping[str, Any], ended: Mapping[str, Any]) -> dict[str, Any]:
     facts = {key: begun[key] for key in ("recording", "name", "case", "step", "rate", "duration", "source")}
     facts |= {key: ended[key] for key in ("rows", "sha256", "complete", "gaps")}
-    return {"format": 1} | {key: value for key, value in facts.items() if value is not None}
+    return {"format": 1} | facts
