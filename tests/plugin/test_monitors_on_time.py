@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 
 import pytest
-from magnetorquer_runs import run_here, workspace
+from magnetorquer_runs import run_here, with_faults, workspace
 
 from hil.plugin.rehearsing import replay
 from hil.requirements.catalogue import load_catalogue
@@ -39,10 +40,9 @@ requirements:
 """
 
 
-@pytest.fixture(scope="module")
-def ran(tmp_path_factory):
-    """The run of a plan that watches."""
-    root = workspace(tmp_path_factory.mktemp("watch") / "workspace")
+def watching(folder, changes=None):
+    """Run the plan that watches, on a bench with changes."""
+    root = workspace(folder / "workspace", changes)
     plan = root / "testplans/watching"
     plan.mkdir()
     (plan / "requirements.yaml").write_text(REQUIREMENTS)
@@ -51,6 +51,12 @@ def ran(tmp_path_factory):
     catalogue = load_catalogue(root, [plan], locked=False)
     (plan / "requirements.lock.json").write_text(lock_text(catalogue.of_plan("watching")))
     return run_here(root, plan="watching")
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """The run of a plan that watches."""
+    return watching(tmp_path_factory.mktemp("watch"))
 
 
 def test_no_reading_grows_too_old(ran):
@@ -85,3 +91,21 @@ def test_a_current_that_flows_for_a_second_is_seen(tmp_path):
     trips = ended.package.events("trip")
     assert [trip["limit"] for trip in trips] == ["coil-current"]
     assert trips[0]["t"] < 10
+
+
+@pytest.mark.parametrize(
+    ("until", "said"),
+    [
+        ("13 s", r"psu1: the (current|voltage) of supply\.(coil|sensor) came after [01]\.\d+ s"),
+        ("16 s", r"psu1: .*nothing came within 0\.5 s"),
+    ],
+)
+def test_a_gap_that_the_benchs_silence_made_is_no_failure_of_the_dut(tmp_path, until, said):
+    """A supply that is silent for a while holds the recording up: ERROR, for the case and for what it verifies."""
+    ran = watching(tmp_path, with_faults("psu1", f"{{kind: dead, from: 12 s, until: {until}}}"))
+    (case,) = ran.package.results()["cases"]
+    assert case["verdict"] == "ERROR"
+    assert ran.package.results()["requirements"][0]["verdict"] == "ERROR"
+    assert re.search(said, "".join(case["reasons"]))
+    assert {fault["device"] for fault in ran.package.events("fault")} == {"psu1"}
+    assert replay(ran.package).differences == ()

@@ -104,11 +104,16 @@ class Watch:
     def __init__(self) -> None:
         self.readings: list[tuple[str, float, float]] = []
         self.trips: list[object] = []
+        self.lates: list[tuple[str, float]] = []
         self.ticks = 0
 
     def reading(self, limit: str, t: float, figure: Figure) -> None:
         """Take a reading."""
         self.readings.append((limit, t, figure.value))
+
+    def late(self, limit: str, seconds: float) -> None:
+        """Take a late turn."""
+        self.lates.append((limit, seconds))
 
     def trip(self, trip: object) -> None:
         """Take a trip."""

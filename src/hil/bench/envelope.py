@@ -35,7 +35,7 @@ class Monitor:
 
     A reading outside, or one that is no number, counts towards the debounce, and the next is due after
     a tenth of the period; a good one clears the count. The absence of good readings for longer than the
-    maximum age is a trip of its own.
+    maximum age is a trip of its own, also where the next one is good: nobody knows what was between them.
 
     Args:
         limit: the limit of the bench file.
@@ -64,6 +64,11 @@ class Monitor:
         """The instant from which on it is read wherever the case is: a period late, or soon too old."""
         return min(self.due_ns + self._period_ns, self.good_ns + self._max_age_ns - self._period_ns)
 
+    def late_s(self, now_ns: int) -> float:
+        """Return how long after it was due a reading now would be, 0 up to a period after it was overdue."""
+        late = now_ns > self.overdue_ns + self._period_ns
+        return (now_ns - self.due_ns) / NANOSECONDS if late else 0.0
+
     def restart(self, now_ns: int) -> None:
         """Begin anew after a time in which nothing could be read, such as a safe-off."""
         self._start_ns = self.due_ns = self.good_ns = now_ns
@@ -74,9 +79,10 @@ class Monitor:
         began_ns = now()
         elapsed = max(0, began_ns - self._start_ns) // self._period_ns
         self.due_ns = self._start_ns + (elapsed + 1) * self._period_ns
+        unwatched = self.stale(began_ns)
         figure = self._read()
         self._lasts_ns = now() - began_ns
-        trip = self.judge(figure, now())
+        trip = self.judge(figure, now()) or unwatched
         if self._outside:
             self.due_ns = min(self.due_ns, began_ns + self._period_ns // _SOONER)
         return figure, trip

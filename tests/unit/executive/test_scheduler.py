@@ -54,7 +54,7 @@ def test_no_monitor_begins_where_its_reading_would_not_end_in_time():
 
 def test_a_monitor_that_is_overdue_runs_at_a_call_too():
     """A case that never waits is watched all the same."""
-    clock, scheduled, watch = watched(limit(max_age=3.0))
+    clock, scheduled, watch = watched(limit(max_age=5.0))
     scheduled.sleep(0.5)
     clock.sleep(0.2)
     scheduled.point()
@@ -141,6 +141,63 @@ def test_time_does_not_run_backwards(seconds):
     _, scheduled, _ = watched()
     with pytest.raises(ValueError, match="cannot last"):
         scheduled.sleep(seconds)
+
+
+def test_a_monitor_that_comes_late_is_told():
+    """A period after it was overdue is an event; sooner it is the ordinary search for room."""
+    clock, scheduled, watch = watched(limit(max_age=20.0))
+    scheduled.sleep(0.5)
+    clock.sleep(2.4)
+    scheduled.point()
+    assert watch.lates == []
+    clock.sleep(3.5)
+    scheduled.point()
+    assert [(name, round(late, 1)) for name, late in watch.lates] == [("v", 3.4)]
+    assert watch.trips == []
+
+
+def test_a_quantity_that_nobody_watched_for_too_long_trips():
+    """The next reading is good, but nobody knows what was before it."""
+    clock, scheduled, watch = watched(limit(max_age=3.0))
+    scheduled.sleep(0.5)
+    clock.sleep(4.0)
+    with pytest.raises(Tripped, match=r"no good voltage for 4.\d* s, 3 s allowed"):
+        scheduled.point()
+    assert [name for name, _ in watch.lates] == ["v"]
+    assert len(watch.trips) == 1
+
+
+def test_monitors_run_while_a_person_is_awaited():
+    """Where time passes meanwhile, the envelope is watched as in any other wait, and trips."""
+    values = iter([5.0, 5.0, 11.0])
+    clock, scheduled, watch = watched(limit(max_age=20.0), value=lambda: next(values))
+    for _ in range(3):
+        scheduled.idle()
+        clock.sleep(1.5)
+    with pytest.raises(Tripped, match="above"):
+        for _ in range(3):
+            scheduled.idle()
+            clock.sleep(1.5)
+    assert len(watch.readings) == 3
+
+
+def test_the_silence_of_a_monitors_device_is_told_to_the_case():
+    """Its fault is the bench's, whether or not it trips; without a case nobody is told."""
+
+    def silent():
+        raise NoReply("psu1", "nothing came")
+
+    told = []
+    clock, scheduled, _ = watched(limit(max_age=30.0), value=silent)
+    scheduled.sleep(1.2)
+    instrument = SimpleNamespace(name="psu1")
+    scheduled._bench.spec = SimpleNamespace(
+        instrument=lambda name: {"psu1": instrument}[name], wire=lambda _: SimpleNamespace(instrument="psu1")
+    )
+    scheduled.faulted = lambda device, fault: told.append((device.name, str(fault)))
+    scheduled.sleep(2.0)
+    assert told == [("psu1", "psu1: nothing came")] * 2
+    assert clock.now() == pytest.approx(3.2)
 
 
 class Record:

@@ -67,6 +67,12 @@ class BenchKeeper:
         if limit in self._watched:
             self._watched[limit].append((t, figure.value))
 
+    def late(self, limit: str, seconds: float) -> None:
+        """Write down that a monitor came late."""
+        period = next(item.period_s for item in self._bench.spec.envelope if item.id == limit)
+        text = f"{limit} was read {seconds:.3g} s after it was due; its period is {period:g} s"
+        self._write("monitor-late", limit=limit, late=round(seconds, 9), text=text)
+
     def trip(self, trip: Trip) -> None:
         """Write the trip down and make the bench safe, before the case learns of it."""
         self._write("trip", limit=trip.limit, value=trip.value, unit=trip.unit, text=trip.text)

@@ -10,9 +10,11 @@ from hil.bench.envelope import Monitor, Trip
 from hil.clock import wall
 from hil.clock.port import NANOSECONDS
 from hil.executive.run.stop import StopFlags
-from hil.model.errors import DeviceFault, Tripped
+from hil.model.bench import InstrumentSpec
+from hil.model.errors import DeviceFault, NoReply, Tripped
 from hil.model.figure import Figure
 from hil.wire.replay import MONITOR
+from hil.wire.tap import LONGEST_TRANSACTION
 
 __all__ = ["CaseTimeout", "Scheduler", "Watch"]
 
@@ -28,6 +30,10 @@ class Watch(Protocol):
 
     def reading(self, limit: str, t: float, figure: Figure) -> None:
         """Take one reading of a monitor."""
+        ...
+
+    def late(self, limit: str, seconds: float) -> None:
+        """Note a monitor that took its turn so long after it was due."""
         ...
 
     def trip(self, trip: Trip) -> None:
@@ -52,6 +58,10 @@ class Scheduler:
         monitors: one per limit of the envelope.
         flags: stop requests.
         watch: what it reports to.
+
+    Attributes:
+        deadline_ns: the instant at which the present case has taken too long.
+        faulted: is told when a monitor's device is silent or talks nonsense; the present case, if there is one.
     """
 
     def __init__(self, bench: BoundBench, monitors: Sequence[Monitor], flags: StopFlags, watch: Watch) -> None:
@@ -64,6 +74,7 @@ class Scheduler:
         self._trip: Trip | None = None
         self._watching = False
         self.deadline_ns: int | None = None
+        self.faulted: Callable[[InstrumentSpec, DeviceFault], None] | None = None
 
     @property
     def tripped(self) -> Trip | None:
@@ -109,8 +120,8 @@ class Scheduler:
             self._look()
 
     def idle(self) -> None:
-        """Be a scheduling point while a person is awaited."""
-        self._look()
+        """Be a scheduling point while a person is awaited; monitors take their turn as in any other wait."""
+        self.point()
 
     def _look(self) -> None:
         now = wall.monotonic()
@@ -150,19 +161,42 @@ class Scheduler:
             self._take(next(monitor for monitor in self._monitors if monitor.limit.id == name))
 
     def _take(self, monitor: Monitor) -> None:
-        now_ns = self._clock.now_ns()
         if self._bench.playback is not None:
             self._bench.playback.take(monitor.limit.id, MONITOR)
+        now_ns = self._clock.now_ns()
         self._bench.transcript.note(monitor.limit.id, MONITOR, now_ns, now_ns)
         try:
+            if late_s := monitor.late_s(now_ns):
+                self._watch.late(monitor.limit.id, late_s)
             figure, trip = monitor.take(self._clock.now_ns)
         except DeviceFault as fault:
+            self._tell(monitor, fault)
             trip = monitor.stale(self._clock.now_ns())
             figure = Figure(value=float("nan"), unit=monitor.limit.unit)
             if trip:
                 trip = Trip(trip.limit, trip.value, trip.unit, f"{trip.text} ({fault})")
+        else:
+            self._tell_of_silence(monitor, self._clock.now_ns() - now_ns)
         self._watch.reading(monitor.limit.id, self._clock.now(), figure)
         if trip and self._trip is None:
             self._trip = trip
             self._watch.trip(trip)
             raise Tripped(trip.text, "the bench was made safe and stays so for the rest of the run")
+
+    def _tell_of_silence(self, monitor: Monitor, lasted_ns: int) -> None:
+        """Tell of a reading that came in the end, but held the case up: a driver asks again after a silence."""
+        if lasted_ns > LONGEST_TRANSACTION * NANOSECONDS:
+            lasted = (
+                f"the {monitor.limit.quantity} of {monitor.limit.output} came after {lasted_ns / NANOSECONDS:.3g} s"
+            )
+            instrument = self._instrument(monitor)
+            self._tell(monitor, NoReply(instrument.name, f"{lasted}, asked for more than once", "look at its line"))
+
+    def _tell(self, monitor: Monitor, fault: DeviceFault) -> None:
+        """Tell the present case: what it records meanwhile has a gap that is the bench's, not the DUT's."""
+        if self.faulted is not None:
+            self.faulted(self._instrument(monitor), fault)
+
+    def _instrument(self, monitor: Monitor) -> InstrumentSpec:
+        spec = self._bench.spec
+        return spec.instrument(spec.wire(monitor.limit.output).instrument)

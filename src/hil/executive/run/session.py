@@ -148,12 +148,13 @@ class Session:
             source=self.bench.source.value,
             used=used,
         )
+        scheduler.faulted = self.current.fault
         return self.current
 
     def end(self, run: CaseRun) -> Verdict:
         """End a case: write its verdict down, and bring the bench to rest."""
         run.close()
-        self.keeper.scheduler.deadline_ns = None
+        self.keeper.scheduler.deadline_ns = self.keeper.scheduler.faulted = None
         outcome = run.outcome()
         self._events.write(
             "case-end",
