@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import textwrap
@@ -16,13 +18,26 @@ from xml.etree import ElementTree as ET
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
 from hil.executive.setup.configuration import Request
-from hil.executive.setup.software import PINNED
+from hil.executive.setup.pins import PINNED
 from hil.model.identity import Source
 from hil.plugin.running import run
 from hil.requirements.catalogue import load_catalogue
 from hil.requirements.layout import LOCK
 
-__all__ = ["DUT", "HEAD", "REQUIREMENTS", "ROOT", "Ended", "Ran", "Workspace", "agreed", "finish", "make"]
+__all__ = [
+    "DUT",
+    "HEAD",
+    "REQUIREMENTS",
+    "ROOT",
+    "Ended",
+    "Ran",
+    "Workspace",
+    "agreed",
+    "executive",
+    "finish",
+    "kill",
+    "make",
+]
 
 ROOT = Path(__file__).parents[2]
 DUT = "SIM-ADCS-1"
@@ -143,8 +158,9 @@ class Workspace:
         return Ran(code, out.getvalue(), Package(folder))
 
     def start(self, *arguments: str, **options) -> subprocess.Popen[str]:
-        """Start `hil` in a process of its own."""
-        options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "stdin": subprocess.DEVNULL, **options}
+        """Start `hil` in a process group of its own, which `kill` ends."""
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "stdin": subprocess.DEVNULL}
+        options = {**pipes, "start_new_session": True, **options}
         command = [sys.executable, "-m", "hil.cli", *arguments]
         return subprocess.Popen(command, cwd=self.root, env=self.environment, text=True, **options)
 
@@ -183,12 +199,24 @@ class Workspace:
         self.change_bench({place: f"      faults: [{', '.join(faults)}]\n{place}"})
 
 
+def kill(process: subprocess.Popen[str]) -> None:
+    """End a command at once: the process that runs and the one that waits for it."""
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+
+
+def executive(process: subprocess.Popen[str]) -> int:
+    """Return the id of the process that runs and holds the bench."""
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text(encoding="ascii").split()
+    return int(children[0])
+
+
 def finish(process: subprocess.Popen[str], timeout: float = 50) -> Ended:
     """Wait for the end of a command; one that does not end is killed, and fails the test."""
     try:
         out, err = process.communicate(timeout=timeout)
     except subprocess.TimeoutExpired:
-        process.kill()
+        kill(process)
         process.communicate()
         raise
     return Ended(process.returncode, out or "", err or "")

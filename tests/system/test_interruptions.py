@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
-from workspaces import DUT, finish, make
+from workspaces import DUT, executive, finish, kill, make
 
 from hil.cli.main import main
 from hil.evidence.journal.reader import read_journal
@@ -69,7 +69,7 @@ def no_run_is_left():
     while STARTED:
         process = STARTED.pop()
         if process.poll() is None:
-            process.kill()
+            kill(process)
             process.communicate()
 
 
@@ -169,7 +169,7 @@ def test_a_killed_run_loses_nothing_that_was_told(tmp_path):
         process = workspace.start_run("--output", str(tmp_path / f"reports-{number}"))
         until(process, "armed" if number % 3 else "plan small")
         time.sleep(moments.uniform(0.0, 1.0))
-        process.kill()
+        kill(process)
         killed = time.time()
         finish(process)
         check_killed(next((tmp_path / f"reports-{number}").iterdir()), killed)
@@ -200,7 +200,7 @@ def check_killed(folder: Path, killed: float) -> None:
 def test_hil_seals_and_verifies_a_killed_run(tmp_path):
     """The same by the commands a person types: verify says 1, seal says where, status says SEALED."""
     workspace, process = started(tmp_path)
-    process.kill()
+    kill(process)
     finish(process)
     name = package_of(workspace).name
     before = workspace.hil("verify", name)
@@ -222,9 +222,9 @@ def test_another_run_on_the_same_bench_is_refused(tmp_path):
     workspace, process = started(tmp_path)
     second = finish(workspace.start_run())
     assert second.code == 4
-    assert f"is held by a run of small (process {process.pid})" in second.err
+    assert f"is held by a run of small (process {executive(process)})" in second.err
     assert len(workspace.folders()) == 1
-    process.kill()
+    kill(process)
     finish(process)
     third = workspace.start_run()
     until(third, "1 Part")

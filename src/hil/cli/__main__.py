@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from hil.cli.main import main
+from hil.cli.entry import main
 
 main()

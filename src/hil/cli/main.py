@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import importlib
+import signal
 import sys
 import traceback
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import cast
 
 import click
 
+from hil.cli.display import displays, open_standard_streams
+from hil.cli.supervision import Invocation, Word
 from hil.documents.suggest import did_you_mean
 from hil.model.errors import ConfigurationError, HilError
 
@@ -36,6 +40,7 @@ COMMANDS: Mapping[str, str] = {
 _USAGE = 4
 _INTERRUPTED = 130
 _INTERNAL = 3
+_LONGEST_NAME = 200
 
 
 class Commands(click.Group):
@@ -75,28 +80,59 @@ def cli() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command and exit with its code; errors that a person can mend are sentences and exit code 4."""
+    open_standard_streams()
+    if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:  # see hil.cli.entry
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    word = Word.given()
+    given = tuple(sys.argv[1:] if arguments is None else arguments)
+    if word is None:
+        sys.exit(_code(Invocation(given, None)))
+    with displays():
+        code = _code(Invocation(given, word))
+    word.leave(code)
+
+
+def _code(invocation: Invocation) -> int:
+    """Run a command and return its exit code, whatever it raises."""
+    code = _INTERNAL
     try:
-        code = cli.main(args=arguments, prog_name="hil", standalone_mode=False)
+        code = cli.main(args=invocation.arguments, prog_name="hil", standalone_mode=False, obj=invocation) or 0
     except ConfigurationError as error:
-        click.echo(str(error), err=True)
         count = len(error.findings)
-        click.echo(f"{count} {'thing is' if count == 1 else 'things are'} to be mended", err=True)
+        _say(str(error), f"{count} {'thing is' if count == 1 else 'things are'} to be mended")
         code = _USAGE
     except HilError as error:
-        click.echo(f"hil: {error.message}", err=True)
-        if error.hint:
-            click.echo(f"     {error.hint}", err=True)
+        _say(f"hil: {error.message}", *([f"     {error.hint}"] if error.hint else []))
         code = _USAGE
     except click.ClickException as error:
-        error.show()
+        with suppress(OSError, ValueError):
+            error.show()
         code = _USAGE
     except (click.Abort, KeyboardInterrupt):
         code = _INTERRUPTED
     except BrokenPipeError:
         sys.stderr.close()
         code = 141
-    except Exception:  # noqa: BLE001 - an error of ours: whoever mends it needs the traceback
-        traceback.print_exc()
-        click.echo("hil: this is an error of hil itself; please report it with the lines above", err=True)
-        code = _INTERNAL
-    sys.exit(code)
+    except Exception as error:  # noqa: BLE001 - an error of ours: whoever mends it needs the traceback
+        code = _of_file(error) if isinstance(error, OSError) and error.filename is not None else _internal()
+    return code
+
+
+def _of_file(error: OSError) -> int:
+    """Name the file that could not be used."""
+    name = str(error.filename)
+    shown = name if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]}... ({len(name)} characters)"
+    _say(f"hil: {shown}: {error.strerror}", "     check the path, and who may read and write it")
+    return _USAGE
+
+
+def _internal() -> int:
+    _say(traceback.format_exc().rstrip(), "hil: this is an error of hil itself; please report it with the lines above")
+    return _INTERNAL
+
+
+def _say(*lines: str) -> None:
+    """Write to standard error, if somebody reads it; the exit code does not depend on that."""
+    with suppress(OSError, ValueError):
+        for line in lines:
+            click.echo(line, err=True)

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import click
 
-from hil.cli.pinning import pin
+from hil.cli.display import Display
+from hil.cli.supervision import Invocation, supervise
 from hil.model.errors import Refused
 from hil.model.identity import Purpose, Source
 
@@ -30,7 +31,9 @@ __all__ = ["command"]
 @click.option("--ask", is_flag=True, help="Ask at the terminal, also on a simulated bench.")
 @click.option("--output", type=click.Path(path_type=Path, file_okay=False), help="Where the package goes.")
 @click.option("-v", "--verbose", is_flag=True, help="Show every step, every driving call, every gate.")
+@click.pass_obj
 def command(  # noqa: PLR0913 - one argument per option
+    invocation: Invocation,
     *,
     plans: tuple[str, ...],
     bench: str,
@@ -52,10 +55,15 @@ def command(  # noqa: PLR0913 - one argument per option
     every case did, 2 interrupted, 3 internal error, 4 wrong usage or files, 5 no cases, 6 the
     envelope tripped, 7 the bench could not be proven safe.
     """
-    pin()
+    given = _skips(skips, reasons), dict(_pair(text) for text in overrides)
+    if invocation.word is None:
+        from hil.executive.setup.pins import pinned_environment  # noqa: PLC0415 - the process that waits stays light
+
+        return supervise(invocation.arguments, pinned_environment())
     from hil.executive.setup.configuration import Request  # noqa: PLC0415 - after the pins
     from hil.plugin.running import run  # noqa: PLC0415 - after the pins
 
+    invocation.word.listen()
     request = Request(
         start=Path.cwd(),
         plans=plans,
@@ -64,18 +72,28 @@ def command(  # noqa: PLR0913 - one argument per option
         source=Source(source),
         purpose=Purpose(purpose),
         operator=operator,
-        skips=_skips(skips, reasons),
-        overrides=dict(_pair(text) for text in overrides),
+        skips=given[0],
+        overrides=given[1],
         answers=answers.resolve() if answers else None,
         person=ask,
         output=output.resolve() if output else None,
     )
-    return run(request, sys.stdout, verbose=verbose)
+    code = run(request, sys.stdout, verbose=verbose, word=invocation.word)
+    if isinstance(sys.stdout, Display) and not sys.stdout.finish() and invocation.word.folder:
+        click.echo(f"hil: standard output could not be written; the package is {invocation.word.folder}", err=True)
+    return code
 
 
 def _skips(cases: tuple[str, ...], reasons: tuple[str, ...]) -> dict[str, str]:
     if len(cases) != len(reasons):
         raise Refused(f"{len(cases)} --skip and {len(reasons)} --reason were given", "every skipped case has a reason")
+    for case, reason in zip(cases, reasons, strict=True):
+        if not case.strip() or not reason.strip():
+            raise Refused(
+                f"--skip '{case}' --reason '{reason}' says nothing", "name the case, and say why it is skipped"
+            )
+        if cases.count(case) > 1:
+            raise Refused(f"--skip {case} is given {cases.count(case)} times", "give every skipped case one reason")
     return dict(zip(cases, reasons, strict=True))
 
 

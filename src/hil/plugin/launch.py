@@ -42,14 +42,29 @@ def launch(configuration: Configuration, opener: Opener) -> Launched:
     with tempfile.TemporaryDirectory(prefix="hil-") as folder, _own_environment(), _own_modules(root):
         ini = Path(folder) / "pytest.ini"
         ini.write_text(_INI, encoding="ascii")
-        code = pytest.main(_arguments(configuration, ini), plugins=[campaign])
+        code = _outcome(campaign, _arguments(configuration, ini))
     if campaign.error is not None:
         raise campaign.error
     if campaign.collection_errors:
         raise ConfigurationError(tuple(_finding(where, text) for where, text in campaign.collection_errors))
     if campaign.session is None and code == pytest.ExitCode.USAGE_ERROR:
         raise Refused("the plans could not be collected, see above", "mend what pytest names there")
-    return Launched(int(code), campaign.session)
+    return Launched(code, campaign.session)
+
+
+def _outcome(campaign: Campaign, arguments: list[str]) -> int:
+    """Return pytest's exit code; once there is a session nothing gets past it, because a run has to be sealed."""
+    try:
+        return int(pytest.main(arguments, plugins=[campaign]))
+    except SystemExit as error:
+        if campaign.session is None:
+            what = f"a module of the plans ended the process (sys.exit({error.code!r}))"
+            raise Refused(what, "take it out: a run ends by itself") from error
+    except BaseException as error:
+        if campaign.session is None:
+            raise
+        sys.stderr.write(f"hil: pytest was ended by {type(error).__name__}: {error}\n")
+    return int(pytest.ExitCode.INTERNAL_ERROR)
 
 
 def _arguments(configuration: Configuration, ini: Path) -> list[str]:

@@ -2,39 +2,139 @@
 
 from __future__ import annotations
 
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import TextIO
+from typing import NoReturn, Protocol, TextIO
 
-from hil.executive.run.session import Session
-from hil.executive.setup.configuration import Request, configure
+from hil.evidence.folder import JOURNAL, is_sealed
+from hil.executive.case.case_run import PlannedCase
+from hil.executive.run.session import EXIT_INTERRUPTED, Session
+from hil.executive.setup.configuration import Configuration, Request, configure
+from hil.model.errors import EvidenceError
 from hil.plugin.launch import launch
 from hil.plugin.opening import open_simulated
 from hil.plugin.progress import Progress
 from hil.report.summary import closing_lines
 from hil.report.write import write_reports
 
-__all__ = ["run"]
+__all__ = ["Word", "run"]
 
-_WITHOUT = {2: "interrupted before the first case", 5: "no cases were found in these plans"}
+_WITHOUT = {
+    2: "interrupted before the first case, nothing was recorded",
+    3: "nothing was run: pytest came to an unexpected end, see above",
+    5: "no cases were found in these plans",
+}
 """Why there is no package, by exit code."""
 
+_INTERNAL = 3
+_FAILED = 1
+_SMALL = 1_000_000  # bytes of a journal that is derived again as a whole in less than half a second
 
-def run(request: Request, out: TextIO, *, verbose: bool = False) -> int:
+
+class Word(Protocol):
+    """Whoever waits for the run's end hears this."""
+
+    def begun(self, folder: Path) -> None:
+        """Hear where the run writes."""
+        ...
+
+    def sealed(self, code: int) -> None:
+        """Hear that the package is sealed, and the exit code."""
+        ...
+
+    def leave(self, code: int) -> NoReturn:
+        """End the process at once."""
+        ...
+
+
+class _Unheard:
+    """Nobody waits."""
+
+    def begun(self, folder: Path) -> None:
+        """Say nothing."""
+
+    def sealed(self, code: int) -> None:
+        """Say nothing."""
+
+    def leave(self, code: int) -> NoReturn:
+        """End the process at once."""
+        os._exit(code)
+
+
+def run(request: Request, out: TextIO, *, verbose: bool = False, word: Word | None = None) -> int:
     """Run the request's plans, seal the package, tell how it ended, and return the exit code.
 
-    The last line of `out` is the package's path.
+    The last line of `out` is the package's path. What becomes of `out` changes neither the run nor its exit code.
+
+    Args:
+        request: what is run.
+        out: where it is shown.
+        verbose: whether everything is shown.
+        word: whoever waits for the run's end.
     """
-    configuration = configure(request)
-    listeners = [Progress(out, verbose=verbose)]
-    launched = launch(configuration, partial(open_simulated, listeners=listeners, alone=True))
+    told = word or _Unheard()
+    opener = partial(_open, out=out, verbose=verbose, word=told)
+    try:
+        launched = launch(configure(request), opener)
+    except KeyboardInterrupt:
+        return _nothing(out, EXIT_INTERRUPTED)
     if launched.session is None:
-        out.write(f"{_WITHOUT.get(launched.code, 'nothing was run')}\n")
-        return launched.code
-    code = launched.session.exit_code(launched.code)
-    digest = launched.session.seal(code, write_reports)
-    _tell(launched.session, digest, out)
+        return _nothing(out, launched.code)
+    return _close(launched.session, launched.code, out, told)
+
+
+def _open(
+    configuration: Configuration, planned: Sequence[PlannedCase], *, out: TextIO, verbose: bool, word: Word
+) -> Session:
+    session = open_simulated(configuration, planned, listeners=[Progress(out, verbose=verbose)], alone=True)
+    session.at_last = lambda: word.leave(_close(session, _FAILED, out, word))
+    word.begun(session.folder)
+    return session
+
+
+def _nothing(out: TextIO, code: int) -> int:
+    with suppress(OSError, ValueError):
+        out.write(f"{_WITHOUT.get(code, 'nothing was run')}\n")
+        out.flush()
     return code
+
+
+def _close(session: Session, pytest_code: int, out: TextIO, word: Word) -> int:
+    """Seal, tell, and return the exit code; what cannot be told changes nothing."""
+    code = session.exit_code(pytest_code)
+    try:
+        digest = session.seal(code, write_reports)
+    except EvidenceError as error:
+        _complain(f"hil: {error.message}", f"     {error.hint}")
+        return max(code, _INTERNAL)
+    except Exception:
+        state = "sealed, but not every report was written" if is_sealed(session.folder) else "not sealed"
+        _complain(f"hil: the run is {state}: {session.folder}")
+        raise
+    if code == 0 and (findings := _findings(session.folder, digest)):
+        _complain(*findings, "hil: the package does not verify, so the run is no pass")
+        code = _INTERNAL
+    word.sealed(code)
+    try:
+        _tell(session, digest, out)
+    except (OSError, ValueError, KeyboardInterrupt):
+        _complain(f"hil: standard output could not be written; the package is {session.folder}")
+    return code
+
+
+def _findings(folder: Path, digest: str) -> tuple[str, ...]:
+    """Return what is wrong with a package that was just sealed: everything of a small one, else its bytes."""
+    from hil.evidence.package.bag import digest_of_manifest, hash_payload, manifest_text  # noqa: PLC0415 - heavy
+    from hil.evidence.package.verification import verify  # noqa: PLC0415 - heavy
+
+    if (folder / JOURNAL).stat().st_size <= _SMALL:
+        return tuple(str(finding) for finding in verify(folder).findings)
+    intact = digest_of_manifest(manifest_text(hash_payload(folder))) == digest
+    return () if intact else ("data: the files are not those that were sealed",)
 
 
 def _tell(session: Session, digest: str, out: TextIO) -> None:
@@ -45,7 +145,18 @@ def _tell(session: Session, digest: str, out: TextIO) -> None:
     out.write(f"\nevidence digest {digest}\n")
     out.write(f"report  {_shown(session.folder / 'data/report/report.html')}\n")
     out.write(f"{_shown(session.folder)}\n")
+    out.flush()
+
+
+def _complain(*lines: str) -> None:
+    with suppress(OSError, ValueError, AttributeError):
+        sys.stderr.writelines(f"{line}\n" for line in lines)
+        sys.stderr.flush()
 
 
 def _shown(path: Path) -> str:
-    return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else str(path)
+    try:
+        here = Path.cwd()
+    except OSError:  # somebody removed the folder that the run was started in
+        return str(path)
+    return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)

@@ -11,16 +11,9 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
-__all__ = ["PINNED", "pinned_environment", "software_identity", "version"]
+from hil.executive.setup.pins import PINNED
 
-PINNED = {
-    "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL AVX512_SPR",
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_CORETYPE": "Haswell",
-    "OPENBLAS_NUM_THREADS": "1",
-    "PYTHONHASHSEED": "0",
-}
-"""Environment under which two machines compute the same last digits."""
+__all__ = ["software_identity", "version"]
 
 _GIT_TIMEOUT_S = 10
 
@@ -28,12 +21,6 @@ _GIT_TIMEOUT_S = 10
 def version() -> str:
     """Return the product's version."""
     return metadata.version("hil")
-
-
-def pinned_environment() -> dict[str, str]:
-    """Return this process' environment with the pins set, pytest's own variables removed."""
-    kept = {key: value for key, value in os.environ.items() if not key.startswith("PYTEST_")}
-    return {**kept, **PINNED}
 
 
 def software_identity(workspace: Path) -> dict[str, object]:

@@ -1,0 +1,198 @@
+"""Supervision: a light process waits beside the one that runs, so that no ending passes for a good one."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import NoReturn
+
+__all__ = ["Invocation", "Word", "supervise"]
+
+_VARIABLE = "HIL_SUPERVISED"
+_ASKS = frozenset(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+_SI_KERNEL = 0x80  # the sender was the terminal, which tells the whole group
+_PR_SET_PDEATHSIG = 1
+_INTERNAL = 3
+_PIPE = 1 << 16
+
+
+class Word:
+    """What a supervised process tells its supervisor, so that it is believed.
+
+    Attributes:
+        folder: the run's folder, None before there is one.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._process = os.getpid()
+        self.folder: Path | None = None
+
+    @classmethod
+    def given(cls) -> Word | None:
+        """Return the word of this process if a supervisor waits for it, None where none does.
+
+        SIGINT, SIGTERM and SIGHUP are blocked in a supervised process until `listen`, and the death of its
+        supervisor is a SIGTERM.
+        """
+        variable = os.environ.pop(_VARIABLE, "")
+        if not variable:
+            return None
+        supervisor, descriptor = (int(number) for number in variable.split())
+        os.set_inheritable(descriptor, False)
+        _end_with(supervisor)
+        return cls(descriptor)
+
+    def listen(self) -> None:
+        """Let signals through, as KeyboardInterrupt until the run has handlers of its own."""
+        for number in _ASKS:
+            if number == signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, _interrupt)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _ASKS)
+
+    def begun(self, folder: Path) -> None:
+        """Tell where the run writes."""
+        self.folder = folder
+        self._tell("begun", 0)
+
+    def sealed(self, code: int) -> None:
+        """Tell that the package is sealed, and the exit code; from here on nothing changes them."""
+        self._tell("sealed", code)
+
+    def leave(self, code: int) -> NoReturn:
+        """Tell that the process ends by itself, and end it, whatever threads and exit handlers are left."""
+        self._tell("ended", code)
+        os._exit(code)
+
+    def _tell(self, what: str, code: int) -> None:
+        if os.getpid() == self._process:
+            with suppress(OSError):  # without a supervisor nobody waits for it
+                os.write(self._descriptor, f"{what} {code} {os.fsencode(self.folder or '').hex()}\n".encode())
+
+
+@dataclass(frozen=True, slots=True)
+class Invocation:
+    """How this process was called.
+
+    Attributes:
+        arguments: the command line behind `hil`.
+        word: what it tells its supervisor, None where nobody waits for it.
+    """
+
+    arguments: tuple[str, ...]
+    word: Word | None
+
+
+def supervise(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
+    """Run `hil` with these arguments in a process of its own and return its exit code once it gave its word.
+
+    Args:
+        arguments: the command line behind `hil`.
+        environment: the environment of that process.
+    """
+    reader, writer = os.pipe()
+    os.set_inheritable(writer, True)
+    awaited = {number for number in _ASKS if signal.getsignal(number) is not signal.SIG_IGN} | {signal.SIGINT}
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {*awaited, signal.SIGCHLD})
+    try:
+        # -P: modules that happen to lie in the present folder do not take part, as for the `hil` script.
+        child = os.posix_spawn(
+            sys.executable,
+            [sys.executable, "-P", "-m", "hil.cli", *arguments],
+            {**environment, _VARIABLE: f"{os.getpid()} {writer}"},
+            setsigmask=_ASKS,
+            setsigdef=awaited,
+        )
+        os.close(writer)
+        status = _wait(child, {*awaited, signal.SIGCHLD})
+        return _believed(status, _heard(reader))
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        os.close(reader)
+
+
+def _wait(child: int, awaited: set[signal.Signals]) -> int:
+    """Return the child's status; what asks this process to end is passed on."""
+    while True:
+        number, of_terminal = _next_signal(awaited)
+        if number == signal.SIGCHLD:
+            ended, status = os.waitpid(child, os.WNOHANG)
+            if ended:
+                return status
+        elif not of_terminal:
+            os.kill(child, number)
+
+
+def _next_signal(awaited: set[signal.Signals]) -> tuple[int, bool]:
+    """Return the next signal, and whether it came from the terminal, so that the child has it, too."""
+    if not hasattr(signal, "sigwaitinfo"):
+        number = signal.sigwait(awaited)
+        return number, number == signal.SIGINT
+    info = signal.sigwaitinfo(awaited)
+    return info.si_signo, info.si_code == _SI_KERNEL
+
+
+def _heard(reader: int) -> dict[str, tuple[int, str]]:
+    """Return the words by what they say; a process that the child left behind may still hold the pipe open."""
+    os.set_blocking(reader, False)
+    try:
+        told = os.read(reader, _PIPE).decode("ascii")
+    except BlockingIOError:
+        told = ""
+    words = (line.split(" ") for line in told.splitlines())
+    return {what: (int(code), os.fsdecode(bytes.fromhex(folder))) for what, code, folder in words}
+
+
+def _believed(status: int, words: Mapping[str, tuple[int, str]]) -> int:
+    """Return the exit code that the words prove; without them the ending was none."""
+    if "ended" in words:
+        return words["ended"][0]
+    how = _manner(os.waitstatus_to_exitcode(status))
+    if "sealed" in words:
+        code, folder = words["sealed"]
+        _say(f"hil: the process {how} after the run was sealed; the package is {folder}")
+        return code
+    _say(f"hil: the process of the run {how} before the run was sealed")
+    if "begun" in words:
+        name = Path(words["begun"][1]).name
+        _say(f"     look after the bench first; then see how far it came with: hil status {name}")
+        _say(f"     and seal it as it is with: hil seal {words['begun'][1]}")
+    else:
+        _say("     nothing was recorded and nothing was driven")
+    return _INTERNAL
+
+
+def _manner(code: int) -> str:
+    if code >= 0:
+        return f"left with exit code {code}"
+    try:
+        return f"was ended by {signal.Signals(-code).name}"
+    except ValueError:
+        return f"was ended by signal {-code}"
+
+
+def _say(text: str) -> None:
+    with suppress(OSError, ValueError, AttributeError):  # nobody may be left to read it
+        sys.stderr.write(f"{text}\n")
+        sys.stderr.flush()
+
+
+def _end_with(supervisor: int) -> None:
+    """Let the end of the supervisor be a SIGTERM, also where it has ended already."""
+    if sys.platform == "linux":
+        import ctypes  # noqa: PLC0415 - only in the process that runs, which imports it anyway
+
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != supervisor:
+        os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
