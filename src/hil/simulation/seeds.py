@@ -45,6 +45,14 @@ class Stream:
             self._uniform_block = block
         return float(self._uniforms[place])
 
+    def normal_block(self, number: int, size: int) -> NDArray[np.float64]:
+        """Return the first `size` standard normal numbers of a block, counted from 0, shape (size,).
+
+        Blocks are as long as anybody wants them, and have nothing in common with each other, nor with the numbers of
+        `normal`. A longer part of a block begins with the shorter.
+        """
+        return self._generator(number, 2).standard_normal(size)
+
     def _generator(self, block: int, purpose: int) -> np.random.Generator:
         # The lowest 64 bits of the counter are left to the block itself, so that blocks never overlap.
         return np.random.Generator(np.random.Philox(key=self._key, counter=(purpose << 192) | (block << 64)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from twin import Charging
 
@@ -100,3 +101,32 @@ def test_grid_counts_from_the_epoch():
     instants = [moment[0] for moment in plant.state()["moments"]]
     assert instants == [0, GRID // 3, GRID, 2 * GRID, 2 * GRID + 7, 3 * GRID, 4 * GRID]
     assert all(a < b for a, b in pairwise(instants))
+
+
+def test_many_observations_are_what_single_ones_see():
+    """At grid points, commands and between, an array of instants sees what `observe_at` sees of each."""
+    plant = Charging()
+    plant.command(drive=1.0)
+    plant.advance(GRID // 4)
+    plant.command(drive=2.0)
+    plant.advance(3 * GRID)
+    plant.command(drive=-1.0)
+    plant.advance(3 * GRID + GRID // 3)
+    plant.restore(json.loads(json.dumps(plant.state())))
+    times = np.arange(0, 3 * GRID + GRID // 3 + 1, GRID // 12)
+    many = plant.observe_many("level", times)
+    assert many == pytest.approx([plant.observe_at("level", int(at)) for at in times], rel=1e-14, abs=1e-15)
+    plant.advance(4 * GRID)
+    assert plant.observe_many("level", times).tolist() == many.tolist()
+    assert plant.observe_many("level", times[5:7]).tolist() == many[5:7].tolist()
+    assert plant.observe_many("level", times[:0]).size == 0
+
+
+def test_many_observations_stay_within_two_seconds():
+    """Neither the future nor what was forgotten can be observed."""
+    plant = Charging()
+    plant.advance(40 * GRID)
+    with pytest.raises(ValueError, match="cannot be observed"):
+        plant.observe_many("level", np.array([10 * GRID, 40 * GRID]))
+    with pytest.raises(ValueError, match="cannot be observed"):
+        plant.observe_many("level", np.array([40 * GRID, 40 * GRID + 1]))

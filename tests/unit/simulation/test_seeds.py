@@ -46,3 +46,14 @@ def test_far_indices_work():
     """An index may be a time in nanoseconds."""
     stream = Seeds(1).stream("a", "b")
     assert stream.normal(3_000_000_000_000_000) == Seeds(1).stream("a", "b").normal(3_000_000_000_000_000)
+
+
+def test_blocks_of_normal_numbers_are_addressed_by_their_number():
+    """A block depends on key and number only; a longer part begins with the shorter; blocks are independent."""
+    stream = Seeds(5).stream("gyro", "x")
+    block = stream.normal_block(3, 4096)
+    assert Seeds(5).stream("gyro", "x").normal_block(3, 100).tolist() == block[:100].tolist()
+    assert abs(np.corrcoef(block, stream.normal_block(4, 4096))[0, 1]) < 0.06
+    assert abs(block.mean()) < 0.06
+    assert abs(block.std() - 1.0) < 0.04
+    assert not set(block.tolist()) & {stream.normal(index) for index in range(64)}

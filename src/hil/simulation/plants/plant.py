@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar, cast
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hil.clock.port import NANOSECONDS
 
 __all__ = ["Inputs", "Plant", "Port", "Value", "Vector"]
@@ -144,6 +147,32 @@ class Plant(ABC):
         _, state, inputs = self._past
         return self.signal(signal, state, inputs, at_ns / NANOSECONDS)
 
+    def observe_many(self, signal: str, times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return a signal at many rising instants of the last two seconds, as `observe_at` sees each of them.
+
+        Between the ends of its grid step a signal is taken to be a straight line, which it is for all signals that are
+        linear in the state.
+
+        Args:
+            signal: its name.
+            times_ns: instants, shape (n,), rising, none of them ahead of now.
+
+        Returns:
+            Its values, shape (n,).
+        """
+        if not times_ns.size:
+            return np.empty(0)
+        first, last = int(times_ns[0]), int(times_ns[-1])
+        moments = self._moments_between(first, last)
+        if first < moments[0].at_ns or last > self._now_ns:
+            raise ValueError(f"plant {self.name} cannot be observed at {first} to {last} ns, it is {self._now_ns} ns")
+        following = [*moments[1:], None]
+        lines = np.array([self._line(signal, *pair) for pair in zip(moments, following, strict=True)])
+        starts = np.array([moment.at_ns for moment in moments], dtype=np.int64)
+        place = np.maximum(np.searchsorted(starts, times_ns, side="left") - 1, 0)
+        value, slope = lines[place].T
+        return np.asarray(value + slope * (times_ns - starts[place]), dtype=np.float64)
+
     def state(self) -> Mapping[str, object]:
         """Return everything that the plant needs to go on, as JSON values."""
         moments = [[item.at_ns, list(item.state), dict(item.inputs)] for item in self._moments]
@@ -156,6 +185,26 @@ class Plant(ABC):
         self._now_ns = cast("int", state["now_ns"])
         self._next_ns = self._end_ns(self._moments[-1])
         self._ahead = self._past = None
+
+    def _moments_between(self, first_ns: int, last_ns: int) -> list[_Moment]:
+        """Return the moments whose lines are seen between two instants, before any command of these instants."""
+        seen: list[_Moment] = []
+        for moment in reversed(self._moments):
+            if moment.at_ns < last_ns:
+                seen.append(moment)
+            if moment.at_ns < first_ns:
+                break
+        return seen[::-1] or [self._moments[0]]
+
+    def _line(self, signal: str, moment: _Moment, following: _Moment | None) -> tuple[float, float]:
+        """Return a signal just after a moment, and its slope per ns up to the grid point ahead."""
+        end_ns = self._end_ns(moment)
+        # Where nobody commanded anything, the following moment is the grid point, and its state is known.
+        known = following is not None and following.inputs is moment.inputs
+        ahead = following.state if known and following is not None else self._state_ahead(moment)
+        value = self.signal(signal, moment.state, moment.inputs, moment.at_ns / NANOSECONDS)
+        end = self.signal(signal, ahead, moment.inputs, end_ns / NANOSECONDS)
+        return value, (end - value) / (end_ns - moment.at_ns)
 
     def _state_at(self, moment: _Moment, at_ns: int) -> Vector:
         if at_ns <= moment.at_ns:

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from math import inf
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hil.simulation.plants.plant import Plant, Port, Value
 
 __all__ = ["InputPoint", "PlantPort", "Resistor", "SignalPoint", "Terminal"]
@@ -94,3 +97,7 @@ class SignalPoint:
     def observe_at(self, at_ns: int) -> float:
         """Return it as it was within the last two seconds."""
         return self.plant.observe_at(self.name, at_ns)
+
+    def observe_many(self, times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return it as it was at rising instants within the last two seconds."""
+        return self.plant.observe_many(self.name, times_ns)
