@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import struct
 
+import numpy as np
 import pytest
 
 from hil.evidence.recordings.rows import BLOCK, Rows, read_rows, row_blocks, table
@@ -142,4 +143,35 @@ def test_a_row_of_another_width_is_a_mistake(tmp_path):
     rows = rows_of(tmp_path / "a.rows")
     with pytest.raises(struct.error):
         rows.append((0.0, 1.0, 2.0))
+    assert rows.finish().rows == 0
+
+
+def test_blocks_of_rows_are_stored_as_row_by_row(tmp_path):
+    """Blocks of any size, single rows between them, give the same bytes, hashes and gaps."""
+    table_of_all = np.random.default_rng(1).normal(size=(BLOCK + 9000, 2))
+    table_of_all[:, 0] = np.arange(len(table_of_all)) / 100.0
+    told = {}
+    for name, sizes in (("single", None), ("blocks", (1, 50, 4096, 5000, len(table_of_all)))):
+        told[name] = []
+        rows = rows_of(tmp_path / name, told[name])
+        done = 0
+        for size in sizes or ():
+            rows.append_rows(table_of_all[done : done + size - 1])
+            done = min(done + size - 1, len(table_of_all))
+            if done < len(table_of_all):
+                rows.append(tuple(table_of_all[done]))
+                done += 1
+        for row in table_of_all[done:]:
+            rows.append(tuple(row))
+        told[name].append(rows.finish())
+    assert told["single"] == told["blocks"]
+    assert (tmp_path / "single").read_bytes() == (tmp_path / "blocks").read_bytes()
+
+
+@pytest.mark.parametrize("shape", [(3,), (3, 1), (3, 3)])
+def test_a_block_of_another_width_is_a_mistake(tmp_path, shape):
+    """A block whose rows have a number too many or too few is refused."""
+    rows = rows_of(tmp_path / "a.rows")
+    with pytest.raises(ValueError, match="shape"):
+        rows.append_rows(np.zeros(shape))
     assert rows.finish().rows == 0

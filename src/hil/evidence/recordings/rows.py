@@ -116,6 +116,19 @@ class Rows:
         if self._rows >= self._due:
             self._flush()
 
+    def append_rows(self, rows: NDArray[np.float64]) -> None:
+        """Take a block of rows, shape (n, 1 + channels); what is on the disk is the same as row by row."""
+        if rows.ndim != 2 or rows.shape[1] != self._width:
+            raise ValueError(f"a block of shape {rows.shape} has no rows of {self._width} numbers")
+        done = 0
+        while done < len(rows):
+            piece = rows[done : done + self._due - self._rows]
+            self._buffer += piece.astype("<f8").tobytes()
+            self._rows += len(piece)
+            done += len(piece)
+            if self._rows >= self._due:
+                self._flush()
+
     def tick(self) -> None:
         """Bring rows to the disk that wait for long; called at every scheduling point, twice a second or more often."""
         now = self._now()
