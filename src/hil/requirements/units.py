@@ -2,26 +2,38 @@
 
 Angle, count (LSB) and ratio are dimensions of their own: nothing turns degrees into plain numbers.
 `degC` is a temperature; a difference of temperatures is `K` or `delta_degC`, and the two do not convert.
+
+A unit is names, products, quotients, roots and small powers: what else pint would compute, such as a tower
+of powers that never ends, is refused before it sees it.
 """
 
 from __future__ import annotations
 
+import math
 import re
 import unicodedata
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from hil.model.errors import HilError
 
 if TYPE_CHECKING:
     import pint
 
-__all__ = ["UnitError", "check_unit", "compatible", "convert", "scale"]
+__all__ = ["UnitError", "check_unit", "compatible", "convert", "is_plain", "scale"]
 
 _DEFINITIONS = Path(__file__).with_name("units.txt")
-_LONGEST = 80
-_ALLOWED = re.compile(r"[A-Za-z0-9_µμΩ°%‰√·.²³⁻¹*^/()\- ]+")
+_LONGEST = 100
+_DEEPEST = 3
+_POWER = r"[-+]?[0-9](?:\.[0-9]{1,2})?"
+_WORD = re.compile(
+    rf"(?P<power>(?:\*\*|\^)\s*(?:{_POWER}(?![0-9.A-Za-z])|\(\s*{_POWER}(?:\s*/\s*[1-9])?\s*\)))"
+    r"|(?P<name>[A-Za-zµμΩ°%‰_][A-Za-z0-9µμΩ°%‰_]*)"
+    r"|(?P<superscript>⁻?[¹²³])"
+    r"|(?P<one>1(?![0-9.A-Za-z]))"
+    r"|(?P<sign>[*/·.()√ ])"
+)
 _NOTATION = (
     (re.compile(r"(?:sqrt|√)\s*\(([^()]+)\)"), r"((\1)**0.5)"),
     (re.compile(r"√([A-Za-zµμΩ°%]+)"), r"((\1)**0.5)"),
@@ -67,6 +79,23 @@ def convert(value: float, from_unit: str, to_unit: str) -> float:
 
 
 @lru_cache(maxsize=1024)
+def is_plain(text: str) -> bool:
+    """Return whether numbers in this unit can be used as they are: SI without a prefix, degC, and degrees of angle.
+
+    Raises:
+        UnitError: where it is no unit.
+    """
+    unit = _unit(text)
+    if _is_offset(unit):
+        return True
+    factor = float(_registry().Quantity(1.0, unit).to_root_units().magnitude)
+    # Roots are the gram, where SI has the kilogram, and the radian, where benches have the degree.
+    grams = 1000.0 ** cast("float", unit.dimensionality.get("[mass]", 0))
+    degrees = math.radians(1.0) ** cast("float", unit.dimensionality.get("[angle]", 0))
+    return any(math.isclose(factor, grams * angle, rel_tol=1e-12) for angle in (1.0, degrees))
+
+
+@lru_cache(maxsize=1024)
 def scale(from_unit: str, to_unit: str) -> float:
     """Return the factor for differences and uncertainties; offsets of temperatures play no part.
 
@@ -77,7 +106,17 @@ def scale(from_unit: str, to_unit: str) -> float:
     first, second = _difference(_unit(from_unit)), _difference(_unit(to_unit))
     if first.dimensionality != second.dimensionality:
         raise UnitError(f"'{from_unit}' does not convert to '{to_unit}'", _why_not(from_unit, to_unit))
-    return float(registry.convert(1.0, first, second))
+    factor = _factor(registry, first, second)
+    if not math.isfinite(factor) or factor <= 0:
+        raise UnitError(f"'{from_unit}' does not convert to '{to_unit}'", "their sizes are too far apart for a number")
+    return factor
+
+
+def _factor(registry: pint.UnitRegistry[float], first: pint.Unit, second: pint.Unit) -> float:
+    try:
+        return float(registry.convert(1.0, first, second))
+    except (OverflowError, ZeroDivisionError):
+        return math.inf
 
 
 @cache
@@ -91,15 +130,30 @@ def _registry() -> pint.UnitRegistry[float]:
 def _unit(text: str) -> pint.Unit:
     if not text.strip():
         raise UnitError("a unit is missing", "write 1 for a plain number")
-    if len(text) > _LONGEST or not _ALLOWED.fullmatch(unicodedata.normalize("NFC", text)):
+    notation = unicodedata.normalize("NFC", text[: _LONGEST + 1])
+    if len(text) > _LONGEST or not _is_spoken(notation):
         raise UnitError(f"'{text[:_LONGEST]}' is not a unit", "write it as in deg/s/sqrt(Hz), W.h, uT, 1 or %")
-    notation = unicodedata.normalize("NFC", text)
     for pattern, replacement in _NOTATION:
         notation = pattern.sub(replacement, notation)
     try:
         return _registry().parse_units("dimensionless" if notation.strip() == "1" else notation)
     except Exception as error:  # the parser raises whatever its tokenizer and its arithmetic raise
         raise UnitError(f"'{text}' is not a known unit", "write it as in deg/s/sqrt(Hz), W.h, uT, 1 or %") from error
+
+
+def _is_spoken(notation: str) -> bool:
+    """Return whether a text has the words of a unit: no power of a power, no number but 1, few brackets."""
+    at, before, depth = 0, "", 0
+    while at < len(notation):
+        word = _WORD.match(notation, at)
+        if word is None:
+            return False
+        at, kind = word.end(), word.lastgroup or ""
+        depth += {"(": 1, ")": -1}.get(word[0], 0)
+        if depth > _DEEPEST or {kind, before} <= {"power", "superscript", "one"}:
+            return False
+        before = before if word[0] == " " else kind
+    return True
 
 
 def _is_offset(unit: pint.Unit) -> bool:

@@ -11,6 +11,7 @@ from hil.requirements.units import UnitError, check_unit, compatible, convert, s
     "unit",
     ["deg/s/sqrt(Hz)", "deg/s/√Hz", "deg/√(h)", "√Hz", "W.h", "W·h", "A.h", "mAh", "Wh", "uT", "µT", "LSB", "counts",
      "ohm", "kohm", "Ω", "k\N{OHM SIGN}", "mA", "degC", "°C", "K", "delta_degC", "1", "%", "ppm/K", "LSB/(deg/s)",
+     "V^(1/2)", "m*s**-2", "m^-1", "s⁻¹", "V/Hz**0.5", "(m/s)**2", "sqrt(Hz)", "deg / s", "kg.m²/s",
      "deg/s/degC", "nT/√Hz", "m/s²", "V^2", "V**2", "1/s", "min", "d", "ms", "dps", "rpm", "lx", "g0"],
 )  # fmt: skip
 def test_units_parse_as_people_write_them(unit):
@@ -22,6 +23,22 @@ def test_units_parse_as_people_write_them(unit):
 def test_what_is_no_unit_is_said_so(unit):
     """The answer is a sentence, whatever the text."""
     assert isinstance(check_unit(unit), str)
+
+
+@pytest.mark.parametrize(
+    "unit",
+    ["9**9**9**9*V", "V**1e9", "V**9**9", "V**99", "V**(9**9)", "V^2²", "V²²", "V**-12", "V**(1/0)", "1**9", "V" * 101,
+     "V*" * 50_000 + "V", "((((V))))", "(" * 50, "V**1.5e3", "V**0x9", "1e999999999*V", "V" * 5_000_000],
+)  # fmt: skip
+def test_arithmetic_is_no_unit(unit):
+    """What would be computed for a long time, or for ever, is refused before it is."""
+    assert "is not a unit" in check_unit(unit)
+
+
+def test_sizes_too_far_apart_are_said_so():
+    """A factor that no number can hold is a sentence."""
+    with pytest.raises(UnitError, match="too far apart"):
+        convert(1.0, "*".join(["Gm**9"] * 14), "*".join(["nm**9"] * 14))
 
 
 @pytest.mark.parametrize(
