@@ -10,6 +10,10 @@ from hil.model.errors import ConfigurationError, Finding
 __all__ = ["Findings"]
 
 
+_LONGEST = 500
+"""A message may quote what stands in the file, which may be megabytes."""
+
+
 class Findings:
     """Findings in the order in which they were made; each is kept once."""
 
@@ -17,7 +21,9 @@ class Findings:
         self._findings: dict[Finding, None] = {}
 
     def add(self, place: Place, message: str) -> None:
-        """Note that something is wrong at a node or place."""
+        """Note that something is wrong at a node or place; a message is cut where it gets endless."""
+        if len(message) > _LONGEST:
+            message = f"{message[:_LONGEST]}..."
         self.repeat(Finding(path=place.path, line=place.line, column=place.column, message=message))
 
     def repeat(self, finding: Finding) -> None:

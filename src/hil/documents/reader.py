@@ -25,6 +25,8 @@ from hil.documents.suggest import did_you_mean
 
 __all__ = ["MappingReader", "Required", "read_document"]
 
+_MOST_KEYS = 100
+
 _Value = TypeVar("_Value")
 _Default = TypeVar("_Default")
 
@@ -142,11 +144,13 @@ class MappingReader:
         return self._entries[key][1] if key in self._entries else self.node
 
     def done(self) -> None:
-        """Note every key that nobody read."""
-        for text, (key, _) in self._entries.items():
-            if text not in self._asked:
-                known = [asked for asked in self._asked if asked not in self._entries] or list(self._asked)
-                self.findings.add(key, f"unknown key '{text}'{did_you_mean(text, known)}")
+        """Note every key that nobody read, up to a hundred of them."""
+        unread = [(text, key) for text, (key, _) in self._entries.items() if text not in self._asked]
+        for text, key in unread[:_MOST_KEYS]:
+            known = [asked for asked in self._asked if asked not in self._entries] or list(self._asked)
+            self.findings.add(key, f"unknown key '{text}'{did_you_mean(text, known)}")
+        if len(unread) > _MOST_KEYS:
+            self.findings.add(self.node, f"{self.what}: {len(unread) - _MOST_KEYS} more unknown keys")
 
     def _find(self, key: str, *, required: bool) -> Node | None:
         self._asked[key] = None

@@ -21,6 +21,7 @@ __all__ = [
     "text_of",
 ]
 
+_LONGEST_NUMBER = 100
 _DECIMAL = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]{1,3})?")
 _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]{0,17})")
 _HEXADECIMAL = re.compile(r"0[xX][0-9a-fA-F]{1,16}")
@@ -67,8 +68,8 @@ def decimal_of(node: Node) -> str:
         raise Complaint(f"must be a number in quotes, found {scalar.described}{_in_quotes(scalar)}")
     if scalar.kind is not ScalarKind.TEXT or not _DECIMAL.fullmatch(scalar.text):
         raise Complaint(f"must be a decimal number in quotes, found {scalar.described}")
-    if not math.isfinite(float(scalar.text)):
-        raise Complaint(f"is too large for a number: {scalar.described}")
+    if len(scalar.text) > _LONGEST_NUMBER or not math.isfinite(float(scalar.text)):
+        raise Complaint(f"is too large for a number, or too long: {scalar.described}")
     return scalar.text
 
 
@@ -119,7 +120,7 @@ def _integer(text: str) -> int | None:
 def _quantity_of(node: Node, units: Mapping[str, Decimal], expected: str) -> float:
     scalar = _scalar(node, expected)
     match = _QUANTITY.fullmatch(scalar.text) if scalar.kind is ScalarKind.TEXT else None
-    if match is None:
+    if match is None or len(scalar.text) > _LONGEST_NUMBER:
         raise Complaint(f"must be {expected}, found {scalar.described}")
     number, unit = match.groups()
     if unit not in units:

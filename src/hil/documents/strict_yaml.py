@@ -16,6 +16,7 @@ __all__ = ["parse_yaml", "read_yaml"]
 
 _DEEPEST = 20
 _MOST_FINDINGS = 100
+_MOST_NODES = 500_000
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _TEXT_TAG = "tag:yaml.org,2002:str"
 
@@ -76,6 +77,7 @@ class _Composer:
         self._shown = shown
         self._findings = findings
         self._before = len(findings)
+        self._nodes = 0
 
     def document(self) -> Node | None:
         """Return the root node."""
@@ -104,11 +106,15 @@ class _Composer:
         if depth > _DEEPEST:
             self._refuse(event, f"nested deeper than {_DEEPEST} levels")
             raise _Stop
+        self._nodes += 1
+        if self._nodes > _MOST_NODES:
+            self._refuse(event, f"more than {_MOST_NODES} keys and values, the rest was not read")
+            raise _Stop
         if isinstance(event, yaml.AliasEvent):
-            self._refuse(event, f"the alias *{event.anchor} is not allowed, write the value out")
+            self._refuse(event, f"the alias *{str(event.anchor)[:60]} is not allowed, write the value out")
             return self._nothing(event)
         if isinstance(event, yaml.NodeEvent) and event.anchor:
-            self._refuse(event, f"the anchor &{event.anchor} is not allowed, write values out")
+            self._refuse(event, f"the anchor &{str(event.anchor)[:60]} is not allowed, write values out")
         if isinstance(event, yaml.ScalarEvent):
             return self._scalar(event)
         if isinstance(event, yaml.SequenceStartEvent):

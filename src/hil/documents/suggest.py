@@ -8,8 +8,14 @@ from difflib import get_close_matches
 __all__ = ["did_you_mean", "nearest"]
 
 
+_LONGEST = 100
+"""No known word is longer, and comparing takes the square of the length."""
+
+
 def nearest(word: str, known: Iterable[str]) -> str:
     """Return the known word nearest to `word`, or an empty string where none is near."""
+    if len(word) > _LONGEST:
+        return ""
     folded: dict[str, str] = {}
     for candidate in known:
         folded.setdefault(candidate.casefold(), candidate)

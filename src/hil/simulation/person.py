@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from hil.model.errors import Refused
 from hil.simulation.plants.plant import Plant
-from hil.simulation.truth import TruthError, suggestion
+from hil.simulation.truth import TruthError, UnknownPlant, suggestion
 
 __all__ = ["Person"]
 
@@ -109,7 +109,7 @@ class Person:
 def _find(question: str, point: str, plants: Mapping[str, Plant]) -> tuple[Plant, str]:
     name, _, rest = point.partition(".")
     if name not in plants:
-        raise TruthError(("person", question), f"unknown plant '{name}'{suggestion(name, tuple(plants))}")
+        raise UnknownPlant(("person", question), name, tuple(plants))
     known = (*plants[name].inputs, *plants[name].signals)
     if rest not in known:
         raise TruthError(("person", question), f"plant '{name}' has no '{rest}'{suggestion(rest, known)}")

@@ -8,13 +8,14 @@ from math import inf
 
 from hil.documents.suggest import did_you_mean
 
-__all__ = ["Path", "Truth", "TruthError", "suggestion"]
+__all__ = ["Path", "Truth", "TruthError", "UnknownPlant", "suggestion"]
 
 Path = tuple[str | int, ...]
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _DURATION = re.compile(r"(\d+(?:\.\d+)?)\s*(us|ms|s|min|h)")
 _NANOSECONDS = {"us": 1_000, "ms": 1_000_000, "s": 1_000_000_000, "min": 60_000_000_000, "h": 3_600_000_000_000}
+_LONGEST_NS = 100 * 366 * 24 * _NANOSECONDS["h"]
 
 
 class TruthError(ValueError):
@@ -31,6 +32,18 @@ class TruthError(ValueError):
         self.path = path
         self.message = message
         self.others = others
+
+
+class UnknownPlant(TruthError):
+    """A terminal, or what the person knows, names a plant that there is not.
+
+    Attributes:
+        plant: its name; where that one has errors of its own, they alone are told.
+    """
+
+    def __init__(self, path: Path, plant: str, known: Sequence[str]) -> None:
+        super().__init__(path, f"unknown plant '{plant}'{suggestion(plant, known)}")
+        self.plant = plant
 
 
 def suggestion(word: str, known: Sequence[str]) -> str:
@@ -131,7 +144,11 @@ class Truth:
         if match is None:
             self._wrong((key,), f"expected a duration such as '12 s', not {value!r}")
             return 0
-        return round(float(match[1]) * _NANOSECONDS[match[2]])
+        duration_ns = float(match[1]) * _NANOSECONDS[match[2]]
+        if duration_ns > _LONGEST_NS:
+            self._wrong((key,), f"expected a duration of a century at most, not {value}")
+            return 0
+        return round(duration_ns)
 
     def sections(self, key: str) -> dict[str, Truth]:
         """Return the named sections below a key, empty where the key is absent."""

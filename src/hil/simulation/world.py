@@ -16,7 +16,7 @@ from hil.simulation.person import Person
 from hil.simulation.plants.plant import Plant
 from hil.simulation.registry import peer_model, plant_model
 from hil.simulation.seeds import Seeds
-from hil.simulation.truth import Truth, TruthError, suggestion
+from hil.simulation.truth import Truth, TruthError, UnknownPlant, suggestion
 from hil.wire.peer import BusPeer, SerialPeer
 
 __all__ = ["DeviceClock", "World", "build_world", "truth_errors"]
@@ -160,7 +160,12 @@ class _Builder:
         try:
             build()
         except TruthError as error:
-            self.errors += (error, *error.others)
+            self.errors += (one for one in (error, *error.others) if not self._follows(one))
+
+    def _follows(self, error: TruthError) -> bool:
+        """Return whether an error only follows from one that was told: a plant that could not be built."""
+        there = {plant.name for plant in self._spec.plants}
+        return isinstance(error, UnknownPlant) and error.plant in there
 
     def _build_plant(self, spec: PlantSpec) -> None:
         path = ("plants", spec.name)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from adcs_bench import ADCS, adcs, changed, found
 
@@ -303,3 +305,98 @@ def test_bench_without_twin_is_refused(tmp_path):
     assert spec.simulated is None
     with pytest.raises(Refused, match="no simulated twin; add a 'simulated' section"):
         check_twin(spec, tmp_path / FILE, FILE)
+
+
+def test_only_the_cause_is_told_where_a_plant_cannot_be_built(tmp_path):
+    """Peers and the person name the plant; that it could not be built is the plant's own mistake, told once."""
+    changed(tmp_path, ('turns: "60"', 'turn: "60"'))
+    spec = load_bench(tmp_path / "fixtures" / "benches", "adcs", tmp_path)
+    with pytest.raises(ConfigurationError) as error:
+        check_twin(spec, tmp_path / "fixtures/benches/adcs/bench.yaml", "bench.yaml")
+    messages = [finding.message for finding in error.value.findings]
+    assert messages == ["'turns' is missing", "unknown key 'turn', did you mean 'turns'?"]
+
+
+def test_a_plant_that_is_nowhere_is_told_by_everybody_who_names_it(tmp_path):
+    """Where there is no such plant, every place that names it has to be changed."""
+    changed(tmp_path, ("  plants:\n    coil:", "  plants:\n    coyl:"))
+    spec = load_bench(tmp_path / "fixtures" / "benches", "adcs", tmp_path)
+    with pytest.raises(ConfigurationError) as error:
+        check_twin(spec, tmp_path / "fixtures/benches/adcs/bench.yaml", "bench.yaml")
+    messages = {finding.message for finding in error.value.findings}
+    assert messages == {"unknown plant 'coil', did you mean 'coyl'?"}
+    assert len(error.value.findings) > 3
+
+
+def loop(path):
+    """Make the path a link to itself."""
+    path.unlink()
+    path.symlink_to(path)
+
+
+def folder(path):
+    """Make the path a folder."""
+    path.unlink()
+    path.mkdir()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (loop, "the certificate 'certificates/mag1.txt' cannot be read: "),
+        (folder, "the certificate 'certificates/mag1.txt' is no file"),
+    ],
+)
+def test_certificate_that_is_no_file_is_told(tmp_path, spoil, message):
+    """A loop of links and a folder are findings, not tracebacks."""
+    changed(tmp_path)
+    spoil(tmp_path / "fixtures/benches/adcs/certificates/mag1.txt")
+    (line,) = found(tmp_path)
+    assert message in line
+    assert re.match(r"fixtures/benches/adcs/bench.yaml:\d+:\d+: ", line)
+
+
+def test_certificate_whose_name_holds_a_zero_is_told(tmp_path):
+    """What no file system can hold is a finding."""
+    changed(tmp_path, ("certificate: certificates/mag1.txt", r'certificate: "certificates/\0mag1.txt"'))
+    assert any("cannot be read" in line for line in found(tmp_path))
+
+
+def test_certificate_of_any_kind_of_content_is_taken(tmp_path):
+    """It is hashed and kept, never read as text."""
+    changed(tmp_path)
+    (tmp_path / "fixtures/benches/adcs/certificates/mag1.txt").write_bytes(b"\x00\xff%PDF\xfe")
+    assert found(tmp_path) == []
+
+
+@pytest.mark.parametrize("spoil", [loop, folder], ids=["loop", "folder"])
+def test_bench_file_that_is_no_file_is_told(tmp_path, spoil):
+    """A loop of links or a folder in place of the bench file ends in a sentence."""
+    changed(tmp_path)
+    spoil(tmp_path / "fixtures/benches/adcs/bench.yaml")
+    try:
+        (line,) = found(tmp_path)
+    except Refused as refused:
+        line = str(refused)
+    assert re.search("cannot be read|is not a file|there is no bench 'adcs'", line)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        ('max: "25"', f'max: "{"9" * 1_000_000}"'),
+        ('max: "25"', 'max: "1e999999999"'),
+        ("period: 1 s", f'period: "{"9" * 1_000_000} s"'),
+        ('seed: "20260101"', f'seed: "{"1" * 1_000_000}"'),
+        ("driver: lis3mdl", f"driver: {'l' * 1_000_000}"),
+        ("unit: V, from", f"unit: {'V' * 1_000_000}, from"),
+        ("instance: coil", f"instance: {'a' * 1_000_000}"),
+    ],
+    ids=lambda change: change[0],
+)
+def test_endless_values_are_short_findings(tmp_path, change):
+    """Whatever stands in the file, a person can read what is said of it."""
+    changed(tmp_path, change)
+    lines = found(tmp_path)
+    assert all(len(line) < 700 for line in lines)
+    assert lines or change[0] == "unit: V, from"

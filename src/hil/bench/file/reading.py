@@ -99,7 +99,21 @@ def _check_name(name: str, path: Path, place: Place, findings: Findings) -> None
 def _check_certificates(spec: BenchSpec, folder: Path, places: Located, findings: Findings) -> None:
     """A certificate lies in the bench's folder, so that packages hold it."""
     for calibration in (item.calibration for item in spec.instruments if item.calibration):
-        file = (folder / calibration.certificate).resolve()
-        if calibration.certificate and not (file.is_relative_to(folder.resolve()) and file.is_file()):
-            message = f"there is no certificate '{calibration.certificate}' in the bench's folder"
-            findings.add(places.of(calibration), message)
+        if calibration.certificate and (problem := _certificate_problem(folder, calibration.certificate)):
+            findings.add(places.of(calibration), problem)
+
+
+def _certificate_problem(folder: Path, certificate: str) -> str:
+    """Return what is wrong with the file of a certificate, which may be of any kind, or nothing."""
+    try:
+        file = (folder / certificate).resolve()
+        if not file.is_relative_to(folder.resolve()) or not file.exists():
+            return f"there is no certificate '{certificate}' in the bench's folder"
+        if not file.is_file():
+            return f"the certificate '{certificate}' is no file"
+        with file.open("rb") as stream:
+            stream.read(1)
+    except (OSError, RuntimeError, ValueError) as error:  # a loop of links is a RuntimeError to some versions of Python
+        reason = getattr(error, "strerror", None) or "its path leads nowhere"
+        return f"the certificate '{certificate}' cannot be read: {reason}"
+    return ""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import TypeVar
 
 from hil.bench.file.complaints import Located
 from hil.documents.reader import MappingReader
@@ -37,6 +38,8 @@ __all__ = [
 _DATE = r"\d{4}-(0[1-9]|1[0-2])-(0[1-9]|[12]\d|3[01])"
 _EPOCH = rf"{_DATE}T([01]\d|2[0-3]):[0-5]\d:[0-5]\dZ"
 _INSTANCE = "[a-z][a-z0-9_]*"
+
+_Bounded = TypeVar("_Bounded", Clamp, Proof)
 
 
 def read_buses(document: MappingReader, places: Located) -> tuple[Bus, ...]:
@@ -78,15 +81,7 @@ def read_wire(reader: MappingReader) -> Wire:
 
 def read_clamp(reader: MappingReader) -> Clamp:
     """Read one clamp."""
-    clamp = Clamp(
-        output=reader.text("output"),
-        quantity=reader.text("quantity"),
-        unit=reader.text("unit"),
-        minimum=reader.number("min"),
-        maximum=reader.number("max"),
-    )
-    reader.done()
-    return clamp
+    return _bounded(reader, Clamp)
 
 
 def read_envelope_limit(reader: MappingReader) -> EnvelopeLimit:
@@ -113,7 +108,7 @@ def read_safe_step(reader: MappingReader) -> SafeStep:
         output=reader.text("output"),
         state=reader.text("state"),
         within_s=reader.duration("within"),
-        proof=_proof(proof) if proof else None,
+        proof=_bounded(proof, Proof) if proof else None,
     )
     reader.done()
     return step
@@ -227,8 +222,9 @@ def _reduced(reader: MappingReader | None) -> ReducedLevel | None:
     return level
 
 
-def _proof(reader: MappingReader) -> Proof:
-    proof = Proof(
+def _bounded(reader: MappingReader, kind: Callable[..., _Bounded]) -> _Bounded:
+    """Read the bounds of one quantity of one output."""
+    bounded = kind(
         output=reader.text("output"),
         quantity=reader.text("quantity"),
         unit=reader.text("unit"),
@@ -236,7 +232,7 @@ def _proof(reader: MappingReader) -> Proof:
         maximum=reader.number("max"),
     )
     reader.done()
-    return proof
+    return bounded
 
 
 def _peer(name: str, reader: MappingReader) -> PeerSpec:

@@ -11,7 +11,7 @@ from hil.simulation.faults import Faults
 from hil.simulation.plants.plant import Plant
 from hil.simulation.plants.terminal import InputPoint, PlantPort, Resistor, SignalPoint, Terminal
 from hil.simulation.seeds import Seeds, Stream
-from hil.simulation.truth import Path, Truth, TruthError, suggestion
+from hil.simulation.truth import Path, Truth, TruthError, UnknownPlant, suggestion
 from hil.wire.peer import BusPeer, SerialPeer
 
 __all__ = ["Connections", "PeerModel", "PeerSetup"]
@@ -92,8 +92,7 @@ class Connections:
             return None
         name, _, point = text.partition(".")
         if name not in self._plants:
-            hint = suggestion(name, tuple(self._plants))
-            raise TruthError((*self._path, terminal), f"unknown plant '{name}'{hint}")
+            raise UnknownPlant((*self._path, terminal), name, tuple(self._plants))
         return self._plants[name], point
 
     def _must_have(self, terminal: str, plant: Plant, name: str, known: tuple[str, ...], kind: str) -> None:
