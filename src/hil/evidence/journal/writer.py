@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Self
 
 from hil.clock import wall
@@ -100,7 +100,9 @@ class Journal:
         """Bench time of the newest event."""
         return self._last_t
 
-    def write(self, kind: str, t: float, **fields: object) -> int:
+    def write(
+        self, kind: str, t: float, *, beside: Mapping[str, object] = MappingProxyType({}), **fields: object
+    ) -> int:
         """Write one event down and return its sequence number.
 
         On a full disk the reserve is given back and the event still written; that is told once, by an error. From
@@ -109,6 +111,7 @@ class Journal:
         Args:
             kind: the event's kind; kinds of `SYNCED` are on the disk when this returns.
             t: bench time in seconds.
+            beside: what is true of this place and moment only; it goes into the line's wall half, beside the stamp.
             fields: the rest of the body: JSON values, no wall time, host, pid or path of this machine.
 
         Raises:
@@ -118,9 +121,9 @@ class Journal:
         try:
             if self._lost:
                 text = f"disk full: {self._lost} events before this one could not be written"
-                self._append("anomaly", t, {"text": text})
+                self._append("anomaly", t, {"text": text}, {})
                 self._lost = 0
-            number = self._append(kind, t, fields)
+            number = self._append(kind, t, fields, beside)
         except OSError as error:
             if error.errno not in DISK_FULL:
                 raise EvidenceError(f"{self._path}: cannot be written: {error.strerror}", "check the disk") from error
@@ -159,10 +162,10 @@ class Journal:
         self._size = self._path.stat().st_size
         self._last_t = float(reading.lines[-1].body["t"]) if reading.lines else 0.0
 
-    def _append(self, kind: str, t: float, fields: dict[str, object]) -> int:
+    def _append(self, kind: str, t: float, fields: dict[str, object], beside: Mapping[str, object]) -> int:
         number = self._sequence
         body = quick_canonical({**fields, "seq": number, "t": round(t, 9), "kind": kind})
-        line = b'{"body":%b,"prev":"%b","wall":%b}' % (body, self._head, self._wall())
+        line = b'{"body":%b,"prev":"%b","wall":%b}' % (body, self._head, self._wall(beside))
         self._put(line + b"\n")
         self._head = hashlib.sha256(line).hexdigest().encode()
         self._content.update(body + b"\n")
@@ -172,9 +175,9 @@ class Journal:
             self._sync()
         return number
 
-    def _wall(self) -> bytes:
+    def _wall(self, beside: Mapping[str, object]) -> bytes:
         now = self._stamp()
-        return quick_canonical({"boot": now.boot, "boot_id": now.boot_id, "utc": now.utc})
+        return quick_canonical({**beside, "boot": now.boot, "boot_id": now.boot_id, "utc": now.utc})
 
     def _put(self, data: bytes) -> None:
         rest = memoryview(data)
