@@ -6,9 +6,12 @@ import itertools
 from pathlib import Path
 
 from hil.clock.wall import WallStamp
-from hil.documents.canonical import digest
-from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE
+from hil.documents.canonical import canonical, digest
+from hil.evidence.folder import CALIBRATION as CALIBRATION_FILE
+from hil.evidence.folder import CATALOGUE as CATALOGUE_FILE
+from hil.evidence.folder import JOURNAL, PARAMETERS, RECORDINGS, RESERVE, RESULTS, TRANSCRIPT
 from hil.evidence.journal.writer import Journal
+from hil.evidence.package.inventory import inventory
 from hil.evidence.package.sealing import seal
 from hil.evidence.recordings.rows import Rows
 from hil.evidence.results.facts import entries_of, freeze_calibration, freeze_catalogue
@@ -18,7 +21,10 @@ from hil.requirements.requirement import Kind, Limit, Requirement
 
 __all__ = [
     "LIMIT",
+    "OF_ALL_RUNS",
+    "OF_THIS_PLACE",
     "REQUIREMENTS",
+    "WRITTEN_BY_THE_RUN",
     "begin",
     "case_end",
     "check",
@@ -36,6 +42,18 @@ REQUIREMENTS = (
     Requirement(id="GYR-010", rev=1, text="The rest shall be recorded.", kind=Kind.RECORD),
 )
 CATALOGUE = digest({"format": 1, "requirements": entries_of(REQUIREMENTS)})
+CALIBRATION = {"psu1": {"certificate": "C-1", "due": "2026-12-31", "dut": False}}
+OF_ALL_RUNS = {
+    "data/bench/bench.yaml": b"schema: hil/bench/1\n",
+    "data/bench/certificates/psu1.txt": b"Certificate C-1\n",
+    "data/bench/duts.yaml": b"schema: hil/duts/1\n",
+    "data/catalogue/gyro/requirements.yaml": b"schema: hil/requirements/1\n",
+    "data/dut.json": b'{"format":1}',
+    "data/sources/testplans/gyro/test_rest.py": b"def test_rest(): ...\n",
+    PARAMETERS: canonical({"format": 1, "plans": {}}),
+}
+WRITTEN_BY_THE_RUN = (CATALOGUE_FILE, CALIBRATION_FILE, RESULTS, TRANSCRIPT, "data/recordings/001-rest.h5")
+OF_THIS_PLACE = {"data/place.json": b'{"format":1,"host":"here"}', "data/software.json": b'{"format":1}'}
 
 
 def stamps(day: str = "2026-11-21"):
@@ -49,7 +67,9 @@ def run_fields(**changes):
     dut = {"serial": "SN1", "part": "P1", "model": "QM", "hardware": "A", "firmware": "", "title": "Gyroscope"}
     fields = {
         "format": 1, "bench": "flight", "source": "hardware", "purpose": "qualification", "dut": dut, "operator": "Ada",
-        "plans": ["gyro"], "seed": "7", "catalogue": CATALOGUE, "parameters": "0" * 64,
+        "plans": ["gyro"], "seed": "7", "catalogue": CATALOGUE,
+        "parameters": digest({"format": 1, "plans": {}}),
+        "calibration": digest({"format": 1, "instruments": CALIBRATION}),
         "sources": "0" * 64, "version": "0.1.0", "deviations": [],
     }  # fmt: skip
     return fields | changes
@@ -66,9 +86,16 @@ def begin(folder: Path, **changes) -> Journal:
     """Write what stands in a journal before the first case, freeze the catalogue, and return the journal."""
     folder.joinpath(RECORDINGS).mkdir(parents=True, exist_ok=True)
     freeze_catalogue(folder, entries_of(REQUIREMENTS))
-    freeze_calibration(folder, {"psu1": {"certificate": "C-1", "due": "2026-12-31", "dut": False}})
+    freeze_calibration(folder, CALIBRATION)
+    for path, data in (OF_ALL_RUNS | OF_THIS_PLACE).items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_bytes(data)
+    named = inventory(folder)
+    beside = {path: named.pop(path) for path in OF_THIS_PLACE}
+    (folder / TRANSCRIPT).write_bytes(b"hil/transcript/1\n")
     journal = Journal(folder / JOURNAL, reserve=folder / RESERVE, stamp=stamps())
     journal.write("run", 0.0, **run_fields(**changes))
+    journal.write("frozen", 0.0, files=named, beside={"files": beside})
     journal.write("planned", 0.0, cases=[planned()])
     journal.write("gate", 0.0, name="identity", ok=True, detail="as expected")
     journal.write("armed", 0.0)

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from hil.documents.suggest import did_you_mean
 from hil.model.errors import Refused
 
-__all__ = ["find_run", "find_running", "reports_folder", "shown"]
+__all__ = ["LATEST", "find_run", "find_running", "reports_folder", "shown"]
+
+
+LATEST = "latest"
+"""What a person says for the newest run of the workspace."""
 
 
 def reports_folder() -> Path:
@@ -39,21 +44,44 @@ def find_running(asked: str) -> Path:
 
 
 def find_run(asked: str) -> Path:
-    """Return the folder of a run, named by path, by name, or by an unambiguous part of its name.
+    """Return the folder of a run: by path, by name, by the beginning of its name or its short id, or the latest.
 
     Raises:
         Refused: if there is none, or several.
     """
-    path = Path(asked)
-    if (path / "data").is_dir():
-        return path.resolve()
-    reports = reports_folder()
-    names = (
-        sorted(folder.name for folder in reports.iterdir() if (folder / "data").is_dir()) if reports.is_dir() else []
-    )
-    found = [name for name in names if asked.strip("/") in name]
+    from hil.evidence.folder import is_run  # noqa: PLC0415 - only where a run is named
+    from hil.evidence.package.listing import shown as printable  # noqa: PLC0415 - only where a run is named
+    from hil.evidence.runs import run_folders  # noqa: PLC0415 - only where a run is named
+
+    told = printable(asked)
+    if not asked.strip() or "\0" in asked:
+        raise Refused(f"'{told}' names no run", "name one by its path, its name or its short id, or say latest")
+    if asked != LATEST and is_run(Path(asked)):
+        return _absolute(Path(asked))
+    folders = run_folders(reports_folder())
+    if asked == LATEST:
+        if not folders:
+            raise Refused("there is no run yet", "hil run makes one")
+        return folders[-1]
+    found = _meant(asked.rstrip("/"), folders)
     if len(found) == 1:
-        return reports / found[0]
+        return found[0]
+    names = [printable(folder.name) for folder in found or folders]
     if found:
-        raise Refused(f"'{asked}' could be {', '.join(found)}", "name more of it")
-    raise Refused(f"there is no run '{asked}'{did_you_mean(asked, names)}", "hil runs lists what there is")
+        raise Refused(f"'{told}' could be {', '.join(names)}", "name more of it")
+    raise Refused(f"there is no run '{told}'{did_you_mean(asked, names)}", "hil runs lists what there is")
+
+
+def _meant(asked: str, folders: Sequence[Path]) -> list[Path]:
+    """Return the runs with this name, else those whose name begins so or has this short id."""
+    exact = [folder for folder in folders if folder.name == asked]
+    return exact or [
+        folder for folder in folders if folder.name.startswith(asked) or folder.name.rpartition("-")[2] == asked
+    ]
+
+
+def _absolute(path: Path) -> Path:
+    try:
+        return path.resolve(strict=True)
+    except (OSError, RuntimeError) as error:
+        raise Refused(f"{path}: cannot be opened: {error}", "hil runs lists what there is") from error

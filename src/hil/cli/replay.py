@@ -6,6 +6,7 @@ import click
 
 from hil.cli.folders import find_run
 from hil.cli.pinning import pin
+from hil.model.errors import EvidenceError
 
 __all__ = ["command"]
 
@@ -20,17 +21,24 @@ def command(run: str) -> int:
     """
     pin()
     from hil.evidence.package.contents import Package  # noqa: PLC0415 - after the pins
+    from hil.evidence.package.listing import list_folder  # noqa: PLC0415 - after the pins
     from hil.evidence.package.verification import State, verify  # noqa: PLC0415 - after the pins
     from hil.plugin.rehearsing import replay  # noqa: PLC0415 - after the pins
     from hil.report.sentences import counted  # noqa: PLC0415 - after the pins
 
     folder = find_run(run)
+    if odd := list_folder(folder).odd:
+        raise EvidenceError(
+            f"{folder.name}: {odd[0]}", "nothing of it is replayed; hil verify tells what else is wrong"
+        )
+    package = Package(folder)
+    package.run()  # says so where the format is not known
     state = verify(folder).state
     if state is State.DAMAGED:
         click.echo(
             f"{folder.name} is DAMAGED, and so is what its replay says; hil verify tells what is wrong", err=True
         )
-    found = replay(Package(folder))
+    found = replay(package)
     for difference in found.differences:
         click.echo(difference, err=True)
     word = counted(len(found.differences), "difference") if found.differences else "the same"

@@ -2,22 +2,79 @@
 
 from __future__ import annotations
 
+import shutil
+import sys
+from typing import TYPE_CHECKING
+
 import click
 
 from hil.cli.folders import reports_folder
 
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from hil.evidence.runs import RunSummary
+
 __all__ = ["command"]
 
+_ANY_WIDTH = 10_000
 
-@click.command(name="runs", epilog="Example: hil runs")
-def command() -> int:
-    """List the runs of the workspace, oldest first; nothing is verified."""
+
+@click.command(name="runs", epilog="Example: hil runs --bench adcs --verdict PASS")
+@click.option("--bench", metavar="NAME", help="Only runs on this bench.")
+@click.option("--dut", metavar="SERIAL", help="Only runs of this device under test.")
+@click.option("--plan", metavar="NAME", help="Only runs of this plan.")
+@click.option("--verdict", metavar="VERDICT", help="Only runs with this verdict.")
+def command(bench: str | None, dut: str | None, plan: str | None, verdict: str | None) -> int:
+    """List the runs of the workspace, newest last; nothing is verified.
+
+    A run that cannot be read is listed with what is wrong, unless runs are chosen by what they say.
+    """
     from hil.evidence.runs import find_runs  # noqa: PLC0415 - heavy
 
-    found = find_runs(reports_folder())
-    for run in found:
-        cases = f"{run.ended}/{run.planned}"
-        click.echo(f"{run.folder.name:<44} {run.state:<11} {cases:>7} cases  {run.verdict or '-':<13} {run.dut}")
-    if not found:
-        click.echo("no runs yet")
+    everything = find_runs(reports_folder())
+    chosen = [
+        run
+        for run in everything
+        if bench in {None, run.bench}
+        and dut in {None, run.dut}
+        and (plan is None or plan in run.plans)
+        and (verdict is None or verdict.upper() == run.verdict)
+    ]
+    for line in _lines(chosen, _width()):
+        click.echo(line)
+    if not chosen:
+        click.echo("no such runs" if everything else "no runs yet")
     return 0
+
+
+def _width() -> int:
+    """Return how many characters a line may have; what is not shown to a person may be as long as it likes."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else _ANY_WIDTH
+
+
+def _lines(runs: Sequence[RunSummary], width: int) -> Iterator[str]:
+    """Give a line per run, in columns; where they do not fit, the name gets a line of its own."""
+    rows = [_cells(run) for run in runs]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    narrow = sum(widths) + 2 * (len(widths) - 1) > width
+    for run, row in zip(runs, rows, strict=True):
+        columns = [cell.ljust(space) for cell, space in zip(row, widths, strict=True)]
+        if narrow:
+            yield row[0]
+            yield "  " + "  ".join(cell for cell in row[1:] if cell)
+        else:
+            yield "  ".join(columns).rstrip()
+        if run.problem:
+            yield f"  {_printable(run.problem)}"
+
+
+def _cells(run: RunSummary) -> tuple[str, ...]:
+    told = (run.folder.name, run.state, f"{run.ended}/{run.planned} cases", run.verdict or "-")
+    return tuple(_printable(cell) for cell in (*told, run.source or "-", run.purpose or "-", run.dut or "-"))
+
+
+def _printable(text: str) -> str:
+    from hil.evidence.package.listing import shown  # noqa: PLC0415 - heavy
+
+    return shown(text)

@@ -13,6 +13,7 @@ __all__ = ["command"]
 @click.argument("run", metavar="RUN")
 def command(run: str) -> int:
     """Say how a run stands: what it does, how far it is, or how it ended."""
+    from hil.evidence.package.listing import shown as printable  # noqa: PLC0415 - heavy
     from hil.evidence.runs import status  # noqa: PLC0415 - heavy
     from hil.report.numbers import bench_time, duration  # noqa: PLC0415 - heavy
 
@@ -30,8 +31,9 @@ def command(run: str) -> int:
         "bench time": bench_time(found.t),
         "last event": "" if found.age is None else f"{duration(found.age)} ago",
         "verdict": found.verdict,
+        "problem": found.problem,
     }
     for label, value in lines.items():
         if value:
-            click.echo(f"{label:<11} {value}")
+            click.echo(f"{label:<11} {printable(value)}")
     return 0

@@ -2,32 +2,54 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
 
 from hil.cli.folders import find_run
 
+if TYPE_CHECKING:
+    from pathlib import Path
+
 __all__ = ["command"]
 
 
-@click.command(name="verify", epilog="Example: hil verify reports/reference")
+@click.command(name="verify", epilog="Example: hil verify latest")
 @click.argument("run", metavar="RUN")
-def command(run: str) -> int:
+@click.option("--report", is_flag=True, help="Derive the report again, too, and compare it.")
+def command(run: str, report: bool) -> int:
     """Verify a package, offline and from its own bytes.
 
-    Checked are the manifests, the journal's chain, every row of every recording, the results, and every
-    verdict against value, uncertainty and frozen limit. Exit code 0 for a whole package of a complete run, 1 otherwise.
+    Checked are the manifests, the journal's chain, every file against the hash in the journal, every row of
+    every recording, the results, and every verdict against value, uncertainty and frozen limit. A digest is
+    printed only for a package in which nothing is wrong. Exit code 0 for a whole package of a complete run,
+    1 otherwise.
     """
-    from hil.evidence.package.verification import verify  # noqa: PLC0415 - heavy
+    from hil.evidence.package.listing import shown  # noqa: PLC0415 - heavy
+    from hil.evidence.package.verification import State, verify  # noqa: PLC0415 - heavy
 
     found = verify(find_run(run))
     for finding in found.findings:
-        click.echo(str(finding), err=True)
-    complete = "" if found.complete else ", the run did not go to its own end"
-    click.echo(f"{found.folder.name}: {found.state}{complete}")
-    if found.verdict:
-        click.echo(f"verdict          {found.verdict}")
-    if found.evidence_digest:
-        click.echo(f"evidence digest  {found.evidence_digest}")
-    if found.content_digest:
-        click.echo(f"content digest   {found.content_digest}")
-    return 0 if found.ok else 1
+        click.echo(shown(str(finding)), err=True)
+    complete = "" if found.complete or found.state is not State.SEALED else ", the run did not go to its own end"
+    click.echo(f"{shown(found.folder.name)}: {found.state}{complete}")
+    if found.state is not State.SEALED:
+        return 1
+    same = _compared(found.folder) if report else True
+    word = "not compared, see --report" if not report else "the same bytes" if same else "OTHER bytes"
+    click.echo(f"verdict          {found.verdict}")
+    click.echo(f"report           {word}")
+    click.echo(f"evidence digest  {found.evidence_digest}")
+    click.echo(f"content digest   {found.content_digest}")
+    return 0 if found.ok and same else 1
+
+
+def _compared(folder: Path) -> bool:
+    from hil.cli.report import derived  # noqa: PLC0415 - heavy
+
+    whole = True
+    for name, (_, word, same) in derived(folder).items():
+        if not same:
+            click.echo(f"{name}: {word}", err=True)
+            whole = False
+    return whole

@@ -1,13 +1,24 @@
-"""Files that are on the disk once a function returns, and the SHA-256 of files."""
+"""Files that are on the disk once a function returns, and plain files only that are read."""
 
 from __future__ import annotations
 
 import errno
 import hashlib
 import os
+import stat
+from io import BufferedReader
 from pathlib import Path
 
-__all__ = ["DISK_FULL", "PART", "sha256_of", "sync_file", "sync_folder", "write_whole"]
+__all__ = [
+    "DISK_FULL",
+    "PART",
+    "open_plain",
+    "read_plain",
+    "sha256_of",
+    "sync_file",
+    "sync_folder",
+    "write_whole",
+]
 
 DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
 """The error numbers with which a file system says that nothing more fits."""
@@ -37,9 +48,43 @@ def sync_folder(path: Path) -> None:
     _sync(path, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
 
 
+def open_plain(path: Path) -> BufferedReader:
+    """Open a plain file for reading; a link, a pipe or a device is never read, and nobody waits for it.
+
+    Raises:
+        OSError: where it is not there, is something else, or must not be read.
+    """
+    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    try:
+        descriptor = os.open(path, flags)
+    except ValueError as error:  # a name that no file can have
+        raise OSError(errno.EINVAL, str(error)) from error
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise OSError(errno.EINVAL, "this is no plain file")
+    return os.fdopen(descriptor, "rb")
+
+
+def read_plain(path: Path, most: int = -1) -> bytes:
+    """Return a plain file's content, of `most` bytes if that is given.
+
+    Raises:
+        OSError: where it cannot be opened, or is longer.
+    """
+    with open_plain(path) as stream:
+        data = stream.read(most if most < 0 else most + 1)
+    if 0 <= most < len(data):
+        raise OSError(errno.EFBIG, f"it has more than {most} bytes")
+    return data
+
+
 def sha256_of(path: Path) -> str:
-    """Return the SHA-256 of a file's content, as hexadecimal digits."""
-    with path.open("rb") as stream:
+    """Return the SHA-256 of a plain file's content, as hexadecimal digits.
+
+    Raises:
+        OSError: as `open_plain`.
+    """
+    with open_plain(path) as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 

@@ -33,6 +33,7 @@ __all__ = [
     "free_reserve",
     "hold",
     "is_held",
+    "is_run",
     "is_sealed",
     "require_space",
 ]
@@ -104,8 +105,13 @@ def free_reserve(reserve: Path | None) -> bool:
 
 
 def is_sealed(folder: Path) -> bool:
-    """Return whether the folder carries its seal."""
-    return (folder / SEAL).is_file()
+    """Return whether something stands where a seal does; `verify` tells whether it is one."""
+    return os.path.lexists(folder / SEAL)
+
+
+def is_run(folder: Path) -> bool:
+    """Return whether this looks like the folder of a run, whole or not."""
+    return os.path.lexists(folder / SEAL) or os.path.lexists(folder / "data")
 
 
 @contextmanager
@@ -143,14 +149,18 @@ def hold(folder: Path) -> Iterator[None]:
 
 
 def is_held(folder: Path) -> bool:
-    """Return whether a living process holds the folder."""
-    import fcntl  # noqa: PLC0415 - packages are read where there is no fcntl
-
+    """Return whether a living process holds the folder; where nothing can be held, none does."""
+    try:
+        import fcntl  # noqa: PLC0415 - packages are read where there is no fcntl
+    except ImportError:
+        return False
     descriptor = _opened(folder)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
         return True
+    except OSError:
+        return False
     finally:
         os.close(descriptor)
     return False
@@ -158,9 +168,9 @@ def is_held(folder: Path) -> bool:
 
 def _opened(folder: Path) -> int:
     try:
-        return os.open(folder, os.O_RDONLY)
-    except OSError as error:
-        raise EvidenceError(f"{folder}: cannot be opened: {error.strerror}", "name a folder of reports/") from error
+        return os.open(folder, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
+    except (OSError, ValueError) as error:
+        raise EvidenceError(f"{folder}: cannot be opened: {error}", "name a folder of reports/") from error
 
 
 def _safe(text: str) -> str:

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
 from hil.clock import wall
-from hil.evidence.folder import JOURNAL, RESULTS, is_held, is_sealed
-from hil.evidence.journal.reader import Body, JournalLine, read_journal
+from hil.documents.canonical import JsonError, parse_strict
+from hil.evidence.durable import open_plain
+from hil.evidence.folder import JOURNAL, RESULTS, is_held, is_run, is_sealed
+from hil.evidence.journal.reader import Body, JournalLine, JournalReading, read_journal, require_known_format
 from hil.evidence.package.verification import State
 from hil.evidence.results.facts import read_json
-from hil.model.errors import EvidenceError
+from hil.model.errors import EvidenceError, HilError
 
-__all__ = ["RunSummary", "find_runs", "status"]
+__all__ = ["RunSummary", "find_runs", "run_folders", "status"]
+
+_STAMP = re.compile(r"(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)Z")
+_FIRST_LINE = 1_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,7 +28,8 @@ class RunSummary:
 
     Attributes:
         folder: the run's folder.
-        state: RUNNING, INTERRUPTED, SEALED, or DAMAGED where it cannot be read.
+        state: RUNNING, INTERRUPTED, SEALED, UNKNOWN where its format is, or DAMAGED where it cannot be read.
+        problem: why it cannot be read, in a sentence, or empty.
         plans: the plans it was asked for.
         bench: the bench's name.
         dut: the serial number of the device under test.
@@ -38,6 +46,7 @@ class RunSummary:
 
     folder: Path
     state: State
+    problem: str = ""
     plans: tuple[str, ...] = ()
     bench: str = ""
     dut: str = ""
@@ -52,56 +61,97 @@ class RunSummary:
     verdict: str = ""
 
 
-def find_runs(reports: Path) -> list[RunSummary]:
-    """Return every run in the folder of reports, oldest first."""
-    if not reports.is_dir():
+def run_folders(reports: Path) -> list[Path]:
+    """Return the folder of every run in the folder of reports, the newest last; folders with a point are no runs.
+
+    Raises:
+        EvidenceError: where the folder of reports cannot be read.
+    """
+    try:
+        inside = [path for path in reports.iterdir() if not path.name.startswith(".") and _is_one(path)]
+    except FileNotFoundError:
         return []
-    return [status(folder) for folder in sorted(reports.iterdir()) if (folder / JOURNAL).is_file()]
+    except OSError as error:
+        raise EvidenceError(f"{reports}: cannot be read: {error.strerror}", "check who may read it") from error
+    return sorted(inside, key=lambda path: (_began(path), os.fsencode(path.name)))
+
+
+def find_runs(reports: Path) -> list[RunSummary]:
+    """Return every run in the folder of reports, the newest last; one that cannot be read says why."""
+    return [_whatever_it_is(folder) for folder in run_folders(reports)]
 
 
 def status(folder: Path) -> RunSummary:
     """Return one run at a glance; it is only read, also while it goes on.
 
     Raises:
-        EvidenceError: where this is no run's folder.
+        EvidenceError: where there is no journal to read.
     """
+    reading = read_journal(folder / JOURNAL)
     try:
-        lines = read_journal(folder / JOURNAL).lines
-        return _summary(folder, lines)
-    except (KeyError, TypeError, AttributeError, ValueError):
-        return RunSummary(folder=folder, state=State.DAMAGED)
+        require_known_format(reading)
+    except EvidenceError as error:
+        return RunSummary(folder=folder, state=State.UNKNOWN, problem=error.message)
+    try:
+        return _summary(folder, reading)
+    except (LookupError, TypeError, AttributeError, ValueError) as error:
+        what = f"its events cannot be understood: {type(error).__name__} {error}"
+        return RunSummary(folder=folder, state=State.DAMAGED, problem=what)
 
 
-def _summary(folder: Path, lines: tuple[JournalLine, ...]) -> RunSummary:
-    events = [line.body for line in lines]
+def _is_one(path: Path) -> bool:
+    return is_run(path) or (path.is_dir() and _STAMP.match(path.name) is not None)
+
+
+def _whatever_it_is(folder: Path) -> RunSummary:
+    try:
+        return status(folder)
+    except (HilError, OSError) as error:
+        what = error.message if isinstance(error, HilError) else str(error)
+        return RunSummary(folder=folder, state=State.DAMAGED, problem=what.removeprefix(f"{folder}/"))
+
+
+def _began(folder: Path) -> str:
+    """Return when a run began, as ISO 8601: by its first event, else by its name."""
+    try:
+        with open_plain(folder / JOURNAL) as stream:
+            line = parse_strict(stream.readline(_FIRST_LINE))
+        stamp = line["wall"]["utc"] if isinstance(line, dict) else ""
+        if isinstance(stamp, str) and stamp:
+            return stamp
+    except (OSError, JsonError, LookupError, TypeError):
+        pass
+    named = _STAMP.match(folder.name)
+    return "{}-{}-{}T{}:{}:{}Z".format(*named.groups()) if named else ""
+
+
+def _summary(folder: Path, reading: JournalReading) -> RunSummary:
+    events = reading.events
     run = next((event for event in events if event["kind"] == "run"), {})
     planned = {case["case"] for event in events if event["kind"] == "planned" for case in event["cases"]}
     case, step = _current(events)
+    held = is_held(folder)
+    state = State.RUNNING if held else State.SEALED if is_sealed(folder) else State.INTERRUPTED
     return RunSummary(
         folder=folder,
-        state=_state(folder),
-        plans=tuple(run.get("plans", ())),
-        bench=run.get("bench", ""),
-        dut=run.get("dut", {}).get("serial", ""),
-        source=run.get("source", ""),
-        purpose=run.get("purpose", ""),
+        state=State.DAMAGED if reading.findings and not held else state,
+        problem=str(reading.findings[0]) if reading.findings else "",
+        plans=tuple(str(plan) for plan in run.get("plans", ())),
+        bench=str(run.get("bench", "")),
+        dut=str(run.get("dut", {}).get("serial", "")),
+        source=str(run.get("source", "")),
+        purpose=str(run.get("purpose", "")),
         planned=len(planned),
         ended=len({event["case"] for event in events if event["kind"] == "case-end"}),
-        case=case,
+        case=str(case),
         step=step,
-        t=events[-1]["t"] if events else 0.0,
-        age=_age(lines[-1]) if lines else None,
+        t=float(events[-1]["t"]) if events else 0.0,
+        age=_age(reading.lines[-1]) if events else None,
         verdict=_verdict(folder),
     )
 
 
-def _state(folder: Path) -> State:
-    if is_sealed(folder):
-        return State.SEALED
-    return State.RUNNING if is_held(folder) else State.INTERRUPTED
-
-
-def _current(events: list[Body]) -> tuple[str, str]:
+def _current(events: tuple[Body, ...]) -> tuple[str, str]:
     case, steps = "", list[str]()
     for event in events:
         match event["kind"]:
@@ -124,5 +174,5 @@ def _age(line: JournalLine) -> float | None:
 def _verdict(folder: Path) -> str:
     try:
         return str(read_json(folder / RESULTS)["verdict"]) if is_sealed(folder) else ""
-    except (EvidenceError, KeyError, TypeError):
+    except (EvidenceError, LookupError, TypeError):
         return ""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 from evidence_runs import begin, record, sealed_run, whole_case
 
 from hil.evidence.folder import create, hold
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import State
-from hil.evidence.runs import find_runs, status
+from hil.evidence.runs import find_runs, run_folders, status
 from hil.model.errors import EvidenceError
 
 
@@ -48,11 +50,42 @@ def test_a_sealed_run_tells_its_verdict(tmp_path):
 def test_a_folder_that_cannot_be_understood_is_damaged(tmp_path):
     """One bad folder does not hide the others."""
     begin(tmp_path / "a").close()
-    (tmp_path / "b/data").mkdir(parents=True)
-    (tmp_path / "b/data/journal.jsonl").write_bytes(
-        b'{"body":{"kind":"case","seq":0,"t":0},"prev":"%b","wall":{}}\n' % (b"0" * 64)
-    )
-    assert [run.state for run in find_runs(tmp_path)] == [State.INTERRUPTED, State.DAMAGED]
+    for name, line in (
+        ("b", b'{"body":{"kind":"case","seq":0,"t":0},"prev":"%b","wall":{}}\n' % (b"0" * 64)),
+        ("c", b"\xff\n"),
+        ("d", b"[" * 100_000 + b"\n"),
+    ):
+        (tmp_path / name / "data").mkdir(parents=True)
+        (tmp_path / name / "data/journal.jsonl").write_bytes(line)
+    for name in ("e", "20261120T100000Z-x-y-012345"):
+        (tmp_path / name / "data/journal.jsonl").mkdir(parents=True)
+    (tmp_path / "f/data").mkdir(parents=True)
+    os.mkfifo(tmp_path / "f/data/journal.jsonl")
+    found = {run.folder.name: run for run in find_runs(tmp_path)}
+    assert found.pop("a").state is State.INTERRUPTED
+    assert {run.state for run in found.values()} == {State.DAMAGED}
+    assert len(found) == 6
+    assert all(run.problem for run in found.values())
+
+
+def test_the_newest_run_is_the_last_by_its_first_event(tmp_path):
+    """A run that was renamed stands where its time is; one without an event goes by its name."""
+    for name, moment in (("z-renamed", "2026-11-20T09:00:00.000000Z"), ("20261121T100000Z-b-d-aaaaaa", None)):
+        (tmp_path / name / "data").mkdir(parents=True)
+        if moment:
+            line = b'{"body":{"kind":"run","seq":0,"t":0},"prev":"%b","wall":{"utc":"%b"}}\n'
+            (tmp_path / name / "data/journal.jsonl").write_bytes(line % (b"0" * 64, moment.encode()))
+    begin(tmp_path / "a").close()
+    assert [folder.name for folder in run_folders(tmp_path)] == ["z-renamed", "a", "20261121T100000Z-b-d-aaaaaa"]
+    assert run_folders(tmp_path / "nowhere") == []
+
+
+def test_folders_of_other_things_are_no_runs(tmp_path):
+    """The ledger, and what somebody put beside the runs, are not listed."""
+    for name in (".ledger/data", "photos"):
+        (tmp_path / name).mkdir(parents=True)
+    (tmp_path / "data").write_text("x")
+    assert find_runs(tmp_path) == []
 
 
 def test_a_package_reads_a_run_that_goes_on(tmp_path):

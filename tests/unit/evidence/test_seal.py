@@ -4,18 +4,32 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
+import socket
 
 import bagit
 import pytest
-from evidence_runs import begin, check, run_fields, sealed_run, whole_case, write_report
+from evidence_runs import (
+    OF_ALL_RUNS,
+    OF_THIS_PLACE,
+    WRITTEN_BY_THE_RUN,
+    begin,
+    check,
+    run_fields,
+    sealed_run,
+    whole_case,
+    write_report,
+)
 
 from hil.documents.canonical import canonical
 from hil.evidence.folder import JOURNAL, create, hold
 from hil.evidence.inbox import post
+from hil.evidence.journal.reader import UnknownFormat
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.bag import evidence_digest, manifest_text, read_manifest, write_manifests
 from hil.evidence.package.contents import Package
+from hil.evidence.package.inventory import inventory
 from hil.evidence.package.recovery import recover
 from hil.evidence.package.sealing import seal
 from hil.evidence.package.verification import State, verify
@@ -36,6 +50,12 @@ def writable(tmp_path, folder):
     for path in (copy, *copy.rglob("*")):
         path.chmod(0o755)
     return copy
+
+
+def in_place_of(path):
+    """Remove a file, so that something else can be put in its place."""
+    path.unlink()
+    return path
 
 
 def messages(folder):
@@ -140,14 +160,26 @@ def test_late_messages_are_in_the_package(folder, tmp_path):
         (lambda f: (f / "stray.txt").write_text("x"), "no manifest names this file"),
         (lambda f: (f / "data/results.json").unlink(), "it is missing"),
         (lambda f: (f / "data/report/report.html").write_text("better"), "not the file that was sealed"),
-        (lambda f: (f / "tagmanifest-sha256.txt").unlink(), "tagmanifest-sha256.txt: cannot be read"),
-        (lambda f: (f / "manifest-sha256.txt").unlink(), "tag files are missing"),
+        (lambda f: (f / "tagmanifest-sha256.txt").unlink(), "tagmanifest-sha256.txt: this file is missing"),
+        (lambda f: (f / "manifest-sha256.txt").unlink(), "manifest-sha256.txt: this file is missing"),
         (lambda f: (f / "data/link").symlink_to("/etc/passwd"), "only plain files"),
         (lambda f: (f / "data/linked").symlink_to("/etc"), "only plain files"),
+        (lambda f: os.mkfifo(f / "data/pipe"), "this is a named pipe"),
+        (lambda f: (f / "data/loop").symlink_to("loop"), "this is a link"),
+        (lambda f: in_place_of(f / "data/journal.jsonl").symlink_to("/dev/zero"), "journal.jsonl: only plain files"),
+        (lambda f: os.mkfifo(in_place_of(f / "data/results.json")), "results.json: only plain files"),
+        (lambda f: in_place_of(f / "bagit.txt").symlink_to("/dev/zero"), "bagit.txt: only plain files"),
+        (lambda f: in_place_of(f / "bagit.txt").mkdir(), "bagit.txt: an empty folder"),
+        (lambda f: (f / "data/a\n\x1b[2J").symlink_to("/"), r"data/a\n\x1b[2J: only plain files"),
+        (lambda f: (f / "data/nothing/at all").mkdir(parents=True), "nothing/at all: an empty folder"),
+        (lambda f: (f / "data/of\udcffbytes").write_text("x"), r"of\udcffbytes: manifest-sha256.txt does not name it"),
         (lambda f: (f / "data/RESULTS.json").write_text("{}"), "by case only"),
         (lambda f: (f / "data/journal.jsonl").unlink(), "the journal cannot be read"),
         (lambda f: (f / "data/journal.jsonl").write_bytes(b""), "begins with run"),
-        (lambda f: (f / "data/recordings/001-rest.h5").write_bytes(b"x"), "HDF5 file cannot be read"),
+        (
+            lambda f: (f / "data/recordings/001-rest.h5").write_bytes(b"x"),
+            "001-rest.h5: it is not the file that the journal names",
+        ),
         (lambda f: (f / "data/recordings/001-rest.h5").unlink(), "the recording is missing"),
         (lambda f: (f / "bagit.txt").write_text("BagIt-Version: 0.97\n"), "not the declaration"),
     ],
@@ -206,13 +238,90 @@ def test_another_catalogue_in_a_fresh_bag_is_found(writable):
 
 
 def test_other_rows_in_a_fresh_bag_are_found(writable):
-    """A recording that was changed afterwards does not have the hashes of the journal."""
-    import h5py  # noqa: PLC0415 - only this test opens one for writing
+    """A recording that was changed afterwards is not the file that the journal names, and is not even opened."""
+    change_a_row(writable)
+    rebag(writable)
+    assert "001-rest.h5: it is not the file that the journal names" in messages(writable)
 
-    with h5py.File(writable / "data/recordings/001-rest.h5", "r+") as file:
-        file["channels/x"][50] = 0.0
+
+def test_other_rows_that_the_journal_names_are_found(writable):
+    """Who also writes the journal's end anew has the hashes of the rows against him."""
+    change_a_row(writable)
+    path = writable / "data/journal.jsonl"
+    *lines, end = path.read_bytes().splitlines()
+    value = json.loads(end)
+    value["wall"]["files"] = inventory(writable)
+    path.write_bytes(b"\n".join([*lines, canonical(value), b""]))
     rebag(writable)
     assert "its first 100 rows are not those" in messages(writable)
+
+
+def change_a_row(folder):
+    """Change one number of the recording."""
+    import h5py  # noqa: PLC0415 - only here one is opened for writing
+
+    with h5py.File(folder / "data/recordings/001-rest.h5", "r+") as file:
+        file["channels/x"][50] = 0.0
+
+
+PAYLOAD = sorted({*OF_ALL_RUNS, *OF_THIS_PLACE, *WRITTEN_BY_THE_RUN})
+
+
+@pytest.mark.parametrize("name", PAYLOAD)
+def test_every_file_is_named_in_the_journal(writable, name):
+    """Whatever file is changed, taken away or added in a fresh bag, the journal tells which."""
+    path = writable / name
+    before = path.read_bytes()
+    path.write_bytes(before + b" ")
+    rebag(writable)
+    assert f"{name}: it is not" in messages(writable)
+    path.unlink()
+    rebag(writable)
+    assert f"{name}: " in messages(writable)
+    path.write_bytes(before)
+    (writable / f"{name}.too").write_bytes(b"")
+    rebag(writable)
+    assert f"{name}.too: the journal does not name it" in messages(writable)
+
+
+def test_what_changed_between_the_first_step_and_the_seal_is_found(folder):
+    """A frozen file must still be what it was when the run began."""
+    journal = begin(folder)
+    whole_case(folder, journal)
+    (folder / "data/bench/bench.yaml").write_text("other: limits\n")
+    seal(folder, journal, exit_code=0, write_reports=write_report)
+    assert "bench.yaml: it is not what was frozen before the first step" in messages(folder)
+
+
+def test_the_end_of_the_journal_is_as_it_was_written(writable):
+    """No line follows the last one and holds its hash, so its own bytes must be canonical."""
+    path = writable / "data/journal.jsonl"
+    *lines, end = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join([*lines, end.replace(b'"wall":{', b'"wall":{ ')]))
+    rebag(writable)
+    assert "not canonical JSON" in messages(writable)
+
+
+def test_a_socket_in_a_package_is_found(monkeypatch, writable):
+    """It is named, and nobody talks to it."""
+    monkeypatch.chdir(writable / "data")
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind("s")
+    assert "data/s: only plain files belong into a package, this is a socket" in messages(writable)
+
+
+def test_nothing_is_read_through_a_link(tmp_path, writable):
+    """A folder that is a link to the true one is a finding, and nothing else is looked at."""
+    (writable / "data").rename(tmp_path / "elsewhere")
+    (writable / "data").symlink_to(tmp_path / "elsewhere")
+    assert messages(writable) == "data: only plain files belong into a package, this is a link"
+
+
+def test_a_damaged_package_has_no_digest(writable):
+    """Neither digest nor verdict of it could be taken for the sealed ones."""
+    (writable / "data/dut.json").write_bytes(b"{}")
+    found = verify(writable)
+    assert (found.state, found.evidence_digest, found.content_digest, found.verdict) == (State.DAMAGED, "", "", "")
 
 
 def test_a_chain_that_was_cut_in_a_fresh_bag_is_found(writable):
@@ -331,11 +440,30 @@ def test_rows_that_changed_behind_the_runs_back_are_kept_and_told(folder):
 
 
 def test_what_was_frozen_is_what_the_run_was_begun_with(folder):
-    """A calibration record that the run's first event does not name is found; so is a format of the future."""
-    sealed_run(folder, format=2, calibration="0" * 64)
-    found = messages(folder)
-    assert "not the calibration that the run was begun with" in found
-    assert "format 2 is not known" in found
+    """A calibration record that the run's first event does not name is found."""
+    sealed_run(folder, calibration="0" * 64)
+    assert "not the calibration that the run was begun with" in messages(folder)
+
+
+def test_a_format_of_the_future_is_not_judged(folder):
+    """It is neither whole nor damaged, and one sentence says what to do; nothing derives anything from it."""
+    sealed_run(folder, format=2, version="9.1.0")
+    found = verify(folder)
+    way_out = "use the version that wrote it (9.1.0), or a newer one"
+    assert (found.state, found.ok, found.evidence_digest) == (State.UNKNOWN, False, "")
+    assert [finding.message for finding in found.findings] == [
+        f"the package has format 2, and this version of hil reads format 1; {way_out}"
+    ]
+    with pytest.raises(UnknownFormat, match="format 2"):
+        Package(folder).results()
+
+
+def test_a_format_of_the_future_hides_no_damage(folder):
+    """What the manifests say holds for every format."""
+    sealed_run(folder, format=2)
+    (folder / "data").chmod(0o755)
+    (folder / "data/stray").write_text("x")
+    assert "data/stray: manifest-sha256.txt does not name it" in messages(folder)
 
 
 def test_what_is_no_run_says_so(tmp_path):

@@ -8,14 +8,29 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from hil.documents.canonical import JsonError, parse_strict
-from hil.evidence.durable import sync_file, sync_folder
+from hil.evidence.durable import open_plain, read_plain, sync_file, sync_folder
 from hil.evidence.folder import JOURNAL, TORN
+from hil.evidence.journal.quick_json import quick_canonical
 from hil.model.errors import EvidenceError, Finding
 
-__all__ = ["FIRST", "Body", "JournalLine", "JournalReading", "cut_torn_tail", "read_journal"]
+__all__ = [
+    "FIRST",
+    "FORMAT",
+    "LONGEST_LINE",
+    "Body",
+    "JournalLine",
+    "JournalReading",
+    "UnknownFormat",
+    "cut_torn_tail",
+    "read_journal",
+    "require_known_format",
+]
+
+FORMAT = 1
+"""The format of packages that this version writes and reads."""
 
 Body = Mapping[str, Any]
 """The body of one event: JSON values, `seq`, `t` and `kind` among them."""
@@ -23,18 +38,43 @@ Body = Mapping[str, Any]
 FIRST = "0" * 64
 """What the first line names as its predecessor."""
 
+LONGEST_LINE = 64_000_000
+"""No event is longer than this; what is longer is not held in memory."""
+
 _START = b'{"body":'
 _BEFORE_PREVIOUS = b',"prev":"'
+_AFTER_PREVIOUS = b'","wall":'
+_BLOCK = 1 << 20
+
+
+class UnknownFormat(EvidenceError):
+    """A package of a format that this version does not read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JournalLine:
-    """One event: its line number from 1, its body, its wall stamp, and the body's bytes."""
+    """One event.
+
+    Attributes:
+        number: the line's number, from 1.
+        body: the event.
+        wall: what is true of this place and moment only: the stamp, and hashes of files that hold such things.
+        raw: the body's bytes.
+        rest: the line's bytes behind the body.
+    """
 
     number: int
     body: Body
     wall: Body
     raw: bytes
+    rest: bytes
+
+    @property
+    def canonical(self) -> bool:
+        """Whether every byte of the line is as the writer writes it."""
+        end = len(_BEFORE_PREVIOUS) + len(FIRST)
+        wall = b"%b%b}" % (_AFTER_PREVIOUS, quick_canonical(self.wall))
+        return quick_canonical(self.body) == self.raw and self.rest[end:] == wall
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +83,7 @@ class JournalReading:
 
     Attributes:
         lines: the lines that could be read.
-        torn: bytes after the last newline.
+        torn: bytes after the last newline, `LONGEST_LINE` at most.
         findings: where lines cannot be read, or chain or sequence break.
         head: SHA-256 of the last line.
     """
@@ -74,25 +114,27 @@ def read_journal(path: Path) -> JournalReading:
         EvidenceError: where there is no file to read.
     """
     try:
-        data = path.read_bytes()
+        with open_plain(path) as stream:
+            return _reading(stream)
     except OSError as error:
         raise EvidenceError(
             f"{path}: the journal cannot be read: {error.strerror}", "is this a run's folder?"
         ) from error
-    whole, torn = _split(data)
-    lines: list[JournalLine] = []
-    findings: list[Finding] = []
-    previous = FIRST
-    for number, raw in enumerate(whole, 1):
-        try:
-            line, named = _line(number, raw)
-        except JsonError as error:
-            findings.append(_finding(number, error.message))
-        else:
-            lines.append(line)
-            findings.extend(_out_of_place(line, named, previous))
-        previous = hashlib.sha256(raw).hexdigest()
-    return JournalReading(lines=tuple(lines), torn=torn, findings=tuple(findings), head=previous)
+
+
+def require_known_format(reading: JournalReading) -> None:
+    """Look whether this version knows the format that a run's first event names.
+
+    Raises:
+        UnknownFormat: where it does not.
+    """
+    run = next((event for event in reading.events[:1] if event["kind"] == "run"), None)
+    if run is None or ((found := run.get("format")) == FORMAT and type(found) is int):
+        return
+    raise UnknownFormat(
+        f"the package has format {found}, and this version of hil reads format {FORMAT}",
+        f"use the version that wrote it ({run.get('version', 'unknown')}), or a newer one",
+    )
 
 
 def cut_torn_tail(folder: Path) -> int:
@@ -101,37 +143,82 @@ def cut_torn_tail(folder: Path) -> int:
     The tail is on the disk in its new place before it goes from the old one.
     """
     journal, kept = folder / JOURNAL, folder / TORN
-    data = journal.read_bytes()
-    _, torn = _split(data)
-    if not torn:
-        return 0
-    already = kept.read_bytes() if kept.exists() else b""
+    with open_plain(journal) as stream:
+        size, begin = _torn_part(stream)
+        if begin == size:
+            return 0
+        stream.seek(begin)
+        torn = stream.read(size - begin)
+    already = read_plain(kept) if kept.exists() else b""
     if not already.endswith(torn):
         with kept.open("ab") as stream:
             stream.write(torn)
         sync_file(kept)
         sync_folder(kept.parent)
-    os.truncate(journal, len(data) - len(torn))
+    os.truncate(journal, begin)
     sync_file(journal)
     return len(torn)
 
 
-def _split(data: bytes) -> tuple[list[bytes], bytes]:
-    *whole, torn = data.split(b"\n")
-    return whole, torn
+def _torn_part(stream: BinaryIO) -> tuple[int, int]:
+    """Return the size of a journal, and where what stands behind its last newline begins."""
+    size = begin = stream.seek(0, os.SEEK_END)
+    while begin:
+        start = max(0, begin - _BLOCK)
+        stream.seek(start)
+        newline = stream.read(begin - start).rfind(b"\n")
+        if newline >= 0:
+            return size, start + newline + 1
+        begin = start
+    return size, 0
 
 
-def _line(number: int, raw: bytes) -> tuple[JournalLine, str]:
+def _reading(stream: BinaryIO) -> JournalReading:
+    lines: list[JournalLine] = []
+    findings: list[Finding] = []
+    previous, torn = FIRST, b""
+    for number, (raw, head) in enumerate(_raw_lines(stream), 1):
+        if not raw.endswith(b"\n"):
+            torn = raw
+            break
+        try:
+            line, named = _line(number, raw[:-1], whole=head is None)
+        except JsonError as error:
+            findings.append(_finding(number, error.message))
+        else:
+            lines.append(line)
+            findings.extend(_out_of_place(line, named, previous))
+        previous = head or hashlib.sha256(raw[:-1]).hexdigest()
+    return JournalReading(lines=tuple(lines), torn=torn, findings=tuple(findings), head=previous)
+
+
+def _raw_lines(stream: BinaryIO) -> Iterator[tuple[bytes, str | None]]:
+    """Give line by line; of one that is too long only its newline if it has one, and the hash before that."""
+    while raw := stream.readline(LONGEST_LINE + 1):
+        if raw.endswith(b"\n") or len(raw) <= LONGEST_LINE:
+            yield raw, None
+            continue
+        content, last = hashlib.sha256(), raw
+        while not last.endswith(b"\n") and (further := stream.readline(_BLOCK)):
+            content.update(last)
+            last = further
+        content.update(last.removesuffix(b"\n"))
+        yield (b"\n" if last.endswith(b"\n") else raw[:LONGEST_LINE]), content.hexdigest()
+
+
+def _line(number: int, raw: bytes, *, whole: bool) -> tuple[JournalLine, str]:
+    if not whole:
+        raise JsonError(f"a line of more than {LONGEST_LINE} bytes")
     value = parse_strict(raw)
     if not isinstance(value, dict) or value.keys() != {"body", "prev", "wall"}:
         raise JsonError("a line has body, prev and wall")
     body, previous, stamp = value["body"], value["prev"], value["wall"]
     if not isinstance(body, dict) or not isinstance(previous, str) or not isinstance(stamp, dict):
         raise JsonError("body and wall are objects, prev is text")
-    if not isinstance(body.get("kind"), str) or not isinstance(body.get("t"), int | float):
+    if not isinstance(body.get("kind"), str) or type(body.get("t")) not in {int, float}:
         raise JsonError("a body has a kind, and t in seconds")
     cut = raw.rfind(_BEFORE_PREVIOUS)
-    return JournalLine(number=number, body=body, wall=stamp, raw=raw[len(_START) : cut]), previous
+    return JournalLine(number=number, body=body, wall=stamp, raw=raw[len(_START) : cut], rest=raw[cut:]), previous
 
 
 def _out_of_place(line: JournalLine, named: str, previous: str) -> Iterator[Finding]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path, PurePosixPath
 
-from hil.evidence.durable import sha256_of, sync_file, sync_folder, write_whole
+from hil.evidence.durable import read_plain, sha256_of, sync_file, sync_folder, write_whole
 from hil.evidence.folder import REPORT, SEAL
+from hil.evidence.package.listing import list_folder, shown
 from hil.model.errors import Finding
 
 __all__ = [
@@ -24,11 +24,10 @@ __all__ = [
     "info_text",
     "make_read_only",
     "manifest_text",
-    "odd_entries",
+    "payload_of",
     "put_seal",
     "read_manifest",
     "tag_manifest_text",
-    "top_entries",
     "write_manifests",
 ]
 
@@ -41,9 +40,18 @@ _ENCODED = {"%": "%25", "\n": "%0A", "\r": "%0D"}
 _LINE = re.compile(r"([0-9a-f]{64})  ([^\r\n]+)")
 
 
+def payload_of(files: Iterable[str]) -> tuple[str, ...]:
+    """Return those paths of a folder that are below `data`."""
+    return tuple(path for path in files if path.startswith("data/"))
+
+
 def hash_payload(folder: Path) -> dict[str, str]:
-    """Return path and SHA-256 of every file below `data`, sorted as manifests are."""
-    return {path: sha256_of(folder / path) for path in _files(folder, "data")}
+    """Return path and SHA-256 of every plain file below `data`, sorted as manifests are.
+
+    Raises:
+        OSError: where one cannot be read.
+    """
+    return {path: sha256_of(folder / path) for path in payload_of(list_folder(folder).files)}
 
 
 def manifest_text(hashes: Mapping[str, str]) -> bytes:
@@ -73,12 +81,12 @@ def info_text(folder: Path, *, identifier: str, date: str, content: str, version
         content: the content digest.
         version: the version of the product that made the run.
     """
-    sizes = [(folder / path).stat().st_size for path in _files(folder, "data")]
+    sizes = [(folder / path).lstat().st_size for path in payload_of(list_folder(folder).files)]
     fields = {
         "Bag-Software-Agent": f"hil {version}",
         "Bagging-Date": date,
         "Content-Digest": content,
-        "External-Identifier": identifier,
+        "External-Identifier": shown(identifier),
         "Payload-Oxum": f"{sum(sizes)}.{len(sizes)}",
     }
     return "".join(f"{name}: {value}\n" for name, value in fields.items()).encode()
@@ -108,28 +116,13 @@ def put_seal(folder: Path) -> None:
 
 
 def make_read_only(folder: Path) -> None:
-    """Take the right to write from everybody, files first and then their folders."""
+    """Take the right to write from everybody, files first and then their folders; links are left alone."""
     for root, _, names in os.walk(folder, topdown=False):
         for name in names:
-            Path(root, name).chmod(0o444)
+            path = Path(root, name)
+            if not path.is_symlink():
+                path.chmod(0o444)
         Path(root).chmod(0o555)
-
-
-def odd_entries(folder: Path) -> Iterator[Finding]:
-    """Give a finding for everything in the folder that a bag must not have: links, devices, names that collide."""
-    seen: dict[str, str] = {}
-    for path in _entries(folder):
-        mode = (folder / path).lstat().st_mode
-        if not stat.S_ISREG(mode):
-            yield _finding(path, "only plain files belong into a package, this is a link or something special")
-        twin = seen.setdefault(path.casefold(), path)
-        if twin != path:
-            yield _finding(path, f"its name differs from {_shown(twin)} by case only")
-
-
-def top_entries(folder: Path) -> list[str]:
-    """Return every entry of the folder that is not below `data`, sorted."""
-    return [path for path in _entries(folder) if not path.startswith("data/")]
 
 
 def read_manifest(folder: Path, name: str) -> tuple[dict[str, str], list[Finding]]:
@@ -137,7 +130,7 @@ def read_manifest(folder: Path, name: str) -> tuple[dict[str, str], list[Finding
     entries: dict[str, str] = {}
     findings: list[Finding] = []
     try:
-        lines = (folder / name).read_bytes().decode("utf-8", errors="surrogateescape").split("\n")
+        lines = read_plain(folder / name).decode("utf-8", errors="surrogateescape").split("\n")
     except OSError as error:
         return {}, [_finding(name, f"cannot be read: {error.strerror}")]
     if lines.pop() != "":
@@ -148,9 +141,9 @@ def read_manifest(folder: Path, name: str) -> tuple[dict[str, str], list[Finding
         if not match:
             findings.append(_finding(name, "a line is a SHA-256, two spaces and a path", number))
         elif _leaves(path):
-            findings.append(_finding(name, f"{_shown(path)} leads out of the package", number))
+            findings.append(_finding(name, f"{shown(path)} leads out of the package", number))
         elif path in entries:
-            findings.append(_finding(name, f"{_shown(path)} is named twice", number))
+            findings.append(_finding(name, f"{shown(path)} is named twice", number))
         else:
             entries[path] = match[1]
     return entries, findings
@@ -159,23 +152,6 @@ def read_manifest(folder: Path, name: str) -> tuple[dict[str, str], list[Finding
 def _leaves(path: str) -> bool:
     parts = path.split("/")
     return path.startswith(("/", "~")) or "\\" in path or any(part in {"", ".", ".."} for part in parts)
-
-
-def _entries(folder: Path) -> Iterator[str]:
-    """Give every entry but folders, links to folders included, sorted."""
-    found = []
-    for root, folders, names in os.walk(folder):
-        links = [name for name in folders if Path(root, name).is_symlink()]
-        found += [Path(root, name).relative_to(folder).as_posix() for name in names + links]
-    yield from sorted(found, key=os.fsencode)
-
-
-def _files(folder: Path, below: str) -> list[str]:
-    return [path for path in _entries(folder) if path.startswith(f"{below}/") and _is_plain(folder / path)]
-
-
-def _is_plain(path: Path) -> bool:
-    return stat.S_ISREG(path.lstat().st_mode)
 
 
 def _encode(path: str) -> str:
@@ -188,9 +164,5 @@ def _decode(text: str) -> str:
     return text
 
 
-def _shown(path: str) -> str:
-    return os.fsencode(path).decode("utf-8", errors="replace")
-
-
 def _finding(path: str, message: str, line: int = 0) -> Finding:
-    return Finding(path=_shown(path), line=line, column=1 if line else 0, message=message)
+    return Finding(path=shown(path), line=line, column=1 if line else 0, message=message)

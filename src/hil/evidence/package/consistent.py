@@ -7,12 +7,13 @@ from functools import partial
 from pathlib import Path
 
 from hil.documents.canonical import canonical
-from hil.evidence.durable import sha256_of
+from hil.evidence.durable import read_plain
 from hil.evidence.folder import ATTACHMENTS, CALIBRATION, CATALOGUE, JOURNAL, PARAMETERS, RECORDINGS, RESULTS
-from hil.evidence.journal.quick_json import quick_canonical
 from hil.evidence.journal.reader import Body, JournalReading
 from hil.evidence.package.bag import INFO
+from hil.evidence.package.inventory import file_findings, hashes_at_end
 from hil.evidence.package.judged import judge_again
+from hil.evidence.package.listing import shown
 from hil.evidence.package.sealing import info_of
 from hil.evidence.recordings.hdf5 import hashes_of
 from hil.evidence.results.derived import results_of
@@ -21,33 +22,41 @@ from hil.model.errors import Finding, HilError
 
 __all__ = ["content_findings", "guarded", "results_event"]
 
-_HOSTILE = (HilError, OSError, KeyError, TypeError, ValueError, AttributeError, IndexError, RecursionError)
+Hashes = Mapping[str, str]
+"""Path and SHA-256 of every file below `data`, as they are now."""
 
 
-def content_findings(folder: Path, reading: JournalReading) -> Iterator[Finding]:
-    """Derive again whatever the package claims, and give every difference."""
+def content_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
+    """Derive again whatever the package claims, and give every difference.
+
+    Args:
+        folder: the run's folder.
+        reading: its journal.
+        hashes: path and SHA-256 of every file below `data`, as they are now.
+    """
     for look in (
         _journal_findings,
         _info_findings,
-        _frozen_findings,
+        _file_findings,
+        _begun_findings,
         _results_findings,
         _recording_findings,
         _attachment_findings,
         _check_findings,
     ):
-        yield from guarded(partial(look, folder, reading))
+        yield from guarded(partial(look, folder, reading, hashes))
 
 
 def guarded(look: Callable[[], Iterator[Finding]]) -> Iterator[Finding]:
     """Turn whatever hostile content makes of a look into a finding."""
     try:
         yield from look()
-    except _HOSTILE as error:
+    except Exception as error:  # noqa: BLE001 - whoever made the content chooses what goes wrong in reading it
         what = error.message if isinstance(error, HilError) else f"{type(error).__name__}: {error}"
         yield Finding("data", 0, 0, f"verification cannot go on here: {what}")
 
 
-def _journal_findings(_: Path, reading: JournalReading) -> Iterator[Finding]:
+def _journal_findings(_: Path, reading: JournalReading, __: Hashes) -> Iterator[Finding]:
     yield from reading.findings
     if reading.torn:
         yield Finding(JOURNAL, 0, 0, f"{len(reading.torn)} bytes at the end are half a line")
@@ -55,39 +64,41 @@ def _journal_findings(_: Path, reading: JournalReading) -> Iterator[Finding]:
     if kinds[:1] != ["run"] or kinds[-2:] != ["results", "end"] or kinds.count("results") != 1:
         yield Finding(JOURNAL, 0, 0, "a sealed journal begins with run, and ends with results and end, each once")
     for line in reading.lines:
-        if quick_canonical(line.body) != line.raw:
+        if not line.canonical:
             yield Finding(JOURNAL, line.number, 1, "this is not canonical JSON")
 
 
-def _info_findings(folder: Path, reading: JournalReading) -> Iterator[Finding]:
-    text = (folder / INFO).read_bytes()
+def _info_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterator[Finding]:
+    text = read_plain(folder / INFO)
     names = [line.removeprefix(b"External-Identifier: ") for line in text.split(b"\n") if line.startswith(b"Ext")]
     if len(names) != 1 or text != info_of(folder, names[0].decode(), reading):
         yield Finding(INFO, 0, 0, "it does not say what the journal and the files say")
 
 
-def _frozen_findings(folder: Path, reading: JournalReading) -> Iterator[Finding]:
+def _file_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
+    yield from file_findings(reading, hashes)
+
+
+def _begun_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
     run = reading.events[0] if reading.events else {}
-    if run.get("format") != 1:
-        yield Finding(JOURNAL, 1, 1, f"format {run.get('format')} is not known to this version, use a newer one")
     for field, path in (("catalogue", CATALOGUE), ("parameters", PARAMETERS), ("calibration", CALIBRATION)):
-        named = field == "catalogue" or (field in run and (folder / path).exists())
-        if named and run.get(field) != sha256_of(folder / path):
+        if run.get(field) != hashes.get(path):
             yield Finding(path, 0, 0, f"this is not the {field} that the run was begun with")
 
 
-def _results_findings(folder: Path, reading: JournalReading) -> Iterator[Finding]:
-    data = (folder / RESULTS).read_bytes()
-    if results_event(reading).get("sha256") != sha256_of(folder / RESULTS):
+def _results_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
+    if results_event(reading).get("sha256") != hashes.get(RESULTS):
         yield Finding(RESULTS, 0, 0, "the journal names other results")
     derived = results_of(folder, reading)
-    if canonical(derived) != data:
-        yield Finding(RESULTS, 0, 0, "journal and frozen catalogue give other results")
     if results_event(reading).get("verdict") != derived["verdict"]:
         yield Finding(JOURNAL, 0, 0, f"the run's verdict is {derived['verdict']}, and not what the journal says")
+    if canonical(derived) != read_plain(folder / RESULTS):
+        yield Finding(RESULTS, 0, 0, "journal and frozen catalogue give other results")
 
 
-def _recording_findings(folder: Path, reading: JournalReading) -> Iterator[Finding]:
+def _recording_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
+    """Compare rows with the journal's hashes; a file that is not the one the run wrote is not even opened."""
+    written = hashes_at_end(reading)
     claims: dict[str, dict[int, str]] = {}
     ended: dict[str, int] = {}
     for event in reading.events:
@@ -100,10 +111,10 @@ def _recording_findings(folder: Path, reading: JournalReading) -> Iterator[Findi
     for identifier, claim in claims.items():
         path = f"{RECORDINGS}/{identifier}.h5"
         if identifier not in ended:
-            yield Finding(path, 0, 0, "the journal has no end of this recording")
-        elif not (folder / path).is_file():
-            yield Finding(path, 0, 0, "the recording is missing")
-        else:
+            yield Finding(shown(path), 0, 0, "the journal has no end of this recording")
+        elif path not in hashes:
+            yield Finding(shown(path), 0, 0, "the recording is missing")
+        elif hashes[path] == written.get(path):
             yield from guarded(partial(_row_findings, folder, path, claim, ended[identifier]))
 
 
@@ -117,15 +128,15 @@ def _row_findings(folder: Path, path: str, claim: Mapping[int, str], rows: int) 
             yield Finding(path, 0, 0, f"its first {due} rows are not those that the journal names")
 
 
-def _attachment_findings(folder: Path, reading: JournalReading) -> Iterator[Finding]:
+def _attachment_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
     for event in reading.events:
         if event["kind"] == "attachment":
-            path = f"{ATTACHMENTS}/{Path(event['file']).name}"
-            if not (folder / path).is_file() or sha256_of(folder / path) != event["sha256"]:
-                yield Finding(path, 0, 0, "this is not the attachment that the journal names")
+            path = f"{ATTACHMENTS}/{event['file']}"
+            if hashes.get(path) != event["sha256"]:
+                yield Finding(shown(path), 0, 0, "this is not the attachment that the journal names")
 
 
-def _check_findings(folder: Path, reading: JournalReading) -> Iterator[Finding]:
+def _check_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterator[Finding]:
     catalogue = facts_of(folder, reading).catalogue
     for line in reading.lines:
         if line.body["kind"] == "check":

@@ -6,8 +6,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from hil.evidence.durable import read_plain
 from hil.evidence.folder import JOURNAL, RECORDINGS, RESULTS, TRANSCRIPT, is_sealed
-from hil.evidence.journal.reader import Body, JournalLine, JournalReading, read_journal
+from hil.evidence.journal.reader import Body, JournalLine, JournalReading, read_journal, require_known_format
 from hil.evidence.package.bag import MANIFEST, digest_of_manifest, evidence_digest
 from hil.evidence.recordings.hdf5 import Recorded, read_recording
 from hil.evidence.results.derived import Derived, results_of
@@ -46,7 +47,7 @@ class Package:
     def evidence_digest(self) -> str:
         """What the seal says it is; before the seal, the digest of what is in the folder now."""
         if self.sealed:
-            return digest_of_manifest((self.folder / MANIFEST).read_bytes())
+            return digest_of_manifest(self._bytes(MANIFEST))
         return evidence_digest(self.folder)
 
     @property
@@ -56,7 +57,9 @@ class Package:
 
     @cached_property
     def _reading(self) -> JournalReading:
-        return read_journal(self.folder / JOURNAL)
+        reading = read_journal(self.folder / JOURNAL)
+        require_known_format(reading)
+        return reading
 
     @cached_property
     def _events(self) -> tuple[Body, ...]:
@@ -84,9 +87,9 @@ class Package:
 
     def results(self) -> Derived:
         """Return the results: as sealed, or derived from the journal so far."""
-        path = self.folder / RESULTS
+        path, reading = self.folder / RESULTS, self._reading
         if not path.exists():
-            return results_of(self.folder, self._reading)
+            return results_of(self.folder, reading)
         results = read_json(path)
         if not isinstance(results, dict):
             raise EvidenceError(f"{path}: these are no results", "see hil verify")
@@ -127,12 +130,22 @@ class Package:
             EvidenceError: where there is no such text inside the package.
         """
         try:
-            return self._inside(relative).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
+            return self._bytes(relative).decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise EvidenceError(f"{self.name}/{relative}: this is no text: {error}", "see hil verify") from error
+
+    def _bytes(self, relative: str) -> bytes:
+        try:
+            return read_plain(self._inside(relative))
+        except OSError as error:
             raise EvidenceError(f"{self.name}/{relative}: cannot be read: {error}", "see hil verify") from error
 
     def _inside(self, relative: str) -> Path:
-        path = (self.folder / relative).resolve()
-        if not path.is_relative_to(self.folder.resolve()):
+        try:
+            path = (self.folder / relative).resolve()
+            inside = path.is_relative_to(self.folder.resolve())
+        except (OSError, RuntimeError, ValueError):  # links in a circle, names that no file can have
+            inside = False
+        if not inside:
             raise EvidenceError(f"{self.name}: {relative} is outside of the package", "name a file of the package")
         return path

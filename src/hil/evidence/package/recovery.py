@@ -5,11 +5,12 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+from hil.evidence.durable import read_plain
 from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE, hold, is_sealed
 from hil.evidence.journal.reader import Body, cut_torn_tail, read_journal
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.bag import MANIFEST, digest_of_manifest, make_read_only
-from hil.evidence.package.sealing import ReportWriter, finish, seal
+from hil.evidence.package.sealing import ReportWriter, finish, seal, write_end
 from hil.evidence.recordings.rows import Rows
 from hil.model.errors import EvidenceError, Refused
 from hil.model.verdict import Verdict
@@ -34,7 +35,7 @@ def recover(folder: Path, *, write_reports: ReportWriter) -> str:
         if not is_sealed(folder):
             return _seal_as_it_is(folder, write_reports)
         make_read_only(folder)
-        return digest_of_manifest((folder / MANIFEST).read_bytes())
+        return digest_of_manifest(read_plain(folder / MANIFEST))
 
 
 def _seal_as_it_is(folder: Path, write_reports: ReportWriter) -> str:
@@ -49,7 +50,7 @@ def _seal_as_it_is(folder: Path, write_reports: ReportWriter) -> str:
         return finish(folder, write_reports)
     with Journal(folder / JOURNAL, reserve=folder / RESERVE) as journal:
         if "results" in kinds:
-            _write_end(journal, reading.events)
+            _write_end(folder, journal, reading.events)
             return finish(folder, write_reports)
         if torn or "recovered" not in kinds:
             text = "the run was interrupted and is sealed as it is"
@@ -58,10 +59,9 @@ def _seal_as_it_is(folder: Path, write_reports: ReportWriter) -> str:
         return seal(folder, journal, exit_code=EXIT_CODE, write_reports=write_reports)
 
 
-def _write_end(journal: Journal, events: tuple[Body, ...]) -> None:
+def _write_end(folder: Path, journal: Journal, events: tuple[Body, ...]) -> None:
     verdict = Verdict(next(event["verdict"] for event in events if event["kind"] == "results"))
-    journal.write("end", journal.last_t, state="SEALED", exit_code=0 if verdict.good else 1)
-    journal.close()
+    write_end(folder, journal, exit_code=0 if verdict.good else 1)
 
 
 def _end_recordings(folder: Path, journal: Journal, events: tuple[Body, ...]) -> None:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from hil.documents.canonical import canonical
-from hil.evidence.durable import DISK_FULL, PART, sync_folder, write_whole
-from hil.evidence.folder import INBOX, JOURNAL, RECORDINGS, RESERVE, RESULTS, SEAL, free_reserve
+from hil.evidence.durable import DISK_FULL, sync_folder, write_whole
+from hil.evidence.folder import INBOX, JOURNAL, RECORDINGS, RESERVE, RESULTS, free_reserve
 from hil.evidence.inbox import Message, poll
 from hil.evidence.journal.reader import Body, JournalReading, read_journal
 from hil.evidence.journal.writer import Journal
@@ -22,11 +22,13 @@ from hil.evidence.package.bag import (
     put_seal,
     write_manifests,
 )
+from hil.evidence.package.inventory import inventory, remove_halves
+from hil.evidence.package.listing import list_folder
 from hil.evidence.recordings.hdf5 import convert
 from hil.evidence.results.derived import results_of
 from hil.model.errors import EvidenceError
 
-__all__ = ["ReportWriter", "end_journal", "finish", "info_of", "seal", "write_message"]
+__all__ = ["ReportWriter", "finish", "info_of", "seal", "write_end", "write_message"]
 
 ReportWriter = Callable[[Path], None]
 """Writes `data/report/*` into the run's folder; everything else in `data` is final by then."""
@@ -47,17 +49,18 @@ def seal(folder: Path, journal: Journal, *, exit_code: int, write_reports: Repor
         EvidenceError: where the disk is full or fails; the folder stays as it is, and can be recovered.
     """
     try:
-        end_journal(folder, journal, exit_code=exit_code)
+        _write_results(folder, journal)
+        write_end(folder, journal, exit_code=exit_code)
         return finish(folder, write_reports)
     except OSError as error:
         what = "disk full" if error.errno in DISK_FULL else str(error)
         raise EvidenceError(
-            f"{folder.name}: cannot be sealed: {what}", "nothing is lost; free some space and seal it with hil resume"
+            f"{folder.name}: cannot be sealed: {what}", "nothing is lost; free some space and seal it with hil seal"
         ) from error
 
 
-def end_journal(folder: Path, journal: Journal, *, exit_code: int) -> None:
-    """Empty the inbox, convert the recordings, derive the results, and write the journal's last two events."""
+def _write_results(folder: Path, journal: Journal) -> None:
+    """Empty the inbox, convert the recordings, and derive the results."""
     for message in poll(folder):
         write_message(journal, journal.last_t, message)
     _convert_all(folder, journal)
@@ -65,7 +68,13 @@ def end_journal(folder: Path, journal: Journal, *, exit_code: int) -> None:
     data = canonical(results)
     write_whole(folder / RESULTS, data)
     journal.write("results", journal.last_t, sha256=hashlib.sha256(data).hexdigest(), verdict=results["verdict"])
-    journal.write("end", journal.last_t, state="SEALED", exit_code=exit_code)
+
+
+def write_end(folder: Path, journal: Journal, *, exit_code: int) -> None:
+    """Write the journal's last event, which names every file, and close the journal; the results are written."""
+    remove_halves(folder)
+    wall = {"files": inventory(folder)}
+    journal.write("end", journal.last_t, beside=wall, state="SEALED", exit_code=exit_code)
     journal.close()
 
 
@@ -130,11 +139,10 @@ def _convert_one(place: Path, begun: Body, ended: Mapping[str, Any] | None, jour
 
 
 def _tidy(folder: Path) -> None:
-    """Remove the reserve, the inbox, and files that a killed process left half written."""
+    """Remove the reserve, the inbox, empty folders, and files that a killed process left half written."""
     free_reserve(folder / RESERVE)
     if (folder / INBOX).exists():
         shutil.rmtree(folder / INBOX)
-    (folder / f"{SEAL}{PART}").unlink(missing_ok=True)
-    for place in (folder, folder / "data", folder / RECORDINGS):
-        for half in place.glob(f"*{PART}"):
-            half.unlink()
+    remove_halves(folder)
+    for empty in reversed(list_folder(folder).empty):  # the innermost come last
+        (folder / empty).rmdir()

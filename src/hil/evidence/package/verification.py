@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
 
-from hil.evidence.folder import JOURNAL, SEAL, is_held, is_sealed
-from hil.evidence.journal.reader import read_journal
-from hil.evidence.package.bag import digest_of_manifest, hash_payload, manifest_text
+from hil.evidence.durable import sha256_of
+from hil.evidence.folder import JOURNAL, SEAL, is_held, is_run, is_sealed
+from hil.evidence.journal.reader import UnknownFormat, read_journal, require_known_format
+from hil.evidence.package.bag import digest_of_manifest, manifest_text, payload_of
 from hil.evidence.package.consistent import content_findings, guarded, results_event
 from hil.evidence.package.intact import bag_findings
+from hil.evidence.package.listing import list_folder, shown
 from hil.model.errors import EvidenceError, Finding
 
 __all__ = ["State", "Verification", "verify"]
@@ -24,6 +27,8 @@ class State(StrEnum):
     INTERRUPTED = "INTERRUPTED"
     SEALED = "SEALED"
     DAMAGED = "DAMAGED"
+    UNKNOWN = "UNKNOWN"
+    """Sealed in a format that this version does not read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,9 +39,9 @@ class Verification:
         folder: the run's folder.
         state: SEALED where nothing is wrong with the seal and what is below it.
         findings: everything that is wrong.
-        evidence_digest: the digest of what is there now, empty without a seal.
-        content_digest: the digest over the journal's bodies, empty without a journal.
-        verdict: the run's verdict, empty without results.
+        evidence_digest: what the package is named by; empty unless it is SEALED: a computed one would name the damage.
+        content_digest: the digest over the journal's bodies; empty unless it is SEALED.
+        verdict: the run's verdict; empty unless it is SEALED.
         complete: whether the run went to its own end; one that was interrupted never counts as verified.
     """
 
@@ -55,48 +60,69 @@ class Verification:
 
 
 def verify(folder: Path) -> Verification:
-    """Verify a run's folder, offline and from its own bytes only.
+    """Verify a run's folder, offline and from its own bytes only; whatever is in it, nothing but findings comes out.
 
     Raises:
-        EvidenceError: where this is no run's folder at all, or its files cannot be opened.
+        EvidenceError: where this is no run's folder at all.
     """
-    if not (folder / "data").is_dir() and not is_sealed(folder):
-        raise EvidenceError(f"{folder}: this is no run's folder", "name a folder of reports/, see hil runs")
-    if not is_sealed(folder):
-        return _verify_unsealed(folder)
-    try:
-        hashes = hash_payload(folder)
-    except OSError as error:
-        raise EvidenceError(f"{folder}: cannot be read: {error}", "check who may read the package") from error
-    findings = list(guarded(partial(bag_findings, folder, hashes)))
+    held = is_held(folder)  # asked first: a run that ends in between is then sealed
+    if is_sealed(folder):
+        return _verify_sealed(folder)
+    if not is_run(folder):
+        raise EvidenceError(f"{shown(str(folder))}: this is no run's folder", "name a folder of reports/, see hil runs")
+    return _verify_unsealed(folder, State.RUNNING if held else State.INTERRUPTED)
+
+
+def _verify_sealed(folder: Path) -> Verification:
+    listing = list_folder(folder)
+    if listing.odd:  # where a folder may be a link, nothing below it is opened
+        return Verification(folder=folder, state=State.DAMAGED, findings=tuple(listing.findings()))
+    findings = list(listing.findings())
+    hashes: dict[str, str] = {}
+    for path in payload_of(listing.files):
+        findings += guarded(partial(_hash, folder, path, hashes))
+    findings += guarded(partial(bag_findings, folder, listing, hashes))
     try:
         reading = read_journal(folder / JOURNAL)
+        require_known_format(reading)
+    except UnknownFormat as error:
+        state = State.DAMAGED if findings else State.UNKNOWN
+        return Verification(folder=folder, state=state, findings=(*findings, Finding(JOURNAL, 1, 1, str(error))))
     except EvidenceError as error:
-        findings.append(Finding(JOURNAL, 0, 0, error.message))
+        return Verification(
+            folder=folder, state=State.DAMAGED, findings=(*findings, Finding(JOURNAL, 0, 0, error.message))
+        )
+    findings += content_findings(folder, reading, hashes)
+    if findings:
         return Verification(folder=folder, state=State.DAMAGED, findings=tuple(findings))
-    findings += content_findings(folder, reading)
     return Verification(
         folder=folder,
-        state=State.DAMAGED if findings else State.SEALED,
-        findings=tuple(findings),
+        state=State.SEALED,
+        findings=(),
         evidence_digest=digest_of_manifest(manifest_text(hashes)),
         content_digest=reading.content_digest,
-        verdict=str(results_event(reading).get("verdict", "")),
+        verdict=str(results_event(reading)["verdict"]),
         complete=not {"recovered", "stop"} & {event["kind"] for event in reading.events},
     )
 
 
-def _verify_unsealed(folder: Path) -> Verification:
-    held = is_held(folder)
-    why = "the run goes on" if held else "the run was interrupted, the package is incomplete"
-    findings = [Finding(SEAL, 0, 0, why)]
+def _hash(folder: Path, path: str, hashes: dict[str, str]) -> Iterator[Finding]:
+    try:
+        hashes[path] = sha256_of(folder / path)
+    except OSError as error:
+        yield Finding(shown(path), 0, 0, f"it cannot be read: {error.strerror}")
+
+
+def _verify_unsealed(folder: Path, state: State) -> Verification:
+    running = state is State.RUNNING
+    why = "the run goes on" if running else "the run was interrupted, the package is incomplete"
+    findings = [Finding(SEAL, 0, 0, why), *list_folder(folder).odd]
     try:
         reading = read_journal(folder / JOURNAL)
     except EvidenceError as error:
         findings.append(Finding(JOURNAL, 0, 0, error.message))
-        return Verification(folder=folder, state=State.INTERRUPTED, findings=tuple(findings))
+        return Verification(folder=folder, state=state, findings=tuple(findings))
     findings += reading.findings
-    if reading.torn and not held:
+    if reading.torn and not running:
         findings.append(Finding(JOURNAL, 0, 0, f"{len(reading.torn)} bytes at the end are half a line"))
-    state = State.RUNNING if held else State.INTERRUPTED
-    return Verification(folder=folder, state=state, findings=tuple(findings), content_digest=reading.content_digest)
+    return Verification(folder=folder, state=state, findings=tuple(findings))

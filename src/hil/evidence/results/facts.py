@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.documents.canonical import JsonError, canonical, parse_strict
-from hil.evidence.durable import write_whole
+from hil.evidence.durable import read_plain, write_whole
 from hil.evidence.folder import CALIBRATION, CATALOGUE
 from hil.evidence.journal.reader import JournalReading
 from hil.model.errors import EvidenceError
@@ -88,7 +88,7 @@ def read_json(path: Path) -> Any:  # noqa: ANN401 - JSON holds what it holds
         EvidenceError: where it is missing or is not strict JSON.
     """
     try:
-        return parse_strict(path.read_bytes())
+        return parse_strict(read_plain(path))
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read: {error.strerror}", "see hil verify") from error
     except JsonError as error:

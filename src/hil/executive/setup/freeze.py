@@ -1,59 +1,90 @@
-"""Freeze: what a run is judged by goes into its package before the first step."""
+"""Freeze: what a run is judged by goes into its package before the first step, and its hashes into the journal."""
 
 from __future__ import annotations
 
 import getpass
 import hashlib
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from hil.clock import wall
 from hil.documents.canonical import canonical
+from hil.evidence.folder import TRANSCRIPT
+from hil.evidence.package.inventory import inventory
+from hil.evidence.package.listing import shown
 from hil.evidence.results.facts import entries_of, freeze_calibration, freeze_catalogue
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.software import software_identity
 from hil.model.bench import BenchSpec
+from hil.model.errors import EvidenceError
 from hil.requirements.layout import LOCK, PARAMETERS, REQUIREMENTS
 
 __all__ = ["Frozen", "freeze"]
 
+_OF_THIS_PLACE = frozenset({"data/software.json", "data/place.json"})
+_READABLE = "every file of plans, fixtures and bench must be readable"
 _CATALOGUE_FILES = frozenset({REQUIREMENTS, LOCK, PARAMETERS})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frozen:
-    """Hashes of what was frozen, for the journal's first line."""
+    """Hashes of what was frozen, for the journal's first lines.
+
+    Attributes:
+        files: path in the package and SHA-256 of every file that equal runs have equal.
+        beside: the same of those that tell of this place and moment.
+    """
 
     catalogue: str
     parameters: str
     sources: str
     bench: str
     calibration: str
+    files: Mapping[str, str]
+    beside: Mapping[str, str]
 
 
 def freeze(configuration: Configuration, folder: Path) -> Frozen:
-    """Copy catalogue, parameters, sources, bench file and registers into the package."""
+    """Copy catalogue, parameters, sources, bench file and registers into the package.
+
+    Raises:
+        EvidenceError: where one of them cannot be read or written, or has a name that is no text.
+    """
+    try:
+        return _freeze(configuration, folder)
+    except OSError as error:
+        raise EvidenceError(f"{shown(str(error.filename))}: cannot be frozen: {error.strerror}", _READABLE) from error
+
+
+def _freeze(configuration: Configuration, folder: Path) -> Frozen:
     workspace = configuration.workspace
     entries = entries_of(configuration.catalogue.requirement(id_) for id_ in configuration.catalogue.ids)
     catalogue = freeze_catalogue(folder, entries)
     parameters = _parameters(configuration, folder)
     sources = hashlib.sha256()
     for path in sorted(_sources(configuration)):
-        shown = path.relative_to(workspace.root).as_posix()
+        shown_path = path.relative_to(workspace.root).as_posix()
         data = path.read_bytes()
         of_plan = path.name in _CATALOGUE_FILES and path.parent in configuration.plans
-        name = f"catalogue/{path.parent.name}/{path.name}" if of_plan else f"sources/{shown}"
+        name = f"catalogue/{path.parent.name}/{path.name}" if of_plan else f"sources/{shown_path}"
         _put(folder / "data" / name, data)
-        sources.update(f"{hashlib.sha256(data).hexdigest()}  {shown}\n".encode())
+        sources.update(f"{hashlib.sha256(data).hexdigest()}  {shown_path}\n".encode())
     bench = _bench(configuration, folder)
     calibration = freeze_calibration(folder, _calibration(configuration.bench))
     _put(folder / "data/dut.json", canonical({**asdict(configuration.dut), "format": 1}))
     _put(folder / "data/software.json", canonical(software_identity(workspace.root)))
     _put(folder / "data/place.json", canonical(_place(configuration)))
+    named = inventory(folder)
     return Frozen(
-        catalogue=catalogue, parameters=parameters, sources=sources.hexdigest(), bench=bench, calibration=calibration
+        catalogue=catalogue,
+        parameters=parameters,
+        sources=sources.hexdigest(),
+        bench=bench,
+        calibration=calibration,
+        files={path: digest for path, digest in named.items() if path not in _OF_THIS_PLACE | {TRANSCRIPT}},
+        beside={path: digest for path, digest in named.items() if path in _OF_THIS_PLACE},
     )
 
 

@@ -51,6 +51,7 @@ def write_head(
         overrides=dict(configuration.request.overrides),
         skips=dict(configuration.request.skips),
     )
+    write("frozen", files=frozen.files, beside={"files": frozen.beside})
     cases = [
         {
             "case": case.id,
