@@ -87,8 +87,15 @@ parameters:
 - {name: rates, values: ["-50", "50"], unit: deg/s}
 """
 PLAN = """schema: hil/requirements/1
+document: {id: ADCS-GYR, issue: "1.3", title: Gyroscope characterisation}
 requirements:
 - id: ADCS-GYR-030
+  parents: [ADCS-001]
+  level: equipment
+  stage: qualification
+  over: {temperature: ["10", "45"]}
+  limits:
+  - {parameter: rate_error, of: [x, y, z], unit: deg/s, min: "-0.5", max: "0.5", decision: guarded, min_tur: "2"}
   anomaly: The source gives the equation of axis x with the wrong sign.
 """
 Event = tuple[str, float, dict[str, Any]]

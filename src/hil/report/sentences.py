@@ -61,6 +61,8 @@ def _warnings(results: Body) -> Iterable[tuple[bool, str, str]]:
     yield flag(results, "tripped"), "TRIPPED", "the bench left its envelope and was made safe."
     unsafe = results.get("safe") is False
     yield unsafe, "NOT SAFE", "at least one output could not be proven in its safe state."
+    unknown = results.get("safe") is None
+    yield unknown, "SAFE STATE UNKNOWN", "no proof that the bench was left safe is on record."
     deviates = bool(texts(inner(results, "run"), "deviations"))
     yield deviates, "DEVIATION", "the run deviates from its plan; the report says how."
 

@@ -50,11 +50,13 @@ def _case_lines(case: Body) -> Iterator[str]:
     if word is Verdict.NOT_RUN or not any(not verdict(check).good for check in inners(case, "checks")):
         short = sorted(name for name, said in inner(case, "requirements").items() if said == Verdict.NOT_EVALUATED)
         yield from _aligned([("not evaluated", ", ".join(short))])
+    bad = [check for check in inners(case, "checks") if not verdict(check).good]
+    told = tuple(f"{text(check, 'requirement')} {text(check, 'parameter')}" for check in bad)
     for reason in texts(case, "reasons"):
-        yield f"{_INDENT}{reason}"
-    for check in inners(case, "checks"):
-        if not verdict(check).good:
-            yield from (f"{_INDENT}{line}" for line in check_lines(check))
+        if not reason.startswith(told):  # its check is written out below
+            yield f"{_INDENT}{reason}"
+    for check in bad:
+        yield from (f"{_INDENT}{line}" for line in check_lines(check))
 
 
 def _worth(results: Body) -> Iterator[str]:

@@ -12,7 +12,7 @@ import specimen_run
 from hil.evidence.package.contents import Package
 from hil.model.verdict import Verdict
 from hil.report.from_package import PackageMaterial
-from hil.report.page.drawings import recording_graphics
+from hil.report.page.drawings import charts, recording_graphics
 from hil.report.page.rendering import TEMPLATES
 from hil.report.write import HTML, JUNIT, make_reports
 
@@ -287,6 +287,67 @@ def test_earlier_attempts_are_kept_and_named(tmp_path):
     assert "2 attempts: FAIL, PASS" in words
     assert "test_a , attempt 1 ·" in words
     assert "test_a , attempt 2 ·" in words
+
+
+def verdict_box(page):
+    """Return the words of the box that holds the verdict."""
+    box = page[page.index('<section class="verdict') : page.index("</section>")]
+    return " ".join(re.sub(r"<[^>]*>", " ", box).split())
+
+
+def test_failed_checks_stand_beside_the_verdict(html):
+    """Requirement, parameter, value, limit and reason of each check that is not good; no good one."""
+    box = verdict_box(html)
+    for word in (
+        "FAIL 5 cases",
+        "ADCS-GYR-030 rate_error [z] -0.712 ± 0.098 -0.5 to 0.5 deg/s guarded FAIL",
+        "ADCS-GYR-030 rate_error [y] 0.461 ± 0.098",
+        "closer to it than the expanded uncertainty",
+    ):
+        assert word in box.replace("(", "").replace(") deg/s", "")
+    assert "[x]" not in box
+    assert "ADCS-GYR-040" not in box
+
+
+def test_cases_that_broke_stand_beside_the_verdict_by_reason(tmp_path):
+    """Cases of which no check says why they are not good share a row with their reason."""
+    cases = [specimen_run.CASES[key] for key in ("rest", "rate", "power")]
+    events = [specimen_run.planned(), ("case", 1.0, {"case": cases[0], "attempt": 1})]
+    events.append(("case-end", 2.0, specimen_run._end("rest", "ERROR", {}, 1.0, "psu1 fell silent")))
+    events += [("not-run", 3.0, {"case": case, "reason": "the bench tripped"}) for case in cases[1:]]
+    box = verdict_box(page_of(tmp_path, events=events))
+    assert "psu1 fell silent ERROR test_noise_at_rest" in box
+    assert box.count("the bench tripped") == 1
+    assert "the bench tripped NOT_RUN test_rate_error[45 degC], test_supply_current" in box.replace(" ,", ",")
+
+
+def test_a_good_run_has_nothing_to_explain(tmp_path):
+    """Nothing stands beside a verdict that is good."""
+    assert "Why not PASS" not in page_of(tmp_path, events=list(one_case("PASS")))
+
+
+def test_requirements_show_their_place_and_their_limits(html):
+    """Document, parents, level, stage, limits and variants come from the frozen catalogue."""
+    shown = " ".join(re.sub(r"<[^>]*>", " ", html).split())
+    for word in (
+        "gyroscope: ADCS-GYR , issue 1.3, Gyroscope characterisation",
+        "Parents: ADCS-001",
+        "equipment, qualification",
+        "rate_error [x, y, z] -0.5 to 0.5 deg/s, guarded, TUR at least 2",
+        "for each temperature of 10, 45",
+    ):
+        assert word in shown
+
+
+def test_captions_promise_no_bars_that_are_not_there():
+    """A chart of exact values says nothing of uncertainties; one of limits says what the shade is."""
+    exact = [specimen_run.check(1.0, "c", "A-1", "sense", expanded=0, uncertainty=0)[2] for _ in range(2)]
+    (graphic,) = charts(exact)
+    assert "uncertaint" not in graphic.described
+    assert "dashed lines are limits" in graphic.described
+    assert 'class="bar' not in graphic.svg
+    (mixed,) = charts([exact[0], specimen_run.check(1.0, "c", "A-1", "sense")[2]])
+    assert "bars are expanded uncertainties, known of 1" in mixed.described
 
 
 def test_incidents_are_told(tmp_path):

@@ -33,6 +33,23 @@ def test_closing_block_of_a_failed_run(folder):
     assert lines[-1] == "  table1 has no calibration record (ADCS-GYR-030)"
 
 
+def test_reasons_that_a_check_tells_are_not_told_twice():
+    """A case's reason that names one of its checks is left to the block of that check; others stay."""
+    check = {"requirement": "A-1", "parameter": "x", "verdict": "FAIL", "value": 3, "unit": "V", "reason": "too high"}
+    reasons = ["A-1 x is FAIL: too high", "the case took too long"]
+    case = {"case": "c", "verdict": "FAIL", "reasons": reasons, "checks": [check]}
+    lines = closing_lines({"verdict": "FAIL", "run": {}, "cases": [case], "requirements": []})
+    assert sum("too high" in line for line in lines) == 1
+    assert "  the case took too long" in lines
+
+
+def test_a_run_without_a_word_on_safety_says_so():
+    """Nothing on record about the bench's end is a warning, not silence."""
+    results = {"verdict": "ABORTED", "run": {"source": "hardware"}, "cases": [], "requirements": [], "safe": None}
+    assert any("SAFE STATE UNKNOWN" in line for line in closing_lines(results))
+    assert not any("SAFE STATE" in line for line in closing_lines(results | {"safe": True}))
+
+
 def test_run_that_closes_says_so_and_nothing_else():
     """A run on hardware in which everything passed needs two sentences."""
     results = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
+from hil.model.verdict import Verdict
 from hil.report.material import Body, flag, inner, inners, text, texts, verdict
 from hil.report.numbers import bench_time, duration, limit_text, measured, number, with_unit
 from hil.report.page.view import CaseName, CheckRow, Exchange, RecordingRow, StepRow
@@ -184,7 +185,8 @@ def _coverage(check: Body, unit: str, limit_unit: str) -> str:
     if not isinstance(value, int | float):
         return ""
     if check.get("uncertainty") is None and expanded is None:
-        return "uncertainty not recorded"
+        of_recording = verdict(check) is Verdict.RECORDED and limit_text(inner(check, "limit"), limit_unit)
+        return "" if of_recording else "uncertainty not recorded"  # a length or a rate is counted, not measured
     if isinstance(expanded, int | float) and limit_unit not in {"", unit}:
         return f"U = {with_unit(number(expanded, 2), limit_unit)}"
     return ""
@@ -209,7 +211,6 @@ def _recording(begin: Body, end: Body | None) -> RecordingRow:
         gap=duration(gap),
         whole="not ended" if end is None else "complete" if flag(end, "complete") else "incomplete",
         source=text(begin, "source"),
-        sha256=text(end, "sha256") if end else "",
     )
 
 

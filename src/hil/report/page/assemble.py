@@ -4,18 +4,29 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from hil.documents.canonical import parse_strict
 from hil.model.identity import Source
 from hil.model.verdict import Verdict
+from hil.report.catalogue import demands, documents, plan_files, requirement_entries
 from hil.report.material import Body, Material, flat, inner, inners, text, texts, verdict
 from hil.report.numbers import duration, with_unit
 from hil.report.page.as_run import attributed, checks_of, recording_rows, step_rows
 from hil.report.page.bench_file import instruments, parse, wiring
 from hil.report.page.drawings import charts, recording_graphics
 from hil.report.page.happenings import deviations, gates, happenings, people, safe_off
-from hil.report.page.view import CaseName, CaseView, Fact, Graphic, ParameterRow, RequirementRow, RunView
+from hil.report.page.view import (
+    BrokenRow,
+    CaseName,
+    CaseView,
+    DocumentRow,
+    Fact,
+    Graphic,
+    ParameterRow,
+    RequirementRow,
+    RunView,
+)
 from hil.report.sentences import (
     closing_sentence,
     closings,
@@ -30,6 +41,8 @@ from hil.report.sentences import (
 __all__ = ["assemble"]
 
 _LONGEST = 300
+# What an empty field of the software's identity says: no variable in the environment, no change beside the commit.
+_ABSENT = {"numeric": "not set", "workspace": "none"}
 
 
 def assemble(material: Material, evidence_digest: str) -> RunView:
@@ -46,7 +59,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
     run = inner(results, "run")
     bench = parse(material.text("bench/bench.yaml"), "bench/bench.yaml")
     place = _json(material, "place.json")
-    anomalies, names = _anomalies(material), _names(results)
+    entries, names = requirement_entries(material), _names(results)
     begun = [event for event in events if event["kind"] == "recording"]
     outside = [event for event in events if not text(event, "case")]
     check_events = [event for event in events if event["kind"] == "check" and event["counted"]]
@@ -63,7 +76,15 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         counts=_counts(results),
         closings=closings(results),
         facts=_facts(material, run, inner(bench, "bench"), events),
-        requirements=tuple(_requirement(entry, anomalies, names) for entry in inners(results, "requirements")),
+        documents=tuple(
+            DocumentRow(plan=plan, id=text(named, "id"), issue=text(named, "issue"), title=text(named, "title"))
+            for plan, named in documents(material)
+        ),
+        failed=tuple(row for row in checks_of(check_events, names) if not row.verdict.good),
+        broken=_broken(results, names),
+        requirements=tuple(
+            _requirement(entry, entries.get(text(entry, "id"), {}), names) for entry in inners(results, "requirements")
+        ),
         checks=checks_of(events, names),
         charts=charts(check_events),
         cases=_cases(events, results, drawn),
@@ -136,7 +157,7 @@ def _counts(results: Body) -> tuple[tuple[str, int], ...]:
     return tuple((word.value, int(text(counts, word))) for word in reversed(Verdict) if counts.get(word))
 
 
-def _requirement(entry: Body, anomalies: Mapping[str, str], names: Mapping[str, CaseName]) -> RequirementRow:
+def _requirement(entry: Body, catalogued: Body, names: Mapping[str, CaseName]) -> RequirementRow:
     return RequirementRow(
         id=text(entry, "id"),
         rev=text(entry, "rev"),
@@ -144,12 +165,31 @@ def _requirement(entry: Body, anomalies: Mapping[str, str], names: Mapping[str, 
         kind=text(entry, "kind"),
         method=text(entry, "method"),
         source=text(entry, "source"),
+        parents=", ".join(texts(catalogued, "parents")),
+        level=text(catalogued, "level"),
+        stage=text(catalogued, "stage"),
+        demands=demands(catalogued),
         verdict=verdict(entry),
         cases=tuple((names[text(case, "case")], verdict(case)) for case in inners(entry, "cases")),
         checks=int(text(entry, "checks") or 0),
         eligible=entry.get("eligible") is True,
         reasons=texts(entry, "reasons"),
-        anomaly=anomalies.get(text(entry, "id"), ""),
+        anomaly=text(catalogued, "anomaly"),
+    )
+
+
+def _broken(results: Body, names: Mapping[str, CaseName]) -> tuple[BrokenRow, ...]:
+    """Return why cases did not end well of which no check says it, the worst first; one row per verdict and reason."""
+    groups: dict[tuple[Verdict, str], list[CaseName]] = {}
+    for case in inners(results, "cases"):
+        if not verdict(case).good and all(verdict(check).good for check in inners(case, "checks")):
+            why = (verdict(case), "; ".join(texts(case, "reasons")))
+            groups.setdefault(why, []).append(names[text(case, "case")])
+    return tuple(
+        BrokenRow(verdict=word, reason=reason, named=tuple(cases))
+        for worst in reversed(Verdict)
+        for (word, reason), cases in groups.items()
+        if word is worst
     )
 
 
@@ -201,22 +241,6 @@ def _not_run(events: Sequence[Body], results: Body) -> tuple[tuple[str, str, str
     )
 
 
-def _plan_files(material: Material, name: str) -> Iterator[tuple[str, Body]]:
-    """Give every plan that was frozen with its file of that name."""
-    for plan in material.names("catalogue"):
-        relative = f"catalogue/{plan}/{name}"
-        yield plan, parse(material.text(relative), relative)
-
-
-def _anomalies(material: Material) -> dict[str, str]:
-    """Return by requirement what its plan says is wrong with the text at its source."""
-    return {
-        text(entry, "id"): text(entry, "anomaly")
-        for _, file in _plan_files(material, "requirements.yaml")
-        for entry in inners(file, "requirements")
-    }
-
-
 def _parameters(material: Material) -> tuple[ParameterRow, ...]:
     return tuple(
         ParameterRow(
@@ -225,7 +249,7 @@ def _parameters(material: Material) -> tuple[ParameterRow, ...]:
             value=with_unit(text(entry, "value") or ", ".join(texts(entry, "values")), text(entry, "unit")),
             text=text(entry, "text"),
         )
-        for plan, file in _plan_files(material, "parameters.yaml")
+        for plan, file in plan_files(material, "parameters.yaml")
         for entry in inners(file, "parameters")
     )
 
@@ -234,7 +258,10 @@ def _software(run: Body, software: Body, place: Body) -> tuple[Fact, ...]:
     named = (("hil version", text(run, "version")), ("seed", text(run, "seed")))
     digests = tuple((f"{name} sha256", text(run, name)) for name in ("catalogue", "parameters", "sources"))
     packages = ", ".join(f"{name} {version}" for name, version in flat(inner(software, "packages")))
-    rest = flat({key: value for key, value in software.items() if key not in {"format", "packages"}})
+    rest = (
+        (name, value or _ABSENT.get(name.split(".")[0], ""))
+        for name, value in flat({key: value for key, value in software.items() if key not in {"format", "packages"}})
+    )
     where = ((f"place.{name}", value) for name, value in flat(place) if name != "format")
     pairs = (*named, *digests, *((name, _short(value)) for name, value in rest), ("packages", packages), *where)
     return tuple(Fact(label=label, value=value) for label, value in pairs)

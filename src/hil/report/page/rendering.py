@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from hil.model.verdict import Verdict
 from hil.report.page.view import RunView
 
 __all__ = ["TEMPLATES", "render"]
 
+_MOST_FAILED = 12  # checks, and cases, that are named beside the verdict; the sections below name all
 TEMPLATES = Path(__file__).parent / "templates"
 # Controls, and marks that reorder or hide text: they are shown by their number, never obeyed.
 _UNSEEN = re.compile(
@@ -30,7 +30,7 @@ def render(view: RunView) -> str:
         keep_trailing_newline=True,
         finalize=_visible,
     )
-    page = environment.get_template("report.html").render(run=view, verdicts=list(Verdict))
+    page = environment.get_template("report.html").render(run=view, most_failed=_MOST_FAILED)
     return re.sub(r"\n\s*\n+", "\n", page)
 
 

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from hil.model.verdict import Verdict
 
 __all__ = [
+    "BrokenRow",
     "CaseName",
     "CaseView",
     "CheckRow",
     "Closing",
+    "DocumentRow",
     "Exchange",
     "Fact",
     "GateRow",
@@ -53,8 +55,27 @@ class Closing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DocumentRow:
+    """The document that a plan's requirements are from."""
+
+    plan: str
+    id: str
+    issue: str
+    title: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BrokenRow:
+    """Cases that did not end well although none of their checks says so, and the reason that they share."""
+
+    named: tuple[CaseName, ...]
+    verdict: Verdict
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RequirementRow:
-    """One requirement that the run speaks of."""
+    """One requirement that the run speaks of; `demands` are its limits and the like, a line each."""
 
     id: str
     rev: str
@@ -62,6 +83,10 @@ class RequirementRow:
     kind: str
     method: str
     source: str
+    parents: str
+    level: str
+    stage: str
+    demands: tuple[str, ...]
     verdict: Verdict
     cases: tuple[tuple[CaseName, Verdict], ...]
     checks: int
@@ -132,7 +157,6 @@ class RecordingRow:
     gap: str
     whole: str
     source: str
-    sha256: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -243,6 +267,9 @@ class RunView:
     counts: tuple[tuple[str, int], ...]
     closings: tuple[Closing, ...]
     facts: tuple[Fact, ...]
+    failed: tuple[CheckRow, ...]
+    broken: tuple[BrokenRow, ...]
+    documents: tuple[DocumentRow, ...]
     requirements: tuple[RequirementRow, ...]
     checks: tuple[CheckRow, ...]
     charts: tuple[Graphic, ...]

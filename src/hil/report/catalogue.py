@@ -1,0 +1,58 @@
+"""What the frozen catalogue says of requirements: their document, place in the tree, and what they ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from hil.report.material import Body, Material, inner, inners, text, texts
+from hil.report.numbers import limit_text
+from hil.report.page.bench_file import parse
+
+__all__ = ["demands", "documents", "plan_files", "requirement_entries"]
+
+
+def plan_files(material: Material, name: str) -> Iterator[tuple[str, Body]]:
+    """Give every plan that was frozen with its file of that name; an empty object where it has none."""
+    for plan in material.names("catalogue"):
+        relative = f"catalogue/{plan}/{name}"
+        yield plan, parse(material.text(relative), relative)
+
+
+def documents(material: Material) -> tuple[tuple[str, Body], ...]:
+    """Return by plan what document its requirements are from: `id`, `issue` and `title`."""
+    files = plan_files(material, "requirements.yaml")
+    return tuple((plan, inner(file, "document")) for plan, file in files if inners(file, "requirements"))
+
+
+def requirement_entries(material: Material) -> Mapping[str, Body]:
+    """Return by id the entries of requirements as their files have them."""
+    files = plan_files(material, "requirements.yaml")
+    return {text(entry, "id"): entry for _, file in files for entry in inners(file, "requirements")}
+
+
+def demands(entry: Body) -> tuple[str, ...]:
+    """Return what a requirement asks for, a line each: its limits, what it wants recorded, and for which variants."""
+    limits = tuple(_limit(limit) for limit in inners(entry, "limits"))
+    records = inner(entry, "records")
+    over = inner(entry, "over")
+    variants = tuple(f"for each {name} of {', '.join(texts(over, name))}" for name in over)
+    return (*limits, *((_records(records),) if records else ()), *variants)
+
+
+def _limit(limit: Body) -> str:
+    bounds = limit_text({name: limit[name] for name in ("min", "max", "equals") if name in limit}, text(limit, "unit"))
+    of = f" [{', '.join(texts(limit, 'of'))}]" if texts(limit, "of") else ""
+    tur = f", TUR at least {text(limit, 'min_tur')}" if text(limit, "min_tur") else ""
+    rule = f", {text(limit, 'decision')}" if text(limit, "decision") else ""
+    return f"{text(limit, 'parameter')}{of} {bounds or 'recorded, without a limit'}{rule}{tur}"
+
+
+def _records(records: Body) -> str:
+    gap = text(records, "max_gap")
+    parts = (
+        ", ".join(texts(records, "channels")),
+        text(records, "rate"),
+        text(records, "duration"),
+        f"gaps up to {gap}" if gap else "",
+    )
+    return f"recording {text(records, 'recording')}: {'; '.join(part for part in parts if part)}"
