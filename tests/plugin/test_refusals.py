@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+
 import pytest
 from workspaces import HEAD, make
 
@@ -148,21 +150,58 @@ def test_a_fixture_module_that_cannot_be_loaded_is_told(tmp_path, text, message)
     assert workspace.folders() == []
 
 
-def test_a_conftest_that_cannot_be_loaded_is_not_a_plan_without_cases(tmp_path, capfd):
-    """Pytest names it; the run is refused."""
+@pytest.mark.parametrize("place", ["conftest.py", "testplans/conftest.py", "testplans/small/conftest.py"])
+def test_a_conftest_around_the_plans_is_refused(tmp_path, place):
+    """Its hooks would come between a case and its verdict, and none of it is evidence."""
+    hook = """
+    import pytest
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_runtest_makereport(call):
+        call.excinfo = None
+        return (yield)
+    """
 
     def prepare(workspace):
-        (workspace.plan / "conftest.py").write_text("import nosuchthing\n")
+        (workspace.root / place).write_text(textwrap.dedent(hook))
 
-    assert "could not be collected" in refused(tmp_path, GOOD, kind=Refused, prepare=prepare)
-    assert "No module named 'nosuchthing'" in capfd.readouterr().err
+    said = refused(tmp_path, GOOD, prepare=prepare)
+    assert said.startswith(f"{place}: a conftest.py takes part in the verdicts")
+    assert said.endswith("fixtures belong into fixtures/")
 
 
-def test_a_conftest_above_the_plans_is_nobodys_business(tmp_path):
-    """What is not frozen as evidence does not take part."""
-    workspace = make(tmp_path / "workspace", GOOD)
-    (workspace.root / "conftest.py").write_text("import nosuchthing\n")
-    assert workspace.run().code == 0
+HOOKS = [
+    ("def pytest_generate_tests(metafunc):\n    pass", "pytest_generate_tests"),
+    ("pytest_plugins = ['small']", "pytest_plugins"),
+    ("collect_ignore = ['test_other.py']", "collect_ignore"),
+    ("if True:\n    from os.path import join as pytest_collection_modifyitems", "pytest_collection_modifyitems"),
+]
+
+
+@pytest.mark.parametrize(("text", "name"), HOOKS, ids=[name for _, name in HOOKS])
+def test_hooks_of_a_plan_are_refused(tmp_path, text, name):
+    """A plan holds cases, not what decides how cases are counted."""
+    said = refused(tmp_path, text, GOOD)
+    line = FIRST + text.count("\n") if name.endswith("modifyitems") else FIRST
+    assert said.startswith(f"testplans/small/test_small.py:{line}:")
+    assert f"'{name}': pytest hooks and plugins would come between a case and its verdict" in said
+
+
+@pytest.mark.parametrize(("text", "name"), HOOKS, ids=[name for _, name in HOOKS])
+def test_hooks_of_a_fixture_module_are_refused(tmp_path, text, name):
+    """The workspace's fixtures are a plugin of the run, and bring fixtures only."""
+    workspace = make(tmp_path / "workspace", GOOD, fixtures={"more.py": text})
+    with pytest.raises(ConfigurationError, match=f"^fixtures/more.py:[12]:[15]: '{name}': pytest hooks"):
+        workspace.run()
+    assert workspace.folders() == []
+
+
+def test_hooks_that_a_fixture_module_takes_from_elsewhere_are_refused(tmp_path):
+    """Whatever way a hook came into the module, pytest would call it."""
+    text = "globals()['pytest_runtest_setup'] = lambda item: None"
+    workspace = make(tmp_path / "workspace", GOOD, fixtures={"more.py": text})
+    with pytest.raises(ConfigurationError, match="^fixtures/more.py: 'pytest_runtest_setup': pytest hooks"):
+        workspace.run()
 
 
 def test_a_plan_without_cases_has_its_own_code(tmp_path):
@@ -189,6 +228,12 @@ def test_a_name_that_does_not_exist_is_refused_with_the_nearest(tmp_path, change
     assert message in refused(tmp_path, GOOD, kind=HilError, **changes)
 
 
+def test_a_case_is_not_skipped_without_a_reason(tmp_path):
+    """Why a case is left out is evidence."""
+    said = refused(tmp_path, GOOD, kind=Refused, skips={"test_one": " "})
+    assert said.startswith("there is no reason to skip 'test_one'")
+
+
 def test_a_second_case_of_that_name_cannot_be_skipped_by_it(tmp_path):
     """A name that could be two cases skips neither."""
 
@@ -197,3 +242,151 @@ def test_a_second_case_of_that_name_cannot_be_skipped_by_it(tmp_path):
 
     said = refused(tmp_path, GOOD, kind=Refused, prepare=prepare, skips={"test_one": "why"})
     assert said.startswith("several cases 'test_one' to skip")
+
+
+TWICE = [
+    ("a function", GOOD, FIRST + 6, 1),
+    ("after a condition", GOOD.replace("@pytest", "if math.pi:\n    pass\n@pytest"), FIRST + 8, 1),
+    ("a name", "test_one = None", FIRST + 5, 1),
+    ("an import", "from os.path import join as test_one", FIRST + 5, 1),
+    ("taken away", "del test_one", FIRST + 5, 1),
+]
+
+
+@pytest.mark.parametrize(("text", "line", "column"), [each[1:] for each in TWICE], ids=[each[0] for each in TWICE])
+def test_a_case_that_another_of_its_name_replaces_is_refused(tmp_path, text, line, column):
+    """Python forgets the first of two functions of one name; a requirement would have lost a failing case so."""
+    said = refused(tmp_path, GOOD, text)
+    assert said.startswith(f"testplans/small/test_small.py:{line}:{column}: 'test_one' replaces the one of line ")
+
+
+def test_a_method_that_another_of_its_name_replaces_is_refused(tmp_path):
+    """Cases in classes are cases."""
+    cases = """
+    class TestAll:
+        def test_one(self, check):
+            pass
+
+        def test_one(self, check):
+            pass
+    """
+    said = refused(tmp_path, cases)
+    place = f"testplans/small/test_small.py:{FIRST + 4}:5: "
+    assert said == f"{place}'test_one' replaces the one of line {FIRST + 1}, which would never run: name it otherwise"
+
+
+def test_two_cases_of_one_id_are_refused(tmp_path):
+    """Parameters that are joined may read alike; the evidence could not tell the cases apart."""
+    cases = """
+    @pytest.mark.parametrize("b", ["r", "q-r"])
+    @pytest.mark.parametrize("a", ["p-q", "p"])
+    def test_one(a, b):
+        pass
+    """
+    said = refused(tmp_path, cases)
+    assert said.endswith("there are two cases 'test_one[p-q-r]': give their parameters ids that differ")
+
+
+@pytest.mark.parametrize("kind", ["generator", "coroutine"])
+def test_a_case_that_would_never_run_is_refused(tmp_path, kind):
+    """The body of a generator or coroutine is not run by calling it."""
+    wrapped = """
+    import functools
+
+    def wrapped(function):
+        @functools.wraps(function)
+        def inner(*arguments, **named):
+            return function(*arguments, **named)
+        return inner
+
+    """
+    body = "@wrapped\ndef test_one():\n    yield 1" if kind == "generator" else "async def test_one():\n    pass"
+    said = refused(tmp_path, textwrap.dedent(wrapped) + body)
+    assert said.endswith("test_one would be called and never run: a case neither yields nor awaits")
+
+
+NAMES = [
+    ("parameters.curent", "the plan has no parameter 'curent', did you mean 'current'?"),
+    ("parameters.length", "parameter 'length' is in cm, say in which unit you want it"),
+    ("supply.coyl.enable()", "no 'coyl' among the bench's supply, did you mean 'coil'?"),
+    ("supply.coil.enabel()", "supply.coil has no operation 'enabel', did you mean 'enable'?"),
+    ("magnetometer.strat()", "magnetometer has no operation 'strat', did you mean 'start'?"),
+]
+PARAMETERS = """
+schema: hil/parameters/1
+parameters:
+- {name: current, value: "0.01", unit: A}
+- {name: length, value: "10", unit: cm}
+"""
+
+
+@pytest.mark.parametrize(("expression", "message"), NAMES, ids=[each[0] for each in NAMES])
+@pytest.mark.parametrize("place", ["case", "fixture"])
+def test_a_misspelt_name_in_a_case_costs_no_arming(tmp_path, place, expression, message):
+    """Parameters, role instances and operations that code writes out are compared before anything runs."""
+    code = f"def {{}}(parameters, supply, magnetometer):\n    if magnetometer:\n        {expression}"
+    one, two = code.format("test_one"), f"@pytest.fixture\n{code.format('mine')}\n\ndef test_one(mine):\n    pass"
+    workspace = make(tmp_path / "workspace", two if place == "fixture" else one, parameters=PARAMETERS.lstrip())
+    with pytest.raises(ConfigurationError) as caught:
+        workspace.run()
+    line = FIRST + (3 if place == "fixture" else 2)
+    assert str(caught.value).startswith(f"testplans/small/test_small.py:{line}:9: {message}")
+    assert workspace.folders() == []
+
+
+def test_a_misspelt_parameter_in_a_helper_is_told(tmp_path):
+    """A function that cases hand their parameters to is read, too."""
+    cases = """
+    def helper(text, parameters):
+        return parameters.curent
+
+    def other(parameters):
+        return parameters.whatever
+
+    def test_one(parameters):
+        helper("x", parameters=parameters)
+        other({})
+    """
+    said = refused(tmp_path, cases)
+    assert said == f"testplans/small/test_small.py:{FIRST + 1}:12: {NAMES[0][1]}"
+
+
+def test_names_that_mean_something_else_are_left_alone(tmp_path):
+    """A name that code binds anew, or that a function is handed something else as, is not the fixture."""
+    cases = """
+    class Own:
+        anything = 1.0
+
+    def helper(supply):
+        return supply.voltage().value
+
+    @pytest.mark.requirement("T-010")
+    def test_one(parameters, supply, check):
+        assert helper(supply.coil) is not None
+        assert supply.coil.instrument.name == "psu1"
+        parameters = Own()
+        check("T-010", "ratio", parameters.anything)
+    """
+    assert make(tmp_path / "workspace", cases).run().verdicts() == {"test_one": "PASS"}
+
+
+@pytest.mark.parametrize("name", ["parameters", "check", "supply"])
+@pytest.mark.parametrize("way", ["fixture", "parametrize"])
+def test_nobody_takes_the_place_of_the_executives_fixtures(tmp_path, name, way):
+    """A fixture of its own in place of a role or the parameters would be a deviation that nobody notes."""
+    given = {
+        "fixture": f"@pytest.fixture\ndef {name}():\n    return None\n\n",
+        "parametrize": f"@pytest.mark.parametrize('{name}', [None])\n",
+    }
+    said = refused(tmp_path, f"{given[way]}def test_one({name}):\n    pass")
+    assert said.endswith(f"gets a '{name}' that is not the executive's: give that fixture another name")
+
+
+def test_a_fixture_that_asks_for_what_nothing_provides_is_named(tmp_path):
+    """The place is that of the fixture, not of the cases that stand on it."""
+    more = "import pytest\n\n\n@pytest.fixture\ndef mine(suply):\n    return suply\n"
+    workspace = make(tmp_path / "workspace", "def test_one(mine):\n    pass", fixtures={"more.py": more})
+    with pytest.raises(ConfigurationError) as caught:
+        workspace.run()
+    message = "the fixture mine asks for 'suply', which nothing provides, did you mean 'supply'?"
+    assert str(caught.value) == f"fixtures/more.py:4:1: {message}"

@@ -388,3 +388,193 @@ def test_a_stop_that_no_scheduling_point_saw_is_no_pass(tmp_path, remaining):
     assert [stop["reason"] for stop in found.package.events("stop")] == ["SIGINT"]
     if remaining:
         assert found.reasons("test_last") == "stopped by SIGINT"
+
+
+@pytest.mark.parametrize(
+    ("statement", "verdict", "code"),
+    [
+        ("pytest.skip('enough')", "FAIL", 1),
+        ("pytest.xfail('known')", "FAIL", 1),
+        ("request.node.add_marker(pytest.mark.xfail(reason='known', raises=ValueError))", "FAIL", 1),
+        ("request.node.add_marker(pytest.mark.xfail(reason='known'))\n        raise ValueError('x')", "ERROR", 1),
+        ("pytest.exit('bye', returncode=0)", "ERROR", 1),
+    ],
+    ids=["skip", "xfail", "xfail mark", "xfail mark that raises", "exit"],
+)
+def test_a_failure_stands_however_the_case_leaves(tmp_path, statement, verdict, code):
+    """Whoever fails and then takes himself out has failed; the reasons tell both."""
+    cases = f"""
+    @pytest.mark.requirement("T-010")
+    def test_one(check, request):
+        check("T-010", "ratio", 2.0)
+        {statement}
+    """
+    found = ran(tmp_path, cases)
+    agreed(found, {"test_one": verdict}, verdict, code)
+    assert "T-010 ratio is FAIL: 2 is above the maximum of 1.5" in found.reasons("test_one")
+
+
+@pytest.mark.parametrize("place", ["within", "after"])
+def test_a_failure_of_data_stands_in_a_case_that_skips(tmp_path, place):
+    """What a recording has to be is looked at, too, and a fixture that skips afterwards changes nothing."""
+    within, after = ("pytest.skip('enough')", "pass") if place == "within" else ("pass", "pytest.skip('enough')")
+    cases = f"""
+    @pytest.fixture
+    def late():
+        yield
+        {after}
+
+    @pytest.mark.requirement("T-030")
+    def test_one(late, field, record):
+        record("field", field, duration=0.5, rate=40.0)
+        {within}
+    """
+    found = ran(tmp_path, cases)
+    agreed(found, {"test_one": "FAIL"}, "FAIL", 1)
+
+
+def test_a_hook_that_hides_an_exception_hides_nothing_from_the_run(tmp_path):
+    """A case is judged by what came out of its code, not by what pytest is told of it."""
+    cases = """
+    class Liar:
+        @pytest.hookimpl(wrapper=True, tryfirst=True)
+        def pytest_runtest_makereport(self, item, call):
+            call.excinfo = None
+            return (yield)
+
+    @pytest.mark.requirement("T-010")
+    def test_one(check, request):
+        request.config.pluginmanager.register(Liar())
+        check("T-010", "ratio", 1.0)
+        raise ValueError("hidden")
+    """
+    found = ran(tmp_path, cases)
+    agreed(found, {"test_one": "ERROR"}, "ERROR", 1)
+    assert found.reasons("test_one").startswith("ValueError: hidden (testplans/small/test_small.py:")
+    assert "\n" not in found.reasons("test_one")
+
+
+@pytest.mark.parametrize("until", ["until: 1000 s", "until: 8 s"], ids=["all", "some"])
+def test_data_that_are_no_numbers_are_inconclusive(tmp_path, until):
+    """A recording of NaN is there, and shows nothing: the requirement is not RECORDED."""
+    cases = """
+    @pytest.mark.requirement("T-030")
+    def test_one(field, record, clock):
+        record("field", field, duration=10.0, rate=40.0)
+    """
+    workspace = make(tmp_path / "workspace", cases)
+    workspace.give_faults("mag1", f"{{kind: saturated, from: 4 s, {until}}}")
+    found = workspace.run()
+    agreed(found, {"test_one": "INCONCLUSIVE"}, "INCONCLUSIVE", 1)
+    (check,) = [check for check in found.package.events("check") if check["parameter"] == "not_finite"]
+    assert check["reason"] in found.reasons("test_one")
+    assert check["reason"].startswith(f"{check['value']:.0f} of 1200 samples are not finite: x ")
+
+
+def test_only_roles_of_the_case_make_data(tmp_path):
+    """An object that gives numbers is no instrument: the case is an ERROR, and nothing is recorded."""
+    cases = """
+    class Made:
+        def sample(self):
+            return (1.0, 1.0, 1.0)
+
+    @pytest.mark.requirement("T-030")
+    def test_one(record):
+        record("field", Made(), duration=1.0, rate=40.0)
+    """
+    found = ran(tmp_path, cases)
+    agreed(found, {"test_one": "ERROR"}, "ERROR", 1)
+    assert "only roles of this case can be recorded, this is a Made" in found.reasons("test_one")
+
+
+@pytest.mark.parametrize(
+    ("value", "verdict"),
+    [
+        ("np.float32(1.1)", "PASS"),
+        ("Figure(value=np.float32(1.1), unit='1', uncertainty=np.float32(0.1), dof=np.int64(9))", "PASS"),
+        ("np.bool_(True)", "ERROR"),
+        ("'1.0'", "ERROR"),
+        ("np.ones(3)", "ERROR"),
+        ("Figure(value=np.bool_(True), unit='1')", "ERROR"),
+    ],
+)
+def test_a_figure_is_a_plain_number(tmp_path, value, verdict):
+    """NumPy's numbers are numbers and the package verifies; flags, texts and arrays are an ERROR."""
+    cases = f"""
+    import numpy as np
+
+    @pytest.mark.requirement("T-010")
+    def test_one(check):
+        check("T-010", "ratio", {value})
+    """
+    agreed(ran(tmp_path, cases), {"test_one": verdict}, verdict, 0 if verdict == "PASS" else 1)
+
+
+@pytest.mark.parametrize("values", [(1.0, 2.0), (2.0, 1.0)])
+def test_a_criterion_that_is_evaluated_again_counts_at_its_worst(tmp_path, values):
+    """Both checks are in the evidence, in whatever order; a later one replaces none."""
+    cases = f"""
+    @pytest.mark.requirement("T-010")
+    def test_one(check):
+        for value in {values}:
+            check("T-010", "ratio", value)
+    """
+    found = ran(tmp_path, cases)
+    agreed(found, {"test_one": "FAIL"}, "FAIL", 1)
+    assert [check["value"] for check in found.package.events("check")] == list(values)
+
+
+@pytest.mark.parametrize("statement", ["parameters.current = 1.0", "setattr(parameters, '_parameters', {})"])
+def test_parameters_cannot_be_changed(tmp_path, statement):
+    """A case that would change the plan's parameters is an ERROR; the command line is the way, and a deviation."""
+    cases = f"""
+    @pytest.mark.requirement("T-010")
+    def test_one(check, parameters):
+        check("T-010", "ratio", 1.0)
+        {statement}
+
+    @pytest.mark.requirement("T-010")
+    def test_two(check, parameters):
+        check("T-010", "ratio", parameters.current * 100)
+    """
+    found = ran(tmp_path, cases)
+    agreed(found, {"test_one": "ERROR", "test_two": "PASS"}, "ERROR", 1)
+    assert "cannot be changed by a case; see hil run --parameter" in found.reasons("test_one")
+
+
+def test_a_parameter_is_asked_for_in_a_unit(tmp_path):
+    """Ten centimetres are never silently ten, and a changed one may name another unit."""
+    cases = """
+    @pytest.mark.requirement("T-010")
+    def test_one(check, parameters):
+        check("T-010", "ratio", parameters.in_unit("length", "m") * 10)
+    """
+    parameters = 'schema: hil/parameters/1\nparameters:\n- {name: length, value: "10", unit: cm}\n'
+    workspace = make(tmp_path / "workspace", cases, parameters=parameters)
+    agreed(workspace.run(), {"test_one": "PASS"}, "PASS", 0)
+    changed = workspace.run(overrides={"length": "0.2 m"})
+    assert changed.verdicts() == {"test_one": "FAIL"}
+    assert "deviation: parameter length is 20 cm instead of 10 cm" in changed.out
+
+
+PARAMETRISED = """
+@pytest.mark.requirement("T-010")
+@pytest.mark.parametrize("name", ["a", "b[1]::c"])
+def test_each(name, check):
+    check("T-010", "ratio", 1.0)
+"""
+
+
+def test_a_name_without_parameters_skips_all_of_them(tmp_path):
+    """Each case of the function is NOT_RUN with the reason; one that is named has its own."""
+    workspace = make(tmp_path / "workspace", PARAMETRISED, LAST)
+    found = workspace.run(skips={"test_each": "no jig"})
+    assert sorted(found.package.results()["counts"].items()) == [("NOT_RUN", 2), ("PASS", 1)]
+    assert found.code == 1
+    assert found.out.count("no jig") >= 2
+    reasons = {end["case"]: end["reason"] for end in found.package.events("not-run")}
+    assert set(reasons.values()) == {"no jig"}
+    again = workspace.run(skips={"test_each[b[1]::c]": "broken", "test_each": "no jig"})
+    reasons = {end["case"]: end["reason"] for end in again.package.events("not-run")}
+    place = "testplans/small/test_small.py::test_each"
+    assert reasons == {f"{place}[a]": "no jig", f"{place}[b[1]::c]": "broken"}

@@ -17,6 +17,7 @@ from hil.model.verdict import Verdict
 from hil.plugin.case_fixtures import case_fixtures
 from hil.plugin.collection import MARKERS, plan_cases, skipped_cases
 from hil.plugin.fixture_modules import load_fixture_modules
+from hil.plugin.plan_sources import refuse_sources
 
 __all__ = ["Campaign", "Opener"]
 
@@ -32,7 +33,7 @@ class Campaign:
         opener: opens the session.
 
     Raises:
-        ConfigurationError: if the workspace's fixtures cannot be loaded.
+        ConfigurationError: if the workspace's fixtures cannot be loaded, or plans bring hooks of pytest.
 
     Attributes:
         session: the open session, None before the first case.
@@ -46,6 +47,7 @@ class Campaign:
         self.error: HilError | None = None
         self.collection_errors: list[tuple[str, str]] = []
         self._opener = opener
+        refuse_sources(configuration.workspace, configuration.plans)
         self._fixtures = load_fixture_modules(configuration.workspace)
         self._planned: dict[str, PlannedCase] = {}
         self._skipped: dict[str, str] = {}
@@ -131,9 +133,21 @@ class Campaign:
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_pyfunc_call(self) -> Generator[None, object, object]:
-        """Let an urgent stop end the case's own code, wherever it is."""
-        with self.running.flags.case_code():
-            return (yield)
+        """Let an urgent stop end the case's own code, wherever it is; whatever comes out of it is noted here.
+
+        Whoever tells pytest afterwards that nothing was raised does not tell the run.
+        """
+        run = self.running.current
+        try:
+            with self.running.flags.case_code():
+                return (yield)
+        except (pytest.skip.Exception, pytest.xfail.Exception) as error:
+            _skip_within(run, error)
+            raise
+        except BaseException as error:
+            if run is not None:
+                run.raised(error, self._where(pytest.ExceptionInfo.from_exception(error)))
+            raise
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(
@@ -144,10 +158,9 @@ class Campaign:
         run = self.session.current if self.session else None
         if run is None:
             return report
-        if call.excinfo is not None:
-            if call.excinfo.errisinstance((pytest.skip.Exception, pytest.xfail.Exception)):
-                run.skip(str(call.excinfo.value))
-                return report
+        if call.excinfo is not None and call.excinfo.errisinstance((pytest.skip.Exception, pytest.xfail.Exception)):
+            _skip_within(run, call.excinfo.value)
+        elif call.excinfo is not None:
             run.raised(call.excinfo.value, self._where(call.excinfo))
             self._stop(item.session, call.excinfo.value)
         if call.when == "call":
@@ -211,10 +224,15 @@ class Campaign:
                 self.running.not_run(case, "deselected" if case in self._deselected else reason)
 
 
+def _skip_within(run: CaseRun | None, error: BaseException) -> None:
+    if run is not None:
+        run.skip(str(error))
+
+
 def _judge(report: pytest.TestReport, run: CaseRun) -> None:
     outcome = run.outcome()
     report.user_properties.append(("verdict", outcome.verdict.value))
-    if report.skipped:
+    if outcome.verdict is Verdict.NOT_RUN and report.skipped:
         return
     report.outcome = "passed" if outcome.verdict.good else "failed"
     report.longrepr = None if outcome.verdict.good else "\n".join((outcome.verdict.value, *outcome.reasons))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -11,7 +12,7 @@ from hil.documents.suggest import did_you_mean
 from hil.executive.case.case_run import PlannedCase
 from hil.executive.setup.configuration import Configuration
 from hil.model.errors import ConfigurationError, Finding, Refused
-from hil.plugin.case_fixtures import CASE_FIXTURES
+from hil.plugin.fixture_names import name_findings
 from hil.plugin.literals import written_checks
 from hil.requirements.catalogue import Catalogue
 
@@ -29,9 +30,12 @@ def plan_cases(items: Sequence[pytest.Item], configuration: Configuration) -> di
     """Return every case by its node id.
 
     Raises:
-        ConfigurationError: with every marker that the catalogue cannot follow, and every gap in `over`.
+        ConfigurationError: with every marker that the catalogue cannot follow, every gap in `over`, every name that
+            nothing provides, and every two cases of one id.
     """
-    findings = [finding for item in items for finding in _item_findings(item, configuration)]
+    findings = list(_twice(items))
+    findings += [finding for item in items for finding in _item_findings(item, configuration)]
+    findings += [finding for item in items for finding in name_findings(item, configuration)]
     findings += [finding for item in items for finding in _marker_findings(item, configuration.catalogue)]
     findings += [finding for item in items for finding in _check_findings(item, configuration.catalogue)]
     findings += _uncovered(items, configuration.catalogue)
@@ -44,18 +48,42 @@ def plan_cases(items: Sequence[pytest.Item], configuration: Configuration) -> di
 def skipped_cases(planned: Mapping[str, PlannedCase], skips: Mapping[str, str]) -> dict[str, str]:
     """Return the cases that the command line skips, with the reason.
 
+    A name without parameters is the function with all of its cases. Where a case is named in both ways, its own reason
+    counts.
+
     Raises:
-        Refused: if a name is no case, or could be several.
+        Refused: if a name is no case, or could be several functions, or has no reason.
     """
     skipped: dict[str, str] = {}
     for asked, reason in skips.items():
-        found = [case for case in planned if case == asked or case.endswith(f"::{asked}")]
-        if len(found) != 1:
-            names = [case.rpartition("::")[2] for case in planned]
+        if not reason.strip():
+            raise Refused(f"there is no reason to skip '{asked}'", "say why, it is part of the evidence: --reason")
+        single = [case for case in planned if _is_named(case, asked)]
+        found = single or [case for case in planned if _is_named(_function_of(case), asked)]
+        functions = {_function_of(case) for case in found}
+        if len(functions) != 1:
+            names = {name for case in planned for name in (_own_name(case), _own_name(_function_of(case)))}
             what = "no case" if not found else "several cases"
-            raise Refused(f"{what} '{asked}' to skip{did_you_mean(asked, names)}", "name it as hil plan shows it")
-        skipped[found[0]] = reason
+            raise Refused(
+                f"{what} '{asked}' to skip{did_you_mean(asked, sorted(names))}", "name it as hil plan shows it"
+            )
+        skipped |= {case: reason for case in found if single or case not in skipped}
     return skipped
+
+
+def _is_named(case: str, asked: str) -> bool:
+    return case == asked or case.endswith((f"::{asked}", f"/{asked}"))
+
+
+def _function_of(case: str) -> str:
+    """Return a node id without the case's parameters, which may hold anything."""
+    place, _, within = case.partition("::")
+    return f"{place}::{within.partition('[')[0]}"
+
+
+def _own_name(case: str) -> str:
+    """Return what people call a case: its function, with the parameters."""
+    return case[len(_function_of(case).rpartition("::")[0]) + 2 :]
 
 
 def _planned(item: pytest.Item) -> PlannedCase:
@@ -93,23 +121,19 @@ def _item_findings(item: pytest.Item, configuration: Configuration) -> Iterator[
         yield _at(path, line, f"max_duration of {item.name} takes one number of seconds above zero")
     if any(mark.kwargs or not mark.args for mark in item.iter_markers("requirement")):
         yield _at(path, line, f"requirement of {item.name} takes ids and nothing else")
-    roles = sorted({wire.role for wire in configuration.bench.wiring})
-    for name in _unprovided(item):
-        message = f"{item.name} asks for '{name}', which nothing provides"
-        yield _at(path, line, f"{message}{did_you_mean(name, (*CASE_FIXTURES, *roles))}")
+    function = inspect.unwrap(getattr(item, "function", item.runtest))
+    if inspect.isgeneratorfunction(function) or inspect.iscoroutinefunction(function):
+        yield _at(path, line, f"{item.name} would be called and never run: a case neither yields nor awaits")
 
 
-def _unprovided(item: pytest.Item) -> list[str]:
-    """Return the fixtures that a case asks for and nobody provides.
-
-    pytest tells it in no public way before the case runs; where its own notes look otherwise, the case's
-    set-up tells.
-    """
-    provided = getattr(getattr(item, "_fixtureinfo", None), "name2fixturedefs", None)
-    if provided is None:
-        return []
-    given = {"request", *provided, *_parameters(item)}
-    return [name for name in getattr(item, "fixturenames", ()) if name not in given]
+def _twice(items: Sequence[pytest.Item]) -> Iterator[Finding]:
+    """Yield every case whose id another one has, too: parameters that are joined may read alike."""
+    seen: set[str] = set()
+    for item in items:
+        if item.nodeid in seen:
+            path, line, _ = item.location
+            yield _at(path, line, f"there are two cases '{item.name}': give their parameters ids that differ")
+        seen.add(item.nodeid)
 
 
 def _marker_findings(item: pytest.Item, catalogue: Catalogue) -> Iterator[Finding]:

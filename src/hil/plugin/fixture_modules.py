@@ -10,6 +10,7 @@ from types import ModuleType
 
 from hil.executive.setup.workspace import Workspace
 from hil.model.errors import ConfigurationError, Finding
+from hil.plugin.plan_sources import hook_findings, imported_hooks
 
 __all__ = ["load_fixture_modules"]
 
@@ -18,15 +19,20 @@ def load_fixture_modules(workspace: Workspace) -> dict[str, ModuleType]:
     """Return every module of the workspace's fixtures by its name.
 
     Raises:
-        ConfigurationError: with every module that cannot be loaded, and why.
+        ConfigurationError: with every module that cannot be loaded, or that brings hooks, and why.
     """
     modules: dict[str, ModuleType] = {}
     findings: list[Finding] = []
     for path in sorted(workspace.fixtures.glob("*.py")):
+        shown = workspace.shown(path)
+        if hooks := list(hook_findings(path, shown)):
+            findings += hooks
+            continue
         try:
             modules[path.stem] = _load(path)
+            findings += imported_hooks(modules[path.stem], shown)
         except Exception as error:  # noqa: BLE001 - importing somebody's module can raise anything
-            findings.append(_finding(workspace.shown(path), path, error))
+            findings.append(_finding(shown, path, error))
     if findings:
         raise ConfigurationError(tuple(findings))
     return modules

@@ -1,4 +1,4 @@
-"""Checks that are written out in a case's code, found before it runs."""
+"""What is written out in a case's code, found before it runs: its checks, and the names that it takes from fixtures."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ import inspect
 import textwrap
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
-__all__ = ["WrittenCheck", "written_checks"]
+__all__ = ["WrittenCheck", "WrittenName", "given_to", "written_checks", "written_names"]
 
 _NAMES = frozenset({"check", "check.require"})
 
@@ -32,8 +34,71 @@ class WrittenCheck:
     column: int
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WrittenName:
+    """An attribute of one of a function's arguments, such as `supply.coil.voltage`.
+
+    Attributes:
+        path: the argument and what is taken from it, one after the other.
+        line: line of the file, from 1.
+        column: column of the line, from 1.
+    """
+
+    path: tuple[str, ...]
+    line: int
+    column: int
+
+
 def written_checks(function: Callable[..., object]) -> Iterator[WrittenCheck]:
     """Yield the literal checks of a case's own code; what it calls elsewhere shows when it runs."""
+    for node, line, column in _nodes(function):
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in _NAMES:
+            texts = [_text(argument) for argument in node.args[:2]]
+            if len(texts) == 2 and texts[0] is not None and texts[1] is not None:
+                of = next((_text(keyword.value) for keyword in node.keywords if keyword.arg == "of"), None)
+                yield WrittenCheck(requirement=texts[0], parameter=texts[1], of=of, line=line, column=column)
+
+
+def written_names(function: Callable[..., object]) -> Iterator[WrittenName]:
+    """Yield what a function takes from its arguments by name, the longest paths only.
+
+    An argument that the function binds anew is left out: it may be something else then.
+    """
+    nodes = list(_nodes(function))
+    stored = {node.id for node, _, _ in nodes if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load)}
+    arguments = {node.arg for node, _, _ in nodes if isinstance(node, ast.arg)} - stored
+    inner = {id(node.value) for node, _, _ in nodes if isinstance(node, ast.Attribute)}
+    for node, line, column in nodes:
+        if isinstance(node, ast.Attribute) and id(node) not in inner:
+            path = tuple(ast.unparse(node).split(".")) if _is_path(node) else ()
+            if path and path[0] in arguments:
+                yield WrittenName(path=path, line=line, column=column)
+
+
+@cache
+def given_to(path: Path, argument: str) -> frozenset[str]:
+    """Return the functions that a file's code calls with something of that very name; none where it has no source."""
+    try:
+        tree = ast.parse(path.read_bytes())
+    except (OSError, SyntaxError, ValueError):
+        return frozenset()
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)]
+    return frozenset(
+        ast.unparse(call.func)
+        for call in calls
+        for value in (*call.args, *(keyword.value for keyword in call.keywords))
+        if isinstance(value, ast.Name) and value.id == argument
+    )
+
+
+def _is_path(node: ast.expr) -> bool:
+    while isinstance(node, ast.Attribute):
+        node = node.value
+    return isinstance(node, ast.Name)
+
+
+def _nodes(function: Callable[..., object]) -> Iterator[tuple[ast.AST, int, int]]:
+    """Yield every node of a function's source with its line and column in the file; none where it has no source."""
     try:
         lines, start = inspect.getsourcelines(function)
     except (OSError, TypeError):
@@ -45,17 +110,7 @@ def written_checks(function: Callable[..., object]) -> Iterator[WrittenCheck]:
     except SyntaxError:  # a text in the first column keeps an indented function from being taken out
         return
     for node in ast.walk(tree):
-        if isinstance(node, ast.Call) and ast.unparse(node.func) in _NAMES:
-            texts = [_text(argument) for argument in node.args[:2]]
-            if len(texts) == 2 and texts[0] is not None and texts[1] is not None:
-                of = next((_text(keyword.value) for keyword in node.keywords if keyword.arg == "of"), None)
-                yield WrittenCheck(
-                    requirement=texts[0],
-                    parameter=texts[1],
-                    of=of,
-                    line=start + node.lineno - 1,
-                    column=node.col_offset + indent + 1,
-                )
+        yield node, start + getattr(node, "lineno", 1) - 1, getattr(node, "col_offset", 0) + indent + 1
 
 
 def _text(node: ast.expr) -> str | None:

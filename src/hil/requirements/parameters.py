@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import keyword
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
 from hil.documents.canonical import digest
 from hil.documents.findings import Findings
@@ -13,9 +15,9 @@ from hil.documents.reader import MappingReader, read_document
 from hil.documents.suggest import did_you_mean
 from hil.model.errors import HilError
 from hil.requirements.layout import PARAMETERS, shown
-from hil.requirements.units import check_unit
+from hil.requirements.units import UnitError, check_unit, convert, is_plain
 
-__all__ = ["Parameter", "Parameters", "UnknownParameter", "load_parameters"]
+__all__ = ["Ambiguous", "Parameter", "Parameters", "UnknownParameter", "load_parameters"]
 
 _SCHEMA = "hil/parameters/1"
 
@@ -24,6 +26,13 @@ _Single = float | str
 
 class UnknownParameter(HilError, AttributeError):
     """A parameter that the plan does not have."""
+
+
+class Ambiguous(HilError):
+    """A parameter whose number means something else in the unit that a reader would expect.
+
+    Not an AttributeError: nobody who looks whether there is a parameter may be told that there is none.
+    """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,28 +61,66 @@ class Parameter:
 
 
 class Parameters:
-    """The parameters of one plan, each an attribute of its name.
+    """The parameters of one plan, each an attribute of its name; nobody can change them.
 
-    A parameter with a unit is a float in that unit, one without is a text; lists are tuples of either.
+    A parameter with a unit is a float in that unit, one without is a text; lists are tuples of either. A unit that an
+    SI unit is only a factor away from (cm, h, %) has to be named where the parameter is used: see `in_unit`.
     """
 
+    __slots__ = ("_parameters",)
+
+    _parameters: Mapping[str, Parameter]
+
     def __init__(self, parameters: tuple[Parameter, ...] = ()) -> None:
-        self._parameters = {parameter.name: parameter for parameter in parameters}
+        found = MappingProxyType({parameter.name: parameter for parameter in parameters})
+        object.__setattr__(self, "_parameters", found)
 
     def __getattr__(self, name: str) -> _Single | tuple[_Single, ...]:
         if name.startswith("_"):
             raise AttributeError(name)
-        return self._parameter(name).value
+        parameter = self._parameter(name)
+        if not _is_plain(parameter):
+            raise Ambiguous(_ambiguous(parameter))
+        return parameter.value
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise HilError(f"parameter '{name}' cannot be changed by a case", "see hil run --parameter")
+
+    def __delattr__(self, name: str) -> None:
+        raise HilError(f"parameter '{name}' cannot be taken away by a case", "see hil run --parameter")
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self._parameters]
+
+    def in_unit(self, name: str, unit: str) -> float | tuple[float, ...]:
+        """Return a parameter's number, or numbers, in this unit.
+
+        Raises:
+            UnknownParameter: where the plan does not have it.
+            HilError: where it is a text, or its unit does not convert.
+        """
+        parameter = self._parameter(name)
+        if not parameter.unit:
+            raise HilError(f"parameter '{name}' is a text and has no unit", f"read it as parameters.{name}")
+        values = parameter.value if isinstance(parameter.value, tuple) else (parameter.value,)
+        converted = tuple(convert(float(value), parameter.unit, unit) for value in values)
+        return converted if isinstance(parameter.value, tuple) else converted[0]
+
+    def problem_with(self, name: str) -> str:
+        """Return why `parameters.name` cannot be read, empty where it can."""
+        if name in self._parameters:
+            return "" if _is_plain(self._parameters[name]) else _ambiguous(self._parameters[name])
+        if hasattr(type(self), name):
+            return ""
+        return f"the plan has no parameter '{name}'{did_you_mean(name, self._parameters)}"
 
     def override(self, name: str, text: str) -> Parameters:
         """Return parameters in which one has another value; it is noted as a deviation.
 
         Args:
             name: an existing parameter.
-            text: the value as on the command line, in the parameter's unit; lists are separated by commas.
+            text: the value as on the command line, in the parameter's unit or with one that converts to it; lists are
+                separated by commas.
 
         Raises:
             UnknownParameter: where the plan does not have it.
@@ -171,14 +218,33 @@ def _list(entry: MappingReader, *, number: bool) -> tuple[_Single, ...]:
 def _value_of(before: Parameter, text: str) -> _Single | tuple[_Single, ...]:
     parts = [part.strip() for part in text.split(",")] if isinstance(before.value, tuple) else [text.strip()]
     try:
-        values = tuple(_number(part) if before.unit else part for part in parts)
+        values = tuple(_with_unit(part, before.unit) if before.unit else part for part in parts)
     except ValueError as error:
         raise HilError(
             f"'{text}' is no value for parameter '{before.name}'", f"give a decimal number in {before.unit}"
         ) from error
+    except UnitError as error:
+        raise HilError(f"'{text}' is no value for parameter '{before.name}': {error.message}", error.hint) from error
     if not all(part for part in parts):
         raise HilError(f"parameter '{before.name}' needs a value", f"it is {before.shown} in the plan")
     return values if isinstance(before.value, tuple) else values[0]
+
+
+def _with_unit(text: str, unit: str) -> float:
+    """Return a number that may name a unit of its own, in the parameter's; 12 digits where it was converted."""
+    number, _, own = text.partition(" ")
+    if not own.strip():
+        return _number(number)
+    return float(f"{convert(_number(number), own.strip(), unit):.12g}")
+
+
+def _is_plain(parameter: Parameter) -> bool:
+    return not parameter.unit or is_plain(parameter.unit)
+
+
+def _ambiguous(parameter: Parameter) -> str:
+    name, unit = parameter.name, parameter.unit
+    return f"parameter '{name}' is in {unit}, say in which unit you want it: parameters.in_unit('{name}', '{unit}')"
 
 
 def _number(text: str) -> float:

@@ -94,6 +94,70 @@ def test_an_empty_word_is_refused(load):
         load().override("direction", " ")
 
 
+def test_a_changed_parameter_may_name_its_unit(load):
+    """It is converted to the plan's, and a unit of another dimension, or none at all, is refused."""
+    planned = load()
+    assert planned.override("rest_duration", "4 h").deviations == ()
+    assert planned.override("rest_duration", "90 min").rest_duration == 5400.0
+    assert planned.override("temperatures", "20, 30 degC").temperatures == (20.0, 30.0)
+    for text, message in (
+        ("4 kg", "'kg' does not convert to 's'"),
+        ("4 K", "'K' does not convert to 's'"),
+        ("4 furlong", "'furlong' is not a known unit"),
+    ):
+        with pytest.raises(HilError, match=f"'{text}' is no value for parameter 'rest_duration': {message}"):
+            planned.override("rest_duration", text)
+    with pytest.raises(HilError, match="'K' does not convert to 'degC'"):
+        planned.override("temperatures", "20 K, 30 K")
+
+
+def test_parameters_cannot_be_changed(load):
+    """Neither an attribute, nor what holds them."""
+    parameters = load()
+    for name in ("rest_duration", "_parameters", "anything"):
+        with pytest.raises(HilError, match=f"parameter '{name}' cannot be changed by a case"):
+            setattr(parameters, name, 1.0)
+        with pytest.raises(HilError, match=f"parameter '{name}' cannot be taken away"):
+            delattr(parameters, name)
+    with pytest.raises(TypeError):
+        parameters._parameters["rest_duration"] = None
+
+
+def test_a_number_in_a_unit_with_a_factor_needs_its_unit(load):
+    """Ten centimetres are neither ten metres nor an attribute."""
+    text = 'schema: hil/parameters/1\nparameters:\n- {name: length, value: "10", unit: cm}\n'
+    parameters = load(text + '- {name: rests, values: ["1", "2"], unit: h}\n- {name: word, value: up}\n')
+    with pytest.raises(HilError, match="'length' is in cm, say in which unit you want it: parameters.in_unit"):
+        _ = parameters.length
+    assert parameters.in_unit("length", "m") == pytest.approx(0.1)
+    assert parameters.in_unit("length", "cm") == 10.0
+    assert parameters.in_unit("rests", "s") == (3600.0, 7200.0)
+    with pytest.raises(HilError, match="'cm' does not convert to 's'"):
+        parameters.in_unit("length", "s")
+    with pytest.raises(HilError, match="parameter 'word' is a text and has no unit"):
+        parameters.in_unit("word", "m")
+    assert parameters.problem_with("length").startswith("parameter 'length' is in cm")
+    assert (parameters.problem_with("word"), parameters.problem_with("in_unit")) == ("", "")
+    assert parameters.problem_with("wrod") == "the plan has no parameter 'wrod', did you mean 'word'?"
+
+
+@pytest.mark.parametrize(
+    "unit", ["1", "s", "kg", "m", "V", "Hz", "W", "ohm", "degC", "K", "deg", "rad", "deg/s", "LSB"]
+)
+def test_numbers_in_plain_units_are_attributes(load, unit):
+    """SI without a prefix, degrees of angle and of Celsius: what roles and records take."""
+    entry = f'- {{name: a, value: "10", unit: "{unit}"}}\n'
+    assert load(f"schema: hil/parameters/1\nparameters:\n{entry}").a == 10.0
+
+
+@pytest.mark.parametrize("unit", ["g", "mA", "uT", "h", "%", "Ah", "rpm", "kHz", "cm", "G", "deg/h"])
+def test_numbers_in_other_units_are_not(load, unit):
+    """A factor away from what a reader expects is not what a reader expects."""
+    entry = f'- {{name: a, value: "10", unit: "{unit}"}}\n'
+    with pytest.raises(HilError, match="say in which unit"):
+        _ = load(f"schema: hil/parameters/1\nparameters:\n{entry}").a
+
+
 def test_rows_serve_the_report(load):
     """Name, value, unit, explanation and deviation, in the order of the file."""
     row = load().override("rest_duration", "60").rows()[0]

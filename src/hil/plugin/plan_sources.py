@@ -1,0 +1,123 @@
+"""What the files of a plan and of the workspace may not hold: second cases of one name, and hooks of pytest."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from types import ModuleType
+
+from hil.executive.setup.workspace import Workspace
+from hil.model.errors import ConfigurationError, Finding
+
+__all__ = ["hook_findings", "imported_hooks", "refuse_sources"]
+
+_CONFTEST = "conftest.py"
+_CASES = ("test", "Test")
+_OWN = frozenset({"pytest_plugins", "collect_ignore", "collect_ignore_glob"})
+_BRINGS = "pytest hooks and plugins would come between a case and its verdict: take it out, fixtures are enough"
+
+
+def refuse_sources(workspace: Workspace, plans: Sequence[Path]) -> None:
+    """Refuse, before pytest reads anything of it, what in and around the plans would decide what a case is worth.
+
+    Raises:
+        ConfigurationError: with every `conftest.py` in a plan, and from the testplans up to the workspace; with every
+            hook in the modules of a plan, and every case that another of its name replaces.
+    """
+    findings = [*_conftests(workspace, plans), *(finding for plan in plans for finding in _in_plan(plan, workspace))]
+    if findings:
+        raise ConfigurationError(tuple(findings))
+
+
+def hook_findings(path: Path, shown: str) -> Iterator[Finding]:
+    """Yield every hook that a module of fixtures writes out; a file that Python cannot read has none."""
+    try:
+        tree = ast.parse(path.read_bytes())
+    except (SyntaxError, ValueError):
+        return
+    yield from _hooks(tree, shown)
+
+
+def imported_hooks(module: ModuleType, shown: str) -> Iterator[Finding]:
+    """Yield every hook that a loaded module holds, from wherever it came."""
+    for name, value in sorted(vars(module).items()):
+        if name in _OWN or (name.startswith("pytest_") and inspect.isroutine(value)):
+            yield Finding(shown, 0, 0, f"'{name}': {_BRINGS}")
+
+
+def _conftests(workspace: Workspace, plans: Sequence[Path]) -> Iterator[Finding]:
+    folders = [workspace.testplans, *workspace.testplans.parents]
+    around = [folder / _CONFTEST for folder in folders if folder.is_relative_to(workspace.root)]
+    inside = [path for plan in plans for path in sorted(plan.rglob(_CONFTEST))]
+    place = workspace.shown(workspace.fixtures)
+    message = f"a conftest.py takes part in the verdicts and is no part of a plan: fixtures belong into {place}/"
+    yield from (Finding(workspace.shown(path), 0, 0, message) for path in (*around, *inside) if path.exists())
+
+
+def _in_plan(plan: Path, workspace: Workspace) -> Iterator[Finding]:
+    for path in sorted(set(plan.glob("*.py")) - {plan / _CONFTEST}):
+        try:
+            tree = ast.parse(path.read_bytes())
+        except (SyntaxError, ValueError):  # importing it tells
+            continue
+        yield from _hooks(tree, workspace.shown(path))
+        yield from _replaced(tree.body, workspace.shown(path))
+
+
+def _hooks(tree: ast.Module, shown: str) -> Iterator[Finding]:
+    for name, node in _bound(tree.body):
+        is_hook = name.startswith("pytest_") and not isinstance(node, ast.Import)
+        if is_hook or name in _OWN:
+            yield Finding(shown, node.lineno, node.col_offset + 1, f"'{name}': {_BRINGS}")
+
+
+def _replaced(body: Sequence[ast.stmt], shown: str) -> Iterator[Finding]:
+    """Yield every later name of a case, or of a class of cases, that Python would forget the earlier one for."""
+    first: dict[str, ast.stmt] = {}
+    for name, node in _bound(body):
+        if not name.startswith(_CASES):
+            continue
+        before = first.setdefault(name, node)
+        defines = any(
+            isinstance(each, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef) for each in (before, node)
+        )
+        if before is not node and defines:
+            message = f"'{name}' replaces the one of line {before.lineno}, which would never run: name it otherwise"
+            yield Finding(shown, node.lineno, node.col_offset + 1, message)
+        if isinstance(node, ast.ClassDef):
+            yield from _replaced(node.body, shown)
+
+
+def _bound(body: Sequence[ast.stmt]) -> Iterator[tuple[str, ast.stmt]]:
+    """Yield every name that statements bind or delete, also below conditions and loops, not within functions."""
+    for node in body:
+        match node:
+            case ast.FunctionDef() | ast.AsyncFunctionDef() | ast.ClassDef():
+                yield node.name, node
+            case ast.Import() | ast.ImportFrom():
+                yield from ((alias.asname or alias.name.partition(".")[0], node) for alias in node.names)
+            case ast.Assign(targets=targets) | ast.Delete(targets=targets):
+                yield from ((name, node) for target in targets for name in _names(target))
+            case ast.AnnAssign(target=target) | ast.AugAssign(target=target):
+                yield from ((name, node) for name in _names(target))
+        yield from _below(node)
+
+
+def _below(node: ast.stmt) -> Iterator[tuple[str, ast.stmt]]:
+    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+        return
+    if isinstance(node, ast.For | ast.AsyncFor):
+        yield from ((name, node) for name in _names(node.target))
+    for _, value in ast.iter_fields(node):
+        if isinstance(value, list):
+            for each in value:
+                if isinstance(each, ast.stmt):
+                    yield from _bound([each])
+                elif isinstance(each, ast.ExceptHandler | ast.match_case):
+                    yield from _bound(each.body)
+
+
+def _names(target: ast.expr) -> Iterator[str]:
+    yield from (node.id for node in ast.walk(target) if isinstance(node, ast.Name))
