@@ -106,6 +106,7 @@ class Watch:
         self.trips: list[object] = []
         self.lates: list[tuple[str, float]] = []
         self.ticks = 0
+        self.told: list[str] = []
 
     def reading(self, limit: str, t: float, figure: Figure) -> None:
         """Take a reading."""
@@ -118,6 +119,14 @@ class Watch:
     def trip(self, trip: object) -> None:
         """Take a trip."""
         self.trips.append(trip)
+
+    def safe(self) -> None:
+        """Note the word."""
+        self.told.append("safe")
+
+    def give_up(self) -> None:
+        """Note the word."""
+        self.told.append("give up")
 
     def tick(self) -> None:
         """Count."""

@@ -33,6 +33,7 @@ __all__ = [
     "Ran",
     "Workspace",
     "agreed",
+    "command_line",
     "executive",
     "finish",
     "kill",
@@ -157,17 +158,25 @@ class Workspace:
         (folder,) = [folder for folder in self.folders() if folder not in before]
         return Ran(code, out.getvalue(), Package(folder))
 
+    @property
+    def run_arguments(self) -> tuple[str, ...]:
+        """`run` for the plan on the simulated bench."""
+        return ("run", self.plan.name, "--bench", "adcs", "--dut", DUT, "--source", "simulated")
+
     def start(self, *arguments: str, **options) -> subprocess.Popen[str]:
         """Start `hil` in a process group of its own, which `kill` ends."""
         pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "stdin": subprocess.DEVNULL}
         options = {**pipes, "start_new_session": True, **options}
-        command = [sys.executable, "-m", "hil.cli", *arguments]
-        return subprocess.Popen(command, cwd=self.root, env=self.environment, text=True, **options)
+        options = {"text": True, **options}
+        return subprocess.Popen(command_line(*arguments), cwd=self.root, env=self.environment, **options)
 
     def start_run(self, *arguments: str, **options) -> subprocess.Popen[str]:
         """Start `hil run` for the plan on the simulated bench, in a process of its own."""
-        wanted = ("run", self.plan.name, "--bench", "adcs", "--dut", DUT, "--source", "simulated")
-        return self.start(*wanted, *arguments, **options)
+        return self.start(*self.run_arguments, *arguments, **options)
+
+    def start_run_command(self) -> list[str]:
+        """Return the command line of `hil run` for the plan on the simulated bench."""
+        return command_line(*self.run_arguments)
 
     def hil(self, *arguments: str, timeout: float = 50) -> Ended:
         """Run `hil` in a process of its own to its end."""
@@ -197,6 +206,11 @@ class Workspace:
         """Let a simulated instrument go wrong."""
         place = _PLACES[device]
         self.change_bench({place: f"      faults: [{', '.join(faults)}]\n{place}"})
+
+
+def command_line(*arguments: str) -> list[str]:
+    """Return the command line of `hil`."""
+    return [sys.executable, "-m", "hil.cli", *arguments]
 
 
 def kill(process: subprocess.Popen[str]) -> None:

@@ -126,7 +126,7 @@ def _wait(child: int, awaited: set[signal.Signals]) -> int:
             ended, status = os.waitpid(child, os.WNOHANG)
             if ended:
                 return status
-        elif not of_terminal:
+        elif number != signal.SIGINT or not of_terminal:
             os.kill(child, number)
 
 

@@ -33,11 +33,12 @@ class Steps:
     @contextmanager
     def __call__(self, title: str) -> Iterator[None]:
         """Be in a step; steps nest, and whoever leaves a step leaves those inside it."""
+        began = self._now()  # first of all, because it turns other threads away
         depth = len(self._titles)
         del self._counts[depth + 1 :]
         self._counts[depth] += 1
         self._titles.append(title)
-        self._began.append(self._now())
+        self._began.append(began)
         self._counts.append(0)
         self._write("step", **self._facts())
         mine = self._counts[: depth + 1]

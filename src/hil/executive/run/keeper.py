@@ -75,8 +75,14 @@ class BenchKeeper:
 
     def trip(self, trip: Trip) -> None:
         """Write the trip down and make the bench safe, before the case learns of it."""
-        self._write("trip", limit=trip.limit, value=trip.value, unit=trip.unit, text=trip.text)
-        self.safe()
+        try:
+            self._write("trip", limit=trip.limit, value=trip.value, unit=trip.unit, text=trip.text)
+        finally:
+            self.safe()
+
+    def give_up(self) -> None:
+        """End the run here: the present case never will."""
+        self._flags.give_up()
 
     def rest(self) -> str:
         """Bring the bench to its rest state between cases; return what could not be."""

@@ -41,25 +41,29 @@ class OpenRecording:
     """A recording that grows. Finish it, also after an error: what is there is kept as incomplete."""
 
     def __init__(
-        self, facts: RecordingFacts, rows: Rows, write: Callable[..., None], forget: Callable[[Rows], None]
+        self,
+        facts: RecordingFacts,
+        rows: Rows,
+        write: Callable[..., None],
+        forget: Callable[[OpenRecording], None],
     ) -> None:
-        self._facts = facts
-        self._rows = rows
+        self.facts = facts
+        self.rows = rows
         self._write = write
         self._forget = forget
 
     @property
     def append(self) -> Callable[[Sequence[float]], None]:
         """Takes one row: time in s, then the channels."""
-        return self._rows.append
+        return self.rows.append
 
     def finish(self, *, complete: bool) -> str:
         """Write the end down and return the hash of all rows."""
-        self._forget(self._rows)
-        end = self._rows.finish()
+        self._forget(self)
+        end = self.rows.finish()
         self._write(
             "recording-end",
-            recording=self._facts.id,
+            recording=self.facts.id,
             rows=end.rows,
             sha256=end.sha256,
             complete=complete,
@@ -79,7 +83,7 @@ class RowStore:
     def __init__(self, folder: Path, write: Callable[..., None]) -> None:
         self._folder = folder
         self._write = write
-        self._open: list[Rows] = []
+        self._open: list[OpenRecording] = []
 
     @property
     def recordings(self) -> Path:
@@ -115,10 +119,16 @@ class RowStore:
             on_block=lambda count, digest: self._write("rows", recording=facts.id, rows=count, sha256=digest),
             reserve=self._folder / RESERVE,
         )
-        self._open.append(rows)
-        return OpenRecording(facts, rows, self._write, self._open.remove)
+        recording = OpenRecording(facts, rows, self._write, self._open.remove)
+        self._open.append(recording)
+        return recording
+
+    def end_of_case(self, case: str) -> None:
+        """Finish what a case left open, as incomplete."""
+        for recording in [each for each in self._open if each.facts.case == case]:
+            recording.finish(complete=False)
 
     def tick(self) -> None:
         """Bring waiting rows of every open recording to the disk."""
-        for rows in self._open:
-            rows.tick()
+        for recording in self._open:
+            recording.rows.tick()

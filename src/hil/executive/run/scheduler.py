@@ -9,7 +9,7 @@ from hil.bench.binding import BoundBench
 from hil.bench.envelope import Monitor, Trip
 from hil.clock import wall
 from hil.clock.port import NANOSECONDS
-from hil.executive.run.stop import StopFlags
+from hil.executive.run.stop import StopFlags, Stopped
 from hil.model.bench import InstrumentSpec
 from hil.model.errors import DeviceFault, NoReply, Tripped
 from hil.model.figure import Figure
@@ -19,6 +19,11 @@ from hil.wire.tap import LONGEST_TRANSACTION
 __all__ = ["CaseTimeout", "Scheduler", "Watch"]
 
 _TICK_S = 0.2
+_SWALLOWED = 10
+"""After so many refusals a case has swallowed a stop, and the bench does not wait for its end any more."""
+
+_MOST_REFUSALS = 100
+"""After so many it is never going to end."""
 
 
 class CaseTimeout(BaseException):
@@ -38,6 +43,14 @@ class Watch(Protocol):
 
     def trip(self, trip: Trip) -> None:
         """Make the bench safe; called once, before the case learns of it."""
+        ...
+
+    def safe(self) -> None:
+        """Make the bench safe."""
+        ...
+
+    def give_up(self) -> None:
+        """End the run here: the present case never will."""
         ...
 
     def tick(self) -> None:
@@ -61,6 +74,7 @@ class Scheduler:
 
     Attributes:
         deadline_ns: the instant at which the present case has taken too long.
+        refused: how often the present case was told to end.
         faulted: is told when a monitor's device is silent or talks nonsense; the present case, if there is one.
     """
 
@@ -74,12 +88,18 @@ class Scheduler:
         self._trip: Trip | None = None
         self._watching = False
         self.deadline_ns: int | None = None
+        self.refused = 0
         self.faulted: Callable[[InstrumentSpec, DeviceFault], None] | None = None
 
     @property
     def tripped(self) -> Trip | None:
         """What tripped the bench, if anything did."""
         return self._trip
+
+    @property
+    def watching(self) -> bool:
+        """Whether the monitors run."""
+        return self._watching
 
     def watch_from_now(self) -> None:
         """Begin to run the monitors."""
@@ -128,11 +148,30 @@ class Scheduler:
         if now - self._ticked >= _TICK_S:
             self._ticked = now
             self._watch.tick()
+        try:
+            self._end_if_due()
+        except (Stopped, Tripped, CaseTimeout) as ending:
+            self._refuse(ending)
+            raise
+
+    def _end_if_due(self) -> None:
         self._flags.check()
         if self._trip:
             raise Tripped(self._trip.text, "the bench was made safe and stays so for the rest of the run")
         if self.deadline_ns is not None and self._clock.now_ns() > self.deadline_ns:
             raise CaseTimeout
+
+    def _refuse(self, ending: BaseException) -> None:
+        """Make safe what the case is not to drive any more, before it learns why; end a run that it does not let end.
+
+        A case that is stopped for the first time still has the time of its own teardown.
+        """
+        self.refused += 1
+        patient = isinstance(ending, Stopped) and not self._flags.urgent
+        if self.refused == (_SWALLOWED if patient else 1) and not isinstance(ending, Tripped):
+            self._watch.safe()
+        if self.refused > _MOST_REFUSALS:
+            self._watch.give_up()
 
     def _next_turn_ns(self, when_ns: int) -> int:
         """Return when this wait has to look up again: at a monitor's turn, or at its end."""

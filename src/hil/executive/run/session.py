@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from io import FileIO
@@ -10,10 +11,9 @@ from pathlib import Path
 
 from hil.bench.binding import BoundBench
 from hil.bench.lease import Lease
-from hil.evidence.folder import JOURNAL, RESERVE, TRANSCRIPT, create, free_reserve, hold, require_space
-from hil.evidence.inbox import Message, poll
+from hil.evidence.folder import JOURNAL, RESERVE, TRANSCRIPT, create, hold, require_space
 from hil.evidence.journal.writer import Journal
-from hil.evidence.package.sealing import ReportWriter, seal, write_message
+from hil.evidence.package.sealing import ReportWriter, seal
 from hil.executive.case.case_run import CaseRun, PlannedCase
 from hil.executive.case.checks import Checks
 from hil.executive.case.effects import Effects, Recall
@@ -21,13 +21,13 @@ from hil.executive.case.facade import Facade, RoleSet
 from hil.executive.case.operator import AnswerSource, Operator
 from hil.executive.case.recorder import Recorder
 from hil.executive.case.steps import Steps
-from hil.executive.run.events import DISK_FULL, Events, Listener
+from hil.executive.run.events import Events, Listener
 from hil.executive.run.keeper import BenchKeeper
 from hil.executive.run.row_store import RowStore
-from hil.executive.run.stop import StopFlags, handle_signals
+from hil.executive.run.stop import Astray, StopFlags, Stopped, handle_signals, leave_unsealed
+from hil.executive.run.upkeep import Upkeep
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import write_head
-from hil.model.errors import EvidenceError
 from hil.model.verdict import Verdict
 from hil.wire.transcript import Transcript
 
@@ -55,6 +55,9 @@ class Session:
         leases: what this run must hold alone, such as the ports of its instruments.
         listeners: are shown every event.
         recall: the effects that this run must agree with, in a replay.
+
+    Attributes:
+        at_last: seals and ends the process, for a case that never comes to its end; nothing of the run is left then.
     """
 
     def __init__(
@@ -77,6 +80,8 @@ class Session:
         self._verdicts: list[Verdict] = []
         self._attempts: dict[str, int] = {}
         self._stopped = False
+        self._open_cases = dict.fromkeys(case.id for case in planned)
+        self.at_last: Callable[[], object] = leave_unsealed
         self._closing = ExitStack()
         try:
             self._open(planned, binder, answers, leases, listeners)
@@ -97,8 +102,8 @@ class Session:
         From here to the seal signals are requests to stop.
         """
         configuration = self.configuration
-        self.folder = self._open_folder(leases)
         self._closing.enter_context(handle_signals(self.flags))
+        self.folder = self._open_folder(leases)
         self._closing.enter_context(hold(self.folder))
         self._journal = Journal(self.folder / JOURNAL, reserve=self.folder / RESERVE)
         self._events = Events(self._journal, self.flags)
@@ -107,17 +112,22 @@ class Session:
         self._store = RowStore(self.folder, self._events.write)
         self._sink = FileIO(self.folder / TRANSCRIPT, "w")
         self._transcript = Transcript(self._sink)
+        self._upkeep = Upkeep(self.folder, self._journal, self._store, self._transcript, self.flags)
         write_head(configuration, planned, self.folder, self._events.write)
         self.bench = binder(self._transcript, self._where)
+        self._upkeep.now = self.bench.clock.now
         self._closing.callback(self.bench.close)
         self._events.follow(self.bench.clock)
         self.keeper = BenchKeeper(
-            self.bench, configuration.dut, self.flags, self._events.write, self._store, self._tick
+            self.bench, configuration.dut, self.flags, self._events.write, self._store, self._upkeep.tick
         )
+        self.flags.make_safe, self.flags.give_up = self.keeper.safe, self.give_up
         self._answers = answers(self.bench, self.keeper.scheduler.idle)
 
     def arm(self) -> None:
-        """Arm the bench; where it cannot be, every case is NOT_RUN for that reason."""
+        """Arm the bench; where it cannot be, every case is NOT_RUN for that reason, and so they are after a stop."""
+        if self.flags.reason:
+            return
         refusal = self.keeper.arm()
         if refusal:
             self.poison = f"the bench was not armed: {refusal}"
@@ -127,13 +137,17 @@ class Session:
         """Begin a case."""
         write = self._events.write
         scheduler = self.keeper.scheduler
+        self._open_cases.pop(planned.id, None)
         attempt = self._attempts[planned.id] = self._attempts.get(planned.id, 0) + 1
         write("case", case=planned.id, attempt=attempt)
-        steps = Steps(planned.id, write, self.bench.clock.now)
+        steps = Steps(planned.id, write, self._now)
         effects = Effects(write, steps, self._recall, self.flags.undisturbed)
         requirements = {name: self.configuration.catalogue.requirement(name) for name in planned.requirements}
         self._began_ns = self.bench.clock.now_ns()
         scheduler.deadline_ns = self._began_ns + round(planned.max_duration_s * 1e9)
+        scheduler.refused = 0
+        if not scheduler.watching:  # the bench was made safe under the case before
+            scheduler.watch_from_now()
         used: dict[str, str] = {}
         self.current = CaseRun(
             planned=planned,
@@ -153,6 +167,17 @@ class Session:
 
     def end(self, run: CaseRun) -> Verdict:
         """End a case: write its verdict down, and bring the bench to rest."""
+        verdict = self._conclude(run)
+        self.poison = self.poison or self._poison(run)
+        return verdict
+
+    def _conclude(self, run: CaseRun) -> Verdict:
+        self._own()
+        if self.flags.astray:
+            run.raised(Astray(self.flags.astray))
+            self.flags.astray = ""
+        if self.flags.reason and (self.keeper.scheduler.refused or self.flags.cuts):
+            run.raised(Stopped(self.flags.reason))  # whatever the case made of it
         run.close()
         self.keeper.scheduler.deadline_ns = self.keeper.scheduler.faulted = None
         outcome = run.outcome()
@@ -169,11 +194,11 @@ class Session:
         self._verdicts.append(outcome.verdict)
         self.current = None
         self._transcript.flush()
-        self.poison = self.poison or self._poison(run)
         return outcome.verdict
 
     def not_run(self, case: str, reason: str) -> None:
         """Note that a planned case is not run."""
+        self._open_cases.pop(case, None)
         self._events.write("not-run", case=case, reason=reason)
         self._verdicts.append(Verdict.NOT_RUN)
 
@@ -191,12 +216,26 @@ class Session:
 
     def safe(self) -> None:
         """Make the bench safe, whatever else fails, and write down why the run was stopped, if it was."""
+        self._own()
         try:
             self._stopped = bool(self.flags.reason)
             if self._stopped:
                 self._events.write("stop", reason=self.flags.reason, urgent=self.flags.urgent)
         finally:
             self.keeper.release()
+
+    def give_up(self) -> None:
+        """End the run from where it is, amid a case that lets no stop and no timeout end it."""
+        with self.flags.shielded():
+            try:
+                if run := self.current:
+                    self._store.end_of_case(run.planned.id)
+                    self._conclude(run)
+                for case in tuple(self._open_cases):
+                    self.not_run(case, "the run was ended amid a case that nothing else ended")
+                self.safe()
+            finally:
+                self.at_last()
 
     def exit_code(self, pytest_code: int) -> int:
         """Return the run's exit code: what happened to the bench outweighs what pytest says."""
@@ -213,14 +252,14 @@ class Session:
     def seal(self, exit_code: int, write_reports: ReportWriter) -> str:
         """Seal the package and return its evidence digest."""
         with self.flags.shielded(), self._closing:
-            self._flush()
+            self._upkeep.flush()
             self._sink.close()
             return seal(self.folder, self._journal, exit_code=exit_code, write_reports=write_reports)
 
     def abandon(self) -> None:
         """Close everything without a seal: for runs whose folder nobody keeps."""
         with self._closing:
-            self._flush()
+            self._upkeep.flush()
             self._sink.close()
             self._journal.close()
 
@@ -229,7 +268,18 @@ class Session:
         require_space(configuration.reports, _LEAST_SPACE)
         lease = Lease(leases, f"a run of {', '.join(plan.name for plan in configuration.plans)}")
         self._closing.callback(lease.release)
-        return create(configuration.reports, bench=configuration.bench.name, dut=configuration.dut.serial)
+        folder = create(configuration.reports, bench=configuration.bench.name, dut=configuration.dut.serial)
+        lease.name(folder.name)
+        return folder
+
+    def _now(self) -> float:
+        self.flags.stay_home()
+        return self.bench.clock.now()
+
+    def _own(self) -> None:
+        """End a copy of this process that a case forked and let go on: there is one run."""
+        if self.flags.is_copy:
+            os._exit(1)
 
     def _where(self) -> str:
         return f"step {self.current.steps.number or 'none'} of {self.current.planned.id}" if self.current else "no case"
@@ -244,33 +294,3 @@ class Session:
         if problem := self.keeper.rest():
             return f"the bench did not reach its rest state: {problem}"
         return ""
-
-    def _tick(self) -> None:
-        self._flush()
-        if not (self.folder / RESERVE).exists():
-            self._disk_is_full()
-        for message in poll(self.folder):
-            if message.kind == "stop":
-                self.flags.request(f"{message.by or 'another terminal'}: {message.text}".rstrip(": "))
-            else:
-                self._write_message(message)
-
-    def _write_message(self, message: Message) -> None:
-        try:
-            write_message(self._journal, self.bench.clock.now(), message)
-        except EvidenceError:
-            self._disk_is_full()
-
-    def _disk_is_full(self) -> None:
-        """Ask for the run's end; asked again and again, it is no more urgent than a person's first word."""
-        if not self.flags.reason:
-            self.flags.request(DISK_FULL)
-
-    def _flush(self) -> None:
-        try:
-            self._transcript.flush()
-            self._store.tick()
-        except (OSError, EvidenceError):
-            self._disk_is_full()
-            if free_reserve(self.folder / RESERVE):
-                self._flush()

@@ -2,18 +2,34 @@
 
 from __future__ import annotations
 
+import os
 import signal
-from collections.abc import Iterator
+import sys
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-__all__ = ["StopFlags", "Stopped", "handle_signals"]
+from hil.model.errors import HilError
+
+__all__ = ["Astray", "StopFlags", "Stopped", "handle_signals", "leave_unsealed"]
 
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+_UNATTENDED = frozenset(number for number in _SIGNALS if number != signal.SIGINT)
+"""Signals that a program sent: nobody is there to ask a second time."""
+
+_PATIENCE_S = 5.0
+_AGAIN_S = 0.3
+_MOST_CUTS = 10
+_INTERNAL = 3
 
 
 class Stopped(BaseException):
     """The run is to end. Not an Exception, so that a case's `except Exception` does not catch it."""
+
+
+class Astray(HilError):
+    """Code of a case drives the bench, or writes evidence, from another thread or process than the case's own."""
 
 
 class StopFlags:
@@ -22,14 +38,38 @@ class StopFlags:
     The first request lets the present sample finish. A second one is urgent and ends a case that
     computes at once, wherever in its own code it is. What the executive does for a case is never cut
     in two: no transaction on the wire, no line of the journal, and least of all the way to the safe state.
+    All of that happens in the thread that made the flags; any other is turned away.
+
+    Attributes:
+        reason: who or what asked first, empty where nobody did.
+        urgent: whether somebody asked again.
+        cuts: how often a case's own code was cut.
+        astray: why another thread was turned away, empty where none was.
+        make_safe: makes the bench safe; called before a case's own code is cut.
+        give_up: ends the run from where it is; called for a case that was cut again and again and goes on.
     """
 
     def __init__(self) -> None:
+        self._home = os.getpid(), threading.get_ident()
         self._in_case = 0
         self._undisturbed = 0
         self._shielded = 0
+        self.cuts = 0
         self.reason = ""
         self.urgent = False
+        self.astray = ""
+        self.make_safe: Callable[[], None] = lambda: None
+        self.give_up: Callable[[], None] = lambda: None
+
+    @property
+    def in_case(self) -> bool:
+        """Whether a case's own code runs."""
+        return self._in_case > 0
+
+    @property
+    def is_copy(self) -> bool:
+        """Whether this process is a copy that a case forked."""
+        return os.getpid() != self._home[0]
 
     def request(self, reason: str) -> None:
         """Ask the run to end; a second request is urgent. Safe to call from a signal handler."""
@@ -38,26 +78,38 @@ class StopFlags:
 
     def check(self) -> None:
         """Raise Stopped if the run is to end and nothing is shielded."""
+        self.stay_home()
         if self.reason and not self._shielded:
             raise Stopped(self.reason)
 
     def interrupt(self) -> None:
         """Raise Stopped for an urgent request if that can be done right here."""
         if self.urgent and self._in_case and not self._undisturbed and not self._shielded:
+            self.cuts += 1
+            if self.cuts == 1:
+                self.make_safe()
+            if self.cuts > _MOST_CUTS:
+                self.give_up()
             raise Stopped(self.reason)
 
     @contextmanager
     def case_code(self) -> Iterator[None]:
-        """Let an urgent request end what runs in here at once: a case's own code, and nothing else."""
+        """Let an urgent request end what runs in here at once: a case's own code, and nothing else.
+
+        A copy of the process that the case forked ends where the case's code does.
+        """
         self._in_case += 1
         try:
             yield
         finally:
             self._in_case -= 1
+            if self.is_copy:
+                os._exit(1)
 
     @contextmanager
     def undisturbed(self) -> Iterator[None]:
         """Let requests wait for the next scheduling point: used while a case is served by the executive."""
+        self.stay_home()
         self._undisturbed += 1
         try:
             yield
@@ -73,18 +125,78 @@ class StopFlags:
         finally:
             self._shielded -= 1
 
+    def stay_home(self) -> None:
+        """Turn other threads and forked copies away: two writers would break the chain, and two drivers the bench.
+
+        Raises:
+            Astray: in them.
+        """
+        process, thread = os.getpid(), threading.get_ident()
+        if (process, thread) == self._home:
+            return
+        where = "another thread" if process == self._home[0] else "a forked process"
+        self.astray = f"the case uses the bench or writes evidence from {where}"
+        raise Astray(self.astray, "call roles, record, check and step where the case runs; compute elsewhere")
+
 
 @contextmanager
 def handle_signals(flags: StopFlags) -> Iterator[None]:
-    """Turn SIGINT, SIGTERM and SIGHUP into requests to stop; the handlers before are put back."""
+    """Turn SIGINT, SIGTERM and SIGHUP into requests to stop; the handlers before are put back.
+
+    An ignored SIGHUP stays ignored (`nohup`). A case that does not come to a scheduling point for some seconds after
+    a program's signal is cut as by a second one, and is cut again for as long as it goes on.
+    """
+    alarm = _Alarm(flags)
 
     def handler(number: int, _frame: FrameType | None) -> None:
-        flags.request(signal.Signals(number).name)
+        name = signal.Signals(number).name
+        if not flags.reason == name == "SIGHUP":  # one hang-up is told by the terminal, the shell and the supervisor
+            flags.request(name)
+        if flags.urgent or number in _UNATTENDED:
+            alarm.set(_AGAIN_S if flags.urgent else _PATIENCE_S)
         flags.interrupt()
 
-    before = {number: signal.signal(number, handler) for number in _SIGNALS}
+    heard = [number for number in _SIGNALS if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN]
+    before = {number: signal.signal(number, handler) for number in heard}
     try:
         yield
     finally:
+        alarm.put_back()
         for number, action in before.items():
             signal.signal(number, action)
+
+
+def leave_unsealed() -> None:
+    """End the process for a run that nobody seals."""
+    sys.stderr.write("hil: a case let neither a stop nor a timeout end it, so the process ends here\n")
+    sys.stderr.flush()
+    os._exit(_INTERNAL)
+
+
+class _Alarm:
+    """Cuts a case's code again and again, while there is a case."""
+
+    def __init__(self, flags: StopFlags) -> None:
+        self._flags = flags
+        self._before: tuple[float, float] | None = None
+        self._handler: object = None
+
+    def set(self, seconds: float) -> None:
+        """Begin in `seconds`."""
+        if self._before is None:
+            self._handler = signal.signal(signal.SIGALRM, self._ring)
+            self._before = signal.setitimer(signal.ITIMER_REAL, seconds, _AGAIN_S)
+        else:
+            signal.setitimer(signal.ITIMER_REAL, seconds, _AGAIN_S)
+
+    def put_back(self) -> None:
+        """End, and let the alarm be whose it was."""
+        if self._before is not None:
+            signal.setitimer(signal.ITIMER_REAL, *self._before)
+            signal.signal(signal.SIGALRM, self._handler)  # type: ignore[arg-type]  # what signal() returned
+            self._before = None
+
+    def _ring(self, _number: int, _frame: FrameType | None) -> None:
+        if self._flags.in_case:
+            self._flags.urgent = True
+            self._flags.interrupt()
