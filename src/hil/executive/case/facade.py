@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, Protocol, TypeVar
 
 from hil.bench.calibration import calibrated
 from hil.documents.suggest import did_you_mean
 from hil.executive.case.effects import Effects
 from hil.instruments.roles import ROLES
-from hil.instruments.sampled import Sampled
+from hil.instruments.sampled import Sampled, Streamed
 from hil.model.bench import InstrumentSpec, Wire
 from hil.model.errors import DeviceFault
 from hil.model.figure import Figure
 
 __all__ = ["Facade", "Host", "RoleSet"]
+
+_Result = TypeVar("_Result")
 
 
 class Host(Protocol):
@@ -46,6 +49,7 @@ class Facade:
         role: the driver's object.
         effects: where operations are performed and noted.
         host: the case that holds it.
+        instruments: every instrument of the bench by name: what fails may be one on the way to this one.
     """
 
     wire: Wire
@@ -53,6 +57,7 @@ class Facade:
     _role: object
     _effects: Effects
     _host: Host
+    _instruments: Mapping[str, InstrumentSpec]
     _operations: dict[str, Callable[..., Any]]
 
     def __init__(
@@ -62,6 +67,7 @@ class Facade:
         role: object,
         effects: Effects,
         host: Host,
+        instruments: Mapping[str, InstrumentSpec] = MappingProxyType({}),
     ) -> None:
         operations = {
             name: operation
@@ -69,7 +75,13 @@ class Facade:
             if hasattr(operation, "effect")
         }
         self.__dict__.update(
-            wire=wire, instrument=instrument, _role=role, _effects=effects, _host=host, _operations=operations
+            wire=wire,
+            instrument=instrument,
+            _role=role,
+            _effects=effects,
+            _host=host,
+            _instruments=instruments,
+            _operations=operations,
         )
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
@@ -96,10 +108,14 @@ class Facade:
             raise TypeError(f"{self.wire.name} has no channels that could be recorded")
         return self._role  # type: ignore[return-value]  # the attribute was looked at
 
+    @property
+    def streamed(self) -> Streamed | None:
+        """The role as `record` lets it run by itself, None where it cannot."""
+        return self._role if hasattr(self._role, "drain") else None  # type: ignore[return-value]  # it was looked at
+
     def sample(self) -> tuple[float, ...]:
         """Take one sample; a fault is told before it is raised."""
-        numbers: tuple[float, ...] = self._guarded(self.sampled.sample)
-        return numbers
+        return self.guarded(self.sampled.sample)
 
     def _bound(self, name: str, operation: Callable[..., Any]) -> Callable[..., Any]:
         signature = inspect.signature(operation)
@@ -117,15 +133,16 @@ class Facade:
         return call
 
     def _act(self, name: str, arguments: dict[str, Any]) -> object:
-        result = self._guarded(lambda: getattr(self._role, name)(**arguments))
+        result = self.guarded(lambda: getattr(self._role, name)(**arguments))
         return calibrated(result, self.instrument.calibration) if isinstance(result, Figure) else result
 
-    def _guarded(self, action: Callable[[], Any]) -> Any:  # noqa: ANN401 - whatever the operation returns
+    def guarded(self, action: Callable[[], _Result]) -> _Result:
+        """Do something with the role; a fault is told before it is raised, and counts for the device that it names."""
         self._host.uses(self.instrument)
         try:
             return action()
         except DeviceFault as fault:
-            self._host.fault(self.instrument, fault)
+            self._host.fault(self._instruments.get(fault.device, self.instrument), fault)
             raise
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from hil.bench.calibration import standard_uncertainty
@@ -14,8 +15,10 @@ from hil.executive.case.effects import Effects
 from hil.executive.case.facade import Facade, RoleSet
 from hil.executive.case.given import Misused
 from hil.executive.case.steps import Steps
-from hil.executive.run.row_store import RecordedChannel, RecordingFacts, RowStore
+from hil.executive.case.streaming import take_stream
+from hil.executive.run.row_store import OpenRecording, RecordedChannel, RecordingFacts, RowStore
 from hil.executive.run.scheduler import Scheduler
+from hil.instruments.sampled import StreamReport
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,13 +33,17 @@ class Recording:
     Attributes:
         id: its id in the run.
         rate: nominal samples per second.
+        stream: how the stream went, None where the samples were taken one by one.
     """
 
-    def __init__(self, recorded: Recorded, uncertainties: Mapping[str, float | None]) -> None:
+    def __init__(
+        self, recorded: Recorded, uncertainties: Mapping[str, float | None], stream: StreamReport | None = None
+    ) -> None:
         self._recorded = recorded
         self._uncertainties = uncertainties
         self.id = recorded.id
         self.rate = recorded.rate
+        self.stream = stream
 
     @property
     def time(self) -> NDArray[np.float64]:
@@ -97,11 +104,12 @@ class Recorder:
         """Sample roles at `rate` [Hz] for `duration` [s] of bench time.
 
         Sample k is taken at k / rate after the first, whatever the samples before it took. With one
-        role the channels have its names; with several they are `role.channel`.
+        role the channels have its names; with several they are `role.channel`. A role that can sample by
+        itself is streamed: the times are those of its own clock, counted from the beginning.
 
         Raises:
             ValueError: for no role, or a duration or rate that is not above zero.
-            Misused: for something that is no role of this case.
+            Misused: for something that is no role of this case, or a streamed role beside another.
             DeviceFault: if a device falls silent; what was recorded is kept as incomplete.
         """
         if not sources or not (duration > 0 and rate > 0 and math.isfinite(duration * rate)):
@@ -110,6 +118,11 @@ class Recorder:
             self._require_own(name, source)
         if len({source.wire.name for source in sources}) < len(sources):
             raise ValueError(f"record '{name}': one role is given twice")
+        if len(sources) > 1 and any(source.streamed for source in sources):
+            raise Misused(
+                f"record '{name}': a role that samples by itself is recorded alone",
+                "record the others by themselves, before or after it",
+            )
         facts = RecordingFacts(
             id=f"{self._ids():03d}-{_slug(self._steps.case)}-{_slug(name)}",
             name=name,
@@ -121,8 +134,9 @@ class Recorder:
             source=self._source,
         )
         arguments = {"duration": duration, "rate": rate, "channels": [channel.name for channel in facts.channels]}
-        self._effects.perform(f"record.{name}", "records", arguments, lambda: self._sample(facts, sources))
-        return self._finished(facts, sources)
+        report: list[StreamReport] = []
+        self._effects.perform(f"record.{name}", "records", arguments, lambda: self._take(facts, sources, report))
+        return self._finished(facts, sources, report[0] if report else None)
 
     def _require_own(self, name: str, source: object) -> None:
         """Refuse what is no role of this case: its numbers would come from nowhere."""
@@ -132,22 +146,33 @@ class Recorder:
             what = "belongs to another case" if isinstance(source, Facade) else f"is a {type(source).__name__}"
             raise Misused(f"record '{name}': only roles of this case can be recorded, this {what}", "give its fixture")
 
-    def _sample(self, facts: RecordingFacts, sources: tuple[Facade, ...]) -> str:
+    def _take(
+        self, facts: RecordingFacts, sources: tuple[Facade, ...], report: list[StreamReport]
+    ) -> str | Mapping[str, object]:
+        """Return the hash of the rows; of a stream besides how it went."""
         recording = self._store.begin(facts)
         complete = False
-        count = max(1, round((facts.duration or 0) * facts.rate))
-        start_ns = self._scheduler.now_ns()
         try:
-            for index in range(count):
-                self._scheduler.wait_until(start_ns + round(index * NANOSECONDS / facts.rate))
-                row = [number for source in sources for number in source.sample()]
-                recording.append((self._scheduler.now_ns() / NANOSECONDS, *row))
+            if role := sources[0].streamed:
+                duration = facts.duration or 0.0
+                stream = take_stream(sources[0], role, self._scheduler, recording, duration=duration, rate=facts.rate)
+                report.append(stream)
+            else:
+                self._sample(recording, facts, sources)
             complete = True
         finally:
             digest = recording.finish(complete=complete)
-        return digest
+        return {"sha256": digest, **asdict(report[0])} if report else digest
 
-    def _finished(self, facts: RecordingFacts, sources: tuple[Facade, ...]) -> Recording:
+    def _sample(self, recording: OpenRecording, facts: RecordingFacts, sources: tuple[Facade, ...]) -> None:
+        count = max(1, round((facts.duration or 0) * facts.rate))
+        start_ns = self._scheduler.now_ns()
+        for index in range(count):
+            self._scheduler.wait_until(start_ns + round(index * NANOSECONDS / facts.rate))
+            row = [number for source in sources for number in source.sample()]
+            recording.append((self._scheduler.now_ns() / NANOSECONDS, *row))
+
+    def _finished(self, facts: RecordingFacts, sources: tuple[Facade, ...], report: StreamReport | None) -> Recording:
         begun = {
             "recording": facts.id,
             "name": facts.name,
@@ -160,7 +185,7 @@ class Recorder:
         }
         recorded = read_recording(self._store.recordings, begun, {"complete": True})
         self._taken.append({"facts": facts, "recorded": recorded})
-        return Recording(recorded, _uncertainties(facts, recorded, sources))
+        return Recording(recorded, _uncertainties(facts, recorded, sources), report)
 
 
 def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -189,10 +214,16 @@ def _uncertainties(facts: RecordingFacts, recorded: Recorded, sources: tuple[Fac
     calibrations = {source.instrument.name: source.instrument.calibration for source in sources}
     return {
         channel.name: standard_uncertainty(
-            calibrations[channel.instrument], channel.unit, max(recorded[channel.name], key=abs, default=0.0)
+            calibrations[channel.instrument], channel.unit, _largest(recorded[channel.name])
         )
         for channel in facts.channels
     }
+
+
+def _largest(numbers: NDArray[np.float64]) -> float:
+    """Return the number that is farthest from zero, 0 where there is none."""
+    finite = numbers[~(numbers != numbers)]  # noqa: PLR0124 - NaN is what differs from itself
+    return float(finite[abs(finite).argmax()]) if len(finite) else 0.0
 
 
 def _slug(text: str) -> str:
