@@ -9,6 +9,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from hil.clock import wall
 from hil.model.errors import Refused
 
 __all__ = ["Lease"]
@@ -30,10 +31,11 @@ class Lease:
     def __init__(self, keys: Sequence[str], holder: str, folder: Path | None = None) -> None:
         self._folder = folder or _FOLDER
         self._files: list[int] = []
+        self._note = {"holder": holder, "pid": os.getpid(), "since": wall.utc_now(), "run": ""}
         try:
             _share(self._folder)
             for key in sorted(set(keys)):
-                self._take(key, holder)
+                self._take(key)
         except Refused:
             self.release()
             raise
@@ -43,23 +45,30 @@ class Lease:
                 f"leases in {self._folder} cannot be taken: {error.strerror}", "check who owns it, and its permissions"
             ) from error
 
+    def name(self, run: str) -> None:
+        """Tell others the name of the run, once it has one."""
+        self._note["run"] = run
+        for file in self._files:
+            self._write(file)
+
     def release(self) -> None:
         """Let go of everything; releasing twice is harmless."""
         while self._files:
             os.close(self._files.pop())
 
-    def _take(self, key: str, holder: str) -> None:
+    def _take(self, key: str) -> None:
         path = self._folder / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.lease"
         file = _open(path)
         self._files.append(file)
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise Refused(
-                f"{key} is held by {_holder(file)}", "wait for it to end, or stop it: 'hil runs' tells its name"
-            ) from None
+            raise _held(key, file) from None
+        self._write(file)
+
+    def _write(self, file: int) -> None:
         os.ftruncate(file, 0)
-        os.pwrite(file, json.dumps({"holder": holder, "pid": os.getpid()}).encode(), 0)
+        os.pwrite(file, json.dumps(self._note).encode(), 0)
 
 
 def _share(folder: Path) -> None:
@@ -86,9 +95,16 @@ def _open(path: Path) -> int:
     return file
 
 
-def _holder(file: int) -> str:
+def _held(key: str, file: int) -> Refused:
+    """Return the refusal that says who holds the lease, since when, and what to do."""
     try:
         note = json.loads(os.pread(file, 4096, 0))
-        return f"{note['holder']} (process {note['pid']})"
+        holder, since, run = f"{note['holder']} (process {note['pid']})", note["since"], note["run"]
     except (ValueError, KeyError, TypeError):
-        return "another run"
+        return Refused(f"{key} is held by another run", "wait for it to end, or stop it: 'hil runs' tells its name")
+    if not run:
+        return Refused(f"{key} is held by {holder} since {since}", "wait for it to end")
+    return Refused(
+        f"{key} is held by {holder} since {since}, as {run}",
+        f"wait for it to end, look at it with 'hil status {run}', or end it with 'hil stop {run}'",
+    )

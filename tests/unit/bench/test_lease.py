@@ -23,10 +23,15 @@ sys.stdin.read()
 
 
 def test_second_holder_is_told_who_the_first_is(tmp_path):
-    """The refusal names key, run and process, and what to do."""
+    """The refusal names key, run, process and since when, and what to do; the run once it has a name."""
     first = Lease(["psu1", "mag1"], "a run of magnetorquer", tmp_path)
-    expected = rf"mag1 is held by a run of magnetorquer \(process {os.getpid()}\); wait for it to end, or stop it"
-    with pytest.raises(Refused, match=expected):
+    who = rf"a run of magnetorquer \(process {os.getpid()}\)"
+    since = r"since \d{4}-\d\d-\d\dT\d\d:\d\d:\d\d"
+    with pytest.raises(Refused, match=rf"mag1 is held by {who} {since}.*; wait for it to end$"):
+        Lease(["mag1"], "a run of jig", tmp_path)
+    first.name("20260101T080000Z-adcs-SN1-ab12")
+    told = rf"mag1 is held by {who} {since}.*, as 20260101T080000Z-adcs-SN1-ab12; wait .* 'hil stop 2026.*-ab12'"
+    with pytest.raises(Refused, match=told):
         Lease(["mag1"], "a run of jig", tmp_path)
     first.release()
 

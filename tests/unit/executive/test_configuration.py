@@ -7,7 +7,7 @@ from workspaces import make
 
 from hil.executive.setup.configuration import configure
 from hil.model.errors import ConfigurationError, Refused
-from hil.model.identity import Source
+from hil.model.identity import Purpose, Source
 
 CASES = "def test_one():\n    pass"
 
@@ -47,6 +47,18 @@ def test_hardware_is_refused_in_a_plain_sentence(tmp_path):
     workspace = make(tmp_path / "workspace", CASES)
     with pytest.raises(Refused, match="this version does not drive hardware: .*; use --source simulated"):
         configure(workspace.request(source=Source.HARDWARE))
+
+
+@pytest.mark.parametrize("purpose", [Purpose.QUALIFICATION, Purpose.ACCEPTANCE])
+def test_an_article_that_is_simulated_only_is_never_qualified_or_accepted(tmp_path, purpose):
+    """What the register calls simulated has nothing that could be; a real article may be rehearsed with."""
+    workspace = make(tmp_path / "workspace", CASES)
+    with pytest.raises(Refused, match=f"SIM-ADCS-1 exists on simulated benches only, so there is no {purpose} of it"):
+        configure(workspace.request(purpose=purpose))
+    assert configure(workspace.request(purpose=Purpose.COMMISSIONING)).dut.simulated
+    register = workspace.root / "fixtures/duts.yaml"
+    register.write_text(register.read_text().replace("simulated: true,", ""))
+    assert not configure(workspace.request(purpose=purpose)).dut.simulated
 
 
 @pytest.mark.parametrize(

@@ -104,7 +104,7 @@ def configure(request: Request) -> Configuration:
         catalogue=catalogue,
         parameters=_overridden({name: item for name, item in parameters.items() if item is not None}, request),
         bench=bench,
-        dut=find_dut(duts, request.dut, workspace.shown(workspace.duts)),
+        dut=_dut(find_dut(duts, request.dut, workspace.shown(workspace.duts)), request),
     )
 
 
@@ -129,6 +129,18 @@ def _bench(workspace: Workspace, request: Request) -> BenchSpec:
         path = workspace.benches / request.bench / "bench.yaml"
         check_twin(bench, path, workspace.shown(path))
     return bench
+
+
+def _dut(dut: Dut, request: Request) -> Dut:
+    """Return the article, or refuse what nobody can do with one that exists on simulated benches only."""
+    if dut.simulated and request.source is Source.HARDWARE:
+        raise Refused(f"{dut.serial} exists on simulated benches only", "name the article that is on the bench")
+    if dut.simulated and request.source is Source.SIMULATED and request.purpose.closes:
+        raise Refused(
+            f"{dut.serial} exists on simulated benches only, so there is no {request.purpose.value} of it",
+            "use --purpose development or commissioning, or name a real article",
+        )
+    return dut
 
 
 def _duts(workspace: Workspace) -> tuple[Dut, ...]:
