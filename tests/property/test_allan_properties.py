@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.analysis.allan import overlapping
+from hil.analysis.allan.deviation import deviation
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -20,7 +20,7 @@ def record(seed, count=256):
 @given(seeds, st.floats(1e-6, 1e6))
 def test_scaling_the_data_scales_deviations_and_intervals(seed, factor):
     """Deviation, low and high follow the unit; degrees of freedom and noise types do not."""
-    one, other = overlapping(record(seed), 10.0), overlapping(record(seed) * factor, 10.0)
+    one, other = deviation(record(seed), 10.0), deviation(record(seed) * factor, 10.0)
     for name in ("deviation", "low", "high"):
         assert getattr(other, name) == pytest.approx(getattr(one, name) * factor, rel=1e-9)
     assert other.edf == pytest.approx(one.edf)
@@ -30,30 +30,30 @@ def test_scaling_the_data_scales_deviations_and_intervals(seed, factor):
 @given(seeds, st.floats(-1e3, 1e3))
 def test_an_offset_changes_nothing(seed, offset):
     """The deviation sees changes of the rate only."""
-    moved = overlapping(record(seed) + offset, 10.0)
-    assert moved.deviation == pytest.approx(overlapping(record(seed), 10.0).deviation, rel=1e-9)
+    moved = deviation(record(seed) + offset, 10.0)
+    assert moved.deviation == pytest.approx(deviation(record(seed), 10.0).deviation, rel=1e-9)
 
 
 @given(st.floats(1e-3, 1e3), st.floats(0.1, 1e3))
 def test_a_drift_is_seen_as_its_slope_times_tau_over_the_root_of_two(slope, rate):
     """A ramp R t alone has the deviation R tau / sqrt(2) at every averaging time."""
-    curve = overlapping(slope * np.arange(200) / rate, rate)
+    curve = deviation(slope * np.arange(200) / rate, rate)
     assert curve.deviation == pytest.approx(slope * curve.tau / np.sqrt(2.0), rel=1e-9)
 
 
 @given(seeds, st.floats(0.1, 1e3))
 def test_the_rate_only_stretches_time(seed, rate):
     """The same samples at another rate have the same deviations at proportional averaging times."""
-    curve = overlapping(record(seed), rate)
-    assert curve.deviation.tolist() == overlapping(record(seed), 1.0).deviation.tolist()
+    curve = deviation(record(seed), rate)
+    assert curve.deviation.tolist() == deviation(record(seed), 1.0).deviation.tolist()
     assert curve.tau == pytest.approx(curve.m / rate)
 
 
 @given(seeds, st.floats(0.05, 0.6), st.floats(0.01, 0.3))
 def test_more_confidence_is_a_wider_interval_around_the_deviation(seed, confidence, more):
     """Intervals hold the deviation for usual confidences, and nest."""
-    narrow = overlapping(record(seed), 1.0, confidence=confidence)
-    wide = overlapping(record(seed), 1.0, confidence=confidence + more)
+    narrow = deviation(record(seed), 1.0, confidence=confidence)
+    wide = deviation(record(seed), 1.0, confidence=confidence + more)
     assert (wide.low < narrow.low).all()
     assert (narrow.low < narrow.high).all()
     assert (narrow.high < wide.high).all()

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hil.model.errors import Refused
 
-__all__ = ["SamplingReport", "assess"]
+__all__ = ["SamplingReport", "assess", "with_holes"]
 
+_MOST_MISSING = 10  # times the samples that are there
 _GAP = 1.5  # an interval this many times the usual one has lost a sample
 
 
@@ -83,3 +84,34 @@ def assess(timestamps: ArrayLike) -> SamplingReport:
         duplicates=int((steps == 0.0).sum()),
         reversals=int((steps < 0.0).sum()),
     )
+
+
+def with_holes(timestamps: ArrayLike, data: ArrayLike, rate: float) -> NDArray[np.float64]:
+    """Return data on an even grid, NaN where the timestamps say that samples are missing.
+
+    Each step between timestamps counts as its nearest whole number of intervals, at least one, so that a rate that is a
+    little off does not add up over a long record.
+
+    Args:
+        timestamps: in s, rising, shape (n,).
+        data: shape (n,).
+        rate: samples per second.
+
+    Raises:
+        Refused: timestamps that do not rise, or that would leave ten times more missing than there is.
+    """
+    steps = np.diff(np.asarray(timestamps, dtype=np.float64))
+    if not (steps > 0.0).all():
+        raise Refused(
+            "timestamps that repeat or go back cannot be put on a grid",
+            "choose a part of the record in which they rise",
+        )
+    places = np.concatenate([[0], np.cumsum(np.maximum(np.rint(steps * rate), 1.0))]).astype(np.int64)
+    if places[-1] > (1 + _MOST_MISSING) * places.size:
+        raise Refused(
+            f"{places[-1] + 1 - places.size} samples are missing and {places.size} are there",
+            "choose a part of the record with fewer gaps, or correct the rate",
+        )
+    grid = np.full(places[-1] + 1, np.nan)
+    grid[places] = np.asarray(data, dtype=np.float64)
+    return grid

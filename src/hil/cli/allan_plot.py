@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from hil.analysis.allan_results import NoiseModel
+from hil.analysis.allan.results import NoiseModel
 from hil.model.errors import Refused
 
 __all__ = ["draw"]

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 
 import click
 
-from hil.analysis.allan_results import NoiseModel
+from hil.analysis.allan.results import NoiseModel
 from hil.analysis.sampling import SamplingReport
 from hil.model.figure import Figure, FigureStatus
 

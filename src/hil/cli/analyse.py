@@ -96,7 +96,7 @@ def allan(  # noqa: PLR0913 - one argument per option
       hil analyse allan docs/data/gyroscope-xsens-rest.txt --time 1 --columns 2,3,4 --unit LSB --to 50
       hil analyse allan rest.csv --rate 100 --columns gx --unit LSB --scale 0.00875 --scaled-unit deg/s
     """  # noqa: D301 - click reads \b
-    from hil.analysis.allan import characterise  # noqa: PLC0415 - start-up stays light
+    from hil.analysis.allan.noise import characterise  # noqa: PLC0415 - start-up stays light
     from hil.cli import allan_text  # noqa: PLC0415 - start-up stays light
 
     if (scale is None) != (scaled_unit is None):

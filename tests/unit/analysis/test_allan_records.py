@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
 
-from hil.analysis.allan import characterise, overlapping
+from hil.analysis.allan.deviation import ESTIMATORS, deviation
+from hil.analysis.allan.noise import characterise
 from hil.model.errors import Refused
 from hil.model.figure import FigureStatus
 
@@ -16,7 +18,7 @@ from hil.model.figure import FigureStatus
 def test_data_that_are_no_series_are_refused(data):
     """No sample, one sample or a table: a sentence that says what to give."""
     with pytest.raises(Refused, match="one series of two samples or more"):
-        overlapping(data, 1.0)
+        deviation(data, 1.0)
 
 
 def test_a_hole_in_the_data_is_refused_and_named():
@@ -28,33 +30,33 @@ def test_a_hole_in_the_data_is_refused_and_named():
 def test_samples_too_large_to_add_up_are_refused():
     """Finite samples whose sum overflows are refused too."""
     with np.errstate(over="ignore"), pytest.raises(Refused, match="their sum is too large"):
-        overlapping([1e308, 1e308, 1e308], 1.0)
+        deviation([1e308, 1e308, 1e308], 1.0)
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, math.nan, math.inf])
 def test_an_impossible_rate_is_refused(rate):
     """A rate must be a finite number above zero."""
     with pytest.raises(Refused, match="rate of"):
-        overlapping([1.0, 2.0, 3.0], rate)
+        deviation([1.0, 2.0, 3.0], rate)
 
 
 @pytest.mark.parametrize("confidence", [0.0, 1.0, 95.0])
 def test_an_impossible_confidence_is_refused(confidence):
     """A confidence is a probability, not a percentage."""
     with pytest.raises(Refused, match="between 0 and 1"):
-        overlapping([1.0, 2.0, 3.0], 1.0, confidence=confidence)
+        deviation([1.0, 2.0, 3.0], 1.0, confidence=confidence)
 
 
 @pytest.mark.parametrize("taus", [[0.1], [51.0], [math.nan], []])
 def test_averaging_times_outside_the_record_are_refused(taus):
     """Averaging times lie between one sample and half of the record."""
     with pytest.raises(Refused, match="averaging times must lie between 1 s and 50 s"):
-        overlapping(np.arange(100.0), 1.0, taus)
+        deviation(np.arange(100.0), 1.0, taus)
 
 
 def test_averaging_times_are_rounded_to_samples_and_sorted():
     """Each asked time is taken at the nearest number of samples, once."""
-    curve = overlapping(np.arange(100.0) % 7, 10.0, [1.02, 0.5, 0.98])
+    curve = deviation(np.arange(100.0) % 7, 10.0, [1.02, 0.5, 0.98])
     assert curve.m.tolist() == [5, 10]
     assert curve.tau.tolist() == [0.5, 1.0]
     assert curve.terms.tolist() == [91, 81]
@@ -62,7 +64,7 @@ def test_averaging_times_are_rounded_to_samples_and_sorted():
 
 def test_octaves_end_at_a_quarter_of_the_record():
     """1000 samples give 1, 2, 4 ... 128 samples: 256 would be more than a quarter."""
-    assert overlapping(np.arange(1000.0) % 7, 1.0).m.tolist() == [1, 2, 4, 8, 16, 32, 64, 128]
+    assert deviation(np.arange(1000.0) % 7, 1.0).m.tolist() == [1, 2, 4, 8, 16, 32, 64, 128]
 
 
 @pytest.mark.parametrize("value", [0.0, 17.937, 1 / 3])
@@ -94,7 +96,7 @@ def test_the_fit_leaves_out_what_is_below_tau_min():
 def test_integers_are_read_as_rates():
     """Raw counts come as integers."""
     data = np.random.default_rng(2).integers(-30, 30, 1000)
-    assert overlapping(data, 1.0).deviation.tolist() == overlapping(data.astype(float), 1.0).deviation.tolist()
+    assert deviation(data, 1.0).deviation.tolist() == deviation(data.astype(float), 1.0).deviation.tolist()
 
 
 def test_the_callers_data_stay_as_they_are():
@@ -119,3 +121,62 @@ def test_the_averaging_window_of_falling_deviations_is_not_observable():
     """White noise alone falls to the end of the record: the best window may be longer."""
     window = characterise(np.random.default_rng(5).standard_normal(4096), 1.0, "deg/s").averaging_window
     assert window.status is FigureStatus.NOT_OBSERVABLE
+
+
+def test_an_unknown_estimator_is_refused():
+    """The message lists those that exist."""
+    with pytest.raises(Refused, match="choose one of overlapping, modified, hadamard, total"):
+        deviation(np.arange(10.0), 1.0, estimator="theo1")
+
+
+def test_holes_are_counted_and_need_the_overlapping_estimator():
+    """NaN is a missing sample only where the caller says so, and other estimators refuse it."""
+    data = np.random.default_rng(6).standard_normal(1000)
+    data[500] = math.nan
+    curve = deviation(data, 1.0, [1.0, 30.0], holes=True)
+    assert (curve.samples, curve.missing) == (1000, 1)
+    assert curve.terms.tolist() == [997, 941]
+    with pytest.raises(Refused, match="the modified deviation needs a record without holes, and 1 samples are missing"):
+        deviation(data, 1.0, estimator="modified", holes=True)
+
+
+def test_infinity_is_no_hole():
+    """An overflow is not taken for a missing sample."""
+    with pytest.raises(Refused, match="1 of 3 samples are not finite numbers, the first is number 2"):
+        deviation([1.0, math.inf, math.nan], 1.0, holes=True)
+
+
+@pytest.mark.parametrize(
+    ("data", "why"), [([math.nan] * 5, "all 5 samples are missing"), ([1.0, math.nan] * 20, "neighbouring averages")]
+)
+def test_records_that_are_all_hole_are_refused(data, why):
+    """No sample at all, or no two averages side by side."""
+    with pytest.raises(Refused, match=why):
+        deviation(data, 1.0, holes=True)
+
+
+def test_averaging_times_in_holes_are_left_out():
+    """Bursts of 20 samples with holes between them hold no average of 16."""
+    data = np.random.default_rng(7).standard_normal(400)
+    data[np.arange(400) % 30 >= 20] = math.nan
+    assert deviation(data, 1.0, holes=True).m.tolist() == [1, 2, 4, 8]
+
+
+def test_dense_times_are_twenty_a_decade():
+    """Distinct whole numbers of samples up to a quarter of the record, 20 in the last full decade."""
+    factors = deviation(np.arange(40_000.0) % 7, 1.0, "dense").m
+    assert factors[0] == 1
+    assert factors[-1] == 10_000
+    assert (np.diff(factors) > 0).all()
+    assert ((factors >= 1000) & (factors < 10_000)).sum() == 20
+
+
+def test_the_analysis_needs_one_copy_of_the_data():
+    """Peak memory beyond the caller's data stays below 1.2 times their size, for every estimator."""
+    data = np.random.default_rng(8).standard_normal(1_000_000)
+    for estimator in ESTIMATORS:
+        tracemalloc.start()
+        deviation(data, 1.0, [1.0, 1000.0], estimator=estimator)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < 1.2 * data.nbytes

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from hil.analysis.allan import characterise
+from hil.analysis.allan.noise import characterise
 from hil.cli.allan_text import Axis, Result, show, stated
 from hil.cli.analyse import command
 from hil.model.errors import Refused

@@ -17,26 +17,30 @@ _Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AllanCurve:
-    """An overlapping Allan deviation; arrays of one shape (k,), in order of rising tau.
+    """A deviation of the Allan family; arrays of one shape (k,), in order of rising tau.
 
     Attributes:
+        estimator: overlapping, modified, hadamard (overlapping) or total.
         unit: unit of the rate, and of the deviations.
         rate: samples per second.
-        samples: how many samples went in.
+        samples: length of the record in samples, those that are missing included.
+        missing: how many samples of the record are missing.
         confidence: probability that an interval holds the true deviation.
         tau: averaging times in seconds.
-        deviation: Allan deviations.
+        deviation: deviations, those of the total estimator without their known bias.
         m: averaging factors in samples.
-        terms: how many second differences were averaged.
+        terms: how many differences of averages were averaged.
         edf: equivalent degrees of freedom.
         low: lower ends of the confidence intervals.
         high: upper ends of the confidence intervals.
         alpha: noise types, from 2 (white angle) over 0 (white rate) to -2 (random walk of the rate).
     """
 
+    estimator: str
     unit: str
     rate: float
     samples: int
+    missing: int
     confidence: float
     tau: _Array
     deviation: _Array

@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.analysis.allan_confidence import edf
+from hil.analysis.allan.confidence import edf
 
 __all__ = ["TERMS", "Fit", "Points", "fit", "variances"]
 

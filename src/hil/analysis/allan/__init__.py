@@ -1,0 +1,1 @@
+"""Allan deviations of several estimators with intervals, and noise coefficients read from them."""

@@ -1,0 +1,205 @@
+"""Deviations of the Allan family of rate data, each point with the interval that its noise type implies.
+
+Formulas and notation: W. J. Riley, "Handbook of Frequency Stability Analysis", NIST Special Publication 1065, 2008
+(SP1065).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hil.analysis.allan import confidence as trust
+from hil.analysis.allan import estimators
+from hil.analysis.allan.results import AllanCurve
+from hil.model.errors import Refused
+
+__all__ = ["ESTIMATORS", "Estimator", "Taus", "deviation"]
+
+_Array: TypeAlias = NDArray[np.float64]
+_Places: TypeAlias = NDArray[np.int64]
+
+Estimator: TypeAlias = Literal["overlapping", "modified", "hadamard", "total"]
+Taus: TypeAlias = Literal["octave", "dense"] | Sequence[float] | _Array
+
+ESTIMATORS: tuple[Estimator, ...] = ("overlapping", "modified", "hadamard", "total")
+"""What can be estimated: Allan, modified Allan and Hadamard deviations of all overlapping averages, total deviation."""
+
+_BEYOND_CHANCE = 300  # averages at which the bound between two types is 3 standard deviations of r1 away
+_DENSE = 20  # averaging times in a decade: neighbours correlate by more than 0.95, so more of them tell nothing
+_SPANS = {"overlapping": 2, "modified": 3, "hadamard": 3, "total": 2}  # averages that one term takes
+
+
+def deviation(
+    data: ArrayLike,
+    rate: float,
+    taus: Taus = "octave",
+    *,
+    estimator: Estimator = "overlapping",
+    unit: str = "1",
+    confidence: float = 0.68,
+    holes: bool = False,
+) -> AllanCurve:
+    """Return a deviation of rate data over averaging time.
+
+    Models: SP1065 equations 11 (overlapping), 14 (modified), 18 (hadamard) and 25 (total), of the phases that are the
+    running sum of the rate without its mean, which changes nothing but the rounding. Intervals are chi-square with the
+    equivalent degrees of freedom of the noise type identified at each averaging time; where fewer than 30 averages are
+    left, or a bluer type could be chance, the type of the nearest shorter time stands in. Total deviations are divided
+    by their known bias under flicker and random walk. Needs one copy of the data beside them.
+
+    Args:
+        data: evenly spaced rate, shape (n,), in `unit`.
+        rate: samples per second.
+        taus: averaging times in s, each taken at the nearest whole number of samples; "octave" for 1, 2, 4... samples,
+            or "dense" for 20 times a decade, both up to a quarter of the record.
+        estimator: one of ESTIMATORS.
+        unit: unit of the data.
+        confidence: of the intervals, between 0 and 1.
+        holes: whether NaN stands for a sample that is missing (overlapping only). Averages are then taken over what is
+            there, differences with an average that misses more than 5 % are left out, and averaging times without any
+            difference as well.
+
+    Raises:
+        Refused: the data are not a finite series of two samples or more, or an averaging time does not fit.
+    """
+    if not 0.0 < confidence < 1.0:
+        raise Refused(f"a confidence of {confidence:g} is not possible", "give a number between 0 and 1, such as 0.68")
+    if estimator not in ESTIMATORS:
+        raise Refused(f"there is no estimator '{estimator}'", f"choose one of {', '.join(ESTIMATORS)}")
+    phase, missing = _phase(data, rate, holes=holes)
+    if missing.size and estimator != "overlapping":
+        raise Refused(
+            f"the {estimator} deviation needs a record without holes, and {missing.size} samples are missing",
+            "choose the overlapping one, or a part without holes",
+        )
+    samples = phase.size - 1
+    factors = _factors(samples, rate, taus, _SPANS[estimator])
+    found = [_variance(phase, m, estimator, missing) for m in factors.tolist()]
+    kept = [place for place, (_, terms) in enumerate(found) if terms]
+    if not kept:
+        raise Refused("no averaging time has two neighbouring averages without holes", "record without gaps")
+    factors = factors[kept]
+    variance = np.array([found[place][0] for place in kept])
+    terms = np.array([found[place][1] for place in kept], dtype=np.int64)
+    alpha = _noise_types(phase, factors, missing, trust.REDDEST[estimator])
+    degrees = np.array(
+        [
+            trust.degrees(estimator, *point, samples)
+            for point in zip(alpha.tolist(), factors.tolist(), terms.tolist(), strict=True)
+        ]
+    )
+    if estimator == "total":
+        variance /= trust.total_bias(alpha, factors, samples)
+    low, high = trust.interval(variance, degrees, confidence)
+    return AllanCurve(
+        estimator=estimator,
+        unit=unit,
+        rate=float(rate),
+        samples=samples,
+        missing=int(missing.size),
+        confidence=confidence,
+        tau=factors / rate,
+        deviation=np.sqrt(variance),
+        m=factors,
+        terms=terms,
+        edf=degrees,
+        low=np.sqrt(low),
+        high=np.sqrt(high),
+        alpha=alpha,
+    )
+
+
+def _phase(data: ArrayLike, rate: float, *, holes: bool) -> tuple[_Array, _Places]:
+    values = np.asarray(data, dtype=np.float64)
+    if not (math.isfinite(rate) and rate > 0.0):
+        raise Refused(f"a rate of {rate:g} Hz is not possible", "give the samples per second")
+    if values.ndim != 1 or values.size < 2:
+        raise Refused(f"data of shape {values.shape} hold no Allan deviation", "give one series of two samples or more")
+    mean = float(values.mean())
+    missing = np.empty(0, dtype=np.int64)
+    if holes and math.isnan(mean):
+        missing = np.flatnonzero(np.isnan(values))
+        mean = float(np.sum(values, where=~np.isnan(values))) / max(1, values.size - missing.size)
+    if not math.isfinite(mean):
+        raise _not_finite(values, missing)
+    if missing.size == values.size:
+        raise Refused(f"all {values.size} samples are missing", "look for the channel that was recorded")
+    if np.nanmin(values) == np.nanmax(values):
+        mean = float(values[np.isfinite(values)][0])  # a mean that rounds differently would look like noise
+    phase = np.empty(values.size + 1)
+    phase[0] = 0.0
+    np.subtract(values, mean, out=phase[1:])
+    phase[1:][missing] = 0.0
+    np.cumsum(phase[1:], out=phase[1:])
+    return phase, missing
+
+
+def _not_finite(values: _Array, missing: _Places) -> Refused:
+    bad = np.setdiff1d(np.flatnonzero(~np.isfinite(values)), missing)
+    first = f", the first is number {bad[0] + 1}" if bad.size else "; their sum is too large"
+    return Refused(
+        f"{bad.size} of {values.size} samples are not finite numbers{first}",
+        "cut the record to a part without holes, or find out why they are there",
+    )
+
+
+def _factors(samples: int, rate: float, taus: Taus, span: int) -> _Places:
+    if isinstance(taus, str):
+        longest = max(samples // 4, 1)
+        if taus == "octave":
+            return np.asarray(1 << np.arange(int(math.log2(longest)) + 1), dtype=np.int64)
+        steps = np.arange(math.floor(_DENSE * math.log10(longest)) + 1)
+        return np.unique(np.rint(10.0 ** (steps / _DENSE))).astype(np.int64)
+    wanted = np.atleast_1d(np.asarray(taus, dtype=np.float64))
+    factors = np.unique(np.rint(wanted * rate)) if np.isfinite(wanted).all() else np.zeros(1)
+    if not factors.size or factors[0] < 1 or factors[-1] > samples // span:
+        part = {2: "half", 3: "a third"}[span]
+        raise Refused(
+            f"averaging times must lie between {1 / rate:g} s and {samples // span / rate:g} s, {part} of the record",
+            "leave the others out",
+        )
+    return factors.astype(np.int64)
+
+
+def _variance(phase: _Array, m: int, estimator: Estimator, missing: _Places) -> tuple[float, int]:
+    if missing.size:
+        return estimators.overlapping_with_holes(phase, m, missing)
+    kernels = {
+        "overlapping": estimators.overlapping,
+        "modified": estimators.modified,
+        "hadamard": estimators.hadamard,
+        "total": estimators.total,
+    }
+    return kernels[estimator](phase, m)
+
+
+def _noise_types(phase: _Array, factors: _Places, missing: _Places, reddest: int) -> _Places:
+    """Identify the noise type at each averaging factor, given that at the next shorter one.
+
+    In a sum of noises the redder one wins as tau grows, so a bluer type is believed only where chance cannot make it.
+    """
+    alpha = np.zeros(factors.size, dtype=np.int64)
+    shorter = 0
+    for place, m in enumerate(factors.tolist()):
+        averages = _averages(phase, m, missing)
+        known = trust.identify(averages, reddest)
+        if known is not None and not (known > shorter and averages.size < _BEYOND_CHANCE):
+            shorter = known
+        alpha[place] = shorter
+    return alpha
+
+
+def _averages(phase: _Array, m: int, missing: _Places) -> _Array:
+    """Return consecutive averages, up to a factor; those with too many samples missing are left out."""
+    edges = np.arange(0, min(phase.size, m * trust.MOST_AVERAGES + 1), m)
+    sums = np.diff(phase[edges])
+    if not missing.size:
+        return sums
+    lost = np.diff(np.searchsorted(missing, edges))
+    kept = lost <= estimators.MOST_MISSING * m
+    return np.asarray(sums[kept] / (m - lost[kept]), dtype=np.float64)
