@@ -11,7 +11,13 @@ from hil.model.errors import EvidenceError
 
 __all__ = ["HEADER", "Operation", "Transcript", "read_transcript"]
 
-HEADER = "hil/transcript/1\tsequence\tdevice\toperation\tstart_ns\tend_ns\tsent\treceived\terror\n"
+_COLUMNS = "sequence\tdevice\toperation\tstart_ns\tend_ns\tsent\treceived\terror\n"
+HEADER = f"hil/transcript/2 {_COLUMNS}"
+"""The first line: format and columns, as many of them as every line has."""
+
+_HEADER_1 = f"hil/transcript/1\t{_COLUMNS}"
+"""Format 1 had the same lines, below a header with one field more."""
+
 _FIELDS = 8
 
 
@@ -83,8 +89,8 @@ def read_transcript(path: Path) -> Iterator[Operation]:
     if not path.is_file():
         raise EvidenceError(f"{path} is missing", "without its transcript a run cannot be replayed")
     with path.open(encoding="utf-8", newline="\n") as lines:
-        if next(lines, "") != HEADER:
-            raise EvidenceError(f"{path.name} is not a transcript of format 1")
+        if next(lines, "") not in {HEADER, _HEADER_1}:
+            raise EvidenceError(f"{path.name} is not a transcript of format 1 or 2")
         for number, line in enumerate(lines, start=2):
             if line.endswith("\n"):
                 yield _parse(line, path.name, number)

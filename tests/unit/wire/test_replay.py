@@ -120,3 +120,21 @@ def test_a_torn_last_line_is_left_out_and_a_damaged_one_is_named(recorded):
     path.write_text("".join(lines))
     with pytest.raises(EvidenceError, match="transcript.tsv:3"):
         list(read_transcript(path))
+
+
+def test_the_header_has_a_field_for_every_column(recorded):
+    """A table reader finds as many names as values."""
+    path, *_ = recorded
+    header, *lines = path.read_text(encoding="utf-8").splitlines()
+    assert header.split("\t")[0] == "hil/transcript/2 sequence"
+    assert {line.count("\t") for line in lines} == {header.count("\t")}
+
+
+def test_a_transcript_of_format_1_is_read_as_ever(recorded):
+    """Its header had a field of its own for the format; its lines are the same."""
+    path, *_ = recorded
+    operations = list(read_transcript(path))
+    path.write_text(
+        path.read_text(encoding="utf-8").replace("hil/transcript/2 ", "hil/transcript/1\t"), encoding="utf-8"
+    )
+    assert list(read_transcript(path)) == operations
