@@ -9,6 +9,7 @@ import click
 
 from hil.documents.findings import Findings
 from hil.executive.setup.workspace import Workspace, find_workspace
+from hil.model.errors import Refused
 from hil.requirements.layout import LOCK
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def lock(plans: tuple[str, ...]) -> None:
     findings.raise_if_any()
     for folder in folders:
         requirements = catalogue.of_plan(folder.name)
-        (folder / LOCK).write_text(lock_text(requirements), encoding="utf-8")
+        _write(folder / LOCK, lock_text(requirements))
         noun = "requirement" if len(requirements) == 1 else "requirements"
         click.echo(f"{workspace.shown(folder / LOCK)}: {len(requirements)} {noun} locked")
 
@@ -63,7 +64,7 @@ def diff(plans: tuple[str, ...]) -> None:
     """Show what changed in each PLAN since its lock was written.
 
     A line per requirement: added, removed, semantic (evidence for the older revision no longer counts)
-    or editorial (explanations and spacing only).
+    or editorial (explanations and spacing only); below it a line per field, with what it was and is.
 
     \b
     Example:
@@ -81,6 +82,15 @@ def diff(plans: tuple[str, ...]) -> None:
             click.echo(f"{workspace.shown(folder)}: no changes")
         for change in found:
             click.echo(f"{workspace.shown(folder)}: {change.kind.value:9} {change.id} ({change.detail})")
+            for field in change.fields:
+                click.echo(f"  {field}")
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise Refused(f"{path}: cannot be written: {error.strerror}", "make it writable") from error
 
 
 def _opened(plans: tuple[str, ...]) -> tuple[Workspace, list[Path], Catalogue]:

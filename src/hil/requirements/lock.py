@@ -8,12 +8,12 @@ for the command that writes the lock.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
-from hil.documents.canonical import JsonError, parse_strict
+from hil.documents.canonical import JsonError, digest, parse_strict
 from hil.documents.findings import Findings
 from hil.documents.node import Place
 from hil.requirements.layout import LOCK
@@ -22,6 +22,9 @@ from hil.requirements.requirement import Requirement
 __all__ = ["Change", "ChangeKind", "Locked", "changes", "check_lock", "lock_text", "read_lock"]
 
 _FORMAT = 1
+_SHORT = 60
+_NONE = "nothing"
+_RELOCK = "and the next `hil requirements lock` writes them"
 
 
 class ChangeKind(StrEnum):
@@ -35,20 +38,23 @@ class ChangeKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Locked:
-    """What the lock says of one requirement."""
+    """What the lock says of one requirement; meaning and explanation are empty where it was written without."""
 
     rev: int
     fingerprint: str
     wording: str = ""
+    meaning: Mapping[str, object] = field(default_factory=dict)
+    explanation: Mapping[str, object] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
-    """One difference between a plan and its lock."""
+    """One difference between a plan and its lock; `fields` are sentences, one per field: which, old, new."""
 
     id: str
     kind: ChangeKind
     detail: str
+    fields: tuple[str, ...] = ()
 
 
 def read_lock(plan: Path, shown: str, findings: Findings) -> dict[str, Locked] | None:
@@ -63,7 +69,7 @@ def read_lock(plan: Path, shown: str, findings: Findings) -> dict[str, Locked] |
         findings.add(place, f"cannot be read: {error}; {_rerun(shown)}")
         return None
     if locked is None:
-        findings.add(place, f"is not a lock of format {_FORMAT}; {_rerun(shown)}")
+        findings.add(place, f"is not a lock of format {_FORMAT} as it was written; {_rerun(shown)}")
     return locked
 
 
@@ -99,9 +105,16 @@ def check_lock(
 def lock_text(requirements: Sequence[Requirement]) -> str:
     """Return the text of the lock file for these requirements."""
     entries = {
-        item.id: {"fingerprint": item.fingerprint, "rev": item.rev, "wording": item.wording} for item in requirements
+        item.id: {
+            "fingerprint": item.fingerprint,
+            "rev": item.rev,
+            "wording": item.wording,
+            "meaning": item.meaning,
+            "explanation": item.explanation,
+        }
+        for item in requirements
     }
-    return json.dumps({"format": _FORMAT, "requirements": entries}, indent=2, sort_keys=True) + "\n"
+    return json.dumps({"format": _FORMAT, "requirements": entries}, indent=2, sort_keys=True, ensure_ascii=False) + "\n"
 
 
 def changes(locked: Mapping[str, Locked], requirements: Sequence[Requirement]) -> tuple[Change, ...]:
@@ -123,10 +136,10 @@ def changes(locked: Mapping[str, Locked], requirements: Sequence[Requirement]) -
 def _change(item: Requirement, was: Locked) -> Change | None:
     if item.fingerprint != was.fingerprint:
         new = f"rev {was.rev} -> {item.rev}" if item.rev != was.rev else f"still rev {item.rev}, a new rev is needed"
-        return Change(id=item.id, kind=ChangeKind.SEMANTIC, detail=new)
+        return Change(id=item.id, kind=ChangeKind.SEMANTIC, detail=new, fields=_changed_fields(item, was))
     if item.wording != was.wording or item.rev != was.rev:
         rev = f"rev {was.rev} -> {item.rev} without a new meaning" if item.rev != was.rev else f"rev {item.rev}"
-        return Change(id=item.id, kind=ChangeKind.EDITORIAL, detail=rev)
+        return Change(id=item.id, kind=ChangeKind.EDITORIAL, detail=rev, fields=_changed_fields(item, was))
     return None
 
 
@@ -137,11 +150,57 @@ def _disagreement(item: Requirement, was: Locked | None, shown: str, *, writing:
     if item.rev < was.rev:
         return f"the rev of {item.id} went back from {was.rev} to {item.rev}, revisions only grow"
     changed = item.fingerprint != was.fingerprint
+    if item.rev == was.rev and changed:
+        return f"{_what_changed(item, was)}: raise `rev` to {was.rev + 1}, then {_rerun(shown)}"
     if item.rev == was.rev:
-        return f"the meaning of {item.id} changed without a new rev, make it rev {was.rev + 1}" if changed else ""
+        return ""
     if not changed:
         return f"the rev of {item.id} went from {was.rev} to {item.rev} and its meaning is the same, set it back"
     return "" if writing else f"rev {item.rev} of {item.id} is not locked, {_rerun(shown)}"
+
+
+def _what_changed(item: Requirement, was: Locked) -> str:
+    fields = (_shortened(text) for text in _fields(was.meaning, item.meaning) if was.meaning)
+    told = "; ".join(fields)
+    return f"the meaning of {item.id} changed without a new rev" + (f" ({told})" if told else "")
+
+
+def _changed_fields(item: Requirement, was: Locked) -> tuple[str, ...]:
+    """Return which fields changed, from what to what."""
+    if not was.meaning:
+        return (f"which fields is not known: the lock was written without them, {_RELOCK}",)
+    found = [*_fields(was.meaning, item.meaning), *_fields(was.explanation, item.explanation)]
+    if not found and item.wording != was.wording:
+        found.append("text: spacing only")
+    return tuple(found)
+
+
+def _fields(before: Mapping[str, object], now: Mapping[str, object]) -> Iterator[str]:
+    old, new = dict(_flat(before)), dict(_flat(now))
+    for name in sorted({*old, *new}):
+        if old.get(name) != new.get(name):
+            yield f"{name}: {old.get(name, _NONE)} -> {new.get(name, _NONE)}"
+
+
+def _flat(value: object, name: str = "") -> Iterator[tuple[str, str]]:
+    """Give every field below a value by its dotted name, as JSON writes it; limits go by their parameter."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from _flat(inner, f"{name}.{key}" if name else str(key))
+    elif isinstance(value, Sequence) and not isinstance(value, str) and all(_is_limit(item) for item in value):
+        for item in value:
+            yield from _flat({k: v for k, v in item.items() if k != "parameter"}, f"{name}.{item['parameter']}")
+    elif value is not None:
+        yield name, json.dumps(value, ensure_ascii=False)
+
+
+def _is_limit(value: object) -> bool:
+    return isinstance(value, Mapping) and "parameter" in value
+
+
+def _shortened(text: str) -> str:
+    name, _, _ = text.partition(":")
+    return text if len(text) <= _SHORT else name
 
 
 def _rerun(shown: str) -> str:
@@ -154,12 +213,20 @@ def _parse(document: object) -> dict[str, Locked] | None:
     entries = document.get("requirements")
     if not isinstance(entries, dict):
         return None
-    locked = {}
-    for id_, entry in entries.items():
-        if not isinstance(entry, dict):
-            return None
-        rev, fingerprint, wording = entry.get("rev"), entry.get("fingerprint"), entry.get("wording", "")
-        if not (type(rev) is int and isinstance(fingerprint, str) and isinstance(wording, str)):
-            return None
-        locked[id_] = Locked(rev=rev, fingerprint=fingerprint, wording=wording)
-    return locked
+    locked = {id_: _locked(entry) for id_, entry in entries.items()}
+    return {id_: entry for id_, entry in locked.items() if entry} if all(locked.values()) else None
+
+
+def _locked(entry: object) -> Locked | None:
+    """Return one entry, or None where nobody can have written it: a meaning has the fingerprint beside it."""
+    if not isinstance(entry, dict):
+        return None
+    rev, fingerprint, wording = entry.get("rev"), entry.get("fingerprint"), entry.get("wording", "")
+    meaning, explanation = entry.get("meaning", {}), entry.get("explanation", {})
+    if not (type(rev) is int and isinstance(fingerprint, str) and isinstance(wording, str)):
+        return None
+    if not (isinstance(meaning, dict) and isinstance(explanation, dict)) or (
+        meaning and digest(meaning) != fingerprint
+    ):
+        return None
+    return Locked(rev=rev, fingerprint=fingerprint, wording=wording, meaning=meaning, explanation=explanation)

@@ -131,35 +131,40 @@ class Requirement:
     place: Place = field(default_factory=lambda: Place(path=""), compare=False)
 
     @property
+    def meaning(self) -> dict[str, object]:
+        """What must be shown, as JSON: it changes with a new revision only."""
+        return {
+            "id": self.id,
+            "text": _collapsed(self.text),
+            "kind": self.kind,
+            "method": self.method,
+            "level": self.level,
+            "stage": self.stage,
+            "limits": [_limit(limit) for limit in sorted(self.limits, key=lambda limit: limit.parameter)],
+            "records": _records(self.records),
+            "over": {name: sorted(values) for name, values in self.over.items()},
+        }
+
+    @property
+    def explanation(self) -> dict[str, object]:
+        """What is said besides, as JSON: it may change without a new revision."""
+        return {
+            "source": self.source,
+            "parents": list(self.parents),
+            "withdrawn": self.withdrawn,
+            "anomaly": self.anomaly,
+            "rationale": self.rationale,
+        }
+
+    @property
     def fingerprint(self) -> str:
         """SHA-256 of the canonical JSON of the meaning: what must be shown, not how it is explained."""
-        return digest(
-            {
-                "id": self.id,
-                "text": _collapsed(self.text),
-                "kind": self.kind,
-                "method": self.method,
-                "level": self.level,
-                "stage": self.stage,
-                "limits": [_limit(limit) for limit in sorted(self.limits, key=lambda limit: limit.parameter)],
-                "records": _records(self.records),
-                "over": {name: sorted(values) for name, values in self.over.items()},
-            }
-        )
+        return digest(self.meaning)
 
     @property
     def wording(self) -> str:
         """SHA-256 of what may change without a new revision: explanations, and the spacing of the text."""
-        return digest(
-            {
-                "text": self.text,
-                "source": self.source,
-                "parents": list(self.parents),
-                "withdrawn": self.withdrawn,
-                "anomaly": self.anomaly,
-                "rationale": self.rationale,
-            }
-        )
+        return digest({"text": self.text, **self.explanation})
 
 
 def _collapsed(text: str) -> str:

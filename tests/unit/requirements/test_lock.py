@@ -39,23 +39,45 @@ def test_a_locked_plan_loads(workspace):
 
 
 @pytest.mark.parametrize(
-    ("old", "new"),
+    ("old", "new", "field"),
     [
-        ("less than 0.5", "less than 0.6"),
-        ('max: "0.5"', 'max: "0.50"'),
-        ("unit: deg/s,", "unit: rad/s,"),
-        ("decision: guarded", "decision: simple"),
-        ("of: [x, y, z], unit: deg/s,", "of: [x, y], unit: deg/s,"),
-        ("stage: acceptance", "stage: qualification"),
-        ("equals: clockwise", "equals: counterclockwise"),
-        ("[x_plus, x_minus]", "[x_plus]"),
-        ("duration: 4 h", "duration: 3 h"),
+        ("less than 0.5", "less than 0.6", "text"),
+        ('max: "0.5"', 'max: "0.50"', 'limits.rate_error.max: "0.5" -> "0.50"'),
+        ("unit: deg/s,", "unit: rad/s,", 'limits.rate_error.unit: "deg/s" -> "rad/s"'),
+        ("decision: guarded", "decision: simple", 'limits.rate_error.decision: "guarded" -> "simple"'),
+        ("of: [x, y, z], unit: deg/s,", "of: [x, y], unit: deg/s,", "limits.rate_error.of"),
+        ("stage: acceptance", "stage: qualification", 'stage: "acceptance" -> "qualification"'),
+        ("equals: clockwise", "equals: counterclockwise", "limits.direction.equals"),
+        ("[x_plus, x_minus]", "[x_plus]", "over."),
+        ("duration: 4 h", "duration: 3 h", "records.duration_s: 14400.0 -> 10800.0"),
     ],
 )
-def test_a_meaning_that_changes_needs_a_new_revision(workspace, old, new):
-    """Text, limits, units, decision, denominator, stage, coverage and records are meaning."""
+def test_a_meaning_that_changes_needs_a_new_revision(workspace, old, new, field):
+    """Text, limits, units, decision, denominator, stage, coverage and records are meaning; the field is named."""
     workspace.edit(old, new)
-    assert "changed without a new rev, make it rev 2" in only_finding(workspace)
+    found = only_finding(workspace)
+    assert "changed without a new rev (" in found
+    assert field in found
+    assert found.endswith("): raise `rev` to 2, then run `hil requirements lock testplans/gyro`")
+
+
+def test_a_lock_of_before_says_what_it_can(workspace, hil):
+    """A lock without the fields still refuses, and the diff says that it does not know them."""
+    lock = workspace.plan / "requirements.lock.json"
+    document = json.loads(lock.read_text())
+    for entry in document["requirements"].values():
+        del entry["meaning"], entry["explanation"]
+    lock.write_text(json.dumps(document))
+    workspace.edit("duration: 4 h", "duration: 3 h")
+    assert "changed without a new rev: raise `rev` to 2" in only_finding(workspace)
+    assert "which fields is not known" in hil("diff", "gyro").output
+
+
+def test_a_lock_that_was_edited_by_hand_is_no_lock(workspace):
+    """A meaning must have the fingerprint that stands beside it."""
+    lock = workspace.plan / "requirements.lock.json"
+    lock.write_text(lock.read_text().replace("deg/s", "rad/s"))
+    assert "not a lock of format 1 as it was written" in only_finding(workspace)
 
 
 @pytest.mark.parametrize(
@@ -160,7 +182,7 @@ def test_the_lock_command_does_not_cover_up(workspace, hil):
     workspace.edit("shall be characterised", "shall be known")
     result = hil("lock", "testplans/gyro")
     assert isinstance(result.exception, ConfigurationError)
-    assert "make it rev 2" in str(result.exception)
+    assert "raise `rev` to 2" in str(result.exception)
     workspace.edit("id: ADCS-GYR-011", "id: ADCS-GYR-012")
     assert "was removed from the plan" in str(hil("lock", "testplans/gyro").exception)
     assert (workspace.plan / "requirements.lock.json").read_bytes() == before
@@ -174,9 +196,11 @@ def test_the_diff_command_tells_kinds_of_change_apart(workspace, hil):
     workspace.edit("id: ADCS-GYR-011", "id: ADCS-GYR-012")
     assert hil("diff", "testplans/gyro").output.splitlines() == [
         "testplans/gyro: semantic  ADCS-GYR-010 (still rev 1, a new rev is needed)",
+        "  records.duration_s: 14400.0 -> 10800.0",
         "testplans/gyro: removed   ADCS-GYR-011 (was rev 1)",
         "testplans/gyro: added     ADCS-GYR-012 (rev 1)",
         "testplans/gyro: editorial ADCS-GYR-030 (rev 1)",
+        '  source: "characterisation report, section 30" -> "characterisation report, section 31"',
     ]
 
 

@@ -56,6 +56,8 @@ def freeze(configuration: Configuration, folder: Path) -> Frozen:
         return _freeze(configuration, folder)
     except OSError as error:
         raise EvidenceError(f"{shown(str(error.filename))}: cannot be frozen: {error.strerror}", _READABLE) from error
+    except UnicodeEncodeError as error:
+        raise EvidenceError(f"{shown(error.object)}: this name is no text", "rename the file") from error
 
 
 def _freeze(configuration: Configuration, folder: Path) -> Frozen:
