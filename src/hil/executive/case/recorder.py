@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING
@@ -14,7 +13,7 @@ from hil.evidence.recordings.hdf5 import Recorded, read_recording
 from hil.executive.case.effects import Effects
 from hil.executive.case.facade import Facade, RoleSet
 from hil.executive.case.given import Misused
-from hil.executive.case.steps import Steps
+from hil.executive.case.steps import Steps, file_part
 from hil.executive.case.streaming import take_stream
 from hil.executive.run.row_store import OpenRecording, RecordedChannel, RecordingFacts, RowStore
 from hil.executive.run.scheduler import Scheduler
@@ -124,7 +123,7 @@ class Recorder:
                 "record the others by themselves, before or after it",
             )
         facts = RecordingFacts(
-            id=f"{self._ids():03d}-{_slug(self._steps.case)}-{_slug(name)}",
+            id=f"{self._ids():03d}-{file_part(self._steps.case)}-{file_part(name)}",
             name=name,
             case=self._steps.case,
             step=self._steps.number,
@@ -224,7 +223,3 @@ def _largest(numbers: NDArray[np.float64]) -> float:
     """Return the number that is farthest from zero, 0 where there is none."""
     finite = numbers[~(numbers != numbers)]  # noqa: PLR0124 - NaN is what differs from itself
     return float(finite[abs(finite).argmax()]) if len(finite) else 0.0
-
-
-def _slug(text: str) -> str:
-    return re.sub(r"[^A-Za-z0-9_]+", "-", text.rpartition("::")[2]).strip("-")[:60]

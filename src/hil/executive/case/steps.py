@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-__all__ = ["Steps"]
+__all__ = ["Steps", "file_part"]
+
+
+def file_part(text: str) -> str:
+    """Return a case's id, or a name that a case gave, as a part of file names."""
+    return re.sub(r"[^A-Za-z0-9_]+", "-", text.rpartition("::")[2]).strip("-")[:60]
 
 
 class Steps:
