@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from hil.cli.deviating import deviation_options, overrides_of, skips_of
 from hil.cli.pinning import pin
 from hil.model.identity import Source
 
@@ -16,8 +17,17 @@ __all__ = ["command"]
 @click.argument("plans", nargs=-1, required=True, metavar="PLAN...")
 @click.option("--bench", required=True, metavar="NAME", help="The bench: fixtures/benches/NAME.")
 @click.option("--dut", required=True, metavar="SERIAL", help="Serial number of the device under test.")
-def command(plans: tuple[str, ...], bench: str, dut: str) -> int:
-    """Print the procedure of plans: steps, what they drive, record and ask, and how long they take.
+@deviation_options
+def command(
+    *,
+    plans: tuple[str, ...],
+    bench: str,
+    dut: str,
+    skips: tuple[str, ...],
+    reasons: tuple[str, ...],
+    overrides: tuple[str, ...],
+) -> int:
+    """Print the procedure of plans: limits, steps, what they drive, record and ask, and how long they take.
 
     The whole cases run on the simulated bench; nothing else is driven, and no package is kept.
     """
@@ -25,7 +35,15 @@ def command(plans: tuple[str, ...], bench: str, dut: str) -> int:
     from hil.executive.setup.configuration import Request  # noqa: PLC0415 - after the pins
     from hil.plugin.rehearsing import procedure  # noqa: PLC0415 - after the pins
 
-    request = Request(start=Path.cwd(), plans=plans, bench=bench, dut=dut, source=Source.SIMULATED)
+    request = Request(
+        start=Path.cwd(),
+        plans=plans,
+        bench=bench,
+        dut=dut,
+        source=Source.SIMULATED,
+        skips=skips_of(skips, reasons),
+        overrides=overrides_of(overrides),
+    )
     for line in procedure(request):
         click.echo(line)
     return 0

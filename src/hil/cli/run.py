@@ -7,9 +7,9 @@ from pathlib import Path
 
 import click
 
+from hil.cli.deviating import deviation_options, overrides_of, skips_of
 from hil.cli.display import Display
 from hil.cli.supervision import Invocation, supervise
-from hil.model.errors import Refused
 from hil.model.identity import Purpose, Source
 
 __all__ = ["command"]
@@ -24,9 +24,7 @@ __all__ = ["command"]
 @click.option("--source", type=click.Choice([Source.HARDWARE.value, Source.SIMULATED.value]), default="hardware")
 @click.option("--purpose", type=click.Choice([purpose.value for purpose in Purpose]), default="development")
 @click.option("--operator", default="", metavar="NAME", help="Who runs it.")
-@click.option("--skip", "skips", multiple=True, metavar="CASE", help="A case that is not run; give its --reason next.")
-@click.option("--reason", "reasons", multiple=True, metavar="TEXT", help="Why the case is skipped.")
-@click.option("--parameter", "overrides", multiple=True, metavar="NAME=VALUE", help="Change a parameter: a deviation.")
+@deviation_options
 @click.option("--answers", type=click.Path(path_type=Path, exists=True, dir_okay=False), help="Answers to questions.")
 @click.option("--ask", is_flag=True, help="Ask at the terminal, also on a simulated bench.")
 @click.option("--output", type=click.Path(path_type=Path, file_okay=False), help="Where the package goes.")
@@ -55,7 +53,7 @@ def command(  # noqa: PLR0913 - one argument per option
     every case did, 2 interrupted, 3 internal error, 4 wrong usage or files, 5 no cases, 6 the
     envelope tripped, 7 the bench could not be proven safe.
     """
-    given = _skips(skips, reasons), dict(_pair(text) for text in overrides)
+    given = skips_of(skips, reasons), overrides_of(overrides)
     if invocation.word is None:
         from hil.executive.setup.pins import pinned_environment  # noqa: PLC0415 - the process that waits stays light
 
@@ -82,23 +80,3 @@ def command(  # noqa: PLR0913 - one argument per option
     if isinstance(sys.stdout, Display) and not sys.stdout.finish() and invocation.word.folder:
         click.echo(f"hil: standard output could not be written; the package is {invocation.word.folder}", err=True)
     return code
-
-
-def _skips(cases: tuple[str, ...], reasons: tuple[str, ...]) -> dict[str, str]:
-    if len(cases) != len(reasons):
-        raise Refused(f"{len(cases)} --skip and {len(reasons)} --reason were given", "every skipped case has a reason")
-    for case, reason in zip(cases, reasons, strict=True):
-        if not case.strip() or not reason.strip():
-            raise Refused(
-                f"--skip '{case}' --reason '{reason}' says nothing", "name the case, and say why it is skipped"
-            )
-        if cases.count(case) > 1:
-            raise Refused(f"--skip {case} is given {cases.count(case)} times", "give every skipped case one reason")
-    return dict(zip(cases, reasons, strict=True))
-
-
-def _pair(text: str) -> tuple[str, str]:
-    name, equals, value = text.partition("=")
-    if not equals:
-        raise Refused(f"--parameter {text} has no value", "write --parameter NAME=VALUE")
-    return name, value

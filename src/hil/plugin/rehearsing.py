@@ -19,6 +19,8 @@ from hil.model.errors import Refused
 from hil.plugin.campaign import Opener
 from hil.plugin.launch import launch
 from hil.plugin.opening import open_simulated
+from hil.report.catalogue import requirement_entries
+from hil.report.from_package import PackageMaterial
 from hil.report.procedure import procedure_lines
 
 __all__ = ["Replayed", "procedure", "replay"]
@@ -39,7 +41,8 @@ def procedure(request: Request) -> list[str]:
     """Return the procedure of plans: whole cases, run on the simulated bench."""
     with tempfile.TemporaryDirectory(prefix="hil-plan-") as folder:
         configuration = configure(replace(request, output=Path(folder)))
-        return procedure_lines(Package(_rehearsed(configuration, open_simulated).folder).events())
+        material = PackageMaterial(_rehearsed(configuration, open_simulated).folder)
+        return procedure_lines(material.events(), requirement_entries(material))
 
 
 def replay(package: Package) -> Replayed:

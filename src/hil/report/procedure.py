@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from hil.report.material import Body, inners, text, texts
-from hil.report.numbers import bench_time, duration, number, with_unit
+from hil.report.catalogue import demands
+from hil.report.material import Body, inner, inners, text, texts
+from hil.report.numbers import bench_time, duration, limit_text, number, with_unit
 from hil.report.page.as_run import attributed
 from hil.report.sentences import counted
 
@@ -15,19 +16,22 @@ _INDENT = "  "
 _MOST_ALIKE = 3  # how many of a step's calls of one kind are written out
 
 
-def procedure_lines(events: Sequence[Body]) -> list[str]:
+def procedure_lines(events: Sequence[Body], requirements: Mapping[str, Body]) -> list[str]:
     """Return the procedure that these events tell: cases, numbered steps, drives, recordings and questions.
 
     Args:
         events: the bodies of a journal; for a plan, those of a run on the simulated bench.
+        requirements: by id, the entries of the catalogue, whose limits stand first.
     """
     events = attributed(events)
     run = next((event for event in events if event["kind"] == "run"), {})
     planned = [case for event in events if event["kind"] == "planned" for case in inners(event, "cases")]
-    lines = [_head(run, len(planned), events)]
+    lines = [_head(run, len(planned), events), *_driven(events), *_deviations(run)]
+    named = dict.fromkeys(name for case in planned for name in texts(case, "requirements"))
+    lines += [line for name in named for line in _requirement(name, requirements.get(name, {}))]
     by_case = _by(events, "case")
     for place, case in enumerate(planned, 1):
-        lines += ["", *_case(place, case, by_case.get(text(case, "case"), []))]
+        lines += ["", *_case(f"[{place}/{len(planned)}]", case, by_case.get(text(case, "case"), []))]
     return lines
 
 
@@ -38,12 +42,33 @@ def _head(run: Body, cases: int, events: Sequence[Body]) -> str:
     return f"Procedure of {plans}{where}: {counted(cases, 'case')}, {duration(took)} of bench time"
 
 
-def _case(place: int, case: Body, events: Sequence[Body]) -> Iterator[str]:
-    yield f"{place}  {text(case, 'case')}"
+def _driven(events: Sequence[Body]) -> Iterator[str]:
+    """Give what the cases drive at all, by role."""
+    effects = (event for event in events if event["kind"] == "effect" and event.get("effect") == "drives")
+    roles = sorted({text(event, "name").rpartition(".")[0] for event in effects})
+    if roles:
+        yield f"drives        {', '.join(roles)}"
+
+
+def _deviations(run: Body) -> Iterator[str]:
+    yield from (f"deviation     {deviation}" for deviation in texts(run, "deviations"))
+
+
+def _requirement(name: str, entry: Body) -> Iterator[str]:
+    """Give what a requirement asks for, a line each, its id before the first."""
+    asked = demands(entry) or ("limits not recorded",)
+    yield ""
+    yield f"{name}  {asked[0]}"
+    yield from (f"{' ' * len(name)}  {line}" for line in asked[1:])
+
+
+def _case(place: str, case: Body, events: Sequence[Body]) -> Iterator[str]:
+    yield f"{place} {text(case, 'case')}"
     if text(case, "title"):
         yield f"{_INDENT * 2}{text(case, 'title')}"
     ends = [event for event in events if event["kind"] == "case-end"]
-    took = duration(sum(_taken(event) for event in ends)) if ends else "not run"
+    left_out = next((text(event, "reason") for event in events if event["kind"] == "not-run"), "")
+    took = duration(sum(_taken(event) for event in ends)) if ends else f"not run{left_out and ': '}{left_out}"
     longest = duration(case.get("max_duration"))
     facts = (
         ("requirements", ", ".join(texts(case, "requirements")) or "none: an orphan"),
@@ -56,7 +81,7 @@ def _case(place: int, case: Body, events: Sequence[Body]) -> Iterator[str]:
     for stretch in _stretches(events):
         if stretch[0]["kind"] == "step":
             number_ = text(stretch[0], "number")
-            yield from _step(place, stretch[0], ended.get(number_, {}), by_step.get(number_, []))
+            yield from _step(stretch[0], ended.get(number_, {}), by_step.get(number_, []))
         else:
             yield from (f"{_INDENT * 3}{line}" for line in _actions(stretch))
 
@@ -83,11 +108,11 @@ def _by(events: Sequence[Body], key: str) -> dict[str, list[Body]]:
     return grouped
 
 
-def _step(place: int, step: Body, end: Body, within: Sequence[Body]) -> Iterator[str]:
+def _step(step: Body, end: Body, within: Sequence[Body]) -> Iterator[str]:
     number_ = text(step, "number")
     shift = _INDENT * (2 + number_.count("."))
     path = texts(step, "path")
-    yield f"{shift}{place}.{number_}  {bench_time(step.get('t'))}  {path[-1] if path else ''}  {_during(end)}".rstrip()
+    yield f"{shift}{number_}  {bench_time(step.get('t'))}  {path[-1] if path else ''}  {_during(end)}".rstrip()
     yield from (f"{shift}{_INDENT * 2}{line}" for line in _actions(within))
 
 
@@ -118,7 +143,9 @@ def _actions(events: Sequence[Body]) -> Iterator[str]:
             yield f"asks     {text(event, 'form')}: {text(event, 'text')}" + (f" ({options})" if options else "")
         elif event["kind"] == "check":
             of = f" [{text(event, 'of')}]" if text(event, "of") else ""
-            yield f"checks   {text(event, 'requirement')} {text(event, 'parameter')}{of}"
+            limit = limit_text(inner(event, "limit"), text(event, "limit_unit"))
+            rule = f"  ({limit}, {text(event, 'decision')})" if limit else ""
+            yield f"checks   {text(event, 'requirement')} {text(event, 'parameter')}{of}{rule}"
 
 
 def _recorded(recording: Body) -> str:

@@ -1,6 +1,8 @@
 import specimen_run
 
 from hil.evidence.package.contents import Package
+from hil.report.catalogue import requirement_entries
+from hil.report.from_package import PackageMaterial
 from hil.report.procedure import procedure_lines
 
 DRIVE = {"case": "a", "step": "1", "name": "supply.coil.set", "effect": "drives", "result": None}
@@ -27,36 +29,55 @@ def drive(ordinal, **arguments):
 
 def test_specimen_as_a_procedure(folder):
     """Cases, numbered steps with bench times, drives, recordings with duration, and questions, in order."""
-    lines = procedure_lines(Package(folder).events())
+    lines = procedure_lines(Package(folder).events(), requirement_entries(PackageMaterial(folder)))
     assert lines[0] == "Procedure of gyroscope on bench flatsat (simulated): 5 cases, 13 min 20 s of bench time"
-    assert lines[2:12] == [
-        f"1  {specimen_run.CASES['rest']}",
+    place = lines.index(f"[1/5] {specimen_run.CASES['rest']}")
+    assert lines[place + 1 : place + 10] == [
         "    Allan deviation of every axis over ten minutes at rest.",
         "    requirements  ADCS-GYR-010, ADCS-GYR-011",
         "    duration      10 min 58 s, at most 1 h",
-        "    1.1  0:00:03.0  Hold the board at ambient temperature  (57 s)",
+        "    1  0:00:03.0  Hold the board at ambient temperature  (57 s)",
         "        asks     confirm: Is the board free of the table's clamps?",
         "        drives   supply.board.configure(current=0.1, voltage=5)",
         "        drives   supply.board.on()",
-        "    1.2  0:01:00.0  Record the gyroscope at rest  (10 min)",
+        "    2  0:01:00.0  Record the gyroscope at rest  (10 min)",
         "        records  rest: x [deg/s], y [deg/s], z [deg/s], temperature [degC], 10 Hz, 10 min",
     ]
-    assert "      2.1.1  0:11:03.0  50 deg/s  (57 s)" in lines
+    assert "      1.1  0:11:03.0  50 deg/s  (57 s)" in lines
     assert "          drives   rotation_table.turn(rate=50)" in lines
-    assert "    duration      not run, at most 1 h" in lines
+    assert "    duration      not run: skipped: the chamber is away (--skip), at most 1 h" in lines
     assert "    requirements  none: an orphan" in lines
+
+
+def test_limits_and_what_is_driven_stand_first(folder):
+    """Before the cases: the roles that are driven, the deviations, and what each requirement asks for."""
+    lines = procedure_lines(Package(folder).events(), requirement_entries(PackageMaterial(folder)))
+    first = lines[: lines.index(f"[1/5] {specimen_run.CASES['rest']}")]
+    assert "drives        rotation_table, supply.board" in first
+    assert "deviation     parameter gyroscope.rest_duration is 600 s, the plan says 14400 s" in first
+    place = first.index("ADCS-GYR-030  rate_error [x, y, z] -0.5 to 0.5 deg/s, guarded, TUR at least 2")
+    assert first[place + 1] == "              for each temperature of 10, 45"
+    assert "          checks   ADCS-GYR-030 rate_error [x]  (-0.5 to 0.5 deg/s, guarded)" in lines
+
+
+def test_steps_are_numbered_as_in_the_run(folder):
+    """A step has the number under which the journal, the terminal and the report know it."""
+    events = Package(folder).events()
+    lines = [line.strip() for line in procedure_lines(events, {})]
+    for step in (event for event in events if event["kind"] == "step"):
+        assert any(line.startswith(f"{step['number']}  ") and step["path"][-1] in line for line in lines)
 
 
 def test_reads_drive_nothing():
     """A read or a wait is not what a procedure drives."""
     read = drive(1) | {"effect": "reads", "name": "supply.coil.measure"}
-    assert not any("measure" in line for line in procedure_lines(planned(read)))
+    assert not any("measure" in line for line in procedure_lines(planned(read), {}))
 
 
 def test_calls_alike_are_counted():
     """A step that drives the same output a thousand times stays readable."""
-    lines = procedure_lines(planned(*(drive(place, voltage=place / 10) for place in range(1, 1001))))
-    driven = [line.strip() for line in lines if "drives" in line]
+    lines = procedure_lines(planned(*(drive(place, voltage=place / 10) for place in range(1, 1001))), {})
+    driven = [line.strip() for line in lines if line.startswith(" ") and "drives" in line]
     assert driven == [
         "drives   supply.coil.set(voltage=0.1)",
         "drives   supply.coil.set(voltage=0.2)",
@@ -68,7 +89,7 @@ def test_calls_alike_are_counted():
 def test_arguments_are_written_as_a_person_would():
     """Figures have their unit, lists their brackets, and what is left out is none."""
     figure = {"value": 1.5, "unit": "V", "uncertainty": None, "dof": None, "status": "measured"}
-    lines = procedure_lines(planned(drive(1, voltage=figure, channels=[1, 2], mode=None, how={"fast": True})))
+    lines = procedure_lines(planned(drive(1, voltage=figure, channels=[1, 2], mode=None, how={"fast": True})), {})
     assert "drives   supply.coil.set(voltage=1.5 V, channels=[1, 2], mode=none, how={fast=true})" in {
         line.strip() for line in lines
     }
@@ -76,4 +97,4 @@ def test_arguments_are_written_as_a_person_would():
 
 def test_nothing_planned_is_said():
     """A journal that ended before its plan is a procedure of nothing."""
-    assert procedure_lines([]) == ["Procedure of no plan: 0 cases, 0 s of bench time"]
+    assert procedure_lines([], {}) == ["Procedure of no plan: 0 cases, 0 s of bench time"]
