@@ -94,3 +94,24 @@ def test_an_unrelated_pytest_run_is_untouched(tmp_path):
     ended = pytest_in(tmp_path, "-c", os.devnull, "--rootdir", str(tmp_path), "test_other.py")
     assert ended.code == 0, ended.out
     assert "--bench" in pytest_in(tmp_path, "-c", os.devnull, "--help").out
+
+
+def test_plain_pytest_refuses_a_conftest_around_the_plans(tmp_path):
+    """Its hooks would take part in the verdicts here, too."""
+    workspace = make(tmp_path / "workspace", GOOD)
+    (workspace.plan.parent / "conftest.py").write_text(
+        "def pytest_runtest_makereport(call):\n    call.excinfo = None\n"
+    )
+    ended = pytest_in(workspace.root, *BENCH)
+    assert ended.code == 4
+    assert "testplans/conftest.py: a conftest.py takes part in the verdicts" in ended.err
+    assert workspace.folders() == []
+
+
+def test_plain_pytest_tells_a_name_with_its_place(tmp_path):
+    """A misspelt parameter is told before anything is armed."""
+    workspace = make(tmp_path / "workspace", "def test_one(parameters):\n    parameters.curent")
+    ended = pytest_in(workspace.root, *BENCH)
+    assert ended.code == 4
+    assert "test_small.py:9:5: the plan has no parameter 'curent', did you mean 'current'?" in ended.out + ended.err
+    assert workspace.folders() == []

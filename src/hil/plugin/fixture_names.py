@@ -115,7 +115,7 @@ def _helpers(item: pytest.Item) -> tuple[Callable[..., object], ...]:
     """Return the functions of the case's module that take `parameters` and that some function hands its own to."""
     module = getattr(item, "module", None)
     functions = [each for each in vars(module).values() if inspect.isfunction(each)] if module else []
-    names = given_to(item.path, "parameters")
+    names = given_to(item.path.read_bytes(), "parameters")
     return tuple(each for each in functions if _file(each) == item.path and each.__name__ in names)
 
 

@@ -7,8 +7,7 @@ import inspect
 import textwrap
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
+from functools import lru_cache
 
 __all__ = ["WrittenCheck", "WrittenName", "given_to", "written_checks", "written_names"]
 
@@ -49,8 +48,25 @@ class WrittenName:
     column: int
 
 
-def written_checks(function: Callable[..., object]) -> Iterator[WrittenCheck]:
-    """Yield the literal checks of a case's own code; what it calls elsewhere shows when it runs."""
+@lru_cache(maxsize=256)
+def written_checks(function: Callable[..., object]) -> tuple[WrittenCheck, ...]:
+    """Return the literal checks of a case's own code; what it calls elsewhere shows when it runs.
+
+    It is read once: a parametrised case is one function.
+    """
+    return tuple(_checks(function))
+
+
+@lru_cache(maxsize=256)
+def written_names(function: Callable[..., object]) -> tuple[WrittenName, ...]:
+    """Return what a function takes from its arguments by name, the longest paths only.
+
+    An argument that the function binds anew is left out: it may be something else then.
+    """
+    return tuple(_taken(function))
+
+
+def _checks(function: Callable[..., object]) -> Iterator[WrittenCheck]:
     for node, line, column in _nodes(function):
         if isinstance(node, ast.Call) and ast.unparse(node.func) in _NAMES:
             texts = [_text(argument) for argument in node.args[:2]]
@@ -59,11 +75,7 @@ def written_checks(function: Callable[..., object]) -> Iterator[WrittenCheck]:
                 yield WrittenCheck(requirement=texts[0], parameter=texts[1], of=of, line=line, column=column)
 
 
-def written_names(function: Callable[..., object]) -> Iterator[WrittenName]:
-    """Yield what a function takes from its arguments by name, the longest paths only.
-
-    An argument that the function binds anew is left out: it may be something else then.
-    """
+def _taken(function: Callable[..., object]) -> Iterator[WrittenName]:
     nodes = list(_nodes(function))
     stored = {node.id for node, _, _ in nodes if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load)}
     arguments = {node.arg for node, _, _ in nodes if isinstance(node, ast.arg)} - stored
@@ -75,12 +87,12 @@ def written_names(function: Callable[..., object]) -> Iterator[WrittenName]:
                 yield WrittenName(path=path, line=line, column=column)
 
 
-@cache
-def given_to(path: Path, argument: str) -> frozenset[str]:
-    """Return the functions that a file's code calls with something of that very name; none where it has no source."""
+@lru_cache(maxsize=64)
+def given_to(source: bytes, argument: str) -> frozenset[str]:
+    """Return the functions that code calls with something of that very name; none where it cannot be read."""
     try:
-        tree = ast.parse(path.read_bytes())
-    except (OSError, SyntaxError, ValueError):
+        tree = ast.parse(source)
+    except (SyntaxError, ValueError):
         return frozenset()
     calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)]
     return frozenset(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hil.plugin.literals import written_checks
+from hil.plugin.literals import given_to, written_checks, written_names
 
 
 def case(check, name):
@@ -42,3 +42,28 @@ def test_methods_are_read_too():
 def test_code_without_source_has_no_literal_checks():
     """What has no source is left to the run."""
     assert list(written_checks(len)) == []
+
+
+def names(supply, parameters, clock):
+    """Take names of every kind."""
+    supply.coil.configure(parameters.volts, supply.limits["a"].high)
+    clock = None
+    clock.sleep(1)
+    other.thing()  # noqa: F821 - read, never called
+
+
+def test_names_that_are_taken_from_arguments_are_found():
+    """Whole paths with their place; what is bound anew, or no argument, is left out."""
+    found = {one.path: (one.line - names.__code__.co_firstlineno, one.column) for one in written_names(names)}
+    assert found == {
+        ("supply", "coil", "configure"): (2, 5),
+        ("parameters", "volts"): (2, 27),
+        ("supply", "limits"): (2, 45),
+    }
+
+
+def test_functions_that_are_given_a_name_are_found():
+    """By place or by name, under that very name only."""
+    source = b"one(1, parameters)\ntwo(given=parameters)\nthree(parameters.x)\nfour(other)\n"
+    assert given_to(source, "parameters") == {"one", "two"}
+    assert given_to(b"def (", "parameters") == set()
