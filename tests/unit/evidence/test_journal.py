@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+import threading
 
 import pytest
 from evidence_runs import stamps
 
 from hil.documents.canonical import JsonError, canonical
-from hil.evidence.journal.reader import read_journal
+from hil.evidence.journal import reader
+from hil.evidence.journal.reader import cut_torn_tail, read_journal
 from hil.evidence.journal.writer import Journal
-from hil.model.errors import EvidenceError
+from hil.model.errors import EvidenceError, Refused
 
 
 def journal_of(path, **options):
@@ -123,7 +126,83 @@ def test_a_line_that_is_no_event_is_a_finding(tmp_path, line):
     assert reading.events == ()
 
 
+def test_an_endless_line_is_not_held_in_memory(tmp_path, monkeypatch):
+    """Its place is a finding, the chain goes on behind it, and the lines around it are read."""
+    path = tmp_path / "journal.jsonl"
+    with journal_of(tmp_path) as journal:
+        journal.write("note", 0.0, text="before")
+        journal.write("note", 1.0, text="x" * 5_000_000)
+        journal.write("note", 2.0, text="after")
+    monkeypatch.setattr(reader, "LONGEST_LINE", 1_000_000)
+    reading = read_journal(path)
+    assert [event["text"] for event in reading.events] == ["before", "after"]
+    assert [(found.line, found.message) for found in reading.findings] == [(2, "a line of more than 1000000 bytes")]
+    path.write_bytes(path.read_bytes()[:2_000_000])
+    assert (len(read_journal(path).events), len(read_journal(path).torn)) == (1, 1_000_000)
+
+
+@pytest.mark.parametrize("size", [1, 3_000_000])
+def test_a_torn_tail_of_any_length_is_cut(tmp_path, size):
+    """What stands behind the last newline is kept, and the lines before it are whole."""
+    (tmp_path / "data").mkdir()
+    with Journal(tmp_path / "data/journal.jsonl", stamp=stamps()) as journal:
+        journal.write("note", 0.0, text="whole")
+    with (tmp_path / "data/journal.jsonl").open("ab") as stream:
+        stream.write(bytes(size))
+    assert cut_torn_tail(tmp_path) == size
+    assert (tmp_path / "data/journal.torn").read_bytes() == bytes(size)
+    assert cut_torn_tail(tmp_path) == 0
+    assert len(read_journal(tmp_path / "data/journal.jsonl").events) == 1
+
+
+@pytest.mark.parametrize(
+    "line", [b"[" * 200_000, b'{"a":' * 200_000, b'{"body":{"kind":"x","t":true},"prev":"","wall":{}}']
+)
+def test_a_line_that_is_nested_deeply_is_a_finding(tmp_path, line):
+    """No depth of brackets ends in a traceback."""
+    path = tmp_path / "journal.jsonl"
+    path.write_bytes(line + b"\n")
+    assert len(read_journal(path).findings) == 1
+
+
 def test_no_journal_is_an_error_with_a_hint(tmp_path):
     """A folder that is no run's folder says so."""
     with pytest.raises(EvidenceError, match="run's folder"):
         read_journal(tmp_path / "journal.jsonl")
+
+
+def test_another_thread_is_no_writer(tmp_path):
+    """Its event is refused, and the chain stays whole."""
+    refusals = []
+
+    def stray(journal):
+        try:
+            journal.write("note", 2.0, text="stray", by="")
+        except Refused as error:
+            refusals.append(str(error))
+
+    with journal_of(tmp_path) as journal:
+        journal.write("note", 1.0, text="", by="")
+        thread = threading.Thread(target=stray, args=(journal,))
+        thread.start()
+        thread.join()
+        journal.write("note", 3.0, text="", by="")
+    assert len(refusals) == 1
+    reading = read_journal(tmp_path / "journal.jsonl")
+    assert (reading.findings, [line.body["t"] for line in reading.lines]) == ((), [1.0, 3.0])
+
+
+def test_a_forked_copy_is_no_writer(tmp_path):
+    """It has the descriptor, and may not use it."""
+    with journal_of(tmp_path) as journal:
+        journal.write("note", 1.0, text="", by="")
+        child = os.fork()
+        if child == 0:
+            try:
+                journal.write("note", 2.0, text="stray", by="")
+            except Refused:
+                os._exit(7)
+            os._exit(0)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
+        journal.write("note", 3.0, text="", by="")
+    assert len(read_journal(tmp_path / "journal.jsonl").lines) == 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from types import SimpleNamespace
 
 import pytest
@@ -228,3 +229,42 @@ def test_replayed_monitors_follow_the_record():
     scheduled.sleep(2.0)
     assert record.taken == [0, 300_000_000, 2_500_000_000]
     assert len(watch.readings) == 3
+
+
+def refused(scheduled, times):
+    """Ask a scheduler for a second, and let nothing through."""
+    for _ in range(times):
+        with contextlib.suppress(BaseException):
+            scheduled.sleep(1.0)
+
+
+def test_a_timeout_makes_safe_before_the_case_learns_of_it():
+    """At once, and only once; no time passes any more, and a case that goes on is given up."""
+    clock, scheduled, watch = watched()
+    scheduled.deadline_ns = 1
+    assert watch.told == []
+    refused(scheduled, 100)
+    assert (watch.told, clock.now()) == (["safe"], 1.0)
+    refused(scheduled, 1)
+    assert watch.told == ["safe", "give up"]
+
+
+def test_a_stop_leaves_a_case_the_time_of_its_teardown():
+    """The bench is made safe under a case that swallows a stop; it is not pulled away at the first word."""
+    flags = StopFlags()
+    _, scheduled, watch = watched(flags=flags)
+    flags.request("SIGINT")
+    refused(scheduled, 9)
+    assert watch.told == []
+    refused(scheduled, 1)
+    assert watch.told == ["safe"]
+
+
+def test_an_urgent_stop_makes_safe_at_once():
+    """Who asks twice does not wait for a case."""
+    flags = StopFlags()
+    _, scheduled, watch = watched(flags=flags)
+    flags.request("SIGINT")
+    flags.request("SIGINT")
+    refused(scheduled, 1)
+    assert watch.told == ["safe"]

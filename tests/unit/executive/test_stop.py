@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 
 import pytest
 
-from hil.executive.run.stop import StopFlags, Stopped, handle_signals
+from hil.executive.run.stop import Astray, StopFlags, Stopped, handle_signals
 
 
 def test_the_first_reason_stays_and_the_second_request_is_urgent():
@@ -78,3 +79,49 @@ def test_the_second_signal_ends_a_case_that_computes():
         assert flags.reason == "SIGINT"
         signal.raise_signal(signal.SIGINT)
         pytest.fail("the second signal did nothing")
+
+
+def test_a_case_that_swallows_its_cuts_is_given_up():
+    """The bench is made safe before the first cut; after some more the run ends where it is."""
+    flags, told = StopFlags(), []
+    flags.make_safe, flags.give_up = lambda: told.append("safe"), lambda: told.append("give up")
+    flags.request("SIGINT")
+    flags.request("SIGINT")
+    with flags.case_code():
+        for _ in range(10):
+            with pytest.raises(Stopped):
+                flags.interrupt()
+        assert told == ["safe"]
+        with pytest.raises(Stopped):
+            flags.interrupt()
+    assert told == ["safe", "give up"]
+
+
+def test_one_hang_up_told_twice_is_one_request():
+    """The terminal, the shell and the supervisor may all tell it."""
+    flags = StopFlags()
+    with handle_signals(flags):
+        signal.raise_signal(signal.SIGHUP)
+        signal.raise_signal(signal.SIGHUP)
+    assert (flags.reason, flags.urgent) == ("SIGHUP", False)
+
+
+@pytest.mark.parametrize("service", ["undisturbed", "check"])
+def test_another_thread_is_turned_away(service):
+    """It drives nothing and writes nothing, and what it tried is kept."""
+    flags, met = StopFlags(), []
+
+    def stray():
+        try:
+            if service == "check":
+                flags.check()
+            with flags.undisturbed():
+                pass
+        except Astray as error:
+            met.append(error.message)
+
+    thread = threading.Thread(target=stray)
+    thread.start()
+    thread.join()
+    assert met == [flags.astray]
+    assert "another thread" in flags.astray

@@ -67,3 +67,19 @@ def test_a_plan_is_found_by_path_and_by_name(tmp_path):
         found.plan("gryo", tmp_path)
     with pytest.raises(Refused):
         found.plan("testplans", tmp_path)
+
+
+@pytest.mark.parametrize("text", ["tool = 3", "[tool]\nhil = 3", "[[tool]]\nhil = {}", "[tool.hil]\ntestplans = 3"])
+def test_a_project_file_of_odd_types_is_no_internal_error(tmp_path, text):
+    """It is told, or it is somebody else's."""
+    (tmp_path / "pyproject.toml").write_text(text)
+    with pytest.raises((ConfigurationError, Refused)):
+        find_workspace(tmp_path)
+
+
+@pytest.mark.parametrize("text", ['testplans = "a\\u0000b"', 'reports = ""', 'fixtures = " "'])
+def test_settings_that_can_name_no_folder_are_told(tmp_path, text):
+    """NUL and nothing are no names."""
+    (tmp_path / "hil.toml").write_text(text)
+    with pytest.raises(ConfigurationError, match="must be a text"):
+        find_workspace(tmp_path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType, TracebackType
@@ -14,7 +15,7 @@ from hil.evidence.durable import DISK_FULL, sync_folder
 from hil.evidence.folder import free_reserve
 from hil.evidence.journal.quick_json import quick_canonical
 from hil.evidence.journal.reader import FIRST, read_journal
-from hil.model.errors import EvidenceError
+from hil.model.errors import EvidenceError, Refused
 
 __all__ = ["SYNCED", "Journal"]
 
@@ -80,6 +81,7 @@ class Journal:
         self._last_t = 0.0
         self._lost = 0
         self._full = self._told = False
+        self._writer = os.getpid(), threading.get_ident()
         if path.exists():
             self._go_on()
         self._descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
@@ -116,8 +118,11 @@ class Journal:
 
         Raises:
             JsonError: for values that have no canonical JSON; nothing is written.
+            Refused: in another thread or process than the one that opened the journal; nothing is written.
             EvidenceError: "disk full", once, or another error of the file system.
         """
+        if (os.getpid(), threading.get_ident()) != self._writer:
+            raise Refused(f"{self._path.name} has one writer", "write from the process and thread that opened it")
         try:
             if self._lost:
                 text = f"disk full: {self._lost} events before this one could not be written"

@@ -78,13 +78,19 @@ def find_workspace(start: Path) -> Workspace:
 
 def _settings(folder: Path) -> tuple[dict[str, Any], str] | None:
     own, project = folder / "hil.toml", folder / "pyproject.toml"
-    if own.is_file():
+    if own.exists():
         return _toml(own), own.name
     if project.is_file():
-        tools = _toml(project).get("tool", {})
-        if "hil" in tools:
-            return tools["hil"], project.name
+        tools = _toml(project).get("tool")
+        if isinstance(tools, dict) and "hil" in tools:
+            return _table(tools["hil"], project), project.name
     return None
+
+
+def _table(settings: object, path: Path) -> dict[str, Any]:
+    if not isinstance(settings, dict):
+        raise ConfigurationError((Finding(str(path), 0, 0, "'tool.hil' must be a table"),))
+    return settings
 
 
 def _toml(path: Path) -> dict[str, Any]:
@@ -100,7 +106,9 @@ def _workspace(root: Path, settings: dict[str, Any], file: str) -> Workspace:
         Finding(file, 0, 0, f"unknown key '{key}'{did_you_mean(key, known)}") for key in settings if key not in known
     ]
     findings += [
-        Finding(file, 0, 0, f"'{key}' must be a text") for key, value in settings.items() if not isinstance(value, str)
+        Finding(file, 0, 0, f"'{key}' must be a text that can be a name of a file")
+        for key, value in settings.items()
+        if not isinstance(value, str) or not value.strip() or "\0" in value
     ]
     if findings:
         raise ConfigurationError(tuple(findings))
