@@ -143,7 +143,10 @@ def test_supply_that_dies_during_its_trial_is_not_ready():
         after = f"{bench.clock.now() + 0.1:.3f} s"
     with bound(faulty(kind="dead", from_=after)) as bench:
         found = [gate for gate in energised_gates(bench, None) if not gate.ok]
-        assert [gate.name for gate in found] == ["reduced level of supply.coil", "supply.coil off again"]
+        assert [gate.name for gate in found] == [
+            "reduced level of supply.coil, relays released",
+            "supply.coil off again",
+        ]
         assert all("psu1: " in gate.detail for gate in found)
 
 

@@ -9,8 +9,8 @@ from typing import cast
 from hil.bench.binding import BoundBench
 from hil.bench.envelope import self_test
 from hil.bench.safe_off import SafeResult, make_safe
-from hil.instruments.roles import Supply
-from hil.model.bench import InstrumentSpec, ReducedLevel, SafeStep, Wire
+from hil.instruments.roles import Relays, Supply
+from hil.model.bench import InstrumentSpec, Position, ReducedLevel, SafeStep, Wire
 from hil.model.errors import HilError
 from hil.model.identity import Dut, Identity
 
@@ -124,25 +124,53 @@ def _listed(channels: Sequence[int]) -> str:
 
 
 def _reduced_level(bench: BoundBench, wire: Wire, level: ReducedLevel, dut: Dut | None) -> tuple[list[Gate], str]:
-    """Try one output; return its gates, and why it is not off again, if it is not."""
+    """Try one output in every position; return its gates, and why it is not off again, if it is not."""
+    gates: list[Gate] = []
+    for position in level.positions or (None,):
+        tried, left_on = _position(bench, wire, level, position, dut)
+        gates += tried
+        if left_on:
+            return gates, left_on
+    return gates, ""
+
+
+def _position(
+    bench: BoundBench, wire: Wire, level: ReducedLevel, position: Position | None, dut: Dut | None
+) -> tuple[list[Gate], str]:
+    """Try one output in one position; relays move before it is on, and are released after it is off."""
     supply = cast("Supply", bench.roles[wire.name])
-    name = f"reduced level of {wire.name}"
+    name = f"reduced level of {wire.name}{_spoken(position)}"
     gates: list[Gate] = []
     try:
+        if position:
+            _move(cast("Relays", bench.roles[position.relays]), position)
         supply.configure(level.voltage, level.current)
         supply.enable()
         bench.clock.sleep(_SETTLE_S)
-        gates.append(_level_gate(name, supply, level))
+        gates.append(_level_gate(name, supply, level, conducts=position is None or position.conducts))
         fed = [instrument for instrument in bench.spec.instruments if instrument.powered_by == wire.name]
         gates += [_identity(bench, instrument, dut) for instrument in fed]
     except HilError as error:
         gates.append(Gate(name, ok=False, detail=str(error)))
     finally:
-        left_on = _left_on(bench, [step for step in bench.spec.safe_off if step.output == wire.name])
+        moved = {wire.name, position.relays} if position else {wire.name}
+        left_on = _left_on(bench, [step for step in bench.spec.safe_off if step.output in moved])
     return gates, left_on
 
 
-def _level_gate(name: str, supply: Supply, level: ReducedLevel) -> Gate:
+def _move(relays: Relays, position: Position) -> None:
+    relays.release_all()
+    for contact in position.closed:
+        relays.close(contact)
+
+
+def _spoken(position: Position | None) -> str:
+    if position is None:
+        return ""
+    return f", {position.relays} {' and '.join(position.closed)} closed" if position.closed else ", relays released"
+
+
+def _level_gate(name: str, supply: Supply, level: ReducedLevel, *, conducts: bool) -> Gate:
     voltage, current = supply.voltage().value, supply.current().value
     detail = f"{voltage:.4g} V, {current:.4g} A"
     # A load may hold an output in its current limit below the voltage that was set; a short or a wrong sign may not.
@@ -150,7 +178,11 @@ def _level_gate(name: str, supply: Supply, level: ReducedLevel) -> Gate:
     limited = supply.mode() == "CC" and _LEAST_SHARE * level.voltage <= voltage < level.voltage
     if not (near or limited):
         return Gate(name, ok=False, detail=f"{detail}, {level.voltage:g} V was set: short, polarity or wiring?")
+    if not conducts:
+        if abs(current) < level.lowest_current:
+            return Gate(name, ok=True, detail=f"{detail}, nothing flows")
+        return Gate(name, ok=False, detail=f"{detail}, and nothing should flow: a contact that is welded, or wiring?")
     if not level.lowest_current <= current <= level.highest_current:
         bounds = f"{level.lowest_current:g} to {level.highest_current:g} A"
-        return Gate(name, ok=False, detail=f"{detail}, {bounds} expected: load or wiring?")
+        return Gate(name, ok=False, detail=f"{detail}, {bounds} expected: load, contacts or wiring?")
     return Gate(name, ok=True, detail=detail)

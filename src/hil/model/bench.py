@@ -17,6 +17,7 @@ __all__ = [
     "InstrumentSpec",
     "PeerSpec",
     "PlantSpec",
+    "Position",
     "Proof",
     "Rating",
     "ReducedLevel",
@@ -89,17 +90,29 @@ class InstrumentSpec:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Position:
+    """Which contacts of which relays are closed, and whether the output then feeds its load."""
+
+    relays: str
+    closed: tuple[str, ...]
+    conducts: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ReducedLevel:
     """What arm does with a supply output before anybody relies on it.
 
     The output is set to this voltage [V] and current limit [A] and switched on; its measured voltage
-    must come up with the right sign and its current [A] must stay between the two bounds.
+    must come up with the right sign and its current [A] must stay between the two bounds. Where relays
+    stand between output and load, that is done in each of the positions; in one that does not conduct
+    the current must stay below the lower bound. So a contact that is welded, or does not close, shows.
     """
 
     voltage: float
     current: float
     lowest_current: float
     highest_current: float
+    positions: tuple[Position, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

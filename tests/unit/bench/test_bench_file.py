@@ -94,7 +94,7 @@ CHANGES = [
     ),
     (('{voltage: "0.5"', '{voltage: "6.5"'), "{role: supply", "reduced voltage 6.5 V is outside its clamp 0 to 6 V"),
     (('{voltage: "0.5"', '{voltage: "0"'), "{role: supply", "supply.coil: a reduced level of 0 V would show nothing"),
-    (('lowest_current: "-0.0005"', 'lowest_current: "1"'), "{role: supply", "lowest_current 1 is above highest"),
+    (('lowest_current: "0.0015"', 'lowest_current: "1"'), "{role: supply", "lowest_current 1 is above highest"),
     (
         (
             "settings: {range",
@@ -176,6 +176,23 @@ def test_every_mistake_is_told_where_it_is(tmp_path, change, at, message):
     text = changed(tmp_path, change)
     wrong = found(tmp_path)
     assert any(line.startswith(f"{place(text, at)}: ") and message in line for line in wrong), wrong
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("closed: [a], conducts: false", "closed: [c], conducts: false"), "relays has no contact 'c'"),
+        (
+            ("{relays: relays, closed: [b]", "{relays: relay, closed: [b]"),
+            "unknown relays 'relay', did you mean 'relays'?",
+        ),
+        (('lowest_current: "0.0015"', 'lowest_current: "-0.0005"'), "with positions, lowest_current must be above 0"),
+    ],
+)
+def test_positions_must_be_ones_that_arm_can_try(tmp_path, change, message):
+    """Contacts and relays must exist, and a current must be asked for."""
+    changed(tmp_path, change)
+    assert any(f"supply.coil: {message}" in line for line in found(tmp_path)), found(tmp_path)
 
 
 def test_rating_of_the_whole_instrument_holds_for_every_channel(tmp_path):

@@ -48,7 +48,10 @@ def test_bench_in_good_order_is_ready():
             "outputs of psu1",
             "outputs of relay1",
             "safe state reached",
-            "reduced level of supply.coil",
+            "reduced level of supply.coil, relays released",
+            "reduced level of supply.coil, relays a closed",
+            "reduced level of supply.coil, relays b closed",
+            "reduced level of supply.coil, relays a and b closed",
             "reduced level of supply.sensor",
             "identity of mag1",
             "envelope coil-current",
@@ -77,15 +80,44 @@ def test_every_trial_is_over_when_its_gate_is_given():
             assert energy(bench) == OFF, gate
 
 
-@pytest.mark.parametrize("board", ["z_plus", "y_minus", ""])
+@pytest.mark.parametrize("board", ["z_plus", "y_minus"])
 def test_coil_in_its_current_limit_is_in_good_order(board):
-    """With a board on the jig the reduced level ends in the current limit, without one in open terminals."""
+    """With a board on the jig the reduced level ends in the current limit, in both directions and in no other."""
     with bound(adcs()) as bench:
         bench.world.plants["coil"].command(board=board)
         found = gates(bench)
         assert all(gate.ok for gate in found.values())
-        volts = float(found["reduced level of supply.coil"].detail.split(" V")[0])
-        assert volts == pytest.approx(0.2 if board else 0.5, abs=0.01)
+        volts = [
+            float(found[f"reduced level of supply.coil, relays {position}"].detail.split(" V")[0])
+            for position in ("released", "a closed", "b closed", "a and b closed")
+        ]
+        assert volts == pytest.approx([0.2, 0.5, 0.5, 0.2], abs=0.01)
+
+
+def test_without_a_board_nothing_is_proven_of_the_relays():
+    """Open terminals look the same in every position, so the bench is not ready."""
+    with bound(adcs()) as bench:
+        bench.world.plants["coil"].command(board="")
+        gate = gates(bench)["reduced level of supply.coil, relays released"]
+        assert not gate.ok
+        assert gate.detail.endswith("0.0015 to 0.0025 A expected: load, contacts or wiring?")
+
+
+@pytest.mark.parametrize(("welded", "wrong"), [("1", "released"), ("2", "released")])
+def test_welded_contact_is_not_ready(welded, wrong):
+    """The board reads it back as released; the current in some position shows that it is not."""
+    with bound(with_peer(adcs(), "relay1", truth={"welded": [welded]})) as bench:
+        bad = {name: gate.detail for name, gate in gates(bench).items() if not gate.ok}
+        other = "b closed" if welded == "1" else "a closed"
+        assert list(bad) == [f"reduced level of supply.coil, relays {position}" for position in (wrong, other)]
+        assert bad[f"reduced level of supply.coil, relays {other}"].endswith("welded, or wiring?")
+
+
+def test_two_welded_contacts_are_not_ready():
+    """Current flows where it should, in the wrong direction; where one contact is closed it flows too."""
+    with bound(with_peer(adcs(), "relay1", truth={"welded": ["1", "2"]})) as bench:
+        bad = [name for name, gate in gates(bench).items() if not gate.ok]
+        assert bad == [f"reduced level of supply.coil, relays {contact} closed" for contact in "ab"]
 
 
 def test_wired_output_found_on_is_reported_and_made_safe():
@@ -172,7 +204,7 @@ def test_article_that_nothing_here_can_recognise_is_not_ready():
         (
             {"current_gain": "-2", "load": "300"},
             "",
-            r"0.5 V, -0.00\d+ A, -0.0005 to 0.0025 A expected: load or wiring[?]",
+            r"0.5 V, -0.00\d+ A, 0.0015 to 0.0025 A expected: load, contacts or wiring[?]",
         ),
         ({"voltage_gain": "0.2"}, "coil.supply", "0.6 V, .* A, 0.5 V was set: short, polarity or wiring[?]"),
     ],
@@ -184,7 +216,8 @@ def test_reversed_or_short_load_is_not_ready(truth, connects, detail):
     spec = with_peer(adcs(), "psu1", truth=truth, connects=wires)
     spec = replace(spec, safe_off=tuple(replace(step, proof=None) for step in spec.safe_off))
     with bound(spec) as bench:
-        gate = gates(bench)["reduced level of supply.coil"]
+        bench.world.plants["coil"].command(board="")
+        gate = gates(bench)["reduced level of supply.coil, relays released"]
         assert not gate.ok
         assert re.fullmatch(detail, gate.detail), gate.detail
         assert energy(bench) == OFF
@@ -196,7 +229,7 @@ def test_level_beyond_the_clamps_is_not_tried():
     spec = adcs()
     coil = replace(spec.wiring[0], reduced=replace(spec.wiring[0].reduced, voltage=7.0))
     with bound(replace(spec, wiring=(coil, *spec.wiring[1:]))) as bench:
-        gate = gates(bench)["reduced level of supply.coil"]
+        gate = gates(bench)["reduced level of supply.coil, relays released"]
         assert not gate.ok
         assert "voltage 7 V is outside its clamp 0 to 6 V" in gate.detail
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 
 from hil.bench.file.complaints import Complaints, known, quantity, quantity_of
+from hil.documents.suggest import did_you_mean
 from hil.instruments.roles import STATES
 from hil.model.bench import BenchSpec, CalibratedRange, Clamp, EnvelopeLimit, Proof, ReducedLevel, SafeStep, Wire
 
@@ -78,11 +79,29 @@ def _level_problems(spec: BenchSpec, wire: Wire, level: ReducedLevel) -> Iterato
         yield f"a reduced level of {level.voltage:g} V would show nothing"
     if level.lowest_current > level.highest_current:
         yield f"lowest_current {level.lowest_current:g} is above highest_current {level.highest_current:g}"
+    yield from _position_problems(spec, level)
     for clamp in spec.clamps:
         setting = {"voltage": level.voltage, "current": level.current}.get(clamp.quantity)
         if clamp.output == wire.name and setting is not None and not clamp.minimum <= setting <= clamp.maximum:
             bounds = f"{clamp.minimum:g} to {clamp.maximum:g} {clamp.unit}"
             yield f"the reduced {clamp.quantity} {setting:g} {clamp.unit} is outside its clamp {bounds}"
+
+
+def _position_problems(spec: BenchSpec, level: ReducedLevel) -> Iterator[str]:
+    if level.positions and level.lowest_current <= 0:
+        yield "with positions, lowest_current must be above 0, or no position would show anything"
+    contacts = {wire.name: wire.contacts for wire in spec.wiring if wire.role == "relays"}
+    made_safe = {step.output for step in spec.safe_off}
+    for position in level.positions:
+        if position.relays and position.relays not in contacts:
+            yield f"unknown relays '{position.relays}'{did_you_mean(position.relays, contacts)}"
+            continue
+        for contact in position.closed:
+            if contact not in contacts.get(position.relays, ()):
+                hint = did_you_mean(contact, contacts[position.relays])
+                yield f"{position.relays} has no contact '{contact}'{hint}"
+        if position.relays and position.relays not in made_safe:
+            yield f"{position.relays} is missing from safe_off, so a position could not be left again"
 
 
 def envelope(spec: BenchSpec) -> Complaints:

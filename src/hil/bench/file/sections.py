@@ -16,6 +16,7 @@ from hil.model.bench import (
     InstrumentSpec,
     PeerSpec,
     PlantSpec,
+    Position,
     Proof,
     Rating,
     ReducedLevel,
@@ -217,9 +218,16 @@ def _reduced(reader: MappingReader | None) -> ReducedLevel | None:
         current=reader.number("current"),
         lowest_current=reader.number("lowest_current"),
         highest_current=reader.number("highest_current"),
+        positions=tuple(_position(item) for item in reader.children("positions")),
     )
     reader.done()
     return level
+
+
+def _position(reader: MappingReader) -> Position:
+    position = Position(relays=reader.text("relays"), closed=reader.texts("closed"), conducts=reader.flag("conducts"))
+    reader.done()
+    return position
 
 
 def _bounded(reader: MappingReader, kind: Callable[..., _Bounded]) -> _Bounded:
