@@ -28,8 +28,9 @@ class Fault:
         end_ns: first instant at which it is over.
         duration_ns: `late`: what is added; `chatty`: the pause between unsolicited bytes.
         share: `garbled`: the part of the bytes that are hit.
-        number: `partial`: bytes that come through; `refuse-off`: channel, 0 for all; `welded`: contact.
-        field: `saturated`: what is added to every axis [uT].
+        number: `partial`: bytes that come through; `refuse-off`: channel, 0 for all; `welded`: contact;
+            `temperature-raw`: counts of the temperature.
+        field: `saturated`: what is added to every axis, in the sensor's unit [uT, deg/s].
         text: `chatty`: the bytes; `identity`: who answers instead; `refuse-off`: what it says, `on` or `off`.
     """
 
@@ -117,6 +118,10 @@ def _welded(truth: Truth, fault: Fault) -> Fault:
     return replace(fault, number=truth.integer("contact", minimum=1))
 
 
+def _temperature_raw(truth: Truth, fault: Fault) -> Fault:
+    return replace(fault, number=truth.integer("counts", 24_000, minimum=-32_767, maximum=32_767))
+
+
 def _saturated(truth: Truth, fault: Fault) -> Fault:
     return replace(fault, field=truth.number("field", 5000.0))
 
@@ -129,5 +134,6 @@ _SETTINGS: Mapping[str, Callable[[Truth, Fault], Fault]] = {
     "partial": _partial,
     "refuse-off": _refuse_off,
     "saturated": _saturated,
+    "temperature-raw": _temperature_raw,
     "welded": _welded,
 }

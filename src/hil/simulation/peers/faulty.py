@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.seeds import Stream
@@ -104,6 +104,12 @@ class FaultyBusPeer:
         """Connect the peer behind the faults."""
         self._clock = clock
         self._peer.attach(clock)
+
+    def on_interrupt(self, callback: Callable[[], None]) -> None:
+        """Pass the rising edges of the device's interrupt pin on, where it has one, unless the device is dead."""
+        listen = getattr(self._peer, "on_interrupt", None)
+        if listen is not None:
+            listen(lambda: None if self._faults.now("dead", self._clock.now_ns()) else callback())
 
     def write(self, address: int, data: bytes) -> None:
         """Pass a message on, unless the device is dead."""

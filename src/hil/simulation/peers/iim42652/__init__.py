@@ -1,0 +1,1 @@
+"""An IIM-42652 gyroscope and accelerometer at register level."""
