@@ -12,7 +12,7 @@ from pathlib import Path
 
 from hil.clock import wall
 from hil.documents.canonical import JsonError, canonical, parse_strict
-from hil.evidence.durable import PART, sha256_of, sync_file, write_whole
+from hil.evidence.durable import PART, read_plain, sha256_of, sync_file, write_whole
 from hil.evidence.folder import ATTACHMENTS, INBOX, INBOX_FILES, is_sealed
 from hil.model.errors import EvidenceError, Refused
 
@@ -22,6 +22,7 @@ KINDS = frozenset({"ack", "answer", "attachment", "hold", "note", "stop"})
 LARGEST_ATTACHMENT = 200_000_000
 
 _LONGEST_TEXT = 100_000
+_LARGEST_MESSAGE = 2_000_000
 _UNREADABLE = "unreadable"
 _ENDING = ".message"
 
@@ -90,7 +91,14 @@ def poll(folder: Path) -> Iterator[Message]:
     for name in sorted(name for name in found if name.endswith(_ENDING)):
         path = folder / INBOX / name
         yield _taken(folder, path)
+        _remove(path)
+
+
+def _remove(path: Path) -> None:
+    try:
         path.unlink(missing_ok=True)
+    except OSError:  # somebody made a folder of this name
+        shutil.rmtree(path, ignore_errors=True)
 
 
 def _bring(attach: Path, files: Path, name: str) -> tuple[str, str]:
@@ -108,7 +116,7 @@ def _bring(attach: Path, files: Path, name: str) -> tuple[str, str]:
 
 def _taken(folder: Path, path: Path) -> Message:
     try:
-        value = parse_strict(path.read_bytes())
+        value = parse_strict(read_plain(path, _LARGEST_MESSAGE))
         message = Message(**value) if isinstance(value, dict) else None
         if message is None or message.kind not in KINDS or not all(_is_plain(message)):
             return Message(kind=_UNREADABLE, text=f"{path.name}: this is no message")

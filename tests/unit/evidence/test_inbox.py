@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 
 from hil.evidence import inbox
@@ -57,6 +59,14 @@ def test_nonsense_is_told_and_removed(folder, data):
     (folder / "inbox/1.message").write_bytes(data)
     assert [message.kind for message in poll(folder)] == ["unreadable"]
     assert list(poll(folder)) == []
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, os.mkdir, lambda path: path.symlink_to("/dev/zero")])
+def test_a_message_that_is_no_file_is_not_waited_for(folder, make):
+    """A pipe, a folder or a link to something endless is told and removed, and the run goes on."""
+    make(folder / "inbox/1.message")
+    assert [message.kind for message in poll(folder)] == ["unreadable"]
+    assert [path.name for path in (folder / "inbox").iterdir()] == ["files"]
 
 
 @pytest.mark.parametrize("file", ["../../escape", "/etc/passwd", "missing.jpg", ".hidden"])
