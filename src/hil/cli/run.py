@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 
 from hil.cli.deviating import deviation_options, overrides_of, skips_of
 from hil.cli.display import Display
 from hil.cli.supervision import Invocation, supervise
+from hil.model.errors import Refused
 from hil.model.identity import Purpose, Source
 
 __all__ = ["command"]
+
+
+class Place(click.Path):
+    """A folder that was named; an empty text, which a script's unset variable leaves, would be the present folder."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:  # noqa: ANN401 - click's
+        """Convert what was named."""
+        if not os.fspath(value):
+            self.fail("no folder is named", param, ctx)
+        return super().convert(value, param, ctx)
 
 
 @click.command(
@@ -27,7 +40,7 @@ __all__ = ["command"]
 @deviation_options
 @click.option("--answers", type=click.Path(path_type=Path, exists=True, dir_okay=False), help="Answers to questions.")
 @click.option("--ask", is_flag=True, help="Ask at the terminal, also on a simulated bench.")
-@click.option("--output", type=click.Path(path_type=Path, file_okay=False), help="Where the package goes.")
+@click.option("--output", type=Place(path_type=Path, file_okay=False), help="Where the package goes.")
 @click.option("-v", "--verbose", is_flag=True, help="Show every step, every driving call, every gate.")
 @click.pass_obj
 def command(  # noqa: PLR0913 - one argument per option
@@ -54,6 +67,7 @@ def command(  # noqa: PLR0913 - one argument per option
     envelope tripped, 7 the bench could not be proven safe.
     """
     given = skips_of(skips, reasons), overrides_of(overrides)
+    _require_text(bench=bench, dut=dut, operator=operator, reason="".join(reasons), parameter="".join(overrides))
     if invocation.word is None:
         from hil.executive.setup.pins import pinned_environment  # noqa: PLC0415 - the process that waits stays light
 
@@ -80,3 +94,10 @@ def command(  # noqa: PLR0913 - one argument per option
     if isinstance(sys.stdout, Display) and not sys.stdout.finish() and invocation.word.folder:
         click.echo(f"hil: standard output could not be written; the package is {invocation.word.folder}", err=True)
     return code
+
+
+def _require_text(**options: str) -> None:
+    """Refuse bytes that are no text of this terminal's encoding: no evidence could hold them."""
+    for name, value in options.items():
+        if any("\ud800" <= character <= "\udfff" for character in value):
+            raise Refused(f"--{name} holds bytes that are no text", "write it in the encoding of the terminal")

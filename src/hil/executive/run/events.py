@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 from hil.clock.port import Clock
 from hil.evidence.journal.writer import Journal
@@ -40,12 +41,18 @@ class Events:
         """Show every further event to `listener`."""
         self._listeners.append(listener)
 
-    def write(self, kind: str, **fields: object) -> None:
-        """Write an event down, then show it; a line of the journal is never cut in two by a request to stop."""
+    def write(self, kind: str, *, beside: Mapping[str, object] = MappingProxyType({}), **fields: object) -> None:
+        """Write an event down, then show it; a line of the journal is never cut in two by a request to stop.
+
+        Args:
+            kind: the event's kind.
+            beside: see `Journal.write`.
+            fields: the rest of its body.
+        """
         t = self._clock.now() if self._clock else 0.0
         with self._flags.undisturbed():
             try:
-                self._journal.write(kind, t, **fields)
+                self._journal.write(kind, t, beside=beside, **fields)
             except EvidenceError:
                 self._flags.request(DISK_FULL)  # told once, see Journal.write
             for listener in tuple(self._listeners):
