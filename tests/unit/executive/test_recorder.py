@@ -179,6 +179,15 @@ def test_only_channels_that_are_asked_for_must_be_finite():
     assert set(verdicts(taken).values()) == {"PASS"}
 
 
+def test_a_time_that_is_no_number_is_counted():
+    """A device's clock that is lost makes the data inconclusive: no gap and no duration can be told from it."""
+    times = WHOLE.copy()
+    times[4] = math.nan
+    taken = recorded(times, samples=WHOLE)
+    assert verdicts(taken)["not_finite"] == "INCONCLUSIVE"
+    assert any(why == "1 of 20 samples are not finite: time 1" for _, _, why in data_checks(ASKED, [taken]))
+
+
 def test_the_poorest_recording_counts():
     """One good recording of that name does not outweigh a poor one."""
     assert verdicts(recorded(WHOLE), recorded(WHOLE[:5]))["duration"] == "FAIL"

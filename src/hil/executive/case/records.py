@@ -56,6 +56,7 @@ def _not_finite(records: Records, found: Sequence[Recorded]) -> Iterator[Criteri
         channel: int(sum(_invalid(item[channel]) for item in found if channel in item.channels))
         for channel in records.channels
     }
+    counts["time"] = sum(_invalid(item.time) for item in found)
     count = sum(counts.values())
     if count:
         samples = sum(len(item) for item in found for channel in records.channels if channel in item.channels)
