@@ -72,27 +72,11 @@ def deviation(
     if estimator not in ESTIMATORS:
         raise Refused(f"there is no estimator '{estimator}'", f"choose one of {', '.join(ESTIMATORS)}")
     phase, missing = _phase(data, rate, holes=holes)
-    if missing.size and estimator != "overlapping":
-        raise Refused(
-            f"the {estimator} deviation needs a record without holes, and {missing.size} samples are missing",
-            "choose the overlapping one, or a part without holes",
-        )
     samples = phase.size - 1
-    factors = _factors(samples, rate, taus, _SPANS[estimator])
-    found = [_variance(phase, m, estimator, missing) for m in factors.tolist()]
-    kept = [place for place, (_, terms) in enumerate(found) if terms]
-    if not kept:
-        raise Refused("no averaging time has two neighbouring averages without holes", "record without gaps")
-    factors = factors[kept]
-    variance = np.array([found[place][0] for place in kept])
-    terms = np.array([found[place][1] for place in kept], dtype=np.int64)
+    factors, variance, terms = _estimated(phase, _factors(samples, rate, taus, _SPANS[estimator]), estimator, missing)
     alpha = _noise_types(phase, factors, missing, trust.REDDEST[estimator])
-    degrees = np.array(
-        [
-            trust.degrees(estimator, *point, samples)
-            for point in zip(alpha.tolist(), factors.tolist(), terms.tolist(), strict=True)
-        ]
-    )
+    points = zip(alpha.tolist(), factors.tolist(), terms.tolist(), strict=True)
+    degrees = np.array([trust.degrees(estimator, *point, samples) for point in points])
     if estimator == "total":
         variance /= trust.total_bias(alpha, factors, samples)
     low, high = trust.interval(variance, degrees, confidence)
@@ -112,6 +96,23 @@ def deviation(
         high=np.sqrt(high),
         alpha=alpha,
     )
+
+
+def _estimated(
+    phase: _Array, factors: _Places, estimator: Estimator, missing: _Places
+) -> tuple[_Places, _Array, _Places]:
+    """Return the factors that have a difference without holes, their variances and numbers of terms."""
+    if missing.size and estimator != "overlapping":
+        raise Refused(
+            f"the {estimator} deviation needs a record without holes, and {missing.size} samples are missing",
+            "choose the overlapping one, or a part without holes",
+        )
+    found = [_variance(phase, m, estimator, missing) for m in factors.tolist()]
+    kept = [place for place, (_, terms) in enumerate(found) if terms]
+    if not kept:
+        raise Refused("no averaging time has two neighbouring averages without holes", "record without gaps")
+    variance = np.array([found[place][0] for place in kept])
+    return factors[kept], variance, np.array([found[place][1] for place in kept], dtype=np.int64)
 
 
 def _phase(data: ArrayLike, rate: float, *, holes: bool) -> tuple[_Array, _Places]:

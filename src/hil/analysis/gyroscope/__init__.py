@@ -1,0 +1,1 @@
+"""Calibration of gyroscopes over temperature, and averaging of their readings."""

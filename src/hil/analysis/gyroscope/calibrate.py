@@ -1,0 +1,189 @@
+"""From readings at temperatures and rates to a calibration."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.analysis.gyroscope.calibration import ALIGNED, CalibratedRate, Calibration, Matrix
+from hil.analysis.gyroscope.fitting import Fit, fit
+from hil.analysis.gyroscope.polynomial import Polynomial
+from hil.analysis.gyroscope.readings import Reading, Response, responses
+from hil.model.errors import Refused
+from hil.model.figure import Figure
+
+__all__ = ["CalibrationReport", "calibrate"]
+
+_Array: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationReport:
+    """A calibration, and what it was made from.
+
+    Attributes:
+        calibration: the result.
+        bias: fit of the bias by axis.
+        scale: fit of the scale by axis; axes that did not turn are absent.
+        responses: the gains that the scales come from.
+        remarks: what a reader must know, in sentences.
+    """
+
+    calibration: Calibration
+    bias: Mapping[str, Fit]
+    scale: Mapping[str, Fit]
+    responses: tuple[Response, ...]
+    remarks: tuple[str, ...]
+
+
+def calibrate(
+    readings: Sequence[Reading], *, reference: float = 25.0, rate_uncertainty: float = 0.0
+) -> CalibrationReport:
+    """Fit bias, scale and alignment over temperature.
+
+    Bias: readings at rest over temperature. Scale: one over the own gain of each axis (`readings.responses`), over
+    temperature. Both are polynomials of the degree that the evidence chooses (`fitting.fit`). Alignment: the inverse of
+    E, which has ones on its diagonal and else the mean over temperatures of scale(T) times gain, with a row for each
+    sensor axis and a column for each table axis; it needs all three table axes.
+
+    Args:
+        readings: at rest at two temperatures or more; turning, at two temperatures or more for each axis that turns.
+        reference: temperature about which the powers are taken, in degC.
+        rate_uncertainty: relative standard uncertainty of the table's rates, shared by all of them.
+
+    Raises:
+        Refused: too few readings, axes or units that differ, or what `readings.responses` and `fitting.fit` refuse.
+    """
+    if not readings:
+        raise Refused("there is no reading", "measure at rest at two temperatures or more")
+    names = tuple(readings[0].means)
+    unit = _unit(readings, names)
+    resting = [reading for reading in readings if not reading.turning]
+    bias = {name: _fitted("bias", name, resting, [each.means[name] for each in resting], reference) for name in names}
+    found = responses(readings)
+    scale = {name: _scale(name, found, reference, rate_uncertainty) for name in names}
+    scaled = {name: each for name, each in scale.items() if each is not None}
+    alignment, uncertainty = _alignment(names, found, scaled)
+    axes = {
+        name: CalibratedRate(
+            bias=bias[name].polynomial,
+            scale=scaled[name].polynomial if name in scaled else _unmeasured(bias[name].polynomial),
+        )
+        for name in names
+    }
+    calibration = Calibration(unit=unit, axes=axes, alignment=alignment, alignment_uncertainty=uncertainty)
+    return CalibrationReport(
+        calibration=calibration,
+        bias=bias,
+        scale=scaled,
+        responses=found,
+        remarks=_remarks(names, bias, scaled, calibration),
+    )
+
+
+def _unit(readings: Sequence[Reading], names: tuple[str, ...]) -> str:
+    units = {figure.unit for reading in readings for figure in reading.means.values()}
+    if any(tuple(reading.means) != names for reading in readings) or len(units) != 1:
+        raise Refused("the readings do not have the same axes in one unit", "give every axis in each reading")
+    unknown = {axis for reading in readings for axis in reading.turning} - set(names)
+    if unknown:
+        raise Refused(f"the table turns about {', '.join(sorted(unknown))}", f"name one of {', '.join(names)}")
+    return units.pop()
+
+
+def _fitted(what: str, name: str, points: Sequence[Reading | Response], values: list[Figure], reference: float) -> Fit:
+    try:
+        return fit([point.temperature for point in points], values, reference=reference)
+    except Refused as error:
+        raise Refused(f"{what} of axis {name}: {error.message}", error.hint) from None
+
+
+def _scale(name: str, found: Sequence[Response], reference: float, rate_uncertainty: float) -> Fit | None:
+    own = [response for response in found if response.axis == name]
+    if not own:
+        return None
+    fitted = _fitted("scale", name, own, [_inverse(response.gains[name]) for response in own], reference)
+    return _with_shared(fitted, rate_uncertainty)
+
+
+def _inverse(gain: Figure) -> Figure:
+    if not abs(gain.value) > 0.0:
+        raise Refused("an axis does not respond to its rate", "look at the mounting, and which axis is which")
+    uncertainty = None if gain.uncertainty is None else gain.uncertainty / gain.value**2
+    return Figure(value=1.0 / gain.value, unit="1", uncertainty=uncertainty, dof=gain.dof)
+
+
+def _with_shared(fitted: Fit, relative: float) -> Fit:
+    """Add the uncertainty that all points share: it scales all coefficients together."""
+    polynomial = fitted.polynomial
+    if polynomial.covariance is None or not relative:
+        return fitted
+    own = np.asarray(polynomial.covariance)
+    shared = relative**2 * np.outer(polynomial.coefficients, polynomial.coefficients)
+    dof = polynomial.dof * (1.0 + float(shared[0, 0]) / float(own[0, 0])) ** 2 if own[0, 0] else math.inf
+    covariance = tuple(map(tuple, (own + shared).tolist()))
+    return replace(fitted, polynomial=replace(polynomial, covariance=covariance, dof=dof))
+
+
+def _unmeasured(bias: Polynomial) -> Polynomial:
+    return Polynomial(coefficients=(1.0,), unit="1", reference=bias.reference, low=bias.low, high=bias.high)
+
+
+def _alignment(
+    names: tuple[str, ...], found: Sequence[Response], scale: Mapping[str, Fit]
+) -> tuple[Matrix, Matrix | None]:
+    if len(names) != 3 or len(scale) != 3:
+        return ALIGNED if len(names) == 3 else _identity(len(names)), None
+    cross, spread = np.eye(3), np.zeros((3, 3))
+    for column, axis in enumerate(names):
+        own = [response for response in found if response.axis == axis]
+        for row, name in enumerate(names):
+            if row != column:
+                cross[row, column], spread[row, column] = _cross_gain(name, own, scale[name].polynomial)
+    alignment = np.asarray(np.linalg.inv(cross), dtype=np.float64)
+    uncertainty = np.sqrt(np.square(alignment) @ np.square(spread) @ np.square(alignment))
+    known = np.isfinite(uncertainty).all()
+    return _matrix(alignment), _matrix(uncertainty) if known else None
+
+
+def _cross_gain(name: str, own: Sequence[Response], scale: Polynomial) -> tuple[float, float]:
+    """Mean over temperatures of the response of one axis to another, scaled, with its standard uncertainty."""
+    factors = [
+        float(scale.at(min(max(response.temperature, scale.low), scale.high))) for response in own
+    ]  # temperatures of two axes differ a little, and the scale hardly moves within that
+    gains = [factor * response.gains[name].value for factor, response in zip(factors, own, strict=True)]
+    spreads = [
+        math.nan if response.gains[name].uncertainty is None else factor * (response.gains[name].uncertainty or 0.0)
+        for factor, response in zip(factors, own, strict=True)
+    ]
+    return float(np.mean(gains)), math.sqrt(sum(spread**2 for spread in spreads)) / len(spreads)
+
+
+def _matrix(values: _Array) -> Matrix:
+    return tuple(tuple(row) for row in values.tolist())
+
+
+def _identity(size: int) -> Matrix:
+    return _matrix(np.eye(size))
+
+
+def _remarks(
+    names: tuple[str, ...], bias: Mapping[str, Fit], scale: Mapping[str, Fit], calibration: Calibration
+) -> tuple[str, ...]:
+    remarks = [
+        f"{what} of axis {name}: {each.remark}"
+        for what, fits in (("bias", bias), ("scale", scale))
+        for name, each in fits.items()
+        if each.remark
+    ]
+    still = [name for name in names if name not in scale]
+    if still:
+        remarks.append(f"scale of axis {', '.join(still)}: not measured, taken as 1 without an uncertainty")
+    if calibration.alignment_uncertainty is None:
+        remarks.append("alignment: not measured, or without an uncertainty; it needs rates about three axes")
+    return tuple(remarks)

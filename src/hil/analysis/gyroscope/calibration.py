@@ -1,0 +1,120 @@
+"""A calibration over temperature: rate = alignment · (scale(T) · (measured - bias(T)))."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hil.analysis.gyroscope.polynomial import Polynomial
+from hil.analysis.statistics import effective_dof
+from hil.model.errors import Refused
+from hil.model.figure import Figure
+
+__all__ = ["ALIGNED", "CalibratedRate", "Calibration", "Matrix"]
+
+_Array: TypeAlias = NDArray[np.float64]
+Matrix: TypeAlias = tuple[tuple[float, ...], ...]
+
+ALIGNED: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""The alignment of axes whose misalignment was not measured."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibratedRate:
+    """One axis: scale(T) · (measured - bias(T)).
+
+    The bias comes off before the scale, because it is fitted to readings as the sensor gives them.
+
+    Attributes:
+        bias: reading at rest, in the unit of the readings.
+        scale: true rate per reading without bias, in unit 1.
+    """
+
+    bias: Polynomial
+    scale: Polynomial
+
+    def correct(self, measured: ArrayLike, temperature: ArrayLike) -> _Array:
+        """Return rates for readings at temperatures in degC; the two shapes broadcast.
+
+        Raises:
+            Refused: a temperature outside what was measured.
+        """
+        values = np.asarray(measured, dtype=np.float64)
+        return np.asarray(self.scale.at(temperature) * (values - self.bias.at(temperature)), dtype=np.float64)
+
+    def figure(self, measured: Figure, temperature: float, temperature_uncertainty: float = 0.0) -> Figure:
+        """Return the rate for one reading, its uncertainty that of reading, bias, scale and temperature together.
+
+        u^2 = s^2 (u_m^2 + u_b^2) + (m - b)^2 u_s^2 + (s' (m - b) - s b')^2 u_T^2, where ' is the change per kelvin
+        (GUM 10). Unknown where one of them is unknown.
+
+        Raises:
+            Refused: the temperature is outside what was measured.
+        """
+        bias, scale = self.bias.figure(temperature), self.scale.figure(temperature)
+        above = measured.value - bias.value
+        drift = float(self.scale.slope(temperature)) * above - scale.value * float(self.bias.slope(temperature))
+        value = scale.value * above
+        if measured.uncertainty is None or bias.uncertainty is None or scale.uncertainty is None:
+            return Figure(value=value, unit=measured.unit, status=measured.status)
+        variances = [
+            ((scale.value * measured.uncertainty) ** 2, measured.dof),
+            ((scale.value * bias.uncertainty) ** 2, bias.dof),
+            ((above * scale.uncertainty) ** 2, scale.dof),
+            ((drift * temperature_uncertainty) ** 2, math.inf),
+        ]
+        return Figure(
+            value=value,
+            unit=measured.unit,
+            uncertainty=math.sqrt(sum(variance for variance, _ in variances)),
+            dof=effective_dof(variances),
+            status=measured.status,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """All axes of one gyroscope.
+
+    Attributes:
+        unit: of readings and rates.
+        axes: the axes by name, in the order of the matrix.
+        alignment: matrix from scaled readings to rates about the table's axes.
+        alignment_uncertainty: standard uncertainties of its elements, None where it was not measured.
+    """
+
+    unit: str
+    axes: Mapping[str, CalibratedRate]
+    alignment: Matrix = ALIGNED
+    alignment_uncertainty: Matrix | None = None
+
+    @property
+    def low(self) -> float:
+        """Lowest temperature at which every part was measured, in degC."""
+        return max(part.low for axis in self.axes.values() for part in (axis.bias, axis.scale))
+
+    @property
+    def high(self) -> float:
+        """Highest temperature at which every part was measured, in degC."""
+        return min(part.high for axis in self.axes.values() for part in (axis.bias, axis.scale))
+
+    def correct(self, measured: Mapping[str, ArrayLike], temperature: ArrayLike) -> dict[str, _Array]:
+        """Return rates by axis for readings by axis, at temperatures in degC.
+
+        Raises:
+            Refused: an axis is missing, or a temperature is outside what was measured.
+        """
+        missing = [name for name in self.axes if name not in measured]
+        if missing:
+            raise Refused(f"no readings of axis {', '.join(missing)}", f"give all of {', '.join(self.axes)}")
+        scaled = [axis.correct(measured[name], temperature) for name, axis in self.axes.items()]
+        rows = [
+            sum((share * each for share, each in zip(row, scaled, strict=True) if share), np.zeros_like(scaled[0]))
+            for row in self.alignment
+        ]
+        return dict(zip(self.axes, rows, strict=True))

@@ -1,0 +1,157 @@
+"""A calibration as a JSON document with fingerprint, and back."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+from hil.analysis.gyroscope.calibration import CalibratedRate, Calibration, Matrix
+from hil.analysis.gyroscope.polynomial import Polynomial
+from hil.documents.canonical import JsonError, digest, parse_strict
+from hil.model.errors import Refused
+
+__all__ = ["FORMAT", "as_document", "as_json", "fingerprint", "from_document", "from_json", "printed"]
+
+FORMAT = "hil/gyroscope-calibration/1"
+"""What the document's `schema` says."""
+
+_DIGITS = 9  # of a coefficient: more than any float32 holds
+
+
+def printed(calibration: Calibration) -> Calibration:
+    """Return the calibration with its numbers as every export prints them: 9 significant digits."""
+    axes = {
+        name: CalibratedRate(bias=_rounded(axis.bias), scale=_rounded(axis.scale))
+        for name, axis in calibration.axes.items()
+    }
+    return replace(calibration, axes=axes, alignment=tuple(tuple(map(_short, row)) for row in calibration.alignment))
+
+
+def _rounded(polynomial: Polynomial) -> Polynomial:
+    return replace(polynomial, coefficients=tuple(map(_short, polynomial.coefficients)))
+
+
+def _short(number: float) -> float:
+    return float(f"{number:.{_DIGITS}g}")
+
+
+def as_document(calibration: Calibration) -> dict[str, object]:
+    """Return the calibration as plain data, with the fingerprint of everything else in it."""
+    exported = printed(calibration)
+    document: dict[str, object] = {
+        "schema": FORMAT,
+        "model": "rate = alignment * (scale(T) * (measured - bias(T)))",
+        "polynomial": "c0 + c1 (T - reference) + c2 (T - reference)^2 + ...",
+        "unit": exported.unit,
+        "temperature": {"unit": "degC", "low": exported.low, "high": exported.high},
+        "axes": {
+            name: {"bias": _polynomial(axis.bias), "scale": _polynomial(axis.scale)}
+            for name, axis in exported.axes.items()
+        },
+        "alignment": [list(row) for row in exported.alignment],
+        "alignment_uncertainty": _rows(exported.alignment_uncertainty),
+    }
+    return {**document, "fingerprint": digest(document)}
+
+
+def _polynomial(polynomial: Polynomial) -> dict[str, object]:
+    return {
+        "coefficients": list(polynomial.coefficients),
+        "unit": polynomial.unit,
+        "reference": polynomial.reference,
+        "low": polynomial.low,
+        "high": polynomial.high,
+        "covariance": _rows(polynomial.covariance),
+        "dof": polynomial.dof if math.isfinite(polynomial.dof) else None,
+    }
+
+
+def _rows(matrix: Matrix | None) -> list[list[float]] | None:
+    return None if matrix is None else [list(row) for row in matrix]
+
+
+def as_json(calibration: Calibration) -> str:
+    """Return the document as JSON text, the same for the same calibration."""
+    return json.dumps(as_document(calibration), indent=2, allow_nan=False) + "\n"
+
+
+def fingerprint(calibration: Calibration) -> str:
+    """Return the SHA-256 that every export of this calibration carries."""
+    return str(as_document(calibration)["fingerprint"])
+
+
+def from_json(text: str) -> Calibration:
+    """Return the calibration that a JSON text holds.
+
+    Raises:
+        Refused: text that is not such a document, or was changed after it was exported.
+    """
+    try:
+        document = parse_strict(text.encode("utf-8"))
+    except JsonError as error:
+        raise Refused(f"this is no calibration: {error.message}", "give the JSON that an export wrote") from None
+    if not isinstance(document, Mapping):
+        raise Refused("this is no calibration: not an object", "give the JSON that an export wrote")
+    return from_document(document)
+
+
+def from_document(document: Mapping[str, object]) -> Calibration:
+    """Return the calibration that a document holds.
+
+    Raises:
+        Refused: a document of another format, or one that does not match its fingerprint.
+    """
+    if document.get("schema") != FORMAT:
+        raise Refused(f"this is no calibration in the format {FORMAT}", "give the JSON that an export wrote")
+    rest = {key: value for key, value in document.items() if key != "fingerprint"}
+    if digest(rest) != document.get("fingerprint"):
+        raise Refused(
+            "the calibration does not match its fingerprint: it was changed after it was exported",
+            "export it again, or take the original",
+        )
+    try:
+        return _calibration(document)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise Refused(f"this calibration is incomplete: {error}", "give the JSON that an export wrote") from None
+
+
+def _calibration(document: Mapping[str, object]) -> Calibration:
+    axes, spread = document["axes"], document["alignment_uncertainty"]
+    if not isinstance(axes, Mapping):
+        raise TypeError("axes")
+    return Calibration(
+        unit=str(document["unit"]),
+        axes={
+            name: CalibratedRate(bias=_read(axis["bias"]), scale=_read(axis["scale"])) for name, axis in axes.items()
+        },
+        alignment=_matrix(document["alignment"]),
+        alignment_uncertainty=None if spread is None else _matrix(spread),
+    )
+
+
+def _read(entry: Mapping[str, object]) -> Polynomial:
+    covariance, dof = entry["covariance"], entry["dof"]
+    (coefficients,) = _matrix([entry["coefficients"]])
+    return Polynomial(
+        coefficients=coefficients,
+        unit=str(entry["unit"]),
+        reference=_number(entry["reference"]),
+        low=_number(entry["low"]),
+        high=_number(entry["high"]),
+        covariance=None if covariance is None else _matrix(covariance),
+        dof=math.inf if dof is None else _number(dof),
+    )
+
+
+def _matrix(rows: object) -> Matrix:
+    if not isinstance(rows, list):
+        raise TypeError("a list of numbers is missing")
+    return tuple(tuple(_number(each) for each in row) for row in rows)
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(f"'{value}' is not a number")
+    return float(value)
