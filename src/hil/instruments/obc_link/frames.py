@@ -1,0 +1,80 @@
+"""Frames of the OBC link: version, type, sequence, payload and CRC, stuffed and delimited."""
+
+from __future__ import annotations
+
+import struct
+from binascii import crc_hqx
+from typing import NamedTuple
+
+from hil.instruments.obc_link import cobs
+
+__all__ = ["DELIMITER", "LONGEST", "MAJOR", "OVERHEAD", "Frame", "FrameReader", "crc", "seal", "unseal"]
+
+MAJOR = 1
+"""The major version that this driver speaks."""
+
+DELIMITER = b"\0"
+LONGEST = 2048
+"""The largest frame of the protocol in bytes, before stuffing."""
+
+OVERHEAD = 6
+"""Bytes of a frame that are not payload."""
+
+_LONGEST_STUFFED = LONGEST + LONGEST // 254 + 1
+_HEAD = struct.Struct("<BBH")
+
+
+class Frame(NamedTuple):
+    """One frame: major version, type, sequence, payload."""
+
+    version: int
+    kind: int
+    sequence: int
+    payload: bytes
+
+
+def crc(data: bytes) -> int:
+    """Return CRC-16/CCITT-FALSE: polynomial 1021, initial value FFFF; 29B1 for `123456789`."""
+    return crc_hqx(data, 0xFFFF)
+
+
+def seal(kind: int, sequence: int, payload: bytes = b"") -> bytes:
+    """Return a frame as it stands on the line, with its delimiter."""
+    data = _HEAD.pack(MAJOR, kind, sequence) + payload
+    return cobs.encode(data + crc(data).to_bytes(2, "little")) + DELIMITER
+
+
+def unseal(block: bytes) -> Frame:
+    """Return the frame between two delimiters.
+
+    Raises:
+        ValueError: it is no frame, whatever is wrong with it.
+    """
+    data = cobs.decode(block)
+    if not OVERHEAD <= len(data) <= LONGEST:
+        raise ValueError(f"{len(data)} bytes are no frame")
+    if crc(data[:-2]) != int.from_bytes(data[-2:], "little"):
+        raise ValueError("a wrong CRC")
+    version, kind, sequence = _HEAD.unpack_from(data)
+    return Frame(version, kind, sequence, data[_HEAD.size : -2])
+
+
+class FrameReader:
+    """Cuts a byte stream into frames, in whatever pieces it comes; what is no frame is counted in `damaged`."""
+
+    def __init__(self) -> None:
+        self.damaged = 0
+        self._rest = b""
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Take bytes and return the frames that they complete, in order."""
+        *blocks, rest = (self._rest + data).split(DELIMITER)
+        # What is too long stays too long when it is cut here, and is counted at its delimiter.
+        self._rest = rest[: _LONGEST_STUFFED + 1]
+        frames = []
+        for block in filter(None, blocks):
+            try:
+                frames.append(unseal(block))
+            except ValueError:
+                self.damaged += 1
+        return frames

@@ -1,0 +1,220 @@
+"""A session with the OBC: one request at a time, whatever else comes in between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from hil.clock.port import NANOSECONDS, Clock
+from hil.instruments.obc_link.arrivals import Arrivals
+from hil.instruments.obc_link.frames import DELIMITER, MAJOR, Frame, FrameReader, seal
+from hil.instruments.obc_link.messages import Code, Command, Identification, code_text, identification, reason_text
+from hil.model.errors import DeviceFault, Garbled, NoReply, Rejected, WrongIdentity
+from hil.wire.port import Port
+
+__all__ = ["BoardRefused", "ObcSession", "Reply"]
+
+_LONGEST_NS = NANOSECONDS // 2
+_ATTEMPTS = 4
+_MARGIN_MS = 30  # the reply's own time on the line, and the USB on both sides
+_WAIT_MS = 40
+_WAITS_MS = {Command.ADC: 80, Command.I2C: 200, Command.STREAM_STOP: 420}
+_IS_REPLY = 0x80
+_LAST_SEQUENCE = 0xFFFF
+_LOOK = "look at the board's power, and at what its firmware did before"
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """The fields of a reply behind its code, and the bench's time of request and reply in ns."""
+
+    fields: bytes
+    sent_ns: int
+    received_ns: int
+
+
+class BoardRefused(Rejected):
+    """The board answered with an error code; nothing was executed, unless the code is HARDWARE."""
+
+    def __init__(self, device: str, command: Command, code: int, detail: int) -> None:
+        super().__init__(
+            device,
+            f"the board refused {command.name}: {code_text(code)}, detail {detail:#06x}",
+            "compare the request with the page about the OBC link",
+        )
+        self.code = code
+
+
+class ObcSession:
+    """The host's end of the link.
+
+    The first request, and the first after a reset or a silence, is preceded by IDENTIFY. A request
+    without a reply is sent again, byte by byte the same, so that the board does not execute it twice;
+    all attempts together take 0.5 s at most.
+
+    Args:
+        device: the instrument's name in the bench file, for messages.
+        port: the open byte stream.
+        clock: the bench's clock.
+
+    Attributes:
+        arrivals: what came unasked.
+        repeated: requests that were sent again.
+        starts: how often the board was met anew; what was set before a change of it is not set any more.
+    """
+
+    def __init__(self, device: str, port: Port, clock: Clock) -> None:
+        self.device = device
+        self.arrivals = Arrivals(device)
+        self.repeated = 0
+        self.starts = 0
+        self._port = port
+        self._clock = clock
+        self._reader = FrameReader()
+        self._sequence = 0
+        self._board: Identification | None = None
+        self._met = False
+
+    @property
+    def damaged(self) -> int:
+        """How many pieces between two delimiters were no frame."""
+        return self._reader.damaged
+
+    def board(self) -> Identification:
+        """Return what the board says of itself; it is asked where it was not met yet."""
+        return self._board if self._board and self._met else self.identify()
+
+    def identify(self) -> Identification:
+        """Ask the board who it is.
+
+        Raises:
+            WrongIdentity: it speaks another major version.
+            DeviceFault: it has started anew since it was asked last.
+        """
+        self._met = False
+        found = self.read("IDENTIFY", identification, self._exchange(Command.IDENTIFY, b"").fields)
+        if found.major != MAJOR:
+            raise self._foreign(found.major)
+        before, self._board, self._met = self._board, found, True
+        if before is None:
+            self.starts += 1
+        elif before.boots != found.boots:
+            self.starts += 1
+            raise self._started_anew(found.boots, found.reason)
+        return found
+
+    def request(self, command: Command, payload: bytes = b"", *, once: bool = False) -> Reply:
+        """Send a request and return its reply; `once` forbids to send it again.
+
+        Raises:
+            NoReply: none came in time.
+            Garbled: only damaged frames came.
+            BoardRefused: the board answered with an error.
+            WrongIdentity: the board speaks another major version.
+            DeviceFault: the board has started anew.
+        """
+        self.board()
+        return self._exchange(command, payload, once=once)
+
+    def read(self, asked: str, parse: Callable[[bytes], _T], fields: bytes) -> _T:
+        """Return what `parse` makes of a reply's fields; Garbled where it raises ValueError."""
+        try:
+            return parse(fields)
+        except ValueError as error:
+            raise Garbled(
+                self.device, f"the reply to {asked} is nonsense: {error}", "compare the firmware with the protocol"
+            ) from None
+
+    def poll(self) -> None:
+        """Take what has come; never waits.
+
+        Raises:
+            DeviceFault: the board has started anew.
+        """
+        if waiting := self._port.in_waiting:
+            for frame in self._reader.feed(self._port.read(waiting)):
+                self.arrivals.place(frame)
+            self._must_not_have_started_anew()
+
+    def went_back(self) -> DeviceFault:
+        """Return the fault of a board whose clock went back; the next request meets it anew."""
+        self._met, self._board = False, None
+        fault = DeviceFault(self.device, "the board's clock went back: it has started anew without a notice", _LOOK)
+        self.arrivals.break_streams(fault)
+        return fault
+
+    def _exchange(self, command: Command, payload: bytes, *, once: bool = False) -> Reply:
+        self._sequence = self._sequence % _LAST_SEQUENCE + 1
+        wire = seal(command, self._sequence, payload)
+        damaged = self.damaged
+        wait_ns = (_WAITS_MS.get(command, _WAIT_MS) + _MARGIN_MS) * 1_000_000
+        deadline_ns = self._clock.now_ns() + _LONGEST_NS
+        prefix = b"" if self._met else DELIMITER
+        for attempt in range(1 if once else _ATTEMPTS):
+            if attempt and deadline_ns - self._clock.now_ns() < wait_ns:
+                break
+            self.repeated += attempt > 0
+            sent_ns = self._clock.now_ns()
+            self._port.write(prefix + wire)
+            if frame := self._await(command, min(self._clock.now_ns() + wait_ns, deadline_ns)):
+                return Reply(self._judged(command, frame), sent_ns, self._clock.now_ns())
+            prefix = DELIMITER
+        self._met = False
+        raise self._silence(command, self.damaged - damaged)
+
+    def _await(self, command: Command, until_ns: int) -> Frame | None:
+        """Return the reply to the outstanding request, or None; whatever else comes finds its place."""
+        reply: Frame | None = None
+        while reply is None and (left_ns := until_ns - self._clock.now_ns()) > 0:
+            self._port.timeout = min(left_ns, _LONGEST_NS) / NANOSECONDS
+            for frame in self._reader.feed(self._port.read(self._port.in_waiting or 1)):
+                if reply is None and (frame.kind, frame.sequence) == (command | _IS_REPLY, self._sequence):
+                    reply = frame
+                else:
+                    self.arrivals.place(frame)
+            self._must_not_have_started_anew()
+        return reply
+
+    def _judged(self, command: Command, frame: Frame) -> bytes:
+        if frame.version != MAJOR:
+            raise self._foreign(frame.version)
+        if not frame.payload:
+            raise Garbled(self.device, f"an empty reply to {command.name}", "compare the firmware with the protocol")
+        code, fields = frame.payload[0], frame.payload[1:]
+        if code != Code.OK:
+            raise BoardRefused(self.device, command, code, int.from_bytes(fields[:2], "little"))
+        return fields
+
+    def _must_not_have_started_anew(self) -> None:
+        """Raise where a boot notice came within the session; before the first meeting it is nothing to tell."""
+        if not (notice := self.arrivals.take_notice()):
+            return
+        known, self._board, self._met = self._board, None, False
+        if known:
+            raise self._started_anew(notice.boots, notice.reason)
+
+    def _started_anew(self, boots: int, reason: int) -> DeviceFault:
+        fault = DeviceFault(self.device, f"the board has started anew (boot {boots}, {reason_text(reason)})", _LOOK)
+        self.arrivals.break_streams(fault)
+        return fault
+
+    def _foreign(self, major: int) -> WrongIdentity:
+        return WrongIdentity(
+            self.device,
+            f"the board speaks version {major} of the protocol, this driver version {MAJOR}",
+            "flash firmware of this version",
+        )
+
+    def _silence(self, command: Command, damaged: int) -> DeviceFault:
+        if damaged:
+            return Garbled(
+                self.device,
+                f"asked {command.name}, got no reply, but {damaged} damaged frames",
+                "look at the line's speed and the USB cable",
+            )
+        return NoReply(
+            self.device, f"asked {command.name}, got no reply", "look at the board's power and its USB cable"
+        )

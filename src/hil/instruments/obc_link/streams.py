@@ -1,0 +1,207 @@
+"""Streams of the board: frames with device time, and how the device's clock goes against the bench's."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+from hil.clock.port import NANOSECONDS, Clock
+from hil.instruments.obc_link.arrivals import Inbox
+from hil.instruments.obc_link.clock_model import Exchange, estimate
+from hil.instruments.obc_link.messages import Code, Command, program, stream_frame
+from hil.instruments.obc_link.session import BoardRefused, ObcSession
+from hil.model.errors import DeviceFault, Garbled, NoReply, Refused
+from hil.wire.streaming import StreamFrame, StreamSummary, StreamTransfer
+
+__all__ = ["ObcStream", "begin_stream"]
+
+_STREAM = 0
+_MICROSECONDS = 1_000_000
+_WATCHDOG_MS = 60_000
+_EXCHANGES_AT_THE_ENDS = 4
+_EXCHANGE_EVERY_S = 10.0
+_SILENCE_S = 2.0
+_PADDING = b"\xa5" * 17  # makes the request as long as its reply, so that both ways take equally long
+
+
+def begin_stream(
+    session: ObcSession,
+    clock: Clock,
+    *,
+    bus: int,
+    transfers: Sequence[StreamTransfer],
+    period_s: float | None,
+    line: int | None,
+) -> ObcStream:
+    """Start stream 0 of the board; one that an earlier session left running is stopped first."""
+    if (period_s is None) == (line is None):
+        raise Refused(f"{session.device}: a stream has a period or a line", "give one of the two")
+    period_us = None if period_s is None else round(period_s * _MICROSECONDS)
+    try:
+        payload = program(_STREAM, bus, transfers, period_us, line)
+    except struct.error as error:
+        raise Refused(f"{session.device}: this stream cannot be asked for ({error})", "look at its numbers") from None
+    stream = ObcStream(session, clock)
+    stream.begin(payload)
+    return stream
+
+
+class ObcStream:
+    """A running stream. See `hil.wire.streaming.BusStream`.
+
+    TIME is exchanged at the beginning, every 10 s while frames are fetched, and at the end. While the
+    stream runs, the board's watchdog is armed with 60 s, so that a board whose host is gone falls silent.
+    """
+
+    def __init__(self, session: ObcSession, clock: Clock) -> None:
+        self._session = session
+        self._clock = clock
+        self._inbox = Inbox()
+        self._exchanges: list[Exchange] = []
+        self._ready: list[StreamFrame] = []
+        self._heard = clock.now()
+        self._received = 0
+        self._next_number = 0
+        self._over = False
+
+    def begin(self, payload: bytes) -> None:
+        """Start the stream with a program.
+
+        Raises:
+            Rejected: the board cannot run it.
+        """
+        self._measure(_EXCHANGES_AT_THE_ENDS)
+        self._session.request(Command.WATCHDOG, struct.pack("<I", _WATCHDOG_MS))
+        self._inbox = self._session.arrivals.open_inbox(_STREAM)
+        try:
+            self._start(payload)
+        except DeviceFault:
+            self._session.arrivals.close_inbox(_STREAM)
+            raise
+        self._heard = self._clock.now()
+
+    def frames(self) -> Sequence[StreamFrame]:
+        """Return the frames that have come and were not fetched yet, in order; waits for the exchange of TIME only.
+
+        Raises:
+            DeviceFault: no more will come: the board started anew, its watchdog expired, or the link is silent.
+        """
+        try:
+            if not self._over:
+                self._session.poll()
+                self._keep_time(bool(self._inbox.payloads))
+        except DeviceFault as fault:
+            self._inbox.fault = self._inbox.fault or fault
+        self._sort()
+        ready, self._ready = self._ready, []
+        if not ready and self._inbox.fault:
+            raise self._inbox.fault
+        return ready
+
+    def stop(self) -> StreamSummary:
+        """End the stream and return how it went; frames that were not fetched yet can still be.
+
+        Raises:
+            DeviceFault: the board does not answer, or had ended the stream by itself.
+        """
+        numbers = self._next_number
+        if not self._over:
+            self._over = True
+            try:
+                numbers = self._halt()
+            finally:
+                self._session.arrivals.close_inbox(_STREAM)
+        self._sort()
+        clocks = estimate(self._exchanges)
+        return StreamSummary(
+            frames=self._received,
+            lost=max(numbers, self._next_number) - self._received,
+            drift=clocks.drift,
+            drift_uncertainty=clocks.drift_uncertainty,
+            offset_s=clocks.offset,
+        )
+
+    def _halt(self) -> int:
+        """Stop the stream in the board and return how many numbers it gave."""
+        if self._inbox.fault:
+            raise self._inbox.fault
+        fields = self._session.request(Command.STREAM_STOP, bytes((_STREAM,))).fields
+        _stream, numbers, _lost = self._session.read("STREAM_STOP", _stopped, fields)
+        self._measure(_EXCHANGES_AT_THE_ENDS)
+        self._session.request(Command.WATCHDOG, struct.pack("<I", 0))
+        return numbers
+
+    def _start(self, payload: bytes) -> None:
+        try:
+            self._session.request(Command.STREAM_START, payload)
+        except BoardRefused as refusal:
+            if refusal.code != Code.BUSY:
+                raise
+            self._session.request(Command.STREAM_STOP, bytes((_STREAM,)))
+            self._inbox.payloads.clear()
+            self._session.request(Command.STREAM_START, payload)
+
+    def _sort(self) -> None:
+        """Read what is in the inbox; a frame that is cut short, or comes twice, is none."""
+        payloads, self._inbox.payloads = self._inbox.payloads, []
+        for payload in payloads:
+            try:
+                frame = stream_frame(payload)
+            except ValueError:
+                self._session.arrivals.stray += 1
+                continue
+            if frame.number < self._next_number:
+                self._session.arrivals.stray += 1
+                continue
+            self._next_number = frame.number + 1
+            self._received += 1
+            self._ready.append(frame)
+
+    def _keep_time(self, frames_came: bool) -> None:
+        now = self._clock.now()
+        if frames_came:
+            self._heard = now
+        last = self._exchanges[-1].received
+        if now - last >= _EXCHANGE_EVERY_S or now - max(self._heard, last) >= _SILENCE_S:
+            self._measure(1)
+
+    def _measure(self, count: int) -> None:
+        for _ in range(count):
+            exchange = self._exchange()
+            if self._exchanges and exchange.device_received < self._exchanges[-1].device_sent:
+                raise self._session.went_back()
+            self._exchanges.append(exchange)
+
+    def _exchange(self) -> Exchange:
+        """Exchange TIME, with a request of its own for the second attempt: a repeated one would have old stamps."""
+        try:
+            return self._asked()
+        except (NoReply, Garbled):
+            return self._asked()
+
+    def _asked(self) -> Exchange:
+        question = struct.pack("<Q", self._clock.now_ns()) + _PADDING
+        reply = self._session.request(Command.TIME, question, once=True)
+        _echo, received_us, sent_us = self._session.read("TIME", _stamps, reply.fields)
+        return Exchange(
+            sent=reply.sent_ns / NANOSECONDS,
+            device_received=received_us / _MICROSECONDS,
+            device_sent=sent_us / _MICROSECONDS,
+            received=reply.received_ns / NANOSECONDS,
+        )
+
+
+def _stamps(fields: bytes) -> tuple[int, int, int]:
+    return _three("<QQQ", fields)
+
+
+def _stopped(fields: bytes) -> tuple[int, int, int]:
+    return _three("<BII", fields)
+
+
+def _three(layout: str, fields: bytes) -> tuple[int, int, int]:
+    try:
+        first, second, third = struct.unpack_from(layout, fields)
+    except struct.error as error:
+        raise ValueError(str(error)) from None
+    return first, second, third
