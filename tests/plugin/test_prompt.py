@@ -61,3 +61,22 @@ def test_questions_go_to_standard_error(capsys):
     Terminal().show("Closed?")
     told = capsys.readouterr()
     assert (told.out, told.err) == ("", "  ? Closed? ")
+
+
+@pytest.mark.usefixtures("typing")
+def test_an_input_that_was_closed_has_ended():
+    """Whoever closed it, nobody will answer."""
+    sys.stdin.close()
+    assert Terminal().line() == ""
+
+
+def test_a_question_that_cannot_be_shown_is_no_error(monkeypatch):
+    """Whether somebody is left to answer shows at the next look for input."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "w", buffering=1, closefd=True) as gone:
+        monkeypatch.setattr(sys, "stderr", gone)
+        Terminal().show("Is anybody there?")
+        nothing = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nothing, writer)  # so that closing it is no error
+        os.close(nothing)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import select
 import sys
+from contextlib import suppress
 
 __all__ = ["Terminal"]
 
@@ -20,8 +21,9 @@ class Terminal:
 
     def show(self, text: str) -> None:
         """Show a line where standard output stays clean."""
-        sys.stderr.write(f"  ? {text} ")
-        sys.stderr.flush()
+        with suppress(OSError, ValueError):  # whether anybody is left shows at the next look for input
+            sys.stderr.write(f"  ? {text} ")
+            sys.stderr.flush()
 
     def line(self) -> str | None:
         """Return a line with its newline if one was entered, None if not yet, an empty text once input has ended.
@@ -29,8 +31,7 @@ class Terminal:
         Lines that were typed ahead are kept here, where `select` does not see them any more.
         """
         if b"\n" not in self._typed:
-            ready, _, _ = select.select([sys.stdin], [], [], _PATIENCE_S)
-            if not ready:
+            if not _ready():
                 return None
             if not (more := _read()):
                 return ""
@@ -41,9 +42,17 @@ class Terminal:
         return line.decode(errors="replace") + "\n"
 
 
+def _ready() -> bool:
+    """Return whether there is something to read, the end of input included; a closed one has ended."""
+    try:
+        return bool(select.select([sys.stdin], [], [], _PATIENCE_S)[0])
+    except (OSError, ValueError, TypeError):
+        return True
+
+
 def _read() -> bytes:
     """Return what was typed, nothing at the end of input and once the terminal is gone."""
     try:
         return os.read(sys.stdin.fileno(), _BLOCK)
-    except OSError:
+    except (OSError, ValueError, AttributeError):
         return b""

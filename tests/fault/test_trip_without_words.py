@@ -1,0 +1,33 @@
+"""A trip that cannot be written down makes the bench safe all the same."""
+
+from __future__ import annotations
+
+import pytest
+from adcs_bench import adcs, bound
+
+from hil.bench.envelope import Trip
+from hil.executive.run.keeper import BenchKeeper
+from hil.executive.run.stop import StopFlags
+from hil.model.identity import Dut, Model
+
+NANO = 1_000_000_000
+
+
+def test_the_bench_is_safe_although_the_trip_cannot_be_told():
+    """Whatever writing raises, every line of the safe-off is taken before it goes on."""
+    told = []
+
+    def write(kind, **fields):
+        told.append((kind, fields.get("ok")))
+        if kind == "trip":
+            raise RuntimeError("no words")
+
+    with bound(adcs()) as bench:
+        dut = Dut(serial="S", part="P", hardware="A", model=Model.EM)
+        keeper = BenchKeeper(bench, dut, StopFlags(), write, None, lambda: None)
+        bench.roles["supply.sensor"].configure(3.3, 0.02)
+        bench.roles["supply.sensor"].enable()
+        with pytest.raises(RuntimeError, match="no words"):
+            keeper.trip(Trip("coil", 1.0, "A", "too much"))
+        assert bench.roles["supply.sensor"].enabled() is False
+    assert told == [("trip", None), *[("safe", True)] * 3, ("safe-end", True)]
