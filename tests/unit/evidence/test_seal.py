@@ -317,6 +317,15 @@ def test_nothing_is_read_through_a_link(tmp_path, writable):
     assert messages(writable) == "data: only plain files belong into a package, this is a link"
 
 
+def test_each_finding_is_told_once_and_by_a_path_in_the_package(writable):
+    """What stops several looks is one finding, and no path of this machine is in it."""
+    (writable / "data/catalogue/catalogue.json").write_bytes(b"nonsense")
+    found = messages(writable).splitlines()
+    assert len(found) == len(set(found))
+    assert str(writable) not in "".join(found)
+    assert any("verification cannot go on here: data/catalogue/catalogue.json: not JSON" in line for line in found)
+
+
 def test_a_damaged_package_has_no_digest(writable):
     """Neither digest nor verdict of it could be taken for the sealed ones."""
     (writable / "data/dut.json").write_bytes(b"{}")
@@ -417,6 +426,23 @@ def test_a_damaged_journal_is_not_sealed(folder):
     path = folder / JOURNAL
     path.write_bytes(path.read_bytes().replace(b"flight", b"fright"))
     with pytest.raises(EvidenceError, match="not sealed"):
+        recover(folder, write_reports=write_report)
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, os.mkdir, lambda path: path.symlink_to("/dev/zero"), None])
+def test_a_journal_that_is_no_file_is_not_sealed(folder, make):
+    """Nothing is waited for, nothing raised but words, and the folder stays as it is."""
+    if make:
+        make(folder / JOURNAL)
+    with pytest.raises(EvidenceError, match="cannot be read"):
+        recover(folder, write_reports=write_report)
+    assert verify(folder).state is State.INTERRUPTED
+
+
+def test_a_run_of_another_format_is_not_sealed(folder):
+    """This version does not know what belongs into it."""
+    begin(folder, format=2).close()
+    with pytest.raises(UnknownFormat):
         recover(folder, write_reports=write_report)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hil.evidence.durable import read_plain
 from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE, hold, is_sealed
-from hil.evidence.journal.reader import Body, cut_torn_tail, read_journal
+from hil.evidence.journal.reader import Body, cut_torn_tail, read_journal, require_known_format
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.bag import MANIFEST, digest_of_manifest, make_read_only
 from hil.evidence.package.sealing import ReportWriter, finish, seal, write_end
@@ -29,16 +29,23 @@ def recover(folder: Path, *, write_reports: ReportWriter) -> str:
 
     Raises:
         Refused: while the run's process is alive, and where nothing was recorded at all.
-        EvidenceError: where the journal is damaged beyond a torn tail.
+        EvidenceError: where the journal is damaged beyond a torn tail or is of another format, or a file cannot be
+            read or written.
     """
     with hold(folder):
-        if not is_sealed(folder):
-            return _seal_as_it_is(folder, write_reports)
-        make_read_only(folder)
-        return digest_of_manifest(read_plain(folder / MANIFEST))
+        try:
+            if not is_sealed(folder):
+                return _seal_as_it_is(folder, write_reports)
+            make_read_only(folder)
+            return digest_of_manifest(read_plain(folder / MANIFEST))
+        except OSError as error:
+            raise EvidenceError(
+                f"{folder.name}: cannot be sealed: {error}", "hil verify tells what is there"
+            ) from error
 
 
 def _seal_as_it_is(folder: Path, write_reports: ReportWriter) -> str:
+    require_known_format(read_journal(folder / JOURNAL))
     torn = cut_torn_tail(folder)
     reading = read_journal(folder / JOURNAL)
     if reading.findings:

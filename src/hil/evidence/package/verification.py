@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -92,9 +92,10 @@ def _verify_sealed(folder: Path) -> Verification:
         return Verification(
             folder=folder, state=State.DAMAGED, findings=(*findings, Finding(JOURNAL, 0, 0, error.message))
         )
-    findings += content_findings(folder, reading, hashes)
+    for finding in content_findings(folder, reading, hashes):
+        findings.append(replace(finding, message=finding.message.replace(f"{folder}/", "")))
     if findings:
-        return Verification(folder=folder, state=State.DAMAGED, findings=tuple(findings))
+        return Verification(folder=folder, state=State.DAMAGED, findings=tuple(dict.fromkeys(findings)))
     return Verification(
         folder=folder,
         state=State.SEALED,
