@@ -124,6 +124,8 @@ class Article:
         self._temperature = temperature
         self._seeds = seeds
         self._name = name
+        self._bias = np.array(truth.bias).T[:, :, np.newaxis]
+        self._scale = np.array(truth.scale).T[:, :, np.newaxis]
         self._noise: list[RateNoise] = []
 
     def begin(self, sampling: Sampling) -> None:
@@ -138,12 +140,13 @@ class Article:
         degrees = self._degrees(ends_ns)
         gyro = np.full((count, len(AXES)), INVALID, dtype=np.int16)
         if sampling.gyro:
-            rates = self._rates(ends_ns)
-            for axis in range(len(AXES)):
-                measured = self._measured(axis, rates, degrees - _ZERO_TEMPERATURE)
-                measured += self._noise[axis].samples(first - 1, count)
-                gyro[:, axis] = np.clip(np.rint(measured * _LSB_PER_DEGREE[scale]), -_MOST, _MOST)
-            gyro[ends_ns < sampling.valid_ns] = INVALID
+            measured = self._measured(self._rates(ends_ns), degrees - _ZERO_TEMPERATURE)
+            for axis, noise in enumerate(self._noise):
+                measured[axis] += noise.samples(first - 1, count)
+            measured *= _LSB_PER_DEGREE[scale]
+            gyro[:] = _limited(measured, -_MOST, _MOST).T
+            if ends_ns[0] < sampling.valid_ns:
+                gyro[ends_ns < sampling.valid_ns] = INVALID
         return self._with_temperature(ends_ns, gyro, degrees)
 
     def state(self) -> list[Mapping[str, object]]:
@@ -165,24 +168,24 @@ class Article:
             bandwidth=sampling.bandwidth,
         )
 
-    def _rates(self, ends_ns: NDArray[np.int64]) -> list[NDArray[np.float64]]:
-        """Return what turns the sensor, per axis of its frame [deg/s]."""
-        points = self._rate
-        rates = [points[axis].observe_many(ends_ns) if points else np.zeros(ends_ns.size) for axis in range(len(AXES))]
+    def _rates(self, ends_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return what turns the sensor in its frame, shape (3, n) [deg/s]."""
+        rates = np.zeros((len(AXES), ends_ns.size))
+        for axis, point in enumerate(self._rate or ()):
+            rates[axis] = point.observe_many(ends_ns)
         for fault in self.faults.of("saturated"):
-            hit = (ends_ns >= fault.start_ns) & (ends_ns < fault.end_ns)
-            rates = [rate + np.where(hit, fault.field, 0.0) for rate in rates]
+            rates[:, (ends_ns >= fault.start_ns) & (ends_ns < fault.end_ns)] += fault.field
         return rates
 
-    def _measured(
-        self, axis: int, rates: Sequence[NDArray[np.float64]], warmer: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        truth = self.truth
-        seen = rates[axis]
-        for (here, other), share in zip(_MISALIGNED, truth.misalignment, strict=True):
-            if here == axis and share:
-                seen = seen + share * rates[other]
-        return np.asarray(seen * (1 + _polynomial(truth.scale[axis], warmer)) + _polynomial(truth.bias[axis], warmer))
+    def _measured(self, rates: NDArray[np.float64], warmer: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what the axes see without noise, shape (3, n) [deg/s]."""
+        seen = rates.copy()
+        for (here, other), share in zip(_MISALIGNED, self.truth.misalignment, strict=True):
+            if share:
+                seen[here] += share * rates[other]
+        seen *= 1 + _polynomial(self._scale, warmer)
+        seen += _polynomial(self._bias, warmer)
+        return seen
 
     def _degrees(self, ends_ns: NDArray[np.int64]) -> NDArray[np.float64]:
         if self._temperature is None:
@@ -192,18 +195,24 @@ class Article:
     def _with_temperature(
         self, ends_ns: NDArray[np.int64], gyro: NDArray[np.int16], degrees: NDArray[np.float64]
     ) -> Samples:
-        counts = np.rint((degrees + self.truth.temperature_offset - _ZERO_TEMPERATURE) * _LSB_PER_KELVIN)
+        counts = (degrees + self.truth.temperature_offset - _ZERO_TEMPERATURE) * _LSB_PER_KELVIN
         for fault in self.faults.of("temperature-raw"):
             counts[(ends_ns >= fault.start_ns) & (ends_ns < fault.end_ns)] = fault.number
-        short = np.rint(counts * (_FIFO_LSB_PER_KELVIN / _LSB_PER_KELVIN))
+        short = counts * (_FIFO_LSB_PER_KELVIN / _LSB_PER_KELVIN)
         return Samples(
             ends_ns,
             gyro,
-            np.clip(counts, -_MOST, _MOST).astype(np.int16),
-            np.clip(short, -128, 127).astype(np.int8),
+            _limited(counts, -_MOST, _MOST).astype(np.int16),
+            _limited(short, -128, 127).astype(np.int8),
         )
 
 
-def _polynomial(coefficients: Polynomial, argument: NDArray[np.float64]) -> NDArray[np.float64]:
+def _polynomial(coefficients: NDArray[np.float64], argument: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return polynomials with coefficients of shape (3, m, 1), lowest power first, shape (m, n)."""
     constant, linear, square = coefficients
     return np.asarray(constant + argument * (linear + argument * square))
+
+
+def _limited(counts: NDArray[np.float64], least: int, most: int) -> NDArray[np.float64]:
+    """Return whole numbers within bounds."""
+    return np.asarray(np.minimum(np.maximum(np.rint(counts), least), most))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import cast
 
 import numpy as np
@@ -112,12 +113,7 @@ class Fifo:
     def _packed(self, samples: Samples, acceleration: NDArray[np.int16], stamps: NDArray[np.uint16]) -> bytes:
         config = self._registers[Register.FIFO_CONFIG1]
         order = ">" if self._registers[Register.INTF_CONFIG0] & 0x10 else "<"
-        fields = [("header", "u1")]
-        fields += [("accel", f"3{order}i2")] if config & _ACCEL else []
-        fields += [("gyro", f"3{order}i2")] if config & _GYRO else []
-        fields += [("temperature", "i1")]
-        fields += [("stamp", f"{order}u2")] if self.size > 8 else []
-        packets = np.zeros(samples.ends_ns.size, dtype=fields)
+        packets = np.zeros(samples.ends_ns.size, dtype=_layout(config & _SENSORS, order))
         packets["header"] = (_HEADER_ACCEL if config & _ACCEL else 0) | (_HEADER_GYRO if config & _GYRO else 0)
         packets["temperature"] = samples.fifo_temperature if config & _TEMPERATURE else _NO_TEMPERATURE
         if config & _ACCEL:
@@ -128,3 +124,14 @@ class Fifo:
             packets["header"] |= _HEADER_TIMESTAMP
             packets["stamp"] = stamps
         return packets.tobytes()
+
+
+@lru_cache
+def _layout(sensors: int, order: str) -> np.dtype[np.void]:
+    """Return what a packet holds."""
+    fields = [("header", "u1")]
+    fields += [("accel", f"3{order}i2")] if sensors & _ACCEL else []
+    fields += [("gyro", f"3{order}i2")] if sensors & _GYRO else []
+    fields += [("temperature", "i1")]
+    fields += [("stamp", f"{order}u2")] if sensors == _SENSORS else []
+    return np.dtype(fields)
