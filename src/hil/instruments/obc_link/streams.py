@@ -60,6 +60,7 @@ class ObcStream:
         self._exchanges: list[Exchange] = []
         self._ready: list[StreamFrame] = []
         self._heard = clock.now()
+        self._asked_times = 0
         self._received = 0
         self._next_number = 0
         self._over = False
@@ -180,9 +181,13 @@ class ObcStream:
             return self._asked()
 
     def _asked(self) -> Exchange:
-        question = struct.pack("<Q", self._clock.now_ns()) + _PADDING
+        # The host value is a count: the bench's time would differ in a replay of what hardware sent.
+        self._asked_times += 1
+        question = struct.pack("<Q", self._asked_times) + _PADDING
         reply = self._session.request(Command.TIME, question, once=True)
-        _echo, received_us, sent_us = self._session.read("TIME", _stamps, reply.fields)
+        echo, received_us, sent_us = self._session.read("TIME", _stamps, reply.fields)
+        if echo != self._asked_times:
+            raise Garbled(self._session.device, "TIME was answered with another host value", "look at the firmware")
         return Exchange(
             sent=reply.sent_ns / NANOSECONDS,
             device_received=received_us / _MICROSECONDS,

@@ -11,7 +11,7 @@ from hil.clock.virtual import VirtualClock
 from hil.instruments.obc_link.bus import ObcBus
 from hil.instruments.obc_link.frames import seal
 from hil.instruments.obc_link.session import ObcSession
-from hil.model.errors import DeviceFault, NoReply, Refused, Rejected
+from hil.model.errors import DeviceFault, Garbled, NoReply, Refused, Rejected
 from hil.wire.streaming import RegisterRead
 
 PROGRAM = [RegisterRead(address=0x68, register=0x1D, length=2)]
@@ -189,6 +189,26 @@ def test_a_lost_reply_to_time_is_no_fault(bus, port):
     assert list(stream.frames()) == []
     first, second = [request for request in port.requests if request.kind == TIME][-2:]
     assert first.payload != second.payload
+
+
+def test_a_foreign_host_value_is_garbled(bus, port):
+    """A reply to TIME that repeats another host value is nonsense."""
+    port.answers[TIME] = lambda _: b"\0" + struct.pack("<QQQ", 77, 1, 1)
+    with pytest.raises(Garbled, match="another host value"):
+        bus.start_stream(PROGRAM, line=0)
+
+
+def test_what_is_sent_does_not_depend_on_the_time():
+    """Two streams at different times send the same bytes, so that a replay can follow a hardware run."""
+    lines = []
+    for pause in (0.0, 1.5):
+        obc = ScriptedObc(VirtualClock())
+        obc.clock.sleep(pause)
+        stream = ObcBus(ObcSession("obc", obc, obc.clock), obc.clock).start_stream(PROGRAM, line=0)
+        obc.clock.sleep(pause)
+        stream.stop()
+        lines.append(obc.lines)
+    assert lines[0] == lines[1]
 
 
 def test_a_clock_that_went_back_is_a_reset(bus, port):
