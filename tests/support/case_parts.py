@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 from hil.bench.envelope import Monitor
 from hil.clock.virtual import VirtualClock
+from hil.executive.case.artifacts import Artifacts
 from hil.executive.case.case_run import CaseRun, PlannedCase
 from hil.executive.case.checks import Checks
 from hil.executive.case.effects import Effects
@@ -251,6 +252,7 @@ class Case:
             effects=effects,
             check=Checks(chosen, steps, self.written, used),
             record=Recorder(steps, self.scheduler, effects, self.store, "simulated", lambda: next(ids)),
+            artifact=Artifacts(steps, effects, self.written, folder / "data/attachments"),
             operator=Operator(answers or Nobody(), effects, steps, self.written, self.scheduler.point),
             scheduler=self.scheduler,
             write=self.written,

@@ -14,7 +14,7 @@ from hil.executive.run.session import Session
 
 __all__ = ["CASE_FIXTURES", "CaseClock", "case_fixtures"]
 
-CASE_FIXTURES = ("check", "clock", "iterations", "operator", "parameters", "record", "step")
+CASE_FIXTURES = ("artifact", "check", "clock", "iterations", "operator", "parameters", "record", "step")
 """What every case can ask for, whatever its bench is."""
 
 
@@ -48,6 +48,7 @@ def case_fixtures(session: Callable[[], Session], roles: Iterable[str]) -> Modul
     provide("record", lambda _, run: run.record, "Sample roles into a recording.")
     provide("check", lambda _, run: run.check, "Evaluate one criterion of the catalogue.")
     provide("operator", lambda _, run: run.operator, "A person's hands and eyes.")
+    provide("artifact", lambda _, run: run.artifact, "Keep a file with the evidence.")
     provide("iterations", lambda _, run: run.iterations, "A loop that may be re-entered.")
     provide("clock", lambda _, run: CaseClock(run), "Bench time.")
     provide("parameters", _parameters, "The plan's parameters.")

@@ -50,7 +50,7 @@ class Artifacts:
         arguments = {"bytes": len(data), "sha256": digest}
         self._effects.perform(f"artifact.{name}", "records", arguments, lambda: self._keep(name, data, digest))
 
-    def _data(self, name: str, content: object) -> bytes:
+    def _data(self, name: object, content: object) -> bytes:
         if not isinstance(name, str) or not _NAME.fullmatch(name):
             raise Misused(f"artifact {name!r}: this is no file name", "take letters, digits, '.', '_' and '-'")
         if not isinstance(content, str | bytes):

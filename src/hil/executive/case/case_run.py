@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
+from hil.executive.case.artifacts import Artifacts
 from hil.executive.case.checks import CheckFailed, Checks
 from hil.executive.case.effects import Effects
 from hil.executive.case.operator import Operator
@@ -67,6 +68,7 @@ class CaseRun:
     check: Checks
     record: Recorder
     operator: Operator
+    artifact: Artifacts
     scheduler: Scheduler
     write: Callable[..., None]
     source: str

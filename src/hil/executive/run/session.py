@@ -11,9 +11,10 @@ from pathlib import Path
 
 from hil.bench.binding import BoundBench
 from hil.bench.lease import Lease
-from hil.evidence.folder import JOURNAL, RESERVE, TRANSCRIPT, create, hold, require_space
+from hil.evidence.folder import ATTACHMENTS, JOURNAL, RESERVE, TRANSCRIPT, create, hold, require_space
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.sealing import ReportWriter, seal
+from hil.executive.case.artifacts import Artifacts
 from hil.executive.case.case_run import CaseRun, PlannedCase
 from hil.executive.case.checks import Checks
 from hil.executive.case.effects import Effects, Recall
@@ -157,6 +158,7 @@ class Session:
             check=Checks(requirements, steps, write, used),
             record=Recorder(steps, scheduler, effects, self._store, self.bench.source.value, lambda: next(self._ids)),
             operator=Operator(self._answers, effects, steps, write, scheduler.point),
+            artifact=Artifacts(steps, effects, write, self.folder / ATTACHMENTS),
             scheduler=scheduler,
             write=write,
             source=self.bench.source.value,
@@ -205,10 +207,11 @@ class Session:
     def roles(self, run: CaseRun) -> Mapping[str, Facade | RoleSet]:
         """Return the façades of one case, by role."""
         by_role: dict[str, dict[str, Facade]] = {}
+        instruments = {instrument.name: instrument for instrument in self.bench.spec.instruments}
         for wire in self.bench.spec.wiring:
             instrument = self.bench.spec.instrument(wire.instrument)
             role = self.bench.roles[wire.name]
-            facade = Facade(wire, instrument, role, run.effects, run)
+            facade = Facade(wire, instrument, role, run.effects, run, instruments)
             by_role.setdefault(wire.role, {})[wire.instance] = facade
         return {
             role: instances[""] if "" in instances else RoleSet(role, instances) for role, instances in by_role.items()
