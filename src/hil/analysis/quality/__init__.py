@@ -1,0 +1,1 @@
+"""Gates that a recording must pass before anything is concluded from it."""

@@ -1,0 +1,187 @@
+"""What trips the gates of a recording, and what does not."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from hil.analysis.quality.gate import Facts
+from hil.analysis.quality.noise import density_agrees
+from hil.analysis.quality.recording import judge, tripped
+from hil.model.errors import Refused
+
+LSB = 1.0 / 131.0
+FACTS = Facts(rate=100.0, lsb=LSB, full_scale=250.0, bandwidth=25.0, noise_density=0.0038, temperature="temperature")
+
+
+def recording(seed=1, count=20_000, rate=100.0, level=0.0038):
+    """A gyroscope at rest: counts of white noise with a density, and a temperature that drifts a little."""
+    generator = np.random.default_rng(seed)
+    time = np.arange(count) / rate
+    noise = 0.05 + level * math.sqrt(rate) * generator.standard_normal((3, count))
+    channels = {axis: np.rint(values / LSB) * LSB for axis, values in zip("xyz", noise, strict=True)}
+    channels["temperature"] = np.rint((25.0 + 0.001 * time) * 132.48) / 132.48
+    return time, channels
+
+
+def names(time, channels, facts=FACTS):
+    """Names and channels of the gates that trip."""
+    return [(gate.name, gate.channel) for gate in tripped(time, channels, facts)]
+
+
+def test_a_good_recording_passes_every_gate():
+    """Nothing trips, and with all facts given nothing is left unjudged."""
+    gates = judge(*recording(), FACTS)
+    assert [gate for gate in gates if gate.ok is not True] == []
+    assert len(gates) == 6 + 3 * 5 + 2
+    assert all(gate.reason for gate in gates)
+
+
+def test_without_facts_nothing_trips_and_the_reason_says_what_is_missing():
+    """Gates that lack a fact are neither good nor bad."""
+    gates = judge(*recording(), Facts(temperature="temperature"))
+    unjudged = {gate.name: gate.reason for gate in gates if gate.ok is None}
+    assert sorted(unjudged) == ["aliased", "density", "rate", "resolved", "saturated"]
+    assert "not known" in unjudged["saturated"]
+
+
+@pytest.mark.parametrize("rounding", [0.0, 1e-15])
+def test_a_stuck_channel_trips(rounding):
+    """The same value all along, also with the rounding noise of a conversion."""
+    time, channels = recording()
+    channels["x"] = 17.937 * (1.0 + rounding * np.arange(time.size) % 3)
+    assert ("stuck", "x") in names(time, channels)
+
+
+def test_a_channel_that_stops_trips():
+    """From sample 15,000 on the channel repeats its last value; the place is told."""
+    time, channels = recording()
+    channels["y"][15_000:] = channels["y"][14_999] + LSB
+    found = {gate.name: gate.reason for gate in tripped(time, channels, FACTS) if gate.channel == "y"}
+    assert "5000 equal samples follow each other from number 15001 on" in found["stuck"]
+
+
+def test_coarse_readings_are_not_called_stuck():
+    """Noise of 0.6 counts repeats often by chance; that is resolution, not a stuck channel."""
+    time, channels = recording(level=0.6 * LSB / 10.0)
+    assert not [name for name, _ in names(time, channels) if name in {"stuck", "repeated"}]
+
+
+@pytest.mark.parametrize("axes", ["xyz", "x"])
+def test_samples_read_twice_trip(axes):
+    """A sensor that is read at twice its own rate repeats every other row, seen with three channels or one."""
+    time, channels = recording()
+    twice = {axis: np.repeat(channels[axis][::2], 2) for axis in axes}
+    assert ("repeated", "") in names(time, twice)
+
+
+def test_values_at_full_scale_trip():
+    """One clipped sample is enough."""
+    time, channels = recording()
+    channels["z"][7] = -250.0
+    assert ("saturated", "z") in names(time, channels)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_values_that_are_not_finite_trip(bad):
+    """The first one is named; the other channels stay good."""
+    time, channels = recording()
+    channels["x"][99] = bad
+    (gate,) = tripped(time, channels, FACTS)
+    assert (gate.name, gate.channel) == ("finite", "x")
+    assert "the first is number 100" in gate.reason
+
+
+def test_gaps_order_jitter_and_rate_trip():
+    """A hole of two seconds, a repeated timestamp, intervals that alternate by a fifth, and half of the rate."""
+    time, channels = recording()
+    late = time + 2.0 * (time > 50.0)
+    assert names(late, channels) == [("gaps", "")]
+    double = time.copy()
+    double[500] = double[499]
+    assert ("order", "") in names(double, channels)
+    shaken = time + 0.001 * (np.arange(time.size) % 2)
+    assert names(shaken, channels) == [("jitter", "")]
+    assert ("rate", "") in names(2.0 * time, channels)
+    assert names(0.0 * time, channels)[0] == ("order", "")
+
+
+def test_noise_below_the_resolution_trips():
+    """Noise of 0.2 counts around a value between two counts."""
+    time, channels = recording(level=0.2 * LSB / 10.0)
+    assert ("resolved", "x") in names(time, channels)
+
+
+def test_bandwidth_beyond_half_of_the_rate_trips():
+    """532 Hz read once a second: white noise reads 33 times too large."""
+    time, channels = recording(rate=1.0)
+    found = tripped(time, channels, Facts(bandwidth=532.0, temperature="temperature"))
+    assert [gate.name for gate in found] == ["aliased"]
+    assert "33 times too large" in found[0].reason
+
+
+@pytest.mark.parametrize(
+    ("factor", "why"),
+    [
+        (180.0 / math.pi, "near 57.3, as when degrees and radians are mixed up"),
+        (math.pi / 180.0, "near 1/57.3, as when degrees and radians"),
+        (9.81, "near 9.807, as when g and m/s"),
+        (1000.0, "near 1000, as when milli"),
+        (20.0, "20 times that of the data sheet"),
+        (0.3, "0.3 times that of the data sheet"),
+    ],
+)
+def test_a_density_far_from_the_data_sheet_trips(factor, why):
+    """A known factor is named; an unknown one trips as well."""
+    gate = density_agrees("x", 0.0038 * factor, FACTS)
+    assert gate.ok is False
+    assert why in gate.reason
+
+
+def test_the_root_of_two_is_named_and_passes():
+    """The scatter of parts explains it as well."""
+    gate = density_agrees("x", 0.0038 * 1.43, FACTS)
+    assert gate.ok is True
+    assert "near 1.414, as when one-sided and two-sided densities are mixed up" in gate.reason
+
+
+def test_a_channel_in_radians_is_found_in_the_recording():
+    """Readings divided by 57.3 have a density that the data sheet does not."""
+    time, channels = recording()
+    channels["z"] = channels["z"] * math.pi / 180.0
+    facts = Facts(rate=100.0, noise_density=0.0038, temperature="temperature")
+    (gate,) = tripped(time, channels, facts)
+    assert (gate.name, gate.channel) == ("density", "z")
+    assert "1/57.3" in gate.reason
+
+
+@pytest.mark.parametrize(
+    ("convert", "why"),
+    [
+        (lambda degrees: np.rint((degrees - 25.0) * 132.48) + 700.0, "raw counts"),
+        (lambda degrees: np.rint(8.0 * np.sin(np.arange(degrees.size))), "raw counts"),
+        (lambda degrees: degrees + 273.15, "as of kelvin"),
+    ],
+)
+def test_a_temperature_that_is_none_trips(convert, why):
+    """Counts far away, counts near zero, and kelvin."""
+    time, channels = recording()
+    channels["temperature"] = convert(channels["temperature"])
+    (gate,) = tripped(time, channels, FACTS)
+    assert (gate.name, gate.channel) == ("celsius", "temperature")
+    assert why in gate.reason
+
+
+def test_whole_degrees_that_stand_still_are_a_temperature():
+    """Eight bits of temperature in a stable chamber."""
+    time, channels = recording()
+    channels["temperature"] = np.full(time.size, 25.0)
+    assert names(time, channels) == []
+
+
+def test_channels_of_another_length_are_refused():
+    """Every channel has a value for each timestamp."""
+    with pytest.raises(Refused, match="channel x has shape"):
+        tripped([0.0, 1.0, 2.0], {"x": [1.0]}, Facts())
