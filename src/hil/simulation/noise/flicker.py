@@ -31,8 +31,8 @@ class Flicker:
     spectrum is (from IEEE Std 952-1997, eq. C.2, and the integral of sin^4 u/u^3 from 0 to infinity, ln 2), so the sum
     over all octaves is flat at 2 v; the floor 2 ln 2/pi B^2 of flicker noise asks for v = B^2 ln 2/pi. Octaves faster
     than a sample are white noise of variance 2 v, chosen so that the deviation stays within 5 % of its floor 0.664 B
-    from two samples on (22 % above it at one sample, as sampled flicker noise is, for it folds). The sum of processes
-    of many time constants is the classical model of 1/f noise (van der Ziel, Physica 16 (1950) 359).
+    from two samples on. At one sample it is 22 % above, where flicker noise cut off at half the rate is 9 % above. The
+    sum of processes of many time constants is the classical model of 1/f noise (van der Ziel, Physica 16 (1950) 359).
 
     Ten octaves go on above the block: with 2^14 samples of a block the slowest holds its value for 2^23 samples, and
     the floor is flat up to about 2^21 of them, 5.8 h at 100 Hz. All octaves begin in their stationary state.
