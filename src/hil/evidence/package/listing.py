@@ -7,7 +7,7 @@ import stat
 import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from hil.model.errors import Finding
 
@@ -70,7 +70,7 @@ def list_folder(folder: Path) -> Listing:
             else:
                 what = _SPECIAL.get(kind, "something special")
                 odd.append(Finding(shown(path), 0, 0, f"only plain files belong into a package, this is {what}"))
-    holding = {parent.as_posix() for path in files for parent in PurePosixPath(path).parents}
+    holding = {path[:cut] for path in files for cut, letter in enumerate(path) if letter == "/"}
     return Listing(
         files=tuple(sorted(files, key=os.fsencode)),
         empty=tuple(sorted((path for path in folders if path not in holding), key=os.fsencode)),
