@@ -180,12 +180,27 @@ def test_bench_check_and_safe_look_at_the_simulated_bench(capsys):
     assert "use --source simulated" in err
 
 
+SMALL = ("small", "--bench", "adcs", "--dut", "SIM-ADCS-1")
+
+
 def test_plan_prints_the_procedure(ran):
     """Steps and what they do are printed, and no package is kept."""
     workspace, name = ran
-    ended = workspace.hil("plan", "small", "--bench", "adcs", "--dut", "SIM-ADCS-1")
+    ended = workspace.hil("plan", *SMALL)
     assert (ended.code, ended.err) == (0, "")
     assert "Look at the voltage" in ended.out
+    assert [folder.name for folder in workspace.folders()] == [name]
+
+
+def test_plan_leaves_cases_out_as_a_run_does(ran):
+    """A skipped case is named with its reason among the deviations, and is not run."""
+    workspace, name = ran
+    case = next(line.split()[-1] for line in workspace.hil("plan", *SMALL).out.splitlines() if line.startswith("[1/"))
+    ended = workspace.hil("plan", *SMALL, "--skip", case, "--reason", "no board today")
+    assert (ended.code, ended.err) == (0, "")
+    assert f"deviation     case {case} is skipped: no board today" in ended.out
+    assert "not run: " in ended.out
+    assert "Look at the voltage" not in ended.out.split("[1/")[1].split("\n", 2)[2]
     assert [folder.name for folder in workspace.folders()] == [name]
 
 
