@@ -1,4 +1,4 @@
-"""The simulated IIM-42652 against its datasheet: registers, FIFO, interrupt pin, start-up and faults."""
+"""The simulated IIM-42652 against what is published of it: registers, FIFO, interrupt pin, start-up and faults."""
 
 from __future__ import annotations
 

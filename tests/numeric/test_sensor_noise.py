@@ -49,26 +49,26 @@ def assert_within(variance, theory, edf, tolerance=0.0):
 
 
 def test_white_noise():
-    """N^2/tau at every averaging time (IEEE Std 952-1997, eq. C.5), where the filter just fits the rate of samples."""
+    """N^2/tau at every averaging time (IEEE Std 952-1997, annex C), where the filter just fits the rate of samples."""
     m, variance, edf = pooled(NoiseLevels(white=3.4e-3), count=2**18, records=4)
     assert_within(variance, 3.4e-3**2 * RATE / m, edf)
 
 
 def test_random_walk():
-    """K^2 (2 m^2 + 1)/(6 m fs), which is K^2 tau/3 (eq. C.11) for all but the shortest times."""
+    """K^2 (2 m^2 + 1)/(6 m fs), which is K^2 tau/3 for all but the shortest times."""
     m, variance, edf = pooled(NoiseLevels(random_walk=1e-3), count=2**18, records=4)
     assert_within(variance, 1e-6 * (2 * m**2 + 1) / (6 * m * RATE), edf)
 
 
 def test_quantisation_of_the_angle():
-    """3 Q^2/tau^2 (eq. C.22)."""
+    """3 Q^2/tau^2."""
     m, variance, edf = pooled(NoiseLevels(quantisation=1e-4), count=2**18, records=4)
     # The intervals know no bluer noise than white, whose degrees of freedom are more at short times: 1 % is granted.
     assert_within(variance, 3e-8 * (RATE / m) ** 2, edf, tolerance=0.01)
 
 
 def test_flicker_noise_is_flat_within_five_percent():
-    """0.664 B (eq. C.9) from two samples to a sixteenth of three hours; 22 % above it at one sample."""
+    """0.664 B from two samples to a sixteenth of three hours; 22 % above it at one sample."""
     m, variance, edf = pooled(NoiseLevels(flicker=2e-3), count=2**20, records=4)
     usable = (m >= 2) & (m <= 2**16)
     assert_within(variance[usable], (FLOOR * 2e-3) ** 2, edf[usable], tolerance=0.05)

@@ -24,11 +24,11 @@ _PRESENT = 1 / sqrt(_DELAYED)
 
 
 class Flicker:
-    """Flicker noise of level B, two-sided power density S(f) = B^2/(2 pi f) (IEEE Std 952-1997, eq. C.8).
+    """Flicker noise of level B, two-sided power density S(f) = B^2/(2 pi f) (IEEE Std 952-1997, annex C).
 
     Octave j holds every value of a first-order autoregression (coefficient 1/2) for 2^j samples. All octaves have the
     variance v. The Allan variance of a process, integrated over ln tau, is 2 ln 2 times its variance whatever its
-    spectrum is (from IEEE Std 952-1997, eq. C.2, and the integral of sin^4 u/u^3 from 0 to infinity, ln 2), so the sum
+    spectrum is (from IEEE Std 952-1997, annex C, and the integral of sin^4 u/u^3 from 0 to infinity, ln 2), so the sum
     over all octaves is flat at 2 v; the floor 2 ln 2/pi B^2 of flicker noise asks for v = B^2 ln 2/pi. Octaves faster
     than a sample are white noise of variance 2 v, chosen so that the deviation stays within 5 % of its floor 0.664 B
     from two samples on. At one sample it is 22 % above, where flicker noise cut off at half the rate is 9 % above. The

@@ -11,7 +11,7 @@ __all__ = ["AngleQuantisation"]
 
 
 class AngleQuantisation:
-    """The error of a quantised angle, differenced: sigma^2 = 3 Q^2/tau^2 (IEEE Std 952-1997, eq. C.21).
+    """The error of a quantised angle, differenced: sigma^2 = 3 Q^2/tau^2 (IEEE Std 952-1997, annex C).
 
     A sample of the rate adds fs (e[k] - e[k-1]), where the errors e are independent and of variance Q^2. Quantisation
     of the rate itself is another thing, which whoever rounds the samples does.

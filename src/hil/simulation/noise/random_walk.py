@@ -13,7 +13,7 @@ __all__ = ["RandomWalk"]
 
 
 class RandomWalk:
-    """Random walk of the rate, two-sided power density S(f) = (K/(2 pi f))^2 (IEEE Std 952-1997, eq. C.10).
+    """Random walk of the rate, two-sided power density S(f) = (K/(2 pi f))^2 (IEEE Std 952-1997, annex C).
 
     A sample adds K/sqrt(fs) times a standard normal number. The Allan variance of the samples is
     K^2 (2 m^2 + 1)/(6 m fs), which tends to K^2 tau/3. It begins at zero.

@@ -14,7 +14,7 @@ __all__ = ["White"]
 
 
 class White:
-    """White noise N, two-sided power density S(f) = N^2 (IEEE Std 952-1997, eq. C.4), filtered, then sampled.
+    """White noise N, two-sided power density S(f) = N^2 (IEEE Std 952-1997, annex C), filtered, then sampled.
 
     A filter with the noise bandwidth BW lets the variance 2 N^2 BW through, whatever the sample rate fs is. A density
     that a datasheet gives is one-sided: sqrt(2) N.

@@ -57,7 +57,11 @@ class ArticleTruth:
 
     @classmethod
     def read(cls, truth: Truth) -> Self:
-        """Read a truth section; by default there are no errors, and the noise is about the datasheet's."""
+        """Read a truth section; by default there are no errors.
+
+        The white noise is then that of the ICM-42605's datasheet, 3.8 mdeg/s/sqrt(Hz) one-sided; flicker and random
+        walk, which no datasheet tells, are guesses.
+        """
         nothing = (0.0, 0.0, 0.0)
         return cls(
             bias=tuple(truth.vector(f"bias_{axis}", 3, nothing) for axis in AXES),

@@ -19,8 +19,8 @@ class Pin:
     """Tells whoever listens of rising edges.
 
     A pulse lasts 100 us, or 8 us with INT_TPULSE_DURATION; active low, it is its end that rises. Latched, the pin
-    stays until the status is read. While INT_ASYNC_RESET is not cleared (it is set after power-on, and the datasheet
-    asks for 0 for proper operation) nothing comes.
+    stays until the status is read. While INT_ASYNC_RESET is not cleared (it is set after power-on, and has to be 0
+    for the pins to work) nothing comes.
 
     Args:
         registers: the sensor's registers.

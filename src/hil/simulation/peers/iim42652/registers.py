@@ -1,4 +1,4 @@
-"""The registers of the simulated IIM-42652: numbers, reset values, banks (DS-000440, sections 13 to 17)."""
+"""The registers of the simulated IIM-42652: numbers, reset values, banks; sources as in `sensor`."""
 
 from __future__ import annotations
 

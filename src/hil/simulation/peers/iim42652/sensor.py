@@ -1,21 +1,26 @@
-"""An IIM-42652 gyroscope at register level, as its datasheet describes it.
+"""An IIM-42652 gyroscope at register level.
 
-TDK InvenSense DS-000440: WHO_AM_I 75h is 6Fh; registers stand in banks behind REG_BANK_SEL 76h; after power-on both
-sensors are off and data are -32768 (8000h), big-endian. PWR_MGMT0 4Eh with gyroscope mode 3 (low noise) starts it: 60
-ms until data are valid, 150 ms from off to on. Ranges are 2000 deg/s halved down to 15.625 deg/s (16.4 to 2097.2
-LSB/(deg/s)), rates 8 kHz to 12.5 Hz. The filter's -3 dB bandwidth is rate/2, or the larger of 400 Hz and the rate over
-4, 5, 8, 10, 16, 20, 40. Temperature is 25 degC + counts/132.48, in the FIFO 25 degC + counts/2.07. The FIFO holds 2048
-bytes. FIFO_COUNT is big-endian, in bytes or packets (INTF_CONFIG0). A burst goes on at the next register, and stays at
-FIFO_DATA once it is there.
+TDK InvenSense DS-000440, as far as public sources tell it: the vendor's header Ixm42xxxDefs.h (registers, bits,
+ranges, rates, filter orders), Linux inv_icm42600 (60 ms to start, 150 ms to stop, -32768 for invalid, packets, 2048
+bytes), and for the filter's bandwidths, reset values and INT_ASYNC_RESET drivers of its family (ICM-42688,
+ICM-40609).
 
-Assumed, where the datasheet leaves it open: samples come at the gyroscope's rate where both sensors are on; the
-filter's noise bandwidth is that of a Butterworth filter of GYRO_UI_FILT_ORD, and it does not delay or smooth the rate
-itself; any change of rate, filter or power starts the samples, and their noise, anew; the watermark interrupt comes
-when the level is reached from below, with FIFO_WM_GT_TH at every sample while it is; a change of what goes into the
-FIFO empties it; without FIFO_TEMP_EN the temperature byte is 80h; lost packets are counted until the FIFO is flushed;
+WHO_AM_I 75h is 6Fh; registers stand in banks behind REG_BANK_SEL 76h; after power-on both sensors are off and data
+are -32768 (8000h), big-endian. PWR_MGMT0 4Eh with gyroscope mode 3 (low noise) starts it: 60 ms until data are valid,
+150 ms from off to on. Ranges are 2000 deg/s halved down to 15.625 deg/s (16.4 to 2097.2 LSB/(deg/s)), rates 8 kHz to
+12.5 Hz. The filter's -3 dB bandwidth is rate/2, or the larger of 400 Hz and the rate over 4, 5, 8, 10, 16, 20, 40.
+Temperature is 25 degC + counts/132.48, in the FIFO 25 degC + counts/2.07. The FIFO holds 2048 bytes. FIFO_COUNT is
+big-endian, in bytes or packets (INTF_CONFIG0). A burst goes on at the next register, and stays at FIFO_DATA once it
+is there.
+
+Assumed, for these sources leave it open: samples come at the gyroscope's rate where both sensors are on; the filter's
+noise bandwidth is that of a Butterworth filter of GYRO_UI_FILT_ORD, and it does not delay or smooth the rate itself;
+any change of rate, filter or power starts the samples, and their noise, anew; the watermark interrupt comes when the
+level is reached from below, with FIFO_WM_GT_TH at every sample while it is; a change of what goes into the FIFO
+empties it; without FIFO_TEMP_EN the temperature byte is 80h; lost packets are counted until the FIFO is flushed;
 nothing is acknowledged within 1 ms after a reset; the accelerometer sees a constant without noise. Not modelled:
-packets of 20 bits, low-power mode of the gyroscope, TEMP_DIS, FSYNC, INT2, APEX, self-test, clock input, and the user
-offsets of bank 4, which are stored and do nothing.
+filters of the codes 8 to 15 (they count as rate/2), packets of 20 bits, low-power mode of the gyroscope, TEMP_DIS,
+FSYNC, INT2, APEX, self-test, clock input, and the user offsets of bank 4, which are stored and do nothing.
 """
 
 from __future__ import annotations
