@@ -10,6 +10,7 @@ from hil.model.bench import InstrumentSpec
 from hil.simulation.faults import BUS_FAULTS, read_faults
 from hil.simulation.peers.faulty import FaultyBusPeer
 from hil.simulation.peers.iim42652.model import MODEL
+from hil.simulation.peers.lis3mdl import MODEL as MAGNETOMETER
 from hil.simulation.peers.model import Connections, PeerSetup
 from hil.simulation.plants.plant import Plant
 from hil.simulation.seeds import Seeds
@@ -485,6 +486,21 @@ def test_a_dead_sensor_has_no_interrupts():
     bench.stream(sources=NEW_DATA)
     bench.wait(45 * MS)
     assert bench.edges == [10 * MS, 40 * MS]
+
+
+def test_a_device_without_a_pin_has_no_interrupts():
+    """Whoever listens to it hears nothing."""
+    setup = PeerSetup(
+        instrument=InstrumentSpec(name="mag", driver="any", address=0x1C),
+        truth=Truth({}, ("truth",)),
+        connections=Connections({}, {}, set(), ()),
+    )
+    edges = []
+    peer = FaultyBusPeer(MAGNETOMETER.build(setup), setup.faults, setup.stream("faults"))
+    peer.attach(VirtualClock())
+    peer.on_interrupt(lambda: edges.append(1))
+    assert peer.read(0x1C, 1)
+    assert not edges
 
 
 def test_what_cannot_be_is_refused():

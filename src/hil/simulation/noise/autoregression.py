@@ -6,17 +6,21 @@ from functools import lru_cache
 from itertools import accumulate
 from math import log10
 from operator import mul
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 __all__ = ["autoregressive"]
 
+_Array: TypeAlias = NDArray[np.float64]
+
 _DECADES = 150
 _LONGEST = 512
+_UNFELT = 1e-20
 
 
-def autoregressive(driver: NDArray[np.float64], coefficient: float, before: float) -> NDArray[np.float64]:
+def autoregressive(driver: _Array, coefficient: float, before: float) -> _Array:
     """Return y with y[k] = coefficient * y[k-1] + driver[k], where y[-1] is `before`.
 
     Within a row of samples, y[k]/coefficient^k is a plain sum; what a row begins with fades over it. All of it is
@@ -27,25 +31,23 @@ def autoregressive(driver: NDArray[np.float64], coefficient: float, before: floa
         coefficient: above 0 and below 1.
         before: the last value before the first one.
     """
-    growing, fading = _weights(coefficient, driver.size)
+    growing, fading, felt = _weights(coefficient, driver.size)
     rows = -(-driver.size // growing.size)
-    line = np.zeros(rows * growing.size)
-    line[: driver.size] = driver
-    values = line.reshape(rows, growing.size)
-    values *= growing
+    line = driver if rows * growing.size == driver.size else np.append(driver, np.zeros(-driver.size % growing.size))
+    values = line.reshape(rows, growing.size) * growing
     np.cumsum(values, axis=1, out=values)
     values *= fading
     starts = []
     for last in values[:, -1].tolist():
         starts.append(coefficient * before)
         before = last + fading[-1] * starts[-1]
-    values += np.array(starts)[:, np.newaxis] * fading
-    return line[: driver.size]
+    values[:, : felt.size] += np.array(starts)[:, np.newaxis] * felt
+    return values.reshape(-1)[: driver.size]
 
 
 @lru_cache(maxsize=64)
-def _weights(coefficient: float, size: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return coefficient^-k and coefficient^k for a row as long as numbers can stand it."""
+def _weights(coefficient: float, size: int) -> tuple[_Array, _Array, _Array]:
+    """Return coefficient^-k and coefficient^k for a row as long as numbers stand it, and where a row feels the last."""
     longest = int(min(size, _LONGEST, max(1, _DECADES / -log10(coefficient))))
     fading = np.array(list(accumulate([1.0, *[coefficient] * (longest - 1)], mul)))
-    return 1 / fading, fading
+    return 1 / fading, fading, fading[fading > _UNFELT]
