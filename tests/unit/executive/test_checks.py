@@ -190,3 +190,40 @@ def test_only_a_role_adds_its_uncertainty(tmp_path):
     case = Case(tmp_path, "T-050")
     with pytest.raises(Misused, match="instrument is a role of this case, found a InstrumentSpec"):
         case.run.check("T-050", "voltage", volts(5.0), instrument=case.instrument)
+
+
+@pytest.mark.parametrize("value", [1.0, 9.0])
+def test_doubts_make_a_check_inconclusive_whatever_its_value(tmp_path, value):
+    """Data that are not to be trusted neither pass nor fail; the reasons are told and written down."""
+    case = Case(tmp_path, "T-010")
+    verdict = case.run.check("T-010", "ratio", value, doubts=["stuck of x: all samples are the same"])
+    event = case.written.of("check")[0]
+    assert (verdict, event["verdict"]) == ("INCONCLUSIVE", "INCONCLUSIVE")
+    assert event["reason"] == "stuck of x: all samples are the same"
+    assert event["doubts"] == ("stuck of x: all samples are the same",)
+    assert case.run.outcome().verdict == "INCONCLUSIVE"
+
+
+def test_doubts_are_judged_again_and_cannot_be_overruled(tmp_path):
+    """Who verifies the package finds a pass that was written in spite of a doubt."""
+    case = Case(tmp_path, "T-010")
+    case.run.check("T-010", "ratio", 1.0, doubts=["stuck of x: all samples are the same"])
+    written = case.written.of("check")[0]
+    entries = entries_of([next(item for item in REQUIREMENTS if item.id == "T-010")])
+    assert list(judge_again(written, entries)) == []
+    assert any("gives INCONCLUSIVE" in told for told in judge_again({**written, "verdict": "PASS"}, entries))
+
+
+def test_no_doubt_is_no_word_of_it(tmp_path):
+    """A check without doubts is written as ever."""
+    case = Case(tmp_path, "T-010")
+    assert case.run.check("T-010", "ratio", 1.0, doubts=[]) == "PASS"
+    assert "doubts" not in case.written.of("check")[0]
+
+
+@pytest.mark.parametrize("doubts", ["stuck", [1], None])
+def test_doubts_are_sentences(tmp_path, doubts):
+    """A text alone, numbers, or nothing at all are a mistake."""
+    case = Case(tmp_path, "T-010")
+    with pytest.raises(Misused, match="sentences"):
+        case.run.check("T-010", "ratio", 1.0, doubts=doubts)

@@ -23,6 +23,9 @@ class Gate:
     ok: bool | None
     reason: str
 
+    def __str__(self) -> str:
+        return f"{self.name} of {self.channel}: {self.reason}" if self.channel else f"{self.name}: {self.reason}"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Facts:

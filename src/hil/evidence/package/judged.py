@@ -39,6 +39,8 @@ def judge_again(check: Body, catalogue: Entries) -> Iterator[str]:
         yield from _against_catalogue(name, written, frozen)
     again = _judge(check, frozen or written)
     due = Verdict.RECORDED if entry.get("kind") == Kind.RECORD and again.verdict is Verdict.PASS else again.verdict
+    if check.get("doubts"):
+        due = Verdict.INCONCLUSIVE
     verdict = Verdict(check["verdict"])
     if verdict is not due and (verdict.good or not _may_be_worse(check, again)):
         yield f"{name}: the verdict is {verdict}, and its value gives {due} {again.reason}".rstrip()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from hil.bench.calibration import standard_uncertainty
@@ -67,6 +67,7 @@ class Checks:
         *,
         of: str | None = None,
         instrument: Facade | None = None,
+        doubts: Sequence[str] = (),
     ) -> Verdict:
         """Evaluate one criterion, record it, and go on; the case fails at its end.
 
@@ -80,6 +81,8 @@ class Checks:
             of: which member of the limit's denominator (axis, channel).
             instrument: the role whose certificate adds its uncertainty in quadrature; readings and
                 recordings of roles carry theirs already.
+            doubts: why the data behind the value cannot be trusted, a sentence each, such as gates that tripped;
+                with one of them the check is INCONCLUSIVE, whatever the value.
 
         Raises:
             Misused: if catalogue and call do not fit together.
@@ -88,7 +91,7 @@ class Checks:
         limit = self._limit(requirement, parameter, of)
         found = given(value, limit, f"{requirement} {parameter}")
         added = _of_instrument(instrument, found)
-        self._evaluate(requirement, limit, of, found, added)
+        self._evaluate(requirement, limit, of, found, added, doubts=_sentences(doubts))
         return self._evaluated[-1].verdict
 
     def require(
@@ -99,13 +102,14 @@ class Checks:
         *,
         of: str | None = None,
         instrument: Facade | None = None,
+        doubts: Sequence[str] = (),
     ) -> None:
         """Evaluate like a call, and stop the case unless it passes.
 
         Raises:
             CheckFailed: if the verdict is not good.
         """
-        verdict = self(requirement, parameter, value, of=of, instrument=instrument)
+        verdict = self(requirement, parameter, value, of=of, instrument=instrument, doubts=doubts)
         if not verdict.good:
             last = self._evaluated[-1]
             raise CheckFailed(f"{requirement} {parameter} is {verdict}: {last.reason}")
@@ -147,6 +151,7 @@ class Checks:
         found: Figure | str,
         added: float | None,
         reason: str = "",
+        doubts: tuple[str, ...] = (),
     ) -> None:
         """Judge what will be written down, to the digits that will be written down, so that anybody can judge again."""
         judgement = judge(found, limit, instrument_uncertainty=added)
@@ -162,9 +167,13 @@ class Checks:
         status = found.status.value if isinstance(found, Figure) else ""
         if reason and not judgement.verdict.good:
             judgement = replace(judgement, reason=reason)
-        self._note(requirement, limit, of, judgement, status)
+        if doubts:
+            judgement = replace(judgement, verdict=Verdict.INCONCLUSIVE, reason="; ".join(doubts))
+        self._note(requirement, limit, of, judgement, {"status": status, **({"doubts": doubts} if doubts else {})})
 
-    def _note(self, requirement: str, limit: Limit, of: str | None, judgement: Judgement, status: str) -> None:
+    def _note(
+        self, requirement: str, limit: Limit, of: str | None, judgement: Judgement, source: Mapping[str, object]
+    ) -> None:
         verdict = judgement.verdict
         if verdict is Verdict.PASS and self._requirements[requirement].kind is Kind.RECORD:
             verdict = Verdict.RECORDED
@@ -179,7 +188,7 @@ class Checks:
             unit=judgement.unit,
             uncertainty=_told(judgement.uncertainty),
             dof=_told(judgement.dof),
-            status=status,
+            **source,
             limit={"min": limit.minimum, "max": limit.maximum, "equals": limit.equals},
             limit_unit=limit.unit,
             decision=judgement.decision.value,
@@ -195,6 +204,12 @@ class Checks:
                 requirement=requirement, parameter=limit.parameter, of=of, verdict=verdict, reason=judgement.reason
             )
         )
+
+
+def _sentences(doubts: object) -> tuple[str, ...]:
+    if isinstance(doubts, str) or not isinstance(doubts, Sequence) or not all(isinstance(one, str) for one in doubts):
+        raise Misused("doubts are a list of sentences", "give [str(gate) for gate in tripped]")
+    return tuple(str(one) for one in doubts)
 
 
 def _of_instrument(instrument: Facade | None, found: Figure | str) -> float | None:
