@@ -2,47 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
-
 import click
 
-from hil.model.errors import Refused
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from hil.analysis.sampling import SamplingReport
-    from hil.cli.allan_text import Axis
+from hil.cli.analyses.allan import allan
+from hil.cli.analyses.gyroscope_temperature import gyroscope_temperature
 
 __all__ = ["command"]
-
-_TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Choice:
-    """Which samples of a log are meant: times are in s after the first sample, columns by number or name."""
-
-    path: Path
-    time: str | None
-    time_unit: str
-    rate: float | None
-    columns: tuple[str, ...]
-    begin: float
-    end: float | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Samples:
-    """The chosen samples: one array per column, and how evenly they were taken."""
-
-    rate: float
-    sampling: SamplingReport | None
-    rates: dict[str, NDArray[np.float64]]
-    remarks: tuple[str, ...]
 
 
 @click.group("analyse")
@@ -55,119 +20,5 @@ def command() -> None:
     """  # noqa: D301 - click reads \b
 
 
-@command.command("allan")
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option("--time", metavar="COLUMN", help="Column of timestamps, by number or name.")
-@click.option("--time-unit", type=click.Choice(list(_TIME_UNITS)), default="s", show_default=True)
-@click.option("--rate", type=float, metavar="HZ", help="Samples per second, where the log has no timestamps.")
-@click.option("--columns", metavar="A,B,C", help="Columns of rates, by number or name; all but the time by default.")
-@click.option("--unit", required=True, help="Unit of the numbers in the file, such as deg/s or LSB.")
-@click.option("--scale", type=float, metavar="FACTOR", help="What one --unit is worth in --scaled-unit.")
-@click.option("--scaled-unit", metavar="UNIT", help="Unit after scaling, such as deg/s.")
-@click.option("--from", "begin", type=float, default=0.0, metavar="S", help="Begin this long after the first sample.")
-@click.option("--to", "end", type=float, metavar="S", help="End this long after the first sample.")
-@click.option("--confidence", type=float, default=0.68, show_default=True, help="Of the intervals.")
-@click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the deviations: .svg or .png.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
-def allan(  # noqa: PLR0913 - one argument per option
-    *,
-    file: Path,
-    time: str | None,
-    time_unit: str,
-    rate: float | None,
-    columns: str | None,
-    unit: str,
-    scale: float | None,
-    scaled_unit: str | None,
-    begin: float,
-    end: float | None,
-    confidence: float,
-    plot: Path | None,
-    as_json: bool,
-) -> None:
-    """Allan deviation and noise coefficients of the rates in FILE, recorded at rest.
-
-    FILE is a text table with or without a header. For every chosen column: the overlapping Allan
-    deviation with its confidence interval, and white noise (angle random walk), flicker (bias
-    instability) and random walk of the rate with their uncertainties.
-
-    \b
-    Examples:
-      hil analyse allan docs/data/gyroscope-xsens-rest.txt --time 1 --columns 2,3,4 --unit LSB --to 50
-      hil analyse allan rest.csv --rate 100 --columns gx --unit LSB --scale 0.00875 --scaled-unit deg/s
-    """  # noqa: D301 - click reads \b
-    from hil.analysis.allan.noise import characterise  # noqa: PLC0415 - start-up stays light
-    from hil.cli import allan_text  # noqa: PLC0415 - start-up stays light
-
-    if (scale is None) != (scaled_unit is None):
-        raise Refused("--scale and --scaled-unit belong together", "give both, or neither")
-    names = tuple(name.strip() for name in columns.split(",")) if columns else ()
-    samples = _samples(
-        _Choice(path=file, time=time, time_unit=time_unit, rate=rate, columns=names, begin=begin, end=end)
-    )
-    axes = []
-    for name, values in samples.rates.items():
-        scaled = values if scale is None else values * scale
-        model = characterise(scaled, samples.rate, scaled_unit or unit, confidence=confidence)
-        axes.append(allan_text.Axis(name=name, model=model))
-    if plot is not None:
-        _draw(plot, axes)
-    result = allan_text.Result(file=str(file), sampling=samples.sampling, axes=tuple(axes), remarks=samples.remarks)
-    if as_json:
-        click.echo(allan_text.as_json(result))
-    else:
-        allan_text.show(result)
-
-
-def _samples(choice: _Choice) -> _Samples:
-    """Read the log and cut it to the chosen part."""
-    import numpy as np  # noqa: PLC0415 - start-up stays light
-
-    from hil.logs.columns import read  # noqa: PLC0415 - start-up stays light
-
-    if (choice.time is None) == (choice.rate is None):
-        raise Refused("the sampling rate must come from one place", "give --time COLUMN or --rate HZ, and not both")
-    if choice.rate is not None and not 0.0 < choice.rate < float("inf"):
-        raise Refused(f"--rate {choice.rate:g} is not possible", "give the samples per second")
-    table = read(choice.path, choice.columns, first=choice.time or "")
-    timed = int(choice.rate is None)
-    if len(table.names) == timed:
-        raise Refused(f"{choice.path}: there is no column beside the time", "choose another with --columns")
-    if choice.rate is None:
-        times = table.values[:, 0] * _TIME_UNITS[choice.time_unit]
-    else:
-        times = np.arange(len(table.values)) / choice.rate
-    part = _part(choice, times - times[0])
-    rates = {name: np.ascontiguousarray(table.values[part, place]) for place, name in enumerate(table.names)}
-    if choice.rate is not None:
-        return _Samples(rate=choice.rate, sampling=None, rates=rates, remarks=table.remarks)
-    del rates[table.names[0]]
-    return _judged(times[part], rates, table.remarks)
-
-
-def _part(choice: _Choice, since: NDArray[np.float64]) -> NDArray[np.bool_]:
-    end = float("inf") if choice.end is None else choice.end
-    part = (since >= choice.begin) & (since <= end)
-    if not part.any():
-        asked = f"--from {choice.begin:g}" + ("" if choice.end is None else f" --to {choice.end:g}")
-        raise Refused(f"{choice.path}: no sample lies within {asked}", f"the log lasts {since[-1]:g} s")
-    return part
-
-
-def _judged(times: NDArray[np.float64], rates: dict[str, NDArray[np.float64]], remarks: tuple[str, ...]) -> _Samples:
-    from hil.analysis.sampling import assess  # noqa: PLC0415 - start-up stays light
-
-    sampling = assess(times)
-    uneven = "the timestamps are not even; the samples are taken as if they were, so trust only short averaging times"
-    return _Samples(
-        rate=sampling.rate,
-        sampling=sampling,
-        rates=rates,
-        remarks=remarks if sampling.even else (*remarks, uneven),
-    )
-
-
-def _draw(plot: Path, axes: list[Axis]) -> None:
-    from hil.cli.allan_plot import draw  # noqa: PLC0415 - matplotlib is slow to import
-
-    draw(plot, {axis.name: axis.model for axis in axes})
+command.add_command(allan)
+command.add_command(gyroscope_temperature)

@@ -69,6 +69,17 @@ def test_nothing_is_extrapolated(temperature):
         axis.figure(figure(1.0), temperature)
 
 
+def test_the_range_is_that_of_the_readings_and_a_margin_that_was_asked_for():
+    """Pairs measured a little apart span their own temperatures; a margin widens the range, once."""
+    shifted = [
+        replace(each, temperature=each.temperature + 0.3) if max(each.rates.values(), default=0.0) > 0.0 else each
+        for each in readings()
+    ]
+    assert calibrate(shifted).calibration.axes["x"].scale.high == pytest.approx(40.3)
+    wide = calibrate(shifted, margin=2.0).calibration
+    assert (wide.low, wide.high) == (-18.0, 42.0)
+
+
 def test_the_uncertainty_of_a_rate_has_four_parts():
     """Reading, bias, scale and temperature, each with its sensitivity."""
     axis = CalibratedRate(

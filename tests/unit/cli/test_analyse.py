@@ -16,8 +16,8 @@ import pytest
 from click.testing import CliRunner
 
 from hil.analysis.allan.noise import characterise
-from hil.cli.allan_text import Axis, Result, show, stated
 from hil.cli.analyse import command
+from hil.cli.analyses.allan_text import Axis, Result, show, stated
 from hil.model.errors import Refused
 from hil.model.figure import Figure, FigureStatus
 
@@ -91,7 +91,7 @@ def test_timestamps_may_count_milliseconds_and_have_gaps(tmp_path):
     text = run(str(log), "--time", "1", "--time-unit", "ms", "--unit", "deg/s").stdout
     assert "sampling: 100 Hz" in text
     assert "1 gaps (longest 0.21 s, about 20 samples missing)" in text
-    assert "note: the timestamps are not even" in text
+    assert "note: 20 samples are missing; averages that miss more than 5 % of theirs are left out" in text
 
 
 def test_a_stuck_column_is_not_observable(tmp_path):
@@ -176,7 +176,7 @@ def test_a_terminal_gets_a_table_with_rules_and_no_colour_where_none_is_wanted(m
     monkeypatch.setenv("NO_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm-256color")
     model = characterise(np.random.default_rng(0).standard_normal(500), 10.0, "deg/s")
-    show(Result(file="log.txt", sampling=None, axes=(Axis(name="x", model=model),), remarks=()))
+    show(Result(file="log.txt", sampling=None, axes=(Axis(name="x", model=model, curve=model.curve),), remarks=()))
     assert "│" in terminal.getvalue()
     assert not re.search("\x1b\\[[0-9;]*3[0-7]m", terminal.getvalue())
 
@@ -207,3 +207,31 @@ def test_the_commands_of_the_how_to_work(tmp_path, monkeypatch):
     for example in examples:
         assert run(*shlex.split(example.replace("\\\n", " "))).exit_code == 0
     assert (tmp_path / "allan.svg").exists()
+
+
+@pytest.mark.parametrize(
+    ("estimator", "title"),
+    [("modified", "modified Allan"), ("hadamard", "overlapping Hadamard"), ("total", "total")],
+)
+def test_other_estimators_stand_beside_the_same_coefficients(estimator, title):
+    """Table and JSON hold the deviation that was asked for; the coefficients stay those of the overlapping one."""
+    asked = (*REST[:3], "2", *REST[4:], "--estimator", estimator, "--taus", "0.1,1,10")
+    assert f"2: {title} deviation in LSB" in run(SLICE, *asked).stdout
+    axis = json.loads(run(SLICE, *asked, "--json").stdout)["axes"][0]
+    assert [round(row["tau"], 1) for row in axis["curve"]] == [0.1, 1.0, 10.0]
+    assert axis["estimator"] == estimator
+    assert axis["white"]["value"] == pytest.approx(2.76, abs=0.05)
+
+
+def test_dense_averaging_times_are_drawn(tmp_path):
+    """--taus dense gives twenty points a decade."""
+    asked = ("--estimator", "hadamard", "--taus", "dense", "--json", "--plot", str(tmp_path / "plot.png"))
+    document = json.loads(run(SLICE, *REST, *asked).stdout)
+    assert len(document["axes"][0]["curve"]) > 45
+    assert (tmp_path / "plot.png").stat().st_size > 10_000
+
+
+def test_averaging_times_that_are_none_are_refused():
+    """Neither a name nor seconds."""
+    with pytest.raises(Refused, match="--taus all names no averaging times"):
+        run(SLICE, *REST, "--taus", "all")

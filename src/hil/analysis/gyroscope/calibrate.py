@@ -42,7 +42,7 @@ class CalibrationReport:
 
 
 def calibrate(
-    readings: Sequence[Reading], *, reference: float = 25.0, rate_uncertainty: float = 0.0
+    readings: Sequence[Reading], *, reference: float = 25.0, rate_uncertainty: float = 0.0, margin: float = 0.0
 ) -> CalibrationReport:
     """Fit bias, scale and alignment over temperature.
 
@@ -55,6 +55,7 @@ def calibrate(
         readings: at rest at two temperatures or more; turning, at two temperatures or more for each axis that turns.
         reference: temperature about which the powers are taken, in degC.
         rate_uncertainty: relative standard uncertainty of the table's rates, shared by all of them.
+        margin: by how many kelvin the calibration may be used beyond the lowest and the highest temperature measured.
 
     Raises:
         Refused: too few readings, axes or units that differ, or what `readings.responses` and `fitting.fit` refuse.
@@ -71,8 +72,8 @@ def calibrate(
     alignment, uncertainty = _alignment(names, found, scaled)
     axes = {
         name: CalibratedRate(
-            bias=bias[name].polynomial,
-            scale=scaled[name].polynomial if name in scaled else _unmeasured(bias[name].polynomial),
+            bias=_widened(bias[name].polynomial, margin),
+            scale=_widened(scaled[name].polynomial if name in scaled else _unmeasured(bias[name].polynomial), margin),
         )
         for name in names
     }
@@ -108,7 +109,9 @@ def _scale(name: str, found: Sequence[Response], reference: float, rate_uncertai
     if not own:
         return None
     fitted = _fitted("scale", name, own, [_inverse(response.gains[name]) for response in own], reference)
-    return _with_shared(fitted, rate_uncertainty)
+    low, high = min(response.low for response in own), max(response.high for response in own)
+    polynomial = replace(fitted.polynomial, low=low, high=high)
+    return _with_shared(replace(fitted, polynomial=polynomial), rate_uncertainty)
 
 
 def _inverse(gain: Figure) -> Figure:
@@ -128,6 +131,10 @@ def _with_shared(fitted: Fit, relative: float) -> Fit:
     dof = polynomial.dof * (1.0 + float(shared[0, 0]) / float(own[0, 0])) ** 2 if own[0, 0] else math.inf
     covariance = tuple(map(tuple, (own + shared).tolist()))
     return replace(fitted, polynomial=replace(polynomial, covariance=covariance, dof=dof))
+
+
+def _widened(polynomial: Polynomial, margin: float) -> Polynomial:
+    return replace(polynomial, low=polynomial.low - margin, high=polynomial.high + margin)
 
 
 def _unmeasured(bias: Polynomial) -> Polynomial:

@@ -49,11 +49,15 @@ class Response:
     Attributes:
         axis: about which the table turned.
         temperature: mean of the readings' temperatures, in degC.
+        low: lowest temperature of the readings, in degC.
+        high: highest temperature of the readings, in degC.
         gains: change of each axis' reading per true rate, in unit 1; the biases cancel.
     """
 
     axis: str
     temperature: float
+    low: float
+    high: float
     gains: Mapping[str, Figure]
 
 
@@ -84,14 +88,15 @@ def responses(readings: Sequence[Reading]) -> tuple[Response, ...]:
 
 def _response(axis: str, group: list[Reading]) -> Response:
     rates = np.array([reading.rates[axis] for reading in group])
-    temperature = float(np.mean([reading.temperature for reading in group]))
+    temperatures = [reading.temperature for reading in group]
+    temperature = float(np.mean(temperatures))
     if not (rates.min() < 0.0 < rates.max()):
         raise Refused(
             f"axis {axis} turned in one direction only near {temperature:g} degC",
             "measure positive and negative rates at each temperature, so that the bias cancels",
         )
     gains = {name: _slope(rates, [reading.means[name] for reading in group]) for name in group[0].means}
-    return Response(axis=axis, temperature=temperature, gains=gains)
+    return Response(axis=axis, temperature=temperature, low=min(temperatures), high=max(temperatures), gains=gains)
 
 
 def _slope(rates: _Array, means: Sequence[Figure]) -> Figure:

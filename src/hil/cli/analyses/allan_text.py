@@ -10,14 +10,30 @@ from dataclasses import asdict, dataclass
 
 import click
 
-from hil.analysis.allan.results import NoiseModel
+from hil.analysis.allan.results import AllanCurve, NoiseModel
 from hil.analysis.sampling import SamplingReport
 from hil.model.figure import Figure, FigureStatus
 
-__all__ = ["Axis", "Result", "as_json", "show", "stated"]
+__all__ = ["NAMES", "Axis", "Result", "as_json", "show", "stated"]
 
 _TERMS = ("white", "flicker", "random_walk", "averaging_window")
-_NOISE = {2: "white angle", 1: "flicker angle", 0: "white", -1: "flicker", -2: "random walk"}
+NAMES = {
+    "overlapping": "overlapping Allan",
+    "modified": "modified Allan",
+    "hadamard": "overlapping Hadamard",
+    "total": "total",
+}
+"""What the deviation of an estimator is called."""
+
+_NOISE = {
+    2: "white angle",
+    1: "flicker angle",
+    0: "white",
+    -1: "flicker",
+    -2: "random walk",
+    -3: "flicker walk",
+    -4: "random run",
+}
 _HEAD = ("tau [s]", "deviation", "low", "high", "edf", "noise")
 
 
@@ -27,6 +43,7 @@ class Axis:
 
     name: str
     model: NoiseModel
+    curve: AllanCurve
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +69,7 @@ def as_json(result: Result) -> str:
 
 
 def _axis(axis: Axis) -> dict[str, object]:
-    model, curve = axis.model, axis.model.curve
+    model, curve = axis.model, axis.curve
     rows = zip(
         curve.tau.tolist(), curve.deviation.tolist(), curve.low.tolist(), curve.high.tolist(), curve.edf.tolist(),
         curve.alpha.tolist(), curve.m.tolist(), curve.terms.tolist(), strict=True,
@@ -61,8 +78,10 @@ def _axis(axis: Axis) -> dict[str, object]:
     return {
         "name": axis.name,
         "unit": curve.unit,
+        "estimator": curve.estimator,
         "rate": curve.rate,
         "samples": curve.samples,
+        "missing": curve.missing,
         "confidence": curve.confidence,
         **{term: _figure(getattr(model, term)) for term in _TERMS},
         "chi": _finite(model.chi),
@@ -104,7 +123,7 @@ def show(result: Result) -> None:
 def _heading(result: Result) -> str:
     sampling = result.sampling
     if sampling is None:
-        curve = result.axes[0].model.curve
+        curve = result.axes[0].curve
         return f"{result.file}: {curve.samples} samples at {curve.rate:g} Hz, as given"
     gaps = (
         f"{sampling.gaps} gaps (longest {sampling.longest_gap:.4g} s, about {sampling.missing} samples missing)"
@@ -120,12 +139,12 @@ def _heading(result: Result) -> str:
 
 
 def _title(axis: Axis) -> str:
-    curve = axis.model.curve
-    return f"{axis.name}: overlapping Allan deviation in {curve.unit}, intervals at {curve.confidence:.4g}"
+    curve = axis.curve
+    return f"{axis.name}: {NAMES[curve.estimator]} deviation in {curve.unit}, intervals at {curve.confidence:.4g}"
 
 
 def _rows(axis: Axis) -> list[tuple[str, ...]]:
-    curve = axis.model.curve
+    curve = axis.curve
     columns = (curve.tau, curve.deviation, curve.low, curve.high, curve.edf, curve.alpha)
     return [
         (f"{tau:.5g}", f"{deviation:.4e}", f"{low:.4e}", f"{high:.4e}", f"{edf:.1f}", _NOISE[alpha])

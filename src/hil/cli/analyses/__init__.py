@@ -1,0 +1,1 @@
+"""The analyses of `hil analyse`, one command each."""

@@ -1,0 +1,169 @@
+"""`hil analyse gyroscope-temperature`: calibrate a gyroscope from a table of means."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hil.model.errors import Refused
+from hil.model.figure import Figure
+
+if TYPE_CHECKING:
+    from hil.analysis.gyroscope.calibrate import CalibrationReport
+    from hil.analysis.gyroscope.readings import Reading
+
+__all__ = ["gyroscope_temperature"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Columns:
+    """Which columns of the table hold what, by number or name."""
+
+    temperature: str
+    means: tuple[str, ...]
+    rates: tuple[str, ...]
+    uncertainties: tuple[str, ...]
+    uncertainty: float | None
+
+
+@click.command("gyroscope-temperature")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--temperature", required=True, metavar="COLUMN", help="Column of temperatures in degC.")
+@click.option("--means", required=True, metavar="A,B,C", help="Columns of mean readings, one for each axis.")
+@click.option("--axes", default="x,y,z", show_default=True, metavar="A,B,C", help="What the axes are called.")
+@click.option("--rates", metavar="A,B,C", help="Columns of true rates about each axis; rows with zeros are at rest.")
+@click.option("--uncertainties", metavar="A,B,C", help="Columns of standard uncertainties of the means.")
+@click.option("--uncertainty", type=float, metavar="U", help="One standard uncertainty for all means.")
+@click.option("--unit", required=True, help="Unit of means, rates and uncertainties, such as deg/s.")
+@click.option(
+    "--reference",
+    type=float,
+    default=25.0,
+    show_default=True,
+    metavar="DEGC",
+    help="The powers are of the difference from it.",
+)
+@click.option("--rate-uncertainty", type=float, default=0.0, metavar="U", help="Of the table's rates, relative.")
+@click.option("--margin", type=float, default=0.0, metavar="K", help="Valid so far beyond what was measured.")
+@click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the fits: .svg or .png.")
+@click.option("--export", type=click.Path(path_type=Path), metavar="FILE", help="Write the calibration as JSON.")
+@click.option("--c-header", type=click.Path(path_type=Path), metavar="FILE", help="Write the calibration as C header.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
+def gyroscope_temperature(  # noqa: PLR0913 - one argument per option
+    *,
+    file: Path,
+    temperature: str,
+    means: str,
+    axes: str,
+    rates: str | None,
+    uncertainties: str | None,
+    uncertainty: float | None,
+    unit: str,
+    reference: float,
+    rate_uncertainty: float,
+    margin: float,
+    plot: Path | None,
+    export: Path | None,
+    c_header: Path | None,
+    as_json: bool,
+) -> None:
+    """Calibrate bias, scale and alignment over temperature from the table of means in FILE.
+
+    Each row is the mean reading of all axes at one temperature, at rest or at one true rate about one
+    axis. Bias and scale become polynomials of temperature whose degree the evidence chooses:
+    rate = scale(T) * (measured - bias(T)). What is exported is read back and must give the table again.
+
+    \b
+    Example:
+      hil analyse gyroscope-temperature docs/data/gyroscope-temperature-simulated.csv --unit deg/s \\
+        --temperature temperature --means x,y,z --rates rate_x,rate_y,rate_z --uncertainties ux,uy,uz
+    """  # noqa: D301 - click reads \b
+    from hil.analysis.gyroscope.calibrate import calibrate  # noqa: PLC0415 - start-up stays light
+    from hil.cli.analyses import gyroscope_text  # noqa: PLC0415 - start-up stays light
+
+    if uncertainties and uncertainty is not None:
+        raise Refused("--uncertainties and --uncertainty say the same", "give one of them")
+    names = _split(axes)
+    columns = _Columns(
+        temperature=temperature,
+        means=_split(means),
+        rates=_split(rates),
+        uncertainties=_split(uncertainties),
+        uncertainty=uncertainty,
+    )
+    readings = _readings(file, columns, names, unit)
+    report = calibrate(readings, reference=reference, rate_uncertainty=rate_uncertainty, margin=margin)
+    _checked(report)
+    _write(report, export, c_header)
+    if plot is not None:
+        from hil.cli.analyses.gyroscope_plot import draw  # noqa: PLC0415 - matplotlib is slow to import
+
+        draw(plot, report)
+    text = gyroscope_text.as_json if as_json else gyroscope_text.as_text
+    click.echo(text(str(file), len(readings), report))
+
+
+def _split(text: str | None) -> tuple[str, ...]:
+    return tuple(part.strip() for part in text.split(",")) if text else ()
+
+
+def _readings(file: Path, columns: _Columns, names: tuple[str, ...], unit: str) -> list[Reading]:
+    from hil.analysis.gyroscope.readings import Reading  # noqa: PLC0415 - start-up stays light
+    from hil.logs.columns import read  # noqa: PLC0415 - start-up stays light
+
+    count = len(names)
+    if len(set(names)) != count:
+        raise Refused("two axes have one name", "give each axis its own with --axes")
+    for option, given in (
+        ("--means", columns.means), ("--rates", columns.rates), ("--uncertainties", columns.uncertainties),
+    ):  # fmt: skip
+        if given and len(given) != count:
+            raise Refused(f"{option} names {len(given)} columns for {count} axes", "name one column for each of --axes")
+    wanted = [*columns.means, *columns.rates, *columns.uncertainties]
+    readings = []
+    for row in read(file, wanted, first=columns.temperature).values.tolist():
+        rates = row[1 + count : 1 + 2 * count] if columns.rates else [0.0] * count
+        spread = row[-count:] if columns.uncertainties else [columns.uncertainty] * count
+        figures = _figures(row[1 : 1 + count], spread, unit)
+        readings.append(
+            Reading(
+                temperature=row[0],
+                means=dict(zip(names, figures, strict=True)),
+                rates=dict(zip(names, rates, strict=True)),
+            )
+        )
+    return readings
+
+
+def _figures(values: Sequence[float], spread: Sequence[float | None], unit: str) -> list[Figure]:
+    if any(each is not None and not each > 0.0 for each in spread):
+        raise Refused("an uncertainty is not above zero", "mend the table, or leave the uncertainties out")
+    return [Figure(value=value, unit=unit, uncertainty=each) for value, each in zip(values, spread, strict=True)]
+
+
+def _checked(report: CalibrationReport) -> None:
+    """Read the export back and compute the table again with it."""
+    from hil.analysis.gyroscope.interchange import as_json, from_json  # noqa: PLC0415 - start-up stays light
+    from hil.analysis.gyroscope.self_check import export_disagreements  # noqa: PLC0415 - start-up stays light
+
+    rejected = export_disagreements(from_json(as_json(report.calibration)), report)
+    if rejected:
+        raise Refused("; ".join(map(str, rejected)), "do not use this calibration; report the table that shows it")
+
+
+def _write(report: CalibrationReport, export: Path | None, c_header: Path | None) -> None:
+    from hil.analysis.gyroscope.c_header import as_c_header  # noqa: PLC0415 - start-up stays light
+    from hil.analysis.gyroscope.interchange import as_json  # noqa: PLC0415 - start-up stays light
+
+    for path, render in ((export, as_json), (c_header, as_c_header)):
+        if path is None:
+            continue
+        text = render(report.calibration)
+        try:
+            path.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise Refused(f"{path}: {error.strerror}", "choose a place that can be written") from None

@@ -1,0 +1,117 @@
+"""What `hil analyse gyroscope-temperature` prints: tables for people, or one JSON document for machines."""
+
+from __future__ import annotations
+
+import json
+import math
+
+from hil.analysis.gyroscope.calibrate import CalibrationReport
+from hil.analysis.gyroscope.calibration import Calibration
+from hil.analysis.gyroscope.fitting import Candidate, Fit
+from hil.analysis.gyroscope.interchange import as_document, fingerprint
+from hil.analysis.gyroscope.polynomial import Polynomial
+from hil.cli.analyses.allan_text import stated
+from hil.model.figure import Figure
+
+__all__ = ["as_json", "as_text"]
+
+
+def as_json(file: str, readings: int, report: CalibrationReport) -> str:
+    """Return the result as one JSON document; what is not finite is null."""
+    document = {
+        "format": 1,
+        "file": file,
+        "readings": readings,
+        "remarks": list(report.remarks),
+        "calibration": as_document(report.calibration),
+        "bias": {axis: _fit(fitted) for axis, fitted in report.bias.items()},
+        "scale": {axis: _fit(fitted) for axis, fitted in report.scale.items()},
+    }
+    return json.dumps(document, allow_nan=False, indent=2)
+
+
+def _fit(fitted: Fit) -> dict[str, object]:
+    columns = (fitted.temperature.tolist(), fitted.value.tolist(), fitted.residual.tolist())
+    return {
+        "degree": len(fitted.polynomial.coefficients) - 1,
+        "consistent": fitted.consistent,
+        "remark": fitted.remark,
+        "candidates": [_candidate(each) for each in fitted.candidates],
+        "points": [
+            dict(zip(("temperature", "value", "residual"), row, strict=True)) for row in zip(*columns, strict=True)
+        ],
+    }
+
+
+def _candidate(candidate: Candidate) -> dict[str, float | None]:
+    names = ("degree", "cross_validation", "aicc", "chi_square", "tail")
+    numbers = {name: getattr(candidate, name) for name in names}
+    return {name: number if math.isfinite(number) else None for name, number in numbers.items()}
+
+
+def as_text(file: str, readings: int, report: CalibrationReport) -> str:
+    """Return the result as plain text: a part for each axis, the alignment, and the range."""
+    calibration = report.calibration
+    lines = [f"{file}: {readings} readings of {', '.join(calibration.axes)} in {calibration.unit}"]
+    lines += [f"note: {remark}" for remark in report.remarks]
+    for axis in calibration.axes:
+        for what, fits in (("bias", report.bias), ("scale", report.scale)):
+            if axis in fits:
+                lines += ["", *_part(f"{axis}: {what}(T)", fits[axis])]
+    lines += ["", *_alignment(calibration)]
+    lines.append(f"valid from {calibration.low:g} to {calibration.high:g} degC, refused outside")
+    lines.append("self-check: the exported numbers give back the table they came from")
+    lines.append(f"fingerprint {fingerprint(calibration)}")
+    return "\n".join(lines)
+
+
+def _part(title: str, fitted: Fit) -> list[str]:
+    polynomial = fitted.polynomial
+    degree = len(polynomial.coefficients) - 1
+    lines = [f"{title}, degree {degree} about {polynomial.reference:g} degC"]
+    lines += [f"  c{power}  {stated(figure)}" for power, figure in enumerate(_coefficients(polynomial))]
+    lines.append("  degree  leave-one-out        AICc  chi-square  probability")
+    for each in fitted.candidates:
+        mark = "  chosen" if each.degree == degree else ""
+        numbers = (each.cross_validation, each.aicc, each.chi_square, each.tail)
+        cells = [_cell(number).rjust(width) for number, width in zip(numbers, (13, 10, 10, 11), strict=True)]
+        lines.append(f"  {each.degree:6d}  {'  '.join(cells)}{mark}")
+    lines.append("  T [degC]          value       residual")
+    rows = zip(fitted.temperature.tolist(), fitted.value.tolist(), fitted.residual.tolist(), strict=True)
+    lines += [f"  {where:8.2f}  {value:13.6g}  {residual:13.3g}" for where, value, residual in rows]
+    return lines
+
+
+def _cell(number: float) -> str:
+    return f"{number:.4g}" if math.isfinite(number) else "-"
+
+
+def _coefficients(polynomial: Polynomial) -> list[Figure]:
+    figures = []
+    for power, value in enumerate(polynomial.coefficients):
+        suffix = ("", "/K")[power] if power < 2 else f"/K^{power}"
+        unit = f"{polynomial.unit}{suffix}"
+        uncertainty = None if polynomial.covariance is None else math.sqrt(polynomial.covariance[power][power])
+        figures.append(Figure(value=value, unit=unit, uncertainty=uncertainty, dof=polynomial.dof))
+    return figures
+
+
+def _alignment(calibration: Calibration) -> list[str]:
+    if calibration.alignment_uncertainty is None and not _is_measured(calibration):
+        return ["alignment: not measured"]
+    lines = ["alignment, sensor to table axes"]
+    spread = calibration.alignment_uncertainty
+    for place, row in enumerate(calibration.alignment):
+        cells = [f"{value:10.6f}" for value in row]
+        if spread is not None:
+            cells = [f"{cell} ± {each:.1g}" for cell, each in zip(cells, spread[place], strict=True)]
+        lines.append("  " + "  ".join(cells))
+    return lines
+
+
+def _is_measured(calibration: Calibration) -> bool:
+    return any(
+        value != float(row == column)
+        for row, values in enumerate(calibration.alignment)
+        for column, value in enumerate(values)
+    )
