@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import math
 import re
+import shutil
+import subprocess
 from dataclasses import replace
 
 import numpy as np
@@ -274,3 +276,62 @@ def test_queues_that_cannot_be_are_refused():
     curve = deviation(np.random.default_rng(5).standard_normal(100), 1.0)
     with pytest.raises(Refused, match="the curve ends at 16 s"):
         MovingAverage(samples=50, rate=1.0).noise(curve)
+
+
+def test_rates_of_all_axes_carry_the_uncertainty_of_the_alignment():
+    """Readings through scale and matrix: parts add in squares; one unknown makes its rates unknown."""
+    calibration = calibrate(readings()).calibration
+    crossed = replace(
+        calibration,
+        alignment=((1.0, 0.1, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+        alignment_uncertainty=((0.0, 0.02, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    )
+    given = {axis: figure(value) for axis, value in zip("xyz", (1.1, 2.1, 3.1), strict=True)}
+    plain, found = calibration.figures(given, 25.0), crossed.figures(given, 25.0)
+    assert found["x"].value == pytest.approx(1.05 * 1.0 + 0.1 * 1.05 * 2.0)
+    expected = math.hypot(plain["x"].uncertainty, 0.1 * plain["y"].uncertainty, 0.02 * plain["y"].value)
+    assert found["x"].uncertainty == pytest.approx(expected)
+    assert found["z"] == plain["z"]
+    assert crossed.figures({**given, "y": Figure(value=2.1, unit="deg/s")}, 25.0)["x"].uncertainty is None
+    invalid = Figure(value=math.nan, unit="deg/s", status=FigureStatus.NOT_OBSERVABLE)
+    assert crossed.figures({**given, "y": invalid}, 25.0)["x"].status is FigureStatus.NOT_OBSERVABLE
+    with pytest.raises(Refused, match="no readings of axis z"):
+        calibration.figures({axis: given[axis] for axis in "xy"}, 25.0)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+def test_the_c_header_compiles_and_computes_the_same_rates(tmp_path):
+    """A C99 program with the header's own formula gives the rates that Python gives."""
+    calibration = printed(calibrate(readings(rate=13.6)).calibration)
+    (tmp_path / "calibration.h").write_text(as_c_header(calibration), encoding="utf-8")
+    (tmp_path / "rates.c").write_text(PROGRAM, encoding="utf-8")
+    program = tmp_path / "rates"
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+    subprocess.run(["cc", *flags, str(tmp_path / "rates.c"), "-o", str(program)], check=True, timeout=50)
+    done = subprocess.run([str(program)], check=True, capture_output=True, text=True, timeout=10)
+    expected = calibration.correct({"x": 1.0, "y": -2.0, "z": 3.0}, 31.5)
+    assert [float(line) for line in done.stdout.split()] == pytest.approx([float(each) for each in expected.values()])
+
+
+PROGRAM = """
+#include <stdio.h>
+#include "calibration.h"
+static double at(const double *terms, int count, double offset)
+{
+    double sum = 0.0;
+    while (count-- > 0) sum = sum * offset + terms[count];
+    return sum;
+}
+int main(void)
+{
+    const double measured[GYROSCOPE_AXES] = {1.0, -2.0, 3.0}, offset = 31.5 - GYROSCOPE_REFERENCE_DEGC;
+    for (int i = 0; i < GYROSCOPE_AXES; i++) {
+        double rate = 0.0;
+        for (int j = 0; j < GYROSCOPE_AXES; j++)
+            rate += gyroscope_alignment[i][j] * at(gyroscope_scale[j], GYROSCOPE_SCALE_TERMS, offset)
+                * (measured[j] - at(gyroscope_bias[j], GYROSCOPE_BIAS_TERMS, offset));
+        printf("%.17g\n", rate);
+    }
+    return 0;
+}
+"""

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from hil.analysis.gyroscope.polynomial import Polynomial
 from hil.analysis.statistics import effective_dof
 from hil.model.errors import Refused
-from hil.model.figure import Figure
+from hil.model.figure import Figure, FigureStatus
 
 __all__ = ["ALIGNED", "CalibratedRate", "Calibration", "Matrix"]
 
@@ -118,3 +118,41 @@ class Calibration:
             for row in self.alignment
         ]
         return dict(zip(self.axes, rows, strict=True))
+
+    def figures(
+        self, measured: Mapping[str, Figure], temperature: float, temperature_uncertainty: float = 0.0
+    ) -> dict[str, Figure]:
+        """Return rates by axis for one reading of all axes, each with its uncertainty.
+
+        The rate r_i = sum_j a_ij f_j has u^2 = sum_j (a_ij u(f_j))^2 + (f_j u(a_ij))^2, with f_j as of
+        `CalibratedRate.figure`. An alignment that was not measured adds nothing.
+
+        Raises:
+            Refused: an axis is missing, or the temperature is outside what was measured.
+        """
+        missing = [name for name in self.axes if name not in measured]
+        if missing:
+            raise Refused(f"no readings of axis {', '.join(missing)}", f"give all of {', '.join(self.axes)}")
+        scaled = [axis.figure(measured[name], temperature, temperature_uncertainty) for name, axis in self.axes.items()]
+        spread = self.alignment_uncertainty or tuple(tuple(0.0 for _ in row) for row in self.alignment)
+        rows = (_combined(row, errors, scaled) for row, errors in zip(self.alignment, spread, strict=True))
+        return dict(zip(self.axes, rows, strict=True))
+
+
+def _combined(row: tuple[float, ...], errors: tuple[float, ...], scaled: list[Figure]) -> Figure:
+    parts = [part for part in zip(row, errors, scaled, strict=True) if part[0] or part[1]]
+    value = sum(share * figure.value for share, _, figure in parts)
+    unit = scaled[0].unit
+    status = next((figure.status for _, _, figure in parts if figure.status is not FigureStatus.MEASURED), None)
+    variances: list[tuple[float, float]] = []
+    for share, error, figure in parts:
+        if figure.uncertainty is None:
+            return Figure(value=value, unit=unit, status=status or FigureStatus.MEASURED)
+        variances += [((share * figure.uncertainty) ** 2, figure.dof), ((error * figure.value) ** 2, math.inf)]
+    return Figure(
+        value=value,
+        unit=unit,
+        uncertainty=math.sqrt(sum(variance for variance, _ in variances)),
+        dof=effective_dof(variances),
+        status=status or FigureStatus.MEASURED,
+    )
