@@ -236,3 +236,15 @@ def test_averaging_times_that_are_none_are_refused():
     """Neither a name nor seconds."""
     with pytest.raises(Refused, match="--taus all names no averaging times"):
         run(SLICE, *REST, "--taus", "all")
+
+
+def test_cells_that_are_nan_are_missing_samples_and_told(tmp_path):
+    """NaN in a column without timestamps: a note, and the count in JSON."""
+    values = np.random.default_rng(0).standard_normal(2000)
+    values[[100, 900]] = math.nan
+    log = tmp_path / "log.txt"
+    np.savetxt(log, values)
+    text = run(str(log), "--rate", "10", "--unit", "deg/s").stdout
+    assert "note: column 1: 2 samples are NaN, and taken as missing" in text
+    axis = json.loads(run(str(log), "--rate", "10", "--unit", "deg/s", "--json").stdout)["axes"][0]
+    assert (axis["samples"], axis["missing"]) == (2000, 2)

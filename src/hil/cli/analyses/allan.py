@@ -150,10 +150,17 @@ def _samples(choice: _Choice) -> _Samples:
         times = np.arange(len(table.values)) / choice.rate
     part = _part(choice, times - times[0])
     rates = {name: np.ascontiguousarray(table.values[part, place]) for place, name in enumerate(table.names)}
+    if choice.rate is None:
+        del rates[table.names[0]]
+    remarks = (*table.remarks, *_no_numbers(rates))
     if choice.rate is not None:
-        return _Samples(rate=choice.rate, sampling=None, rates=rates, remarks=table.remarks)
-    del rates[table.names[0]]
-    return _judged(times[part], rates, table.remarks)
+        return _Samples(rate=choice.rate, sampling=None, rates=rates, remarks=remarks)
+    return _judged(times[part], rates, remarks)
+
+
+def _no_numbers(rates: dict[str, NDArray[np.float64]]) -> list[str]:
+    counts = {name: int((values != values).sum()) for name, values in rates.items()}  # noqa: PLR0124 - NaN alone differs
+    return [f"column {name}: {count} samples are NaN, and taken as missing" for name, count in counts.items() if count]
 
 
 def _part(choice: _Choice, since: NDArray[np.float64]) -> NDArray[np.bool_]:
