@@ -191,13 +191,8 @@ class ModbusSession:
 
     def write_coil(self, address: int, on: bool) -> None:
         """Switch one coil (function 05); the unit echoes the request byte by byte."""
-
-        def parse(_reply: _Reply) -> None:
-            if self._client.received != self._client.sent:
-                raise ValueError(f"the echo {self._client.sent.hex(' ')}")
-
         asked = f"coil {address} {'on' if on else 'off'}"
-        self._exchange(asked, 5, lambda: self._client.write_coil(address, on, device_id=self._unit), parse)
+        self._exchange(asked, 5, lambda: self._client.write_coil(address, on, device_id=self._unit), self._must_echo)
 
     def write_coils(self, address: int, values: Sequence[bool]) -> None:
         """Switch coils from `address` on (function 0F); the unit repeats address and count."""
@@ -208,6 +203,17 @@ class ModbusSession:
 
         asked = f"coils {address} to {address + len(values) - 1} switched"
         self._exchange(asked, 15, lambda: self._client.write_coils(address, list(values), device_id=self._unit), parse)
+
+    def write_holding(self, address: int, value: int) -> None:
+        """Write one holding register (function 06), 0 to 65535; the unit echoes the request byte by byte."""
+        asked = f"holding register {address:#06x} set to {value}"
+        self._exchange(
+            asked, 6, lambda: self._client.write_register(address, value, device_id=self._unit), self._must_echo
+        )
+
+    def _must_echo(self, _reply: _Reply) -> None:
+        if self._client.received != self._client.sent:
+            raise ValueError(f"the echo {self._client.sent.hex(' ')}")
 
     def _must_measure(self, size: int) -> None:
         """Refuse a reply of another size; pymodbus takes what comes, half registers too."""

@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
 
 from hil.simulation.peers import keysight_e36312a, lis3mdl, waveshare_relay
+from hil.simulation.peers.eurotherm import article as eurotherm_3216
 from hil.simulation.peers.model import PeerModel
-from hil.simulation.plants import coil
+from hil.simulation.plants import coil, thermal_chamber
 from hil.simulation.plants.plant import Plant
 from hil.simulation.truth import Path, Truth, TruthError, suggestion
 
@@ -15,10 +16,14 @@ __all__ = ["PEERS", "PLANTS", "peer_model", "plant_model"]
 
 _GROUP = "hil.peers"
 
-PLANTS: Mapping[str, Callable[[str, int, Truth], Plant]] = {"coil-and-earth-field": coil.build}
+PLANTS: Mapping[str, Callable[[str, int, Truth], Plant]] = {
+    "coil-and-earth-field": coil.build,
+    "thermal-chamber": thermal_chamber.build,
+}
 """Plant models by the name that bench files use."""
 
 PEERS: Mapping[str, PeerModel] = {
+    "eurotherm-3216": eurotherm_3216.MODEL,
     "keysight-e36300": keysight_e36312a.MODEL,
     "lis3mdl": lis3mdl.MODEL,
     "waveshare-relay": waveshare_relay.MODEL,

@@ -11,7 +11,10 @@ from hil.model.bench import BenchSpec, CalibratedRange, Clamp, EnvelopeLimit, Pr
 
 __all__ = ["certificates", "clamps", "covered", "envelope", "ratings", "reduced_levels", "safe_steps"]
 
-_HAZARDOUS = frozenset({"supply", "relays"})
+_HAZARDOUS = frozenset({"supply", "relays", "thermal"})
+_CLAMPED = {"supply": ("voltage", "current"), "thermal": ("temperature",)}
+"""What an output that can do harm must have clamps for."""
+
 _SHORTEST_PERIOD_S = 0.001
 
 
@@ -149,7 +152,7 @@ def _proof(step: SafeStep, proof: Proof, outputs: Collection[str]) -> Complaints
 
 
 def covered(spec: BenchSpec) -> Complaints:
-    """Check that every output that can do harm is in the safe-off, and that a supply is clamped and proven."""
+    """Check that every output that can do harm is in the safe-off, and that it is clamped, and a supply proven."""
     made_safe = {step.output for step in spec.safe_off}
     proven = {step.output for step in spec.safe_off if step.proof}
     for wire in spec.wiring:
@@ -158,8 +161,9 @@ def covered(spec: BenchSpec) -> Complaints:
         elif wire.role == "supply" and wire.name not in proven:
             yield wire, f"{wire.name}: its line in safe_off needs a proof, such as its current near zero"
         clamped = {clamp.quantity for clamp in spec.clamps if clamp.output == wire.name}
-        if wire.role == "supply" and not clamped >= {"voltage", "current"}:
-            yield wire, f"{wire.name} needs clamps for voltage and current"
+        needed = _CLAMPED.get(wire.role, ())
+        if not clamped.issuperset(needed):
+            yield wire, f"{wire.name} needs clamps for {' and '.join(needed)}"
 
 
 def _outputs(spec: BenchSpec) -> list[str]:

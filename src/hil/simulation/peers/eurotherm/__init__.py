@@ -1,0 +1,1 @@
+"""A Eurotherm 3216 temperature controller as its Modbus line sees it."""

@@ -1,0 +1,209 @@
+"""The controller: its turn every period, its output on the cooler, and its registers on the line.
+
+What the map (HA028651, section 15.5) does not say is assumed: while the sensor is broken the process value stands at
+the top of its range and the safe output power is given; in standby the working output reads 0; the remote setpoint
+counts for five seconds after it was written. There is no timer, no autotune, and no setpoint ramp.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import cast
+
+from hil.clock.port import NANOSECONDS
+from hil.simulation.faults import Faults
+from hil.simulation.peers.eurotherm import memory as at
+from hil.simulation.peers.eurotherm.memory import Memory
+from hil.simulation.peers.eurotherm.regulation import Regulation, Tuning
+from hil.simulation.peers.eurotherm.requests import Requests
+from hil.simulation.peers.eurotherm.sensor_input import SensorInput
+from hil.simulation.peers.modbus_rtu import FrameReader, checked, seal
+from hil.simulation.plants.terminal import InputPoint
+from hil.wire.peer import Line, PeerClock
+
+__all__ = ["Eurotherm3216", "Make"]
+
+_REPLY_NS = 5_000_000
+_REMOTE_NS = 5 * NANOSECONDS
+_BROKEN, _BY_HAND, _REMOTE_FAILED = 1 << 5, 1 << 4, 1 << 14
+_UNITS = {"degC": (0, 1.0, 0.0), "degF": (1, 1.8, 32.0), "K": (2, 1.0, 273.15)}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Make:
+    """What this article is.
+
+    Attributes:
+        address: unit address.
+        baud: of its line.
+        period_ns: of its control loop.
+        decimals: of the display.
+        unit: of the display: `degC`, `degF` or `K`.
+        top: what the process value shows while the sensor is broken, in that unit.
+    """
+
+    address: int
+    baud: int
+    period_ns: int
+    decimals: int
+    unit: str
+    top: float
+
+    def shown(self, celsius: float) -> float:
+        """Return a temperature in the unit of the display."""
+        _, factor, offset = _UNITS[self.unit]
+        return celsius * factor + offset
+
+    def word(self, value: float) -> int:
+        """Return a temperature in that unit as the registers have it."""
+        return int(min(max(round(value * 10**self.decimals), -0x8000), 0x7FFF))
+
+    @property
+    def unit_code(self) -> int:
+        """The unit as register 516 has it."""
+        return _UNITS[self.unit][0]
+
+
+class Eurotherm3216:
+    """One loop that takes its turns on the bench's time, from the first one on.
+
+    The fault `stuck` lets nothing of the output reach the cooler, `runaway` all that there is, in the direction that
+    heats; both whatever the controller shows. `identity` changes the type code.
+
+    Args:
+        make: what it is.
+        memory: its parameters.
+        sensor: its input.
+        drive: the plant's input behind its output, -1 to 1.
+        faults: what goes wrong.
+    """
+
+    def __init__(
+        self, *, make: Make, memory: Memory, sensor: SensorInput, drive: InputPoint | None, faults: Faults
+    ) -> None:
+        self._make = make
+        self._memory = memory
+        self._sensor = sensor
+        self._drive = drive
+        self._faults = faults
+        self._regulation = Regulation()
+        self._requests = Requests(self._read, self._write)
+        self._reader = FrameReader(make.baud, self._frame)
+        self._remote_ns = -_REMOTE_NS - 1
+        self._line: Line
+        self._clock: PeerClock
+
+    @property
+    def writes(self) -> Mapping[int, int]:
+        """How often each address of the non-volatile memory was written."""
+        return self._memory.writes
+
+    def attach(self, line: Line, clock: PeerClock) -> None:
+        """Connect the line; the first turn is taken at once."""
+        self._line = line
+        self._clock = clock
+        self._turn_at(clock.now_ns())
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes of the line."""
+        self._reader.receive(data, self._clock)
+
+    def state(self) -> Mapping[str, object]:
+        """Return parameters, control terms, and the unfinished frame; turns follow from the clock."""
+        return {
+            "memory": dict(self._memory.state()),
+            "regulation": dict(self._regulation.state()),
+            "reader": dict(self._reader.state()),
+            "remote_ns": self._remote_ns,
+        }
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        self._memory.restore(cast("dict[str, object]", state["memory"]))
+        self._regulation.restore(cast("dict[str, object]", state["regulation"]))
+        self._reader.restore(cast("dict[str, object]", state["reader"]), self._clock)
+        self._remote_ns = cast("int", state["remote_ns"])
+
+    def _turn_at(self, when_ns: int) -> None:
+        self._clock.at(when_ns, lambda: self._turn(when_ns))
+
+    def _turn(self, now_ns: int) -> None:
+        """Convert, regulate, drive the output, and show all of it."""
+        number = now_ns // self._make.period_ns
+        reading = self._sensor.convert(now_ns, number)
+        value = self._make.top if reading is None else self._make.shown(reading)
+        remote_failed, setpoint = self._setpoint(now_ns)
+        output = round(self._output(setpoint / 10**self._make.decimals, None if reading is None else value), 1)
+        status = _BROKEN * (reading is None) | _BY_HAND * (self._memory[at.LOOP_MODE] != at.AUTOMATIC)
+        self._memory.show(
+            {
+                at.PROCESS_VALUE: self._make.word(value),
+                at.WORKING_SETPOINT: setpoint,
+                at.WORKING_OUTPUT: round(10 * output),
+                at.SENSOR_BREAK: int(reading is None),
+                at.STATUS: status | _REMOTE_FAILED * remote_failed,
+            }
+        )
+        self._drive_at(output, now_ns)
+        self._turn_at((number + 1) * self._make.period_ns)
+
+    def _setpoint(self, now_ns: int) -> tuple[bool, int]:
+        """Return whether the remote setpoint is asked for and stale, and the setpoint that counts."""
+        asked = self._memory[at.SETPOINT_SOURCE] != 0
+        fresh = now_ns - self._remote_ns <= _REMOTE_NS
+        source = at.COMMS_SETPOINT if asked and fresh else at.TARGET_SETPOINT
+        return asked and not fresh, self._memory[source]
+
+    def _output(self, setpoint: float, value: float | None) -> float:
+        tuning = self._tuning()
+        error = 0.0 if value is None else setpoint - value
+        if self._memory[at.INSTRUMENT_MODE] != at.OPERATING:
+            output = 0.0
+        elif self._memory[at.LOOP_MODE] != at.AUTOMATIC:
+            output = tuning.limited(self._memory[at.MANUAL_OUTPUT] / 10)
+        elif value is None:
+            output = tuning.limited(self._memory[at.SAFE_OUTPUT] / 10)
+        else:
+            return self._regulation.output(setpoint, value, tuning, self._make.period_ns / NANOSECONDS)
+        self._regulation.hold(output, min(max(error, -tuning.band), tuning.band), tuning)
+        return output
+
+    def _tuning(self) -> Tuning:
+        return Tuning(
+            band=max(self._memory[at.PROPORTIONAL_BAND], 1) / 10,
+            integral=self._memory[at.INTEGRAL_TIME],
+            derivative=self._memory[at.DERIVATIVE_TIME],
+            cool_gain=max(self._memory[at.COOL_GAIN], 1) / 10,
+            low=self._memory[at.OUTPUT_LOW] / 10,
+            high=self._memory[at.OUTPUT_HIGH] / 10,
+        )
+
+    def _drive_at(self, output: float, now_ns: int) -> None:
+        if self._faults.now("stuck", now_ns):
+            output = 0.0
+        elif self._faults.now("runaway", now_ns):
+            output = 100.0
+        if self._drive is not None:
+            self._drive.command(output / 100)
+
+    def _frame(self, frame: bytes) -> None:
+        body = checked(frame)
+        if body is None or body[0] not in {0, self._make.address}:
+            return
+        reply = self._requests.answer(body[1], body[2:])
+        if body[0]:
+            self._line.send(seal(body[:1] + reply), _REPLY_NS)
+
+    def _read(self, address: int) -> int:
+        other = self._faults.now("identity", self._clock.now_ns())
+        if address == at.TYPE_CODE and other:
+            return int(other.text, 16)
+        if address == at.INVERTED_STATUS:
+            return ~self._memory[at.STATUS]
+        return self._memory[address]
+
+    def _write(self, address: int, value: int) -> None:
+        self._memory.write(address, value)
+        if address == at.COMMS_SETPOINT:
+            self._remote_ns = self._clock.now_ns()

@@ -1,0 +1,76 @@
+"""The control algorithm: proportional, integral and derivative terms with limits, and modes without a bump."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import cast
+
+__all__ = ["Regulation", "Tuning"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tuning:
+    """Parameters of the loop.
+
+    Attributes:
+        band: proportional band, in the unit of the display: an error of this size asks for 100 %.
+        integral: integral time [s], 0 for none.
+        derivative: derivative time [s], 0 for none.
+        cool_gain: what outputs below zero are multiplied by.
+        low, high: limits of the output [%].
+    """
+
+    band: float
+    integral: float
+    derivative: float
+    cool_gain: float
+    low: float
+    high: float
+
+    def limited(self, output: float) -> float:
+        """Return an output within the limits."""
+        return min(max(output, self.low), self.high)
+
+    def raw(self, error: float, total: float, slope: float) -> float:
+        """Return the output [%] without limits."""
+        demand = 100 / self.band * (error + total - self.derivative * slope)
+        return demand * self.cool_gain if demand < 0 else demand
+
+    def total_for(self, output: float, error: float) -> float:
+        """Return the integral term that gives this output at rest."""
+        demand = output / self.cool_gain if output < 0 else output
+        return demand * self.band / 100 - error
+
+
+class Regulation:
+    """One loop; the integral term stands still while it would only drive the output further into its limit."""
+
+    def __init__(self) -> None:
+        self._total = 0.0
+        self._last: float | None = None
+
+    def hold(self, output: float, error: float, tuning: Tuning) -> None:
+        """Follow an output that something else sets, so that regulation goes on from there."""
+        self._total = tuning.total_for(output, error)
+        self._last = None
+
+    def output(self, setpoint: float, value: float, tuning: Tuning, seconds: float) -> float:
+        """Return the output [%] of one turn."""
+        error = setpoint - value
+        slope = 0.0 if self._last is None else (value - self._last) / seconds
+        self._last = value
+        total = self._total + error * seconds / tuning.integral if tuning.integral else 0.0
+        wanted = tuning.raw(error, total, slope)
+        pushes = (wanted > tuning.high and error > 0) or (wanted < tuning.low and error < 0)
+        self._total = self._total if pushes else total
+        return tuning.limited(tuning.raw(error, self._total, slope))
+
+    def state(self) -> Mapping[str, object]:
+        """Return integral term and last value."""
+        return {"total": self._total, "last": self._last}
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        self._total = cast("float", state["total"])
+        self._last = cast("float | None", state["last"])
