@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
@@ -42,6 +43,12 @@ class Clamps:
                     f" {clamp.minimum:g} to {clamp.maximum:g} {clamp.unit}",
                     "change the setting, or the clamp in the bench file after a review",
                 )
+
+    def bounds(self, channel: int, quantity: str) -> tuple[float, float]:
+        """Return the least and the most that every clamp of a quantity allows, infinite where there is none."""
+        clamps = [clamp for clamp in self._clamps.get(channel, ()) if clamp.quantity == quantity]
+        least = max((clamp.minimum for clamp in clamps), default=-math.inf)
+        return least, min((clamp.maximum for clamp in clamps), default=math.inf)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

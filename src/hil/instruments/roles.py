@@ -155,6 +155,21 @@ class RotationTable(Protocol):
         """Return whether the encoder's angle does not change."""
         ...
 
+    @reads
+    def reading(self) -> tuple[Figure, Figure]:
+        """Return the encoder's angle in deg, and the bench's time in s at which it was taken."""
+        ...
+
+    @reads
+    def turns(self) -> Figure:
+        """Return the turns since the bench was armed."""
+        ...
+
+    @reads
+    def longest(self, rate: float) -> Figure:
+        """Return how long the table may turn at a rate [deg/s] before its harness ends, in s."""
+        ...
+
 
 class Obc(Protocol):
     """A board that plays the on-board computer."""

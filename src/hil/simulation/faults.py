@@ -27,11 +27,12 @@ class Fault:
         start_ns: first instant, counted from the epoch.
         end_ns: first instant at which it is over.
         duration_ns: `late`: what is added; `chatty`: the pause between unsolicited bytes.
-        share: `garbled`: the part of the bytes that are hit.
+        share: `garbled`: the part of the bytes that are hit; `slipping`: the part of the rate that remains.
         number: `partial`: bytes that come through; `refuse-off`: channel, 0 for all; `welded`: contact;
             `temperature-raw`: counts of the temperature.
         field: `saturated`: what is added to every axis, in the sensor's unit [uT, deg/s].
-        text: `chatty`: the bytes; `identity`: who answers instead; `refuse-off`: what it says, `on` or `off`.
+        text: `chatty`: the bytes; `identity`: who answers instead; `refuse-off`: what it says, `on` or `off`;
+            `no-stop`: whether switching the motor off stops it, `cuts` or `stays`.
     """
 
     kind: str
@@ -118,6 +119,14 @@ def _welded(truth: Truth, fault: Fault) -> Fault:
     return replace(fault, number=truth.integer("contact", minimum=1))
 
 
+def _slipping(truth: Truth, fault: Fault) -> Fault:
+    return replace(fault, share=truth.number("share", 0.9, minimum=0, maximum=1))
+
+
+def _no_stop(truth: Truth, fault: Fault) -> Fault:
+    return replace(fault, text=truth.text("power", "cuts", choices=("cuts", "stays")))
+
+
 def _temperature_raw(truth: Truth, fault: Fault) -> Fault:
     return replace(fault, number=truth.integer("counts", 24_000, minimum=-32_767, maximum=32_767))
 
@@ -131,9 +140,11 @@ _SETTINGS: Mapping[str, Callable[[Truth, Fault], Fault]] = {
     "garbled": _garbled,
     "identity": _identity,
     "late": _late,
+    "no-stop": _no_stop,
     "partial": _partial,
     "refuse-off": _refuse_off,
     "saturated": _saturated,
+    "slipping": _slipping,
     "temperature-raw": _temperature_raw,
     "welded": _welded,
 }

@@ -6,9 +6,10 @@ from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
 
 from hil.simulation.peers import keysight_e36312a, lis3mdl, waveshare_relay
+from hil.simulation.peers.esp301 import controller as newport_esp301
 from hil.simulation.peers.eurotherm import article as eurotherm_3216
 from hil.simulation.peers.model import PeerModel
-from hil.simulation.plants import coil, thermal_chamber
+from hil.simulation.plants import coil, rotation_table, thermal_chamber
 from hil.simulation.plants.plant import Plant
 from hil.simulation.truth import Path, Truth, TruthError, suggestion
 
@@ -18,6 +19,7 @@ _GROUP = "hil.peers"
 
 PLANTS: Mapping[str, Callable[[str, int, Truth], Plant]] = {
     "coil-and-earth-field": coil.build,
+    "rotation-table": rotation_table.build,
     "thermal-chamber": thermal_chamber.build,
 }
 """Plant models by the name that bench files use."""
@@ -26,6 +28,7 @@ PEERS: Mapping[str, PeerModel] = {
     "eurotherm-3216": eurotherm_3216.MODEL,
     "keysight-e36300": keysight_e36312a.MODEL,
     "lis3mdl": lis3mdl.MODEL,
+    "newport-esp301": newport_esp301.MODEL,
     "waveshare-relay": waveshare_relay.MODEL,
 }
 """Our own peers by the driver that they are the counterpart of."""

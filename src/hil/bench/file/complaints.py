@@ -11,7 +11,15 @@ from hil.instruments.roles import ROLES
 
 __all__ = ["QUANTITIES", "Complaints", "Located", "known", "quantity", "quantity_of"]
 
-QUANTITIES = {"voltage": "V", "current": "A", "temperature": "degC", "output": "%"}
+QUANTITIES = {
+    "voltage": "V",
+    "current": "A",
+    "temperature": "degC",
+    "output": "%",
+    "angle": "deg",
+    "rate": "deg/s",
+    "turns": "turn",
+}
 """The quantities that ratings, clamps, envelope and proofs may name, and their unit."""
 
 Complaints = Iterator[tuple[object, str]]

@@ -11,8 +11,8 @@ from hil.model.bench import BenchSpec, CalibratedRange, Clamp, EnvelopeLimit, Pr
 
 __all__ = ["certificates", "clamps", "covered", "envelope", "ratings", "reduced_levels", "safe_steps"]
 
-_HAZARDOUS = frozenset({"supply", "relays", "thermal"})
-_CLAMPED = {"supply": ("voltage", "current"), "thermal": ("temperature",)}
+_HAZARDOUS = frozenset({"supply", "relays", "rotation_table", "thermal"})
+_CLAMPED = {"supply": ("voltage", "current"), "rotation_table": ("rate", "turns"), "thermal": ("temperature",)}
 """What an output that can do harm must have clamps for."""
 
 _SHORTEST_PERIOD_S = 0.001

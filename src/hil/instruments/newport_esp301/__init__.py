@@ -1,0 +1,1 @@
+"""Newport ESP301 motion controllers with a rotation stage."""

@@ -1,0 +1,269 @@
+"""The rotation table on one axis: turned by its encoder's word, and no further than its harness allows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from hil.clock.port import Clock
+from hil.instruments.driver import Clamps
+from hil.instruments.marks import drives, reads
+from hil.instruments.newport_esp301.encoder import Encoder, Reading
+from hil.instruments.newport_esp301.session import EspSession, as_code, as_decimal, as_flag
+from hil.model.errors import ClampExceeded, DeviceFault, Refused, Rejected
+from hil.model.figure import Figure
+
+__all__ = ["Motion", "Table"]
+
+_TURN = 360.0
+_DEGREE = 7
+_DECIMALS = 4
+_LONGEST_RAMP_S = 5.0
+_SETTLED_WITHIN_S = 1.5
+_LEAST_AT_RATE_S = 1.0
+"""A movement that could not even be proven and stopped again is not begun."""
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """How the table moves: acceleration [deg/s2], and how far from its command its rate may be [deg/s]."""
+
+    acceleration: float
+    tolerance: float
+
+
+class Table:
+    """One rotation table; fills the role `rotation_table`.
+
+    Rates come from the encoder. Motor power is on from a permitted rate to the proven stop only. The clamp `turns`
+    holds for the way from where the table stood when the bench was armed: a movement that would leave it is refused,
+    and one that comes to its end is stopped by whatever reads the encoder next, the envelope's monitors included.
+
+    Args:
+        name: the wire's dotted name.
+        device: the instrument's name, for messages.
+        session: the controller's session.
+        clock: the bench's clock.
+        clamps: what the table may be told.
+        axis: number of the axis.
+        encoder: of that axis.
+        motion: how it moves.
+    """
+
+    def __init__(
+        self,
+        *,
+        name: str,
+        device: str,
+        session: EspSession,
+        clock: Clock,
+        clamps: Clamps,
+        axis: int,
+        encoder: Encoder,
+        motion: Motion,
+    ) -> None:
+        self._name = name
+        self._device = device
+        self._session = session
+        self._clock = clock
+        self._clamps = clamps
+        self._axis = axis
+        self._encoder = encoder
+        self._motion = motion
+        self._armed_at: float | None = None
+        self._fastest: float | None = None
+        self._commanded = 0.0
+
+    @drives
+    def set_rate(self, rate: float) -> None:
+        """Turn steadily at a rate [deg/s] and wait until the encoder shows it; 0 stops.
+
+        A table that turns is stopped first.
+
+        Raises:
+            ClampExceeded: rate, or the turns that it would take, are not permitted; nothing was set.
+            Refused: the stage or the acceleration cannot do it.
+            Rejected: the controller refused, or the encoder does not show the rate; the table was stopped.
+        """
+        if not math.isfinite(rate):
+            raise Refused(f"{self._name}: {rate} is not a rate", "give a finite number")
+        rate = round(rate, _DECIMALS)
+        self._clamps.permit(self._axis, "rate", rate)
+        if not rate:
+            self.stop()
+            return
+        self._must_be_possible(rate)
+        if self._commanded or not self._encoder.at_rest():
+            self.stop()
+        self._must_have_room(rate)
+        self._start(rate)
+        self._wait_for(rate)
+
+    @drives
+    def stop(self) -> None:
+        """Stop, wait until the encoder stands still, and switch the motor off; the bytes leave first.
+
+        Raises:
+            Rejected: the table goes on, or its motor stays on, or the error buffer held something.
+        """
+        slowing = abs(self._commanded) / self._motion.acceleration
+        queued = self._session.urgent(f"{self._axis}ST")
+        stopped = self._comes_to_rest(slowing)
+        self._session.setting(f"{self._axis}MF")
+        if not stopped:
+            cut = "its motor power was cut" + ("" if self._comes_to_rest(slowing) else ", and it still turns")
+            raise Rejected(
+                self._device, f"{self._name} was stopped and went on; {cut}", "cut its mains, then look at the drive"
+            )
+        self._commanded = 0.0
+        if self._session.query(f"{self._axis}MO?", as_flag):
+            raise Rejected(self._device, f"the motor of {self._name} stays on", "cut its mains, then look at it")
+        if queued:
+            raise Rejected(
+                self._device,
+                f"{self._name} stands still, but the error buffer held {'; '.join(queued)}",
+                "look at the stage, its load and its harness",
+            )
+
+    @reads
+    def angle(self) -> Figure:
+        """Return the encoder's angle in deg; full turns are counted."""
+        return self._encoder.angle(self._look())
+
+    @reads
+    def reading(self) -> tuple[Figure, Figure]:
+        """Return the encoder's angle in deg, and the bench's time in s at which it was taken."""
+        seen = self._look()
+        return self._encoder.angle(seen), self._encoder.instant(seen)
+
+    @reads
+    def turns(self) -> Figure:
+        """Return the turns since the bench was armed."""
+        seen = self._look()
+        uncertainty = (self._encoder.angle(seen).uncertainty or 0.0) / _TURN
+        return Figure(value=self._turns(seen), unit="turn", uncertainty=uncertainty)
+
+    @reads
+    def rate(self) -> Figure:
+        """Return the rate in deg/s from the encoder's angle over time, never from the command's echo."""
+        self._look()
+        return self._encoder.rate()
+
+    @reads
+    def at_rest(self) -> bool:
+        """Return whether the encoder's angle does not change."""
+        return self._encoder.at_rest()
+
+    @reads
+    def longest(self, rate: float) -> Figure:
+        """Return how long the table may turn at a rate from where it is [s]; ramps are taken off, 0 is not at all."""
+        bounds = self._clamps.bounds(self._axis, "turns")
+        if not rate:
+            return Figure(value=math.inf, unit="s")
+        end = bounds[1] if rate > 0 else bounds[0]
+        left = abs(end - self._turns(self._look())) * _TURN - 2 * self._ramp(rate)
+        return Figure(value=max(0.0, left / abs(rate)), unit="s")
+
+    def _look(self) -> Reading:
+        """Take a reading; a table that is about to leave its turns is stopped."""
+        seen = self._encoder.look()
+        if self._armed_at is None:
+            self._armed_at = seen.angle
+        if self._commanded:
+            ends = self._turns(seen) + math.copysign(self._ramp(self._commanded), self._commanded) / _TURN
+            try:
+                self._clamps.permit(self._axis, "turns", ends)
+            except ClampExceeded:
+                self.stop()
+                raise
+        return seen
+
+    def _turns(self, seen: Reading) -> float:
+        armed_at = seen.angle if self._armed_at is None else self._armed_at
+        return (seen.angle - armed_at) / _TURN
+
+    def _ramp(self, rate: float) -> float:
+        """Return the way of one ramp [deg]."""
+        return rate * rate / (2 * self._motion.acceleration)
+
+    def _must_be_possible(self, rate: float) -> None:
+        if self._fastest is None:
+            unit = self._session.query(f"{self._axis}SN?", as_code)
+            if unit != _DEGREE:
+                raise Rejected(
+                    self._device,
+                    f"axis {self._axis} counts in unit {unit}, and degrees are unit {_DEGREE}",
+                    "look which stage is connected, and how the controller was set up",
+                )
+            self._fastest = self._session.query(f"{self._axis}VU?", as_decimal)
+        if abs(rate) > self._fastest:
+            raise Refused(f"{self._name}: {rate:g} deg/s is above the stage's {self._fastest:g} deg/s", "turn slower")
+        if abs(rate) > _LONGEST_RAMP_S * self._motion.acceleration:
+            raise Refused(
+                f"{self._name}: at {self._motion.acceleration:g} deg/s2 it takes more than"
+                f" {_LONGEST_RAMP_S:g} s to reach {rate:g} deg/s",
+                "raise `acceleration` in the wiring, or turn slower",
+            )
+
+    def _must_have_room(self, rate: float) -> None:
+        """Refuse a movement that leaves the harness's turns, or the controller's limits, before it can be stopped."""
+        seen = self._look()
+        way = math.copysign(2 * self._ramp(rate) + abs(rate) * _LEAST_AT_RATE_S, rate)
+        self._clamps.permit(self._axis, "turns", self._turns(seen) + way / _TURN)
+        low, high = (self._session.query(f"{self._axis}{side}?", as_decimal) for side in ("SL", "SR"))
+        if not low <= seen.angle + way <= high:
+            raise Refused(
+                f"{self._name}: from {seen.angle:g} deg at {rate:g} deg/s it would leave the controller's travel"
+                f" limits {low:g} to {high:g} deg",
+                "turn the other way, or set the limits at the controller",
+            )
+
+    def _start(self, rate: float) -> None:
+        self._set("VA", abs(rate))
+        self._set("AC", self._motion.acceleration)
+        self._set("AG", self._motion.acceleration)
+        self._session.setting(f"{self._axis}MO")
+        self._commanded = rate
+        if not self._session.query(f"{self._axis}MO?", as_flag):
+            raise Rejected(self._device, f"the motor of {self._name} does not switch on", "look at the interlock")
+        self._session.setting(f"{self._axis}MV{'+' if rate > 0 else '-'}")
+
+    def _set(self, mnemonic: str, value: float) -> None:
+        self._session.setting(f"{self._axis}{mnemonic}{value:.{_DECIMALS}f}")
+        taken = self._session.query(f"{self._axis}{mnemonic}?", as_decimal)
+        if abs(taken - value) > 10**-_DECIMALS:
+            raise Rejected(
+                self._device,
+                f"{self._name}: {mnemonic} was set to {value:g} and reads back {taken:g}",
+                "look who else sets it, and at the stage's ratings",
+            )
+
+    def _wait_for(self, rate: float) -> None:
+        """Wait out the ramp, then for the rate; a table that does not come to it is stopped and told of."""
+        self._clock.sleep(abs(rate) / self._motion.acceleration)
+        deadline = self._clock.now() + _SETTLED_WITHIN_S
+        while True:
+            self._look()
+            shown = self._encoder.rate().value
+            if abs(shown - rate) <= self._motion.tolerance:
+                return
+            if self._clock.now() >= deadline:
+                break
+        stopped = "it was stopped"
+        try:
+            self.stop()
+        except DeviceFault as fault:
+            stopped = f"and it cannot be stopped: {fault.message}"
+        raise Rejected(
+            self._device,
+            f"{self._name} was set to {rate:g} deg/s and its encoder shows {shown:.4g} deg/s; {stopped}",
+            "look whether the table slips or is held, and at its load",
+        )
+
+    def _comes_to_rest(self, slowing: float) -> bool:
+        """Wait until the encoder stands still, for as long as the ramp takes and a little more."""
+        deadline = self._clock.now() + slowing + _SETTLED_WITHIN_S
+        while not self._encoder.at_rest():
+            if self._clock.now() >= deadline:
+                return False
+        return True

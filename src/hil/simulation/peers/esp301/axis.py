@@ -1,0 +1,194 @@
+"""One axis of the simulated controller: settings, motor power, the motion it believes in, and the table's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import cast
+
+from hil.clock.port import NANOSECONDS
+from hil.simulation.faults import Faults
+from hil.simulation.peers.esp301.errors import EspError
+from hil.simulation.plants.terminal import InputPoint, SignalPoint
+
+__all__ = ["Axis", "Drive", "StageTruth"]
+
+_MOVING_FAULTS = ("slipping", "stalled", "no-stop")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StageTruth:
+    """One article of a stage.
+
+    Attributes:
+        model: what it says of itself.
+        serial: what it says of itself.
+        unit: code of the displacement unit; 7 is the degree.
+        resolution: of its encoder [deg].
+        maximum_velocity: [deg/s].
+        maximum_acceleration: [deg/s2].
+        friction: deceleration without motor power [deg/s2].
+        limits: software travel limits [deg]; they are kept, not watched.
+    """
+
+    model: str
+    serial: str
+    unit: int
+    resolution: float
+    maximum_velocity: float
+    maximum_acceleration: float
+    friction: float
+    limits: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drive:
+    """What the axis moves: inputs of a plant, and the encoder's angle; None where nothing is connected."""
+
+    rate: InputPoint | None = None
+    acceleration: InputPoint | None = None
+    grip: InputPoint | None = None
+    angle: SignalPoint | None = None
+
+    def command(self, rate: float, acceleration: float) -> None:
+        """Let the motor go to a rate."""
+        if self.acceleration is not None:
+            self.acceleration.command(acceleration)
+        if self.rate is not None:
+            self.rate.command(rate)
+
+
+class Axis:
+    """The axis with the rotation stage.
+
+    The controller's velocity is the one that it commands, not the encoder's: a stage that slips shows in
+    the position only.
+
+    Args:
+        number: of the axis.
+        stage: the article.
+        drive: what it moves.
+        faults: what goes wrong.
+    """
+
+    def __init__(self, number: int, stage: StageTruth, drive: Drive, faults: Faults) -> None:
+        self.number = number
+        self.stage = stage
+        self._drive = drive
+        self._faults = faults
+        self.unit = stage.unit
+        self.limits = stage.limits
+        self.velocity = stage.maximum_velocity / 10
+        self.acceleration = stage.maximum_acceleration / 10
+        self.deceleration = stage.maximum_acceleration / 10
+        self.powered = False
+        self._direction = 0
+        self._since_ns = 0
+        self._from = 0.0
+        self._slope = self.acceleration
+
+    def changes_ns(self) -> tuple[int, ...]:
+        """Return the instants at which something begins or ceases to go wrong."""
+        return tuple(at for fault in self._faults.of(*_MOVING_FAULTS) for at in (fault.start_ns, fault.end_ns))
+
+    def commanded_velocity(self, now_ns: int) -> float:
+        """Return the velocity of the trapezoid that the controller follows [deg/s]."""
+        gap = self._target() - self._from
+        way = self._slope * (now_ns - self._since_ns) / NANOSECONDS
+        if way >= abs(gap):
+            return self._target()
+        return self._from + (way if gap > 0 else -way)
+
+    def done(self, now_ns: int) -> bool:
+        """Return whether the trapezoid has ended."""
+        return not self._direction and self.commanded_velocity(now_ns) == 0
+
+    def position(self) -> float:
+        """Return the encoder's angle [deg], in its steps."""
+        angle = self._drive.angle.observe() if self._drive.angle is not None else 0.0
+        return round(angle / self.stage.resolution) * self.stage.resolution
+
+    def set_velocity(self, velocity: float, now_ns: int) -> None:
+        """Take a velocity; a motion changes to it at once."""
+        if velocity > self.stage.maximum_velocity:
+            raise EspError(100 * self.number + 10)
+        before = self.commanded_velocity(now_ns)
+        self.velocity = velocity
+        if self._direction:
+            self._go(self._direction, before, self.acceleration, now_ns)
+
+    def permitted(self, acceleration: float) -> float:
+        """Return an acceleration that the stage may have."""
+        if acceleration > self.stage.maximum_acceleration:
+            raise EspError(100 * self.number + 11)
+        return acceleration
+
+    def power(self, on: bool, now_ns: int) -> None:
+        """Switch the motor; without power the stage runs out by friction."""
+        self.powered = on
+        if on:
+            return
+        fault = self._faults.now("no-stop", now_ns)
+        self._follow(0, self.commanded_velocity(now_ns), self.stage.friction, now_ns)
+        if fault is None or fault.text != "stays":
+            self._drive.command(0.0, self.stage.friction)
+
+    def move(self, direction: int, now_ns: int) -> None:
+        """Move indefinitely in a direction."""
+        if not self.powered:
+            raise EspError(100 * self.number + 13)
+        self._go(direction, self.commanded_velocity(now_ns), self.acceleration, now_ns)
+
+    def stop(self, now_ns: int) -> None:
+        """Stop with the deceleration; the fault `no-stop` lets the stage go on."""
+        self._follow(0, self.commanded_velocity(now_ns), self.deceleration, now_ns)
+        if self._faults.now("no-stop", now_ns) is None:
+            self._drive.command(0.0, self.deceleration)
+
+    def apply(self, now_ns: int) -> None:
+        """Give the drive what holds now: grip, and a stop that was withheld."""
+        if self._drive.grip is not None:
+            self._drive.grip.command(self._grip(now_ns))
+        if not self._direction and self._faults.now("no-stop", now_ns) is None:
+            self._drive.command(0.0, self._slope)
+
+    def state(self) -> Mapping[str, object]:
+        """Return settings and motion as JSON values."""
+        return {**{key: getattr(self, key) for key in _STATE}, "limits": list(self.limits)}
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned; the plant restores itself."""
+        for key in _STATE:
+            setattr(self, key, state[key])
+        low, high = cast("list[float]", state["limits"])
+        self.limits = (low, high)
+
+    def _grip(self, now_ns: int) -> float:
+        if self._faults.now("stalled", now_ns) is not None:
+            return 0.0
+        slipping = self._faults.now("slipping", now_ns)
+        return 1.0 if slipping is None else slipping.share
+
+    def _target(self) -> float:
+        return self._direction * self.velocity
+
+    def _follow(self, direction: int, velocity: float, slope: float, now_ns: int) -> None:
+        """Begin another trapezoid in the controller's mind."""
+        self._direction, self._since_ns, self._from, self._slope = direction, now_ns, velocity, slope
+
+    def _go(self, direction: int, velocity: float, slope: float, now_ns: int) -> None:
+        self._follow(direction, velocity, slope, now_ns)
+        self._drive.command(self._target(), slope)
+
+
+_STATE = (
+    "unit",
+    "velocity",
+    "acceleration",
+    "deceleration",
+    "powered",
+    "_direction",
+    "_since_ns",
+    "_from",
+    "_slope",
+)

@@ -1,0 +1,132 @@
+"""A Newport ESP301 as its serial line shows it: command lines in, answers of one line each out.
+
+Facts, from the user's manuals of ESP300 and ESP301: lines end with a carriage return, answers with carriage return and
+line feed; a command is an axis number, two letters and a parameter, blanks do not count, several stand in a line
+between semicolons, 80 characters at most; errors are kept ten deep, those of axis n are n * 100 and more; `TB?` gives
+code, time in ticks of 0.4 ms, and text.
+
+Assumed: a line feed behind the carriage return is ignored; each question of a line is answered in a line of its own;
+`TB?` without an error gives the present time; a full error buffer loses its oldest entry; an axis without a stage
+answers `MO?` with 0 and `MD?` with 1; a velocity takes effect in a motion at once; software limits are kept and not
+watched; `TV?` gives what the controller commands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import cast
+
+from hil.clock.port import NANOSECONDS
+from hil.simulation.peers.esp301.axis import Axis, Drive, StageTruth
+from hil.simulation.peers.esp301.commands import CommandSet
+from hil.simulation.peers.model import PeerModel, PeerSetup
+from hil.wire.peer import Line, PeerClock
+
+__all__ = ["MODEL", "Esp301", "build"]
+
+_LONGEST_INBOX = 1024
+_DEGREE = 7
+
+
+class Esp301:
+    """The controller.
+
+    Args:
+        commands: what it knows.
+        axis: its first axis.
+        command_ns: how long a line takes.
+    """
+
+    def __init__(self, commands: CommandSet, axis: Axis, command_ns: int) -> None:
+        self._commands = commands
+        self._axis = axis
+        self._command_ns = command_ns
+        self._inbox = b""
+        self._lines: list[str] = []
+        self._due_ns = 0
+        self._line: Line
+        self._clock: PeerClock
+
+    def attach(self, line: Line, clock: PeerClock) -> None:
+        """Connect the line; the motor starts off."""
+        self._line = line
+        self._clock = clock
+        for at_ns in self._axis.changes_ns():
+            clock.at(at_ns, lambda: self._axis.apply(clock.now_ns()))
+        self._axis.apply(clock.now_ns())
+
+    def receive(self, data: bytes) -> None:
+        """Collect bytes into lines."""
+        *lines, self._inbox = (self._inbox + data.replace(b"\n", b"")).split(b"\r")
+        self._inbox = self._inbox[-_LONGEST_INBOX:]
+        for line in lines:
+            self._lines.append(line.decode("latin-1"))
+            if len(self._lines) == 1:
+                self._begin()
+
+    def state(self) -> Mapping[str, object]:
+        """Return axis, error buffer and what is still to be executed."""
+        return {
+            "axis": dict(self._axis.state()),
+            "commands": dict(self._commands.state()),
+            "inbox": self._inbox.hex(),
+            "lines": list(self._lines),
+            "due_ns": self._due_ns,
+        }
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        self._axis.restore(cast("dict[str, object]", state["axis"]))
+        self._commands.restore(cast("dict[str, object]", state["commands"]))
+        self._inbox = bytes.fromhex(cast("str", state["inbox"]))
+        self._lines = list(cast("list[str]", state["lines"]))
+        self._due_ns = cast("int", state["due_ns"])
+        if self._lines:
+            self._clock.at(self._due_ns, self._work)
+
+    def _begin(self) -> None:
+        self._due_ns = self._clock.now_ns() + self._command_ns
+        self._clock.at(self._due_ns, self._work)
+
+    def _work(self) -> None:
+        for answer in self._commands.execute(self._lines.pop(0), self._clock.now_ns()):
+            self._line.send(f"{answer}\r\n".encode("latin-1", "replace"))
+        if self._lines:
+            self._begin()
+
+
+def build(setup: PeerSetup) -> Esp301:
+    """Build the controller; its first axis drives the terminals `rate`, `acceleration` and `grip`, and sees `angle`.
+
+    Raises:
+        TruthError: with everything that is wrong in its truth or terminals.
+    """
+    truth, connections = setup.truth, setup.connections
+    limits = truth.vector("limits", 2, (-360_000.0, 360_000.0))
+    stage = StageTruth(
+        model=truth.text("stage", "URS75BPP"),
+        serial=truth.text("serial", "SN0001"),
+        unit=truth.integer("unit", _DEGREE, maximum=11),
+        resolution=truth.number("resolution", 0.0002, above=0),
+        maximum_velocity=truth.number("maximum_velocity", 100.0, above=0),
+        maximum_acceleration=truth.number("maximum_acceleration", 200.0, above=0),
+        friction=truth.number("friction", 60.0, above=0),
+        limits=(limits[0], limits[1]),
+    )
+    version = f"ESP301 Version {truth.text('firmware', '3.0.1 6/1/99')}"
+    command_ns = round(truth.number("command_time", 1e-3, minimum=0) * NANOSECONDS)
+    drive = Drive(
+        rate=connections.input("rate"),
+        acceleration=connections.input("acceleration"),
+        grip=connections.input("grip"),
+        angle=connections.signal("angle"),
+    )
+    if drive.grip is None and setup.faults.of("slipping", "stalled"):
+        truth.wrong("connects", "slipping and stalled need the terminal 'grip'")
+    setup.finish()
+    axis = Axis(1, stage, drive, setup.faults)
+    return Esp301(CommandSet(version, axis, setup.faults), axis, command_ns)
+
+
+MODEL = PeerModel(link="serial", fault_kinds=("identity", "no-stop", "slipping", "stalled"), build=build)
+"""The model behind the driver `newport-esp301`."""

@@ -1,0 +1,172 @@
+"""A board on a rotation table: trapezoids of rate, ripple of the drive, tilt of the axis, the Earth's rate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, pi, radians, sin, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.simulation.plants.plant import Inputs, Plant, Vector
+from hil.simulation.plants.trapezoid import travelled
+from hil.simulation.truth import Truth
+
+__all__ = ["RotationTable", "TableTruth", "build"]
+
+_AXES = ("x", "y", "z")
+_RATES = {f"rate.{axis}": place for place, axis in enumerate(_AXES)}
+_SIGNALS = frozenset(("angle", "turns", "table_rate", *_RATES))
+_TURN = 360.0
+_SECONDS_PER_HOUR = 3600.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableTruth:
+    """What the table really is.
+
+    Attributes:
+        ripple: relative amplitude of the rate, once per turn of the motor side.
+        tilt: angles [rad] of the table's axis towards the two board axes that follow the mounted one cyclically.
+        earth_rate: [deg/s], 0 for a table on an Earth that does not turn.
+        latitude: [deg], positive north; the table's axis points up.
+        mounting: the board axis along the table's axis at the epoch.
+        angle: of the table at the epoch [deg].
+    """
+
+    ripple: float = 0.0
+    tilt: tuple[float, float] = (0.0, 0.0)
+    earth_rate: float = 0.0
+    latitude: float = 0.0
+    mounting: str = "z"
+    angle: float = 0.0
+
+
+class RotationTable(Plant):
+    """A table that follows a commanded rate with limited acceleration, exactly and whatever the grid.
+
+    The state is (now, since, motor angle, motor rate, table angle): the last three are those of the instant `since` at
+    which something was commanded, so that only `now` moves and interpolation is exact. With the motor's angle f, its
+    rate w and the share g of it that grips, the table turns with g w (1 + e cos f): the ripple e comes once per turn,
+    and its integral is g (f + e sin f).
+
+    Inputs: `rate_command` [deg/s], `acceleration` [deg/s2], `grip` (1, less where the drive slips) and `mounting`.
+    Signals: `angle` [deg] and `turns` of the table, `table_rate` [deg/s], `rate.x/y/z` [deg/s] in the board's frame.
+
+    Args:
+        name: the plant's name.
+        grid_ns: distance of grid points.
+        truth: what the table is.
+    """
+
+    def __init__(self, name: str, grid_ns: int, truth: TableTruth) -> None:
+        inputs: Inputs = {"rate_command": 0.0, "acceleration": 10.0, "grip": 1.0, "mounting": truth.mounting}
+        super().__init__(name, grid_ns, (0.0, 0.0, truth.angle, 0.0, truth.angle), inputs, _SIGNALS)
+        self._truth = truth
+        self._frames = {axis: _frame(place, truth.tilt) for place, axis in enumerate(_AXES)}
+        latitude = radians(truth.latitude)
+        self._up, self._north = truth.earth_rate * sin(latitude), truth.earth_rate * cos(latitude)
+
+    def choices(self, name: str) -> tuple[str, ...]:
+        """Return the axes that the board can be mounted along."""
+        return _AXES if name == "mounting" else ()
+
+    def step(self, state: Vector, inputs: Inputs, dt: float) -> Vector:
+        """Let time pass; the closed form does the rest."""
+        del inputs
+        return (state[0] + dt, *state[1:])
+
+    def commanded(self, state: Vector, before: Inputs, after: Inputs) -> Vector:
+        """Begin a new trapezoid where the old one has come to."""
+        del after
+        motor, rate = self._motor(state, before, state[0])
+        return (state[0], state[0], float(motor), float(rate), float(self._angle(state, before, motor)))
+
+    def signal(self, name: str, state: Vector, inputs: Inputs, at: float) -> float:
+        """Return one of the signals of this plant."""
+        return float(self._seen(name, state, inputs, at))
+
+    def observe_many(self, signal: str, times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return a signal at many rising instants of the last two seconds, in closed form."""
+        if not times_ns.size:
+            return np.empty(0)
+        first, last = int(times_ns[0]), int(times_ns[-1])
+        moments = self._moments_between(first, last)
+        if first < moments[0].at_ns or last > self._now_ns:
+            raise ValueError(f"plant {self.name} cannot be observed at {first} to {last} ns, it is {self._now_ns} ns")
+        values = np.empty(times_ns.size)
+        # The moment of an instant is the last one before it: no command of that instant is seen yet.
+        starts = np.array([moment.at_ns for moment in moments[1:]], dtype=np.int64)
+        ends = [*np.searchsorted(times_ns, starts, side="right"), times_ns.size]
+        begin = 0
+        for moment, end in zip(moments, ends, strict=True):
+            at = times_ns[begin:end] / 1e9
+            values[begin:end] = self._seen(signal, moment.state, moment.inputs, at)
+            begin = end
+        return values
+
+    def _seen(
+        self, name: str, state: Vector, inputs: Inputs, at: float | NDArray[np.float64]
+    ) -> float | NDArray[np.float64]:
+        motor, rate = self._motor(state, inputs, at)
+        if name in {"angle", "turns"}:
+            angle = self._angle(state, inputs, motor)
+            return angle if name == "angle" else angle / _TURN
+        table_rate = float(inputs["grip"]) * rate * (1 + self._truth.ripple * np.cos(np.radians(motor)))
+        if name == "table_rate":
+            return table_rate
+        place = _RATES[name]
+        axis, forward, left = self._frames[str(inputs["mounting"])]
+        seen = axis[place] * (table_rate + self._up)
+        if self._north:
+            angle = np.radians(self._angle(state, inputs, motor))
+            seen = seen + self._north * (forward[place] * np.cos(angle) - left[place] * np.sin(angle))
+        return seen
+
+    def _motor(
+        self, state: Vector, inputs: Inputs, at: float | NDArray[np.float64]
+    ) -> tuple[float | NDArray[np.float64], float | NDArray[np.float64]]:
+        _, since, angle, rate, _ = state
+        way, now = travelled(rate, float(inputs["rate_command"]), float(inputs["acceleration"]), at - since)
+        return angle + way, now
+
+    def _angle(self, state: Vector, inputs: Inputs, motor: float | NDArray[np.float64]) -> float | NDArray[np.float64]:
+        return state[4] + float(inputs["grip"]) * (self._rippled(motor) - self._rippled(state[2]))
+
+    def _rippled(self, motor: float | NDArray[np.float64]) -> float | NDArray[np.float64]:
+        return motor + self._truth.ripple * (180 / pi) * np.sin(np.radians(motor))
+
+
+_Axis = tuple[float, float, float]
+
+
+def _frame(place: int, tilt: tuple[float, float]) -> tuple[_Axis, _Axis, _Axis]:
+    """Return the table's axis, and two directions across it (north and west at angle 0), in the board's frame."""
+    axis = np.zeros(3)
+    axis[[place, (place + 1) % 3, (place + 2) % 3]] = (1.0, *tilt)
+    axis /= sqrt(float(axis @ axis))
+    forward = np.zeros(3)
+    forward[(place + 1) % 3] = 1.0
+    forward -= axis * float(axis @ forward)
+    forward /= sqrt(float(forward @ forward))
+    rows = [[float(part) for part in row] for row in (axis, forward, np.cross(axis, forward))]
+    return tuple((row[0], row[1], row[2]) for row in rows)  # type: ignore[return-value]  # there are three rows
+
+
+def build(name: str, grid_ns: int, truth: Truth) -> RotationTable:
+    """Build the plant from the truth section of a bench file.
+
+    Raises:
+        TruthError: with everything that is wrong in the section.
+    """
+    tilt = truth.vector("tilt", 2, (0.0, 0.0))
+    table = TableTruth(
+        ripple=truth.number("ripple", 0.0, minimum=0, maximum=0.5),
+        tilt=(tilt[0], tilt[1]),
+        earth_rate=truth.number("earth_rate", 0.0, minimum=0, maximum=100) / _SECONDS_PER_HOUR,
+        latitude=truth.number("latitude", 0.0, minimum=-90, maximum=90),
+        mounting=truth.text("mounting", "z", choices=_AXES),
+        angle=truth.number("angle", 0.0),
+    )
+    truth.finish()
+    return RotationTable(name, grid_ns, table)
