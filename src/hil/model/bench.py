@@ -29,10 +29,14 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bus:
-    """An I2C bus: where it is on hardware, and how fast it runs."""
+    """An I2C bus and how fast it runs.
+
+    Either `port` (where it is on hardware) or `instrument` (who runs its transfers) is set.
+    """
 
     name: str
-    port: str
+    port: str = ""
+    instrument: str = ""
     frequency_hz: float = 100_000.0
 
 

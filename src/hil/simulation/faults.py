@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -29,7 +30,7 @@ class Fault:
         duration_ns: `late`: what is added; `chatty`: the pause between unsolicited bytes.
         share: `garbled`: the part of the bytes that are hit; `slipping`: the part of the rate that remains.
         number: `partial`: bytes that come through; `refuse-off`: channel, 0 for all; `welded`: contact;
-            `temperature-raw`: counts of the temperature.
+            `temperature-raw`: counts of the temperature; `lose-frames`: how many; `nack`: the bus address.
         field: `saturated`: what is added to every axis, in the sensor's unit [uT, deg/s].
         text: `chatty`: the bytes; `identity`: who answers instead; `refuse-off`: what it says, `on` or `off`;
             `no-stop`: whether switching the motor off stops it, `cuts` or `stays`.
@@ -131,6 +132,18 @@ def _temperature_raw(truth: Truth, fault: Fault) -> Fault:
     return replace(fault, number=truth.integer("counts", 24_000, minimum=-32_767, maximum=32_767))
 
 
+def _lose_frames(truth: Truth, fault: Fault) -> Fault:
+    return replace(fault, number=truth.integer("frames", 1, minimum=1))
+
+
+def _nack(truth: Truth, fault: Fault) -> Fault:
+    text = truth.text("address")
+    if not re.fullmatch(r"0x[0-9A-Fa-f]{2}", text):
+        truth.wrong("address", f"expected an address such as '0x68', not '{text}'")
+        return fault
+    return replace(fault, number=int(text, 16))
+
+
 def _saturated(truth: Truth, fault: Fault) -> Fault:
     return replace(fault, field=truth.number("field", 5000.0))
 
@@ -140,6 +153,8 @@ _SETTINGS: Mapping[str, Callable[[Truth, Fault], Fault]] = {
     "garbled": _garbled,
     "identity": _identity,
     "late": _late,
+    "lose-frames": _lose_frames,
+    "nack": _nack,
     "no-stop": _no_stop,
     "partial": _partial,
     "refuse-off": _refuse_off,

@@ -8,7 +8,7 @@ from typing import cast
 
 from hil.clock.port import NANOSECONDS
 from hil.clock.virtual import Event, VirtualClock
-from hil.model.bench import InstrumentSpec, PeerSpec, PlantSpec, SimulatedBench
+from hil.model.bench import Bus, InstrumentSpec, PeerSpec, PlantSpec, SimulatedBench
 from hil.simulation.faults import BUS_FAULTS, SERIAL_FAULTS, read_faults
 from hil.simulation.peers.faulty import FaultyBusPeer, FaultySerialPeer
 from hil.simulation.peers.model import Connections, PeerModel, PeerSetup
@@ -49,7 +49,7 @@ class World:
         clock: the bench's virtual clock.
         plants: physics by name.
         serial_peers: simulated instruments on byte streams, by device.
-        bus_peers: simulated devices on I2C buses, by bus.
+        bus_peers: simulated devices on I2C buses, by bus; those of a bus that an instrument serves are its peer's too.
         devices: every device's place in the bench file, which orders events of one instant.
         person: the simulated operator.
     """
@@ -90,25 +90,30 @@ class World:
             peer.restore(peers[name])
 
 
-def build_world(spec: SimulatedBench, instruments: tuple[InstrumentSpec, ...], clock: VirtualClock) -> World:
+def build_world(
+    spec: SimulatedBench, instruments: tuple[InstrumentSpec, ...], clock: VirtualClock, buses: tuple[Bus, ...] = ()
+) -> World:
     """Build the world of a bench on a clock that stands at the epoch.
 
-    An instrument without an entry under `peers` has no simulated end.
+    An instrument without an entry under `peers` has no simulated end. Of `buses` those matter that an instrument
+    serves: its peer gets the devices on them.
 
     Raises:
         TruthError: with the first thing that is wrong in the simulated part of the bench file; `truth_errors`
             finds all of them.
     """
-    builder = _Builder(spec, instruments, clock)
+    builder = _Builder(spec, instruments, clock, buses)
     builder.build()
     if builder.errors:
         raise builder.errors[0]
     return builder.world()
 
 
-def truth_errors(spec: SimulatedBench, instruments: tuple[InstrumentSpec, ...]) -> tuple[TruthError, ...]:
+def truth_errors(
+    spec: SimulatedBench, instruments: tuple[InstrumentSpec, ...], buses: tuple[Bus, ...] = ()
+) -> tuple[TruthError, ...]:
     """Return everything that is wrong in the simulated part of a bench file, in its order."""
-    builder = _Builder(spec, instruments, VirtualClock())
+    builder = _Builder(spec, instruments, VirtualClock(), buses)
     builder.build()
     return tuple(builder.errors)
 
@@ -116,8 +121,15 @@ def truth_errors(spec: SimulatedBench, instruments: tuple[InstrumentSpec, ...]) 
 class _Builder:
     """Builds section by section, and notes what is wrong instead of stopping."""
 
-    def __init__(self, spec: SimulatedBench, instruments: tuple[InstrumentSpec, ...], clock: VirtualClock) -> None:
+    def __init__(
+        self,
+        spec: SimulatedBench,
+        instruments: tuple[InstrumentSpec, ...],
+        clock: VirtualClock,
+        buses: tuple[Bus, ...],
+    ) -> None:
         self.errors: list[TruthError] = []
+        self._served = {bus.instrument: bus.name for bus in buses if bus.instrument}
         self._spec = spec
         self._instruments = {instrument.name: instrument for instrument in instruments}
         self._devices = {name: number for number, name in enumerate(self._instruments, start=1)}
@@ -125,7 +137,7 @@ class _Builder:
         self._seeds = Seeds(spec.seed)
         self._taken: set[str] = set()
         self._plants: dict[str, Plant] = {}
-        self._serial: dict[str, SerialPeer] = {}
+        self._serial: dict[str, FaultySerialPeer] = {}
         self._bus: dict[str, list[BusPeer]] = {}
         self._by_device: dict[str, SerialPeer | BusPeer] = {}
         self._person = Person({}, {})
@@ -139,13 +151,13 @@ class _Builder:
         self._guard(self._build_person)
 
     def world(self) -> World:
-        """Return what was built, with plants and buses on the clock."""
+        """Return what was built, with plants and buses on the clock, and served buses behind their instruments."""
         for plant in self._plants.values():
             self._clock.advance_first(plant.advance)
         world = World(
             clock=self._clock,
             plants=self._plants,
-            serial_peers=self._serial,
+            serial_peers=dict(self._serial),
             bus_peers=self._bus,
             devices=self._devices,
             person=self._person,
@@ -154,6 +166,9 @@ class _Builder:
         for device, peer in self._by_device.items():
             if device not in self._serial:
                 cast("BusPeer", peer).attach(DeviceClock(self._clock, self._devices[device]))
+        for device, bus in self._served.items():
+            if device in self._serial:
+                self._serial[device].serve(self._bus.get(bus, ()))
         return world
 
     def _guard(self, build: Callable[[], None]) -> None:
@@ -184,6 +199,10 @@ class _Builder:
         model = peer_model(spec.model or instrument.driver, (*path, "model"))
         if (model.link == "bus") != bool(instrument.bus):
             raise TruthError((*path, "model"), f"this peer hangs on a {_LINKS[model.link]}, '{spec.device}' does not")
+        if spec.device in self._served and not model.serves_bus:
+            raise TruthError(
+                (*path, "model"), f"this peer serves no bus, so {self._served[spec.device]} has no devices"
+            )
         kinds = (*_FAULTS[model.link], *model.fault_kinds)
         setup = PeerSetup(
             instrument=instrument,

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol, runtime_checkable
 
-__all__ = ["BusPeer", "Cancellable", "Line", "Nack", "PeerClock", "SerialPeer"]
+__all__ = ["BusPeer", "BusServer", "Cancellable", "Line", "Nack", "PeerClock", "SerialPeer"]
 
 
 class Nack(Exception):
@@ -86,4 +86,13 @@ class BusPeer(Protocol):
 
     def restore(self, state: Mapping[str, object]) -> None:
         """Go on from what `state` returned."""
+        ...
+
+
+@runtime_checkable
+class BusServer(Protocol):
+    """A simulated instrument with an I2C bus of its own behind it."""
+
+    def serve(self, peers: Sequence[BusPeer]) -> None:
+        """Put devices on its bus, once, before it is attached."""
         ...

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.seeds import Stream
-from hil.wire.peer import BusPeer, Line, Nack, PeerClock, SerialPeer
+from hil.wire.peer import BusPeer, BusServer, Line, Nack, PeerClock, SerialPeer
 
 __all__ = ["FaultyBusPeer", "FaultySerialPeer"]
 
@@ -31,6 +31,11 @@ class FaultySerialPeer:
         self._noise = noise
         self._line: Line
         self._clock: PeerClock
+
+    def serve(self, peers: Sequence[BusPeer]) -> None:
+        """Put devices on the bus of a peer that serves one."""
+        if isinstance(self._peer, BusServer):
+            self._peer.serve(peers)
 
     def attach(self, line: Line, clock: PeerClock) -> None:
         """Connect the peer behind the faults, and start what comes unasked."""

@@ -147,8 +147,10 @@ class PeerModel:
         link: whether it hangs on a byte stream or on an I2C bus.
         fault_kinds: the faults that it knows besides those of its link.
         build: makes one peer; a serial one for `serial`, a bus peer for `bus`.
+        serves_bus: whether its peers are also bus servers (`hil.wire.peer.BusServer`).
     """
 
     link: Literal["serial", "bus"]
     fault_kinds: tuple[str, ...]
     build: Callable[[PeerSetup], SerialPeer] | Callable[[PeerSetup], BusPeer]
+    serves_bus: bool = False

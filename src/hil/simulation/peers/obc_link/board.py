@@ -1,0 +1,247 @@
+"""A Nucleo-64 with the firmware `hil-obc`, as its serial line shows it.
+
+Everything is from the page about the OBC link (docs/reference/obc-link.md), protocol 1.0. Assumed besides: transfers
+of one turn, or one request, happen at the instant at which the bus is theirs, and take the time of their bits; a
+request takes `command_ns` before anything of it happens. Not modelled: bus errors and timeouts (status 3 and 4,
+events 2 and 3, code HARDWARE), and a frame that a reset cuts short.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import cast
+
+from hil.simulation.faults import Faults
+from hil.simulation.peers.obc_link.bus import BoardBus
+from hil.simulation.peers.obc_link.commands import MINOR, READING, REQUEST_USER, Article, Commands, Tally
+from hil.simulation.peers.obc_link.fields import Code, Refusal
+from hil.simulation.peers.obc_link.framing import VERSION, Frame, FrameReader, seal
+from hil.simulation.peers.obc_link.stream import STREAM_USER, Stream
+from hil.simulation.peers.obc_link.timing import Alarm, BoardClock
+from hil.simulation.peers.obc_link.uart import Uart
+from hil.simulation.seeds import Stream as Noise
+from hil.wire.peer import BusPeer, Line, PeerClock
+
+__all__ = ["ObcBoard"]
+
+_REPLY, _BOOT, _EVENT = 0x80, 0x41, 0x42
+_REQUESTS = range(0x01, 0x40)
+_HELD = 3
+_EXPIRED, _OVERRUN = 1, 4
+_POWER_ON, _WATCHDOG_RESET = 1, 4
+_NS_PER_MS = 1_000_000
+
+
+class ObcBoard:
+    """The board: takes one request at a time, remembers the last, and streams by itself.
+
+    It has had power since before the epoch. The fault `reset` resets it, as its independent watchdog would.
+
+    Args:
+        article: what it is.
+        noise: of its analogue inputs.
+        clock: its own.
+        faults: what goes wrong.
+        baud: of its line, 0 for one without a speed.
+        boots: its boot counter at the epoch.
+        times_ns: from a request to its execution, and from a reset to the boot notice.
+    """
+
+    def __init__(
+        self,
+        article: Article,
+        noise: Noise,
+        clock: BoardClock,
+        faults: Faults,
+        *,
+        baud: int,
+        boots: int,
+        times_ns: tuple[int, int],
+    ) -> None:
+        self._article = article
+        self._board_clock = clock
+        self._faults = faults
+        self._command_ns, self._boot_ns = times_ns
+        self._reader = FrameReader()
+        self._bus = BoardBus(faults)
+        self._uart = Uart(round(10e9 / baud) if baud else 0, article.ring, faults, self._settle)
+        self._stream = Stream(self._bus, self._uart, clock, self._settle)
+        self._commands = Commands(article, noise, (clock, self._bus, self._stream, self._uart), self)
+        self.tally = Tally(boots=boots, reason=_POWER_ON)
+        self.watchdog_ms = 0
+        self._requests: list[tuple[Frame, int]] = []
+        self._last: tuple[Frame, bytes] | None = None
+        self._clock: PeerClock
+        self._work: Alarm
+        self._dog: Alarm
+        self._booting: Alarm
+
+    def serve(self, peers: Sequence[BusPeer]) -> None:
+        """Put devices on the board's bus."""
+        self._bus.serve(peers)
+        self._stream.serve(tuple(peers))
+
+    def attach(self, line: Line, clock: PeerClock) -> None:
+        """Connect the line."""
+        self._clock = clock
+        self._work, self._dog = Alarm(clock, self._execute), Alarm(clock, self._expire)
+        self._booting = Alarm(clock, self._boot)
+        self._uart.attach(line, clock)
+        self._bus.attach(clock, {REQUEST_USER: self._commands, STREAM_USER: self._stream})
+        self._stream.attach(clock)
+        self._commands.attach(clock)
+        for fault in self._faults.of("reset"):
+            clock.at(fault.start_ns, self._reset)
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes of the line; while it boots the board hears nothing."""
+        if self._booting.due_ns is not None:
+            return
+        for later, frame in self._reader.take(data):
+            if frame is None or frame.kind not in _REQUESTS or not frame.sequence:
+                self.tally.unusable += 1
+            else:
+                self._take(frame, self._clock.now_ns() - later * self._uart.ns_per_byte)
+
+    def watch(self, watchdog_ms: int) -> None:
+        """Set the watchdog's time and start it; 0 is off."""
+        self.watchdog_ms = watchdog_ms
+        if watchdog_ms:
+            self._dog.set(self._clock.now_ns() + watchdog_ms * _NS_PER_MS)
+        else:
+            self._dog.clear()
+
+    def safe(self) -> int:
+        """Go into the safe state; return how many streams were stopped."""
+        self.watch(0)
+        stopped = self._stream.halt()
+        self._uart.discard()
+        return int(stopped)
+
+    def answer(self, payload: bytes) -> None:
+        """Remember the reply of the request that is being executed, and send it."""
+        self._last = (self._requests[0][0], payload)
+        self._send(payload)
+
+    def state(self) -> Mapping[str, object]:
+        """Return everything that the board would need to go on."""
+        tally = self.tally
+        return {
+            "clock": self._board_clock.state(),
+            "reader": self._reader.state(),
+            "bus": self._bus.state(),
+            "uart": self._uart.state(),
+            "stream": self._stream.state(),
+            "commands": self._commands.state(),
+            "tally": [tally.boots, tally.reason, tally.usable, tally.unusable, tally.overruns, tally.events],
+            "watchdog_ms": self.watchdog_ms,
+            "requests": [[frame.content, received_us] for frame, received_us in self._requests],
+            "last": [self._last[0].content, self._last[1].hex()] if self._last else None,
+            "alarms": [self._work.due_ns, self._dog.due_ns, self._booting.due_ns],
+        }
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        parts = (
+            ("clock", self._board_clock),
+            ("reader", self._reader),
+            ("bus", self._bus),
+            ("uart", self._uart),
+            ("stream", self._stream),
+            ("commands", self._commands),
+        )
+        for name, part in parts:
+            part.restore(cast("dict[str, object]", state[name]))
+        names = ("boots", "reason", "usable", "unusable", "overruns", "events")
+        self.tally = Tally(**dict(zip(names, cast("list[int]", state["tally"]), strict=True)))
+        self.watchdog_ms = cast("int", state["watchdog_ms"])
+        requests = cast("list[tuple[object, int]]", state["requests"])
+        self._requests = [(Frame.of(content), received_us) for content, received_us in requests]
+        last = cast("tuple[object, str] | None", state["last"])
+        self._last = (Frame.of(last[0]), bytes.fromhex(last[1])) if last else None
+        alarms = (self._work, self._dog, self._booting)
+        for alarm, due_ns in zip(alarms, cast("list[object]", state["alarms"]), strict=True):
+            alarm.restore(due_ns)
+
+    def _take(self, frame: Frame, received_ns: int) -> None:
+        self.tally.usable += 1
+        self.watch(self.watchdog_ms)
+        if len(self._requests) == _HELD:
+            self.tally.overruns += 1
+            self._tell(_OVERRUN, self.tally.overruns)
+            return
+        self._requests.append((frame, self._board_clock.at(received_ns)))
+        if len(self._requests) == 1:
+            self._begin()
+
+    def _begin(self) -> None:
+        self._work.set(self._clock.now_ns() + self._command_ns)
+
+    def _execute(self) -> None:
+        frame, received_us = self._requests[0]
+        last = self._last[0] if self._last else None
+        repeated = last is not None and last.sequence == frame.sequence
+        if frame.version != VERSION:
+            self._send(Refusal(Code.VERSION, VERSION).payload)
+        elif not self._commands.knows(frame.kind):
+            self._refuse(Refusal(Code.UNKNOWN_TYPE, frame.kind), remembered=not repeated)
+        elif not repeated or frame.kind in READING:
+            self._run(frame, received_us)
+        elif self._last is not None and frame == last:
+            self._send(self._last[1])
+        else:
+            self._refuse(Refusal(Code.SEQUENCE, frame.sequence), remembered=False)
+
+    def _run(self, frame: Frame, received_us: int) -> None:
+        try:
+            payload = self._commands.execute(frame, received_us)
+        except Refusal as refusal:
+            self._refuse(refusal, remembered=True)
+        else:
+            if payload is not None:
+                self.answer(payload)
+
+    def _refuse(self, refusal: Refusal, *, remembered: bool) -> None:
+        if remembered:
+            self.answer(refusal.payload)
+        else:
+            self._send(refusal.payload)
+
+    def _send(self, payload: bytes) -> None:
+        frame, _ = self._requests.pop(0)
+        self._uart.send(seal(frame.kind | _REPLY, frame.sequence, payload))
+        if self._requests:
+            self._begin()
+
+    def _settle(self) -> None:
+        self._commands.settle()
+
+    def _tell(self, event: int, detail: int) -> None:
+        self.tally.events += 1
+        now_us = self._board_clock.at(self._clock.now_ns())
+        payload = bytes([event]) + self.tally.events.to_bytes(4, "little") + now_us.to_bytes(8, "little")
+        self._uart.send(seal(_EVENT, 0, payload + detail.to_bytes(4, "little")))
+
+    def _expire(self) -> None:
+        after_ms = self.watchdog_ms
+        self.safe()
+        self._tell(_EXPIRED, after_ms)
+        self._commands.settle()
+
+    def _reset(self) -> None:
+        now_ns = self._clock.now_ns()
+        self.watch(0)
+        self._work.clear()
+        self._requests.clear()
+        self._last = None
+        for part in (self._commands, self._stream, self._bus, self._uart):
+            part.reset()
+        self._reader.clear()
+        self._board_clock.reset(now_ns)
+        self.tally = Tally(boots=self.tally.boots + 1, reason=_WATCHDOG_RESET)
+        self._booting.set(now_ns + self._boot_ns)
+
+    def _boot(self) -> None:
+        head = bytes([VERSION, MINOR]) + self.tally.boots.to_bytes(4, "little")
+        payload = head + bytes([self.tally.reason, *self._article.firmware])
+        self._uart.send(b"\0" + seal(_BOOT, 0, payload))

@@ -1,0 +1,139 @@
+"""The simulated board's I2C bus: one user at a time, transfers that take the time of their bits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol, cast
+
+from hil.clock.port import NANOSECONDS
+from hil.simulation.faults import Faults
+from hil.simulation.peers.obc_link.timing import Alarm
+from hil.wire.peer import BusPeer, Nack, PeerClock
+
+__all__ = ["NO_ADDRESS", "OK", "SLOWEST", "BoardBus", "BusUser"]
+
+OK, NO_ADDRESS = 0, 1
+SLOWEST = 100_000
+
+_BITS = 9
+
+
+class BusUser(Protocol):
+    """Who runs transfers: the request that is being executed, or a turn of the stream."""
+
+    def on_bus(self) -> None:
+        """Run every transfer, at this one instant; the bus is taken for as long as their bits take."""
+        ...
+
+    def off_bus(self) -> None:
+        """Go on when the bits are through."""
+        ...
+
+
+class BoardBus:
+    """The bus. A device that does not acknowledge is status 1: simulated devices know no other refusal.
+
+    The fault `nack` lets an address not acknowledge while it lasts.
+
+    Args:
+        faults: what goes wrong.
+    """
+
+    def __init__(self, faults: Faults) -> None:
+        self.frequency_hz = SLOWEST
+        self._faults = faults
+        self._peers: dict[int, BusPeer] = {}
+        self._users: dict[str, BusUser] = {}
+        self._line_up: list[str] = []
+        self._bits = 0
+        self._clock: PeerClock
+        self._through: Alarm
+
+    def serve(self, peers: Sequence[BusPeer]) -> None:
+        """Put devices on the bus."""
+        self._peers = {address: peer for peer in peers for address in peer.addresses}
+
+    def attach(self, clock: PeerClock, users: Mapping[str, BusUser]) -> None:
+        """Connect the clock and those who may ask for the bus."""
+        self._clock = clock
+        self._users = dict(users)
+        self._through = Alarm(clock, self._end)
+
+    def ask(self, user: str) -> None:
+        """Give a user the bus, now or when those before it are through."""
+        self._line_up.append(user)
+        if len(self._line_up) == 1:
+            self._begin()
+
+    def withdraw(self, user: str) -> None:
+        """Bring a user's transfers to an end, or its wait for them; `off_bus` does not come any more."""
+        if user not in self._line_up:
+            return
+        running = self._line_up[0] == user
+        self._line_up.remove(user)
+        if running:
+            self._through.clear()
+            if self._line_up:
+                self._begin()
+
+    def reset(self) -> None:
+        """Be as after a reset."""
+        self._line_up.clear()
+        self._through.clear()
+        self.frequency_hz = SLOWEST
+
+    def write(self, address: int, data: bytes) -> int:
+        """Write one message and return its status."""
+        try:
+            self._at(address).write(address, data)
+        except Nack:
+            self._bits += _BITS
+            return NO_ADDRESS
+        self._bits += _BITS * (1 + len(data))
+        return OK
+
+    def read(self, address: int, length: int) -> tuple[int, bytes]:
+        """Read one message and return its status and bytes."""
+        try:
+            data = self._at(address).read(address, length)
+        except Nack:
+            self._bits += _BITS
+            return NO_ADDRESS, b""
+        self._bits += _BITS * (1 + length)
+        return OK, data
+
+    def registers(self, address: int, register: int, length: int) -> tuple[int, bytes]:
+        """Write a register's number and read, with a repeated start."""
+        status = self.write(address, bytes([register]))
+        return self.read(address, length) if status == OK else (status, b"")
+
+    def state(self) -> Mapping[str, object]:
+        """Return who has the bus and who waits for it."""
+        return {
+            "frequency_hz": self.frequency_hz,
+            "line_up": list(self._line_up),
+            "through_ns": self._through.due_ns,
+        }
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        self.frequency_hz = cast("int", state["frequency_hz"])
+        self._line_up = list(cast("list[str]", state["line_up"]))
+        self._through.restore(state["through_ns"])
+
+    def _at(self, address: int) -> BusPeer:
+        if address not in self._peers or self._faults.now("nack", self._clock.now_ns(), address):
+            raise Nack
+        return self._peers[address]
+
+    def _begin(self) -> None:
+        self._bits = 0
+        self._users[self._line_up[0]].on_bus()
+        self._through.set(self._clock.now_ns() + self._bits * NANOSECONDS // self.frequency_hz)
+
+    def _end(self) -> None:
+        # The next user begins before this one goes on, as the bus is free from now on.
+        user = self._line_up.pop(0)
+        if self._line_up:
+            self._begin()
+        self._users[user].off_bus()

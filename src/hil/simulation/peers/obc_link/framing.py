@@ -1,0 +1,124 @@
+"""Frames of the OBC link as the simulated board makes and takes them: stuffing, checksum, delimiter."""
+
+from __future__ import annotations
+
+import binascii
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import cast
+
+__all__ = ["LARGEST", "OVERHEAD", "VERSION", "Frame", "FrameReader", "seal"]
+
+VERSION = 1
+OVERHEAD = 6
+"""Bytes of a frame around its payload: version, type, sequence, CRC."""
+
+LARGEST = 2048
+"""The longest frame before stuffing."""
+
+_LONGEST_ON_LINE = LARGEST + -(-LARGEST // 254)
+_FULL = 254
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """One frame that arrived whole."""
+
+    version: int
+    kind: int
+    sequence: int
+    payload: bytes
+
+    @property
+    def content(self) -> list[object]:
+        """The frame as JSON values."""
+        return [self.version, self.kind, self.sequence, self.payload.hex()]
+
+    @classmethod
+    def of(cls, content: object) -> Frame:
+        """Return the frame that `content` describes."""
+        version, kind, sequence, payload = cast("tuple[int, int, int, str]", content)
+        return cls(version=version, kind=kind, sequence=sequence, payload=bytes.fromhex(payload))
+
+
+class FrameReader:
+    """Cuts what arrives at its delimiters; how the bytes are cut on their way does not matter."""
+
+    def __init__(self) -> None:
+        self._held = bytearray()
+
+    def take(self, data: bytes) -> Iterator[tuple[int, Frame | None]]:
+        """Yield what ends in `data`: how many bytes of it come later, and the frame, None where it is unusable."""
+        start = 0
+        while (end := data.find(0, start)) >= 0:
+            self._hold(data[start:end])
+            if self._held:
+                yield len(data) - end - 1, _opened(bytes(self._held))
+            self._held.clear()
+            start = end + 1
+        self._hold(data[start:])
+
+    def clear(self) -> None:
+        """Forget what has not ended."""
+        self._held.clear()
+
+    def state(self) -> Mapping[str, object]:
+        """Return what has not ended yet."""
+        return {"held": self._held.hex()}
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        self._held = bytearray(bytes.fromhex(cast("str", state["held"])))
+
+    def _hold(self, data: bytes) -> None:
+        # One byte more than a frame can have is enough to know that it is none.
+        self._held += data[: _LONGEST_ON_LINE + 1 - len(self._held)]
+
+
+def seal(kind: int, sequence: int, payload: bytes) -> bytes:
+    """Return a frame as it stands on the line, delimiter included."""
+    body = bytes([VERSION, kind]) + sequence.to_bytes(2, "little") + payload
+    return _stuffed(body + _checksum(body)) + b"\0"
+
+
+def _checksum(data: bytes) -> bytes:
+    return binascii.crc_hqx(data, 0xFFFF).to_bytes(2, "little")
+
+
+def _stuffed(data: bytes) -> bytes:
+    """Return the bytes by COBS: each run up to a zero behind its length, full runs without a zero behind them."""
+    stuffed = bytearray()
+    runs = data.split(b"\0")
+    for number, run in enumerate(runs):
+        rest = run
+        while len(rest) >= _FULL:
+            stuffed.append(_FULL + 1)
+            stuffed += rest[:_FULL]
+            rest = rest[_FULL:]
+        # A full run at the very end needs nothing behind it; before a zero it does, for the zero's sake.
+        if rest or not run or number < len(runs) - 1:
+            stuffed.append(len(rest) + 1)
+            stuffed += rest
+    return bytes(stuffed)
+
+
+def _unstuffed(data: bytes) -> bytes | None:
+    plain = bytearray()
+    place = code = 0
+    while place < len(data):
+        code = data[place]
+        if place + code > len(data):
+            return None
+        plain += data[place + 1 : place + code]
+        place += code
+        if code <= _FULL:
+            plain.append(0)
+    # The zero of the last block stands for the end; a full last block has none.
+    return bytes(plain[:-1] if code <= _FULL else plain)
+
+
+def _opened(data: bytes) -> Frame | None:
+    frame = _unstuffed(data) if len(data) <= _LONGEST_ON_LINE else None
+    if frame is None or not OVERHEAD <= len(frame) <= LARGEST or _checksum(frame[:-2]) != frame[-2:]:
+        return None
+    return Frame(version=frame[0], kind=frame[1], sequence=int.from_bytes(frame[2:4], "little"), payload=frame[4:-2])

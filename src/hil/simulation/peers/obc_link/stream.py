@@ -1,0 +1,226 @@
+"""The stream of the simulated board: a program of transfers at every trigger, each trigger with its number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import cast
+
+from hil.simulation.peers.obc_link.bus import OK, BoardBus
+from hil.simulation.peers.obc_link.fields import FifoTransfer, Program, RegisterTransfer, program_of
+from hil.simulation.peers.obc_link.framing import seal
+from hil.simulation.peers.obc_link.timing import Alarm, BoardClock
+from hil.simulation.peers.obc_link.uart import Uart
+from hil.wire.peer import BusPeer, PeerClock
+
+__all__ = ["STREAM_DATA", "STREAM_USER", "Stream"]
+
+STREAM_DATA = 0x40
+STREAM_USER = "stream"
+"""The stream's name in the line-up for the bus."""
+
+_LATENCY_NS = 2000
+
+
+@dataclass(frozen=True, slots=True)
+class _Trigger:
+    """One trigger: when it was by the board's clock, and its number unless the turn has to earn one."""
+
+    at_us: int
+    number: int | None
+
+
+class Stream:
+    """Stream 0 of bus 0. The interrupt pins of all devices on the bus are joined at line 0; nothing is at line 1.
+
+    Args:
+        bus: where the transfers run.
+        uart: with the ring that takes the frames.
+        clock: the board's.
+        ended: told when a stream that was stopped has finished its turns.
+    """
+
+    def __init__(self, bus: BoardBus, uart: Uart, clock: BoardClock, ended: Callable[[], None]) -> None:
+        self._bus = bus
+        self._uart = uart
+        self._board = clock
+        self._ended = ended
+        self.lost_since_reset = 0
+        self._request = b""
+        self._program: Program | None = None
+        self._counting = False
+        self._start_us = 0
+        self._ticks = 0
+        self.numbers = 0
+        self.lost = 0
+        self._turn: _Trigger | None = None
+        self._next: _Trigger | None = None
+        self._result: bytes | None = None
+        self._clock: PeerClock
+        self._timer: Alarm
+        self._turning: Alarm
+
+    def serve(self, peers: tuple[BusPeer, ...]) -> None:
+        """Listen to the interrupt pins of the devices that have one."""
+        for peer in peers:
+            listen = getattr(peer, "on_interrupt", None)
+            if listen is not None:
+                listen(partial(self.edge, 0))
+
+    def attach(self, clock: PeerClock) -> None:
+        """Connect the bench's clock."""
+        self._clock = clock
+        self._timer = Alarm(clock, self._tick)
+        self._turning = Alarm(clock, partial(self._bus.ask, STREAM_USER))
+
+    @property
+    def running(self) -> bool:
+        """Whether triggers count."""
+        return self._counting
+
+    @property
+    def busy(self) -> bool:
+        """Whether a turn runs or a trigger waits."""
+        return self._turn is not None
+
+    def start(self, program: Program, request: bytes) -> int:
+        """Let triggers count from now on; return the board's time."""
+        self._program, self._request = program, request
+        self._start_us = self._board.at(self._clock.now_ns())
+        self._ticks, self.numbers, self.lost = 0, 0, 0
+        self._counting = True
+        self._arm_timer()
+        return self._start_us
+
+    def stop(self) -> None:
+        """Let no trigger count any more; the turns that there are go on to their end."""
+        self._counting = False
+        self._timer.clear()
+
+    def halt(self) -> bool:
+        """Stop, give up the turn that runs and the trigger that waits; return whether triggers counted."""
+        was = self._counting
+        self.stop()
+        self._turning.clear()
+        self._bus.withdraw(STREAM_USER)
+        self._turn = self._next = self._result = None
+        return was
+
+    def reset(self) -> None:
+        """Be as after a reset."""
+        self.halt()
+        self.lost_since_reset = 0
+
+    def edge(self, line: int) -> None:
+        """Take a rising edge of an interrupt line; it comes in the middle of what the device does."""
+        if self._counting and self._program is not None and self._program.line == line:
+            self._trigger(self._board.at(self._clock.now_ns()))
+
+    def on_bus(self) -> None:
+        """Run the program once."""
+        self._result = self._run()
+
+    def off_bus(self) -> None:
+        """Put the turn's frame into the ring, and begin the turn of a trigger that waits."""
+        turn, result = self._turn, self._result
+        self._turn, self._next, self._result = self._next, None, None
+        if turn is not None and result is not None:
+            self._emit(turn, result)
+        if self._turn is not None:
+            self._turning.set(self._clock.now_ns())
+        else:
+            self._ended()
+
+    def state(self) -> Mapping[str, object]:
+        """Return program, counters, and turns."""
+        return {
+            "lost_since_reset": self.lost_since_reset,
+            "request": self._request.hex(),
+            "counting": self._counting,
+            "start_us": self._start_us,
+            "ticks": self._ticks,
+            "numbers": self.numbers,
+            "lost": self.lost,
+            "turns": [[turn.at_us, turn.number] for turn in (self._turn, self._next) if turn is not None],
+            "result": None if self._result is None else self._result.hex(),
+            "timer_ns": self._timer.due_ns,
+            "turning_ns": self._turning.due_ns,
+        }
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        self.lost_since_reset = cast("int", state["lost_since_reset"])
+        self._request = bytes.fromhex(cast("str", state["request"]))
+        # It was allowed when it came, at a speed of the bus that may have changed since.
+        self._program = program_of(self._request, float("inf"), lambda: None) if self._request else None
+        self._counting = bool(state["counting"])
+        self._start_us, self._ticks = cast("int", state["start_us"]), cast("int", state["ticks"])
+        self.numbers, self.lost = cast("int", state["numbers"]), cast("int", state["lost"])
+        turns = [_Trigger(*turn) for turn in cast("list[tuple[int, int | None]]", state["turns"])]
+        self._turn, self._next = (*turns, None, None)[:2]
+        result = cast("str | None", state["result"])
+        self._result = None if result is None else bytes.fromhex(result)
+        self._timer.restore(state["timer_ns"])
+        self._turning.restore(state["turning_ns"])
+
+    def _arm_timer(self) -> None:
+        if self._program is not None and self._program.period_us:
+            self._timer.set(self._board.instant(self._start_us + (self._ticks + 1) * self._program.period_us))
+
+    def _tick(self) -> None:
+        self._ticks += 1
+        self._arm_timer()
+        self._trigger(self._board.at(self._clock.now_ns()))
+
+    def _trigger(self, at_us: int) -> None:
+        program = self._program
+        polled = program is not None and program.watermark > 0
+        if self._turn is not None and self._next is not None:
+            if not polled:
+                self._number()
+                self._lose()
+            return
+        trigger = _Trigger(at_us, None if polled else self._number())
+        if self._turn is not None:
+            self._next = trigger
+        else:
+            self._turn = trigger
+            self._turning.set(self._clock.now_ns() + _LATENCY_NS)
+
+    def _number(self) -> int:
+        self.numbers += 1
+        return self.numbers - 1
+
+    def _lose(self) -> None:
+        self.lost += 1
+        self.lost_since_reset += 1
+
+    def _run(self) -> bytes | None:
+        """Return the transfers of a frame, or None where the watermark is not reached."""
+        program = cast("Program", self._program)
+        first, parts = program.watermark > 0, [bytes([len(program.transfers)])]
+        for transfer in program.transfers:
+            if isinstance(transfer, RegisterTransfer):
+                status, data = self._bus.registers(transfer.address, transfer.register, transfer.length)
+            else:
+                status, data = self._bus.registers(transfer.address, transfer.counter, 2)
+                at_hand = int.from_bytes(data, "big") * transfer.unit
+                if first and status == OK and at_hand < program.watermark:
+                    return None
+                first = False
+                status, data = self._records(transfer, at_hand) if status == OK else (status, b"")
+            parts.append(bytes([status]) + len(data).to_bytes(2, "little") + data)
+        return b"".join(parts)
+
+    def _records(self, transfer: FifoTransfer, at_hand: int) -> tuple[int, bytes]:
+        length = min(at_hand, transfer.length) // transfer.record * transfer.record
+        return self._bus.registers(transfer.address, transfer.register, length) if length else (OK, b"")
+
+    def _emit(self, turn: _Trigger, result: bytes) -> None:
+        program = cast("Program", self._program)
+        number = self._number() if turn.number is None else turn.number
+        head = bytes([program.number, 0]) + number.to_bytes(4, "little") + self.lost.to_bytes(4, "little")
+        frame = seal(STREAM_DATA, 0, head + turn.at_us.to_bytes(8, "little") + result)
+        if not self._uart.stream(frame):
+            self._lose()

@@ -1,0 +1,85 @@
+"""The simulated board's time: alarms that survive a restore, and a clock that is not the bench's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import cast
+
+from hil.wire.peer import Cancellable, PeerClock
+
+__all__ = ["Alarm", "BoardClock"]
+
+_PARTS = 10**12
+_NS_PER_US = 1000
+
+
+class Alarm:
+    """One thing that happens later, at most once at a time.
+
+    Args:
+        clock: the bench's clock.
+        action: what happens.
+    """
+
+    def __init__(self, clock: PeerClock, action: Callable[[], None]) -> None:
+        self._clock = clock
+        self._action = action
+        self._event: Cancellable | None = None
+        self.due_ns: int | None = None
+
+    def set(self, when_ns: int) -> None:
+        """Let it happen at `when_ns`, and not when it was due before."""
+        self.clear()
+        self.due_ns = when_ns
+        self._event = self._clock.at(when_ns, self._ring)
+
+    def clear(self) -> None:
+        """Let it not happen."""
+        if self._event is not None:
+            self._event.cancel()
+        self._event, self.due_ns = None, None
+
+    def restore(self, due_ns: object) -> None:
+        """Be due when it was; None is never."""
+        self.clear()
+        if due_ns is not None:
+            self.set(cast("int", due_ns))
+
+    def _ring(self) -> None:
+        self._event, self.due_ns = None, None
+        self._action()
+
+
+class BoardClock:
+    """Microseconds since the board's last reset, by a crystal that is a little wrong.
+
+    Args:
+        drift: rate against the bench's clock minus 1; 0.0001 is 100 ppm fast.
+        offset_us: what it shows at the bench's epoch, before any reset.
+    """
+
+    def __init__(self, drift: float, offset_us: int) -> None:
+        self._rate = _PARTS + round(drift * _PARTS)
+        self._offset_us = offset_us
+        self._zero_ns = 0
+
+    def reset(self, now_ns: int) -> None:
+        """Count from 0 at this instant."""
+        self._zero_ns, self._offset_us = now_ns, 0
+
+    def at(self, when_ns: int) -> int:
+        """Return what the clock shows at an instant of the bench, whole microseconds that have passed."""
+        return self._offset_us + (when_ns - self._zero_ns) * self._rate // (_PARTS * _NS_PER_US)
+
+    def instant(self, shown_us: int) -> int:
+        """Return the first nanosecond of the bench at which the clock shows `shown_us`."""
+        return self._zero_ns - (self._offset_us - shown_us) * _PARTS * _NS_PER_US // self._rate
+
+    def state(self) -> Mapping[str, object]:
+        """Return from where it counts."""
+        return {"zero_ns": self._zero_ns, "offset_us": self._offset_us}
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        self._zero_ns = cast("int", state["zero_ns"])
+        self._offset_us = cast("int", state["offset_us"])

@@ -1,0 +1,129 @@
+"""The simulated board's UART: frames one after the other, replies first, stream frames out of a ring of finite size."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import cast
+
+from hil.simulation.faults import Faults
+from hil.simulation.peers.obc_link.timing import Alarm
+from hil.wire.peer import Line, PeerClock
+
+__all__ = ["Uart"]
+
+
+class Uart:
+    """Sends whole frames.
+
+    The fault `stall` lets stream frames wait while it lasts, so that the ring overflows; replies go on. The fault
+    `lose-frames` lets the line swallow as many stream frames as it says, without the board knowing.
+
+    Args:
+        ns_per_byte: what a byte takes.
+        ring: bytes that stream frames may take, the one that is being sent included.
+        faults: what goes wrong.
+        drained: told whenever no stream frame waits any more.
+    """
+
+    def __init__(self, ns_per_byte: int, ring: int, faults: Faults, drained: Callable[[], None]) -> None:
+        self.ns_per_byte = ns_per_byte
+        self._ring = ring
+        self._faults = faults
+        self._drained = drained
+        self._first: deque[bytes] = deque()
+        self._waiting: deque[bytes] = deque()
+        self._sending = 0
+        self._swallowed = [0] * len(faults.of("lose-frames"))
+        self._line: Line
+        self._clock: PeerClock
+        self._free: Alarm
+
+    def attach(self, line: Line, clock: PeerClock) -> None:
+        """Connect the line."""
+        self._line = line
+        self._clock = clock
+        self._free = Alarm(clock, self._sent)
+        for fault in self._faults.of("stall"):
+            clock.at(fault.end_ns, self._next)
+
+    @property
+    def holds_stream(self) -> bool:
+        """Whether a stream frame waits; the one that is being sent is on its way."""
+        return bool(self._waiting)
+
+    def free_ns(self) -> int:
+        """Return when a reply that comes now can leave."""
+        now_ns = self._clock.now_ns()
+        if self._free.due_ns is None:
+            return now_ns
+        return self._free.due_ns + sum(map(len, self._first)) * self.ns_per_byte
+
+    def send(self, frame: bytes) -> None:
+        """Send a frame before the stream frames that wait."""
+        self._first.append(frame)
+        self._next()
+
+    def stream(self, frame: bytes) -> bool:
+        """Let a stream frame wait in the ring; return whether there was room for it."""
+        if self._sending + sum(map(len, self._waiting)) + len(frame) > self._ring:
+            return False
+        self._waiting.append(frame)
+        self._next()
+        return True
+
+    def discard(self) -> None:
+        """Throw the stream frames away that wait."""
+        self._waiting.clear()
+
+    def reset(self) -> None:
+        """Throw everything away; what is on the line already arrives."""
+        self._first.clear()
+        self._waiting.clear()
+        self._sending = 0
+
+    def state(self) -> Mapping[str, object]:
+        """Return what waits."""
+        return {
+            "first": [frame.hex() for frame in self._first],
+            "waiting": [frame.hex() for frame in self._waiting],
+            "sending": self._sending,
+            "swallowed": list(self._swallowed),
+            "free_ns": self._free.due_ns,
+        }
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        self._first = deque(bytes.fromhex(frame) for frame in cast("list[str]", state["first"]))
+        self._waiting = deque(bytes.fromhex(frame) for frame in cast("list[str]", state["waiting"]))
+        self._sending = cast("int", state["sending"])
+        self._swallowed = list(cast("list[int]", state["swallowed"]))
+        self._free.restore(state["free_ns"])
+
+    def _sent(self) -> None:
+        self._sending = 0
+        self._next()
+
+    def _next(self) -> None:
+        if self._free.due_ns is not None:
+            return
+        if self._first:
+            self._put(self._first.popleft())
+        elif self._waiting and not self._faults.now("stall", self._clock.now_ns()):
+            frame = self._waiting.popleft()
+            self._sending = len(frame)
+            self._put(frame, swallowed=self._swallow())
+            if not self._waiting:
+                self._drained()
+
+    def _put(self, frame: bytes, *, swallowed: bool = False) -> None:
+        if not swallowed:
+            self._line.send(frame)
+        self._free.set(self._clock.now_ns() + len(frame) * self.ns_per_byte)
+
+    def _swallow(self) -> bool:
+        for place, fault in enumerate(self._faults.of("lose-frames")):
+            if fault.holds(self._clock.now_ns()) and self._swallowed[place] < fault.number:
+                self._swallowed[place] += 1
+                return True
+        return False
