@@ -88,9 +88,12 @@ class Eurotherm3216Thermal:
             Rejected: decimals or units are not those of the wiring, or something reads back otherwise.
         """
         self._clamps.permit(self._channel, "temperature", temperature)
-        wanted = round(temperature * 10**self._decimals)
-        if not -0x8000 <= wanted < 0x8000:
-            raise Refused(f"{self._name}: {temperature:g} degC has no room in a register", "ask for less")
+        scaled = temperature * 10**self._decimals
+        if not -0x8000 <= scaled < 0x7FFF:
+            raise Refused(
+                f"{self._name}: {temperature:g} degC has no room in a register", "ask for another temperature"
+            )
+        wanted = round(scaled)
         self._agreed = False
         self._agree()
         self._set(_TARGET_SETPOINT, wanted & 0xFFFF, "the setpoint")

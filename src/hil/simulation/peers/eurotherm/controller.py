@@ -1,7 +1,7 @@
 """The controller: its turn every period, its output on the cooler, and its registers on the line.
 
 What the map (HA028651, section 15.5) does not say is assumed: while the sensor is broken the process value stands at
-the top of its range and the safe output power is given; in standby the working output reads 0; the remote setpoint
+the top of its range and the safe output power is given; standby sets output and integral term to 0; the remote setpoint
 counts for five seconds after it was written. There is no timer, no autotune, and no setpoint ramp.
 """
 
@@ -157,15 +157,14 @@ class Eurotherm3216:
 
     def _output(self, setpoint: float, value: float | None) -> float:
         tuning = self._tuning()
-        error = 0.0 if value is None else setpoint - value
         if self._memory[at.INSTRUMENT_MODE] != at.OPERATING:
-            output = 0.0
-        elif self._memory[at.LOOP_MODE] != at.AUTOMATIC:
-            output = tuning.limited(self._memory[at.MANUAL_OUTPUT] / 10)
-        elif value is None:
-            output = tuning.limited(self._memory[at.SAFE_OUTPUT] / 10)
-        else:
+            self._regulation.clear()
+            return 0.0
+        by_hand = self._memory[at.LOOP_MODE] != at.AUTOMATIC
+        if value is not None and not by_hand:
             return self._regulation.output(setpoint, value, tuning, self._make.period_ns / NANOSECONDS)
+        output = tuning.limited(self._memory[at.MANUAL_OUTPUT if by_hand else at.SAFE_OUTPUT] / 10)
+        error = 0.0 if value is None else setpoint - value
         self._regulation.hold(output, min(max(error, -tuning.band), tuning.band), tuning)
         return output
 

@@ -50,6 +50,10 @@ class Regulation:
         self._total = 0.0
         self._last: float | None = None
 
+    def clear(self) -> None:
+        """Begin anew, as after standby."""
+        self._total, self._last = 0.0, None
+
     def hold(self, output: float, error: float, tuning: Tuning) -> None:
         """Follow an output that something else sets, so that regulation goes on from there."""
         self._total = tuning.total_for(output, error)
