@@ -41,12 +41,14 @@ class StreamReport:
         lost: frames that never came.
         drift: rate of the device's clock against the bench's minus 1, None where unknown.
         drift_uncertainty: standard uncertainty of `drift`.
+        lost_samples: samples that the device dropped, or sent damaged, inside of frames that came.
     """
 
     frames: int
     lost: int
     drift: float | None
     drift_uncertainty: float | None
+    lost_samples: int = 0
 
 
 class Streamed(Sampled, Protocol):

@@ -8,6 +8,7 @@ from importlib.metadata import entry_points
 from hil.simulation.peers import keysight_e36312a, lis3mdl, waveshare_relay
 from hil.simulation.peers.esp301 import controller as newport_esp301
 from hil.simulation.peers.eurotherm import article as eurotherm_3216
+from hil.simulation.peers.iim42652 import model as iim42652
 from hil.simulation.peers.model import PeerModel
 from hil.simulation.plants import coil, rotation_table, thermal_chamber
 from hil.simulation.plants.plant import Plant
@@ -26,6 +27,7 @@ PLANTS: Mapping[str, Callable[[str, int, Truth], Plant]] = {
 
 PEERS: Mapping[str, PeerModel] = {
     "eurotherm-3216": eurotherm_3216.MODEL,
+    "iim42652": iim42652.MODEL,
     "keysight-e36300": keysight_e36312a.MODEL,
     "lis3mdl": lis3mdl.MODEL,
     "newport-esp301": newport_esp301.MODEL,

@@ -1,0 +1,259 @@
+"""IIM-42652: register values, packets, times, and what a sensor that does not measure looks like."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import numpy as np
+import pytest
+from scripted import ScriptedBus
+
+from hil.clock.virtual import VirtualClock
+from hil.instruments.driver import Clamps, Connection
+from hil.instruments.iim42652.driver import Iim42652
+from hil.instruments.iim42652.mode import Mode, celsius
+from hil.instruments.iim42652.packets import Packets, rates
+from hil.instruments.iim42652.stillness import Stillness
+from hil.instruments.iim42652.timeline import Span, Timeline
+from hil.instruments.sampled import Channel
+from hil.model.bench import Wire
+from hil.model.errors import NoReply, Refused, Rejected
+
+OUTPUTS = b"\x1d"
+
+
+def wire(role="gyroscope", channel=0, **settings):
+    """Return a wire with these settings."""
+    return Wire(role=role, instance="", instrument="gyro", channel=channel, settings=settings)
+
+
+def starting(gyro="88", mode="10", power=b"\x0c", reset=b"\x10"):
+    """Return the dialogue of a start: name, reset, settings, on, and all read back."""
+    values = {0x4C: 0x30, 0x4F: int(gyro, 16), 0x51: 0x1A, 0x52: int(mode, 16), 0x64: 0x00}
+    return [
+        (b"\x75", b"\x6f"),
+        (b"\x11\x01", None),
+        (b"\x2d", reset),
+        *((bytes(pair), None) for pair in values.items()),
+        (b"\x4e\x0c", None),
+        *((bytes((register,)), bytes((value,))) for register, value in values.items()),
+        (b"\x4e", power),
+    ]
+
+
+def outputs(x, y, z, temperature=0):
+    """Return the dialogue of a read of all outputs."""
+    return (OUTPUTS, struct.pack(">7h", temperature, -32768, -32768, -32768, x, y, z))
+
+
+def gyroscope(script, **settings):
+    """Return the role on a bus that plays this script, the bus, and the clock."""
+    clock, bus = VirtualClock(), ScriptedBus(0x68, script)
+    driver = Iim42652(Connection(device="gyro", clock=clock, clamps=Clamps(), bus=bus, address=0x68))
+    return driver.role(wire(**settings)), bus, clock
+
+
+@pytest.mark.parametrize(
+    ("settings", "gyro", "mode"),
+    [
+        ({}, "88", "10"),
+        ({"range": "125 deg/s", "rate": "100 Hz", "bandwidth": "50 Hz"}, "88", "10"),
+        ({"range": "2000", "rate": "12.5", "bandwidth": "6.25"}, "0b", "10"),
+        ({"range": "1000", "rate": "25", "bandwidth": "100"}, "2a", "11"),
+        ({"range": "500", "rate": "50", "bandwidth": "80"}, "49", "12"),
+        ({"range": "250", "rate": "200", "bandwidth": "40"}, "67", "14"),
+        ({"range": "62.5", "rate": "500", "bandwidth": "31.25"}, "af", "15"),
+        ({"range": "31.25", "rate": "1000", "bandwidth": "50"}, "c6", "16"),
+        ({"range": "15.625", "rate": "100", "bandwidth": "10"}, "e8", "17"),
+    ],
+)
+def test_start_writes_the_registers(settings, gyro, mode):
+    """Reset, big-endian counts in bytes, range and rate, third-order filter, low-noise mode; read back after 60 ms."""
+    sensor, bus, clock = gyroscope([*starting(gyro, mode), outputs(1, 2, 3)], **settings)
+    sensor.start()
+    assert bus.done
+    assert clock.now() == pytest.approx(0.062)
+
+
+def test_start_waits_for_valid_data():
+    """An axis, or the temperature, that is marked invalid is not valid yet."""
+    invalid = [outputs(-32768, 0, 0), outputs(0, 0, -32768), outputs(1, 1, 1, -32768)]
+    sensor, bus, clock = gyroscope([*starting(), *invalid, outputs(1, 2, 3)])
+    sensor.start()
+    assert bus.done
+    assert clock.now() == pytest.approx(0.062 + 3 * 0.01)
+
+
+def test_data_that_stay_invalid_are_no_reply():
+    """Half a second is more than a start can take."""
+    sensor, bus, clock = gyroscope(starting())
+    bus.repeat_last(*outputs(-32768, -32768, -32768))
+    with pytest.raises(NoReply, match="no valid data"):
+        sensor.start()
+    assert clock.now() < 0.6
+
+
+def test_a_start_that_did_not_happen_is_rejected():
+    """A reset that is not reported, a setting that reads otherwise."""
+    with pytest.raises(Rejected, match="reset"):
+        gyroscope(starting(reset=b"\x08"))[0].start()
+    with pytest.raises(Rejected, match="PWR_MGMT0 was set to 0x0c and reads back 0x00"):
+        gyroscope(starting(power=b"\x00"))[0].start()
+
+
+def test_a_sample_is_one_transfer():
+    """Temperature and rates belong together; invalid and saturated axes are NaN."""
+    sensor, bus, _ = gyroscope(
+        [
+            *starting(),
+            outputs(1, 1, 1),
+            outputs(262, -524, 131, 1325),
+            outputs(32767, -32767, -32768, -32768),
+        ]
+    )
+    sensor.start()
+    assert sensor.channels() == (*(Channel(axis, "deg/s") for axis in "xyz"), Channel("temperature", "degC"))
+    assert sensor.sample() == pytest.approx((1.0, -2.0, 0.5, 35.0), abs=0.002)
+    assert all(math.isnan(number) for number in sensor.sample())
+    assert bus.done
+
+
+def test_what_the_wiring_says_about_numbers():
+    """Noise bandwidth of a Butterworth filter of third order, one count, full scale; no pause while nothing streams."""
+    sensor, _, _ = gyroscope([], range="250", bandwidth="20")
+    assert sensor.bandwidth().value == pytest.approx(20 * math.pi / 3)
+    assert sensor.bandwidth().unit == "Hz"
+    assert sensor.resolution().value == pytest.approx(1 / 131)
+    assert sensor.full_scale().value == 250.0
+    assert sensor.longest_pause == 0.0
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"range": "300"}, "range 300 deg/s does not exist"),
+        ({"rate": "2000"}, "rate 2000 Hz does not exist"),
+        ({"bandwidth": "30"}, "bandwidth 30 Hz does not exist.*10, 20, 25, 40, 50, 80, 100"),
+        ({"line": "-1"}, "line -1 does not exist"),
+        ({"line": "0.5"}, "line 0.5 does not exist"),
+        ({"odr": "100"}, "unknown setting 'odr'"),
+        ({"role": "magnetometer"}, "is no magnetometer"),
+        ({"channel": 1}, "has no channels"),
+    ],
+)
+def test_wiring_that_cannot_be(settings, message):
+    """Each is refused with what there is."""
+    with pytest.raises(Refused, match=message):
+        gyroscope([], **settings)
+
+
+def test_it_needs_a_bus():
+    """A port leads nowhere."""
+    with pytest.raises(Refused, match="I2C bus"):
+        Iim42652(Connection(device="gyro", clock=VirtualClock(), clamps=Clamps()))
+
+
+def test_nothing_streams_before_begin():
+    """Drain and end say so."""
+    sensor, _, _ = gyroscope([])
+    for call in (sensor.drain, sensor.end, sensor.sample, lambda: sensor.begin(100.0)):
+        with pytest.raises(Refused):
+            call()
+
+
+def test_temperature():
+    """25 degC at zero, 132.48 counts per kelvin, NaN where it is marked invalid."""
+    assert celsius(b"\x00\x00") == 25.0
+    assert celsius((-13248).to_bytes(2, "big", signed=True)) == pytest.approx(-75.0)
+    assert math.isnan(celsius(b"\x80\x00"))
+
+
+def packet(header, *axes):
+    """Return one packet."""
+    return struct.pack(">B3hb", header, *axes, 0)
+
+
+def test_packets_are_read_up_to_the_first_empty_one():
+    """Headers of other packets are marked, flags of clocks are not looked at."""
+    data = packet(0x20, 1, -2, 3) + packet(0x68, 9, 9, 9) + packet(0x23, 4, 5, 6) + b"\xff" * 8 + packet(0x20, 7, 7, 7)
+    packets = Packets.read(data)
+    assert packets.counts.tolist() == [[1, -2, 3], [9, 9, 9], [4, 5, 6]]
+    assert packets.usable.tolist() == [True, False, True]
+    assert len(Packets.read(b"").usable) == 0
+
+
+def test_rates_of_invalid_counts_and_of_rails_are_nan():
+    """One count inside is a number."""
+    counts = np.array([-32768, -32767, -32766, 0, 32766, 32767], np.int16)
+    numbers = rates(counts, 2.0)
+    assert np.isnan(numbers).tolist() == [True, True, False, False, False, True]
+    assert numbers[2:5].tolist() == [-16383.0, 0.0, 16383.0]
+
+
+def test_stillness_counts_over_blocks():
+    """Ten and six equal samples are sixteen; one other in between begins anew."""
+    same = np.full((10, 3), 7, np.int16)
+    watch = Stillness("gyro", 3.0)
+    watch.judge(same)
+    watch.judge(np.array([[8, 7, 7]], np.int16))
+    watch.judge(same)
+    watch.judge(same[:5])
+    with pytest.raises(NoReply, match="16 samples in a row"):
+        watch.judge(same[:1])
+
+
+def test_stillness_means_nothing_without_noise_or_numbers():
+    """In a range wider than the noise, and while data are invalid or at the rails, equal samples are usual."""
+    Stillness("gyro", 0.3).judge(np.full((100, 3), 7, np.int16))
+    for number in (-32768, -32767, 32767):
+        Stillness("gyro", 3.0).judge(np.full((100, 3), number, np.int16))
+    assert Mode.read(wire(range="2000", bandwidth="10")).noise_counts < 0.4
+    assert Mode.read(wire(range="2000")).noise_counts > 0.4
+
+
+def span(number, at_s, count=50, lost=0, watermark=50):
+    """Return a span."""
+    return Span(number=number, at_s=at_s, watermark=watermark, count=count, lost=lost)
+
+
+def test_times_are_linear_between_watermarks():
+    """The first span waits for the second, which tells the period."""
+    line = Timeline(0.01)
+    assert line.place(span(0, 70.5)) == []
+    first, second = line.place(span(1, 71.0 + 0.005))
+    assert first == pytest.approx(0.0101 * np.arange(1, 51))
+    assert second == pytest.approx(0.0101 * np.arange(51, 101))
+    (third,) = line.place(span(2, 71.505, count=52))
+    assert third[:50] == pytest.approx(1.01 + 0.01 * np.arange(1, 51))
+    assert third[50:] == pytest.approx(1.51 + 0.01 * np.arange(1, 3))
+    (fourth,) = line.place(span(3, 71.505 + 52 * 0.0099))
+    assert fourth[-1] == pytest.approx(1.51 + 52 * 0.0099)
+    assert fourth[1] - fourth[0] == pytest.approx(0.0099)
+
+
+def test_a_span_behind_a_lost_one_stands_before_its_own_instant():
+    """Its period is the last one known."""
+    line = Timeline(0.01)
+    line.place(span(0, 0.5))
+    line.place(span(1, 1.0))
+    (times,) = line.place(span(4, 2.6))
+    assert times == pytest.approx(2.1 + 0.01 * np.arange(1, 51))
+
+
+def test_an_instant_that_cannot_be_teaches_no_period():
+    """The sensor's oscillator is never ten per cent off."""
+    line = Timeline(0.01, begun_s=0.0)
+    (times,) = line.place(span(0, 0.8))
+    assert np.diff(times) == pytest.approx(0.01)
+    assert times[-1] == pytest.approx(0.8)
+
+
+def test_edges_without_samples_do_not_move_the_beginning():
+    """Not even as the first ones."""
+    line = Timeline(0.01)
+    assert [len(times) for times in line.place(span(0, 0.1, count=0))] == [0]
+    assert line.place(span(1, 0.6)) == []
+    first, second = line.place(span(2, 1.1))
+    assert first[0] == pytest.approx(0.01)
+    assert len(second) == 50
