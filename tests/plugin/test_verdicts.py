@@ -161,7 +161,7 @@ def test_a_bench_fault_that_a_case_swallows_is_an_error(tmp_path):
     cases = """
     @pytest.mark.requirement("T-010")
     def test_one(supply, check, clock):
-        clock.sleep(20)
+        clock.sleep(18)
         try:
             supply.sensor.voltage()
         except Exception:
