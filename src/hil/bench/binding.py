@@ -10,7 +10,7 @@ from pathlib import Path
 from hil.bench.file.places import place_of
 from hil.clock.virtual import VirtualClock
 from hil.documents.findings import Findings
-from hil.instruments.driver import Clamps, Connection, Driver
+from hil.instruments.driver import Clamps, Connection, Driver, ServesBus
 from hil.instruments.registry import driver_class
 from hil.model.bench import BenchSpec, InstrumentSpec, SimulatedBench
 from hil.model.errors import Refused
@@ -19,6 +19,7 @@ from hil.simulation.person import Person
 from hil.simulation.world import World, build_world, truth_errors
 from hil.wire.exchange import publish_bus, publish_stream, withdraw
 from hil.wire.opening import open_bus, open_port
+from hil.wire.port import I2cBus
 from hil.wire.replay import Playback, ReplayedBus, ReplayedStream
 from hil.wire.simulated_bus import SimulatedBus
 from hil.wire.simulated_line import SimulatedLine
@@ -39,6 +40,7 @@ class BoundBench:
         transcript: where every operation is noted.
         drivers: per instrument.
         ports: the open byte streams.
+        buses: those that an instrument serves, by name.
         world: plants, peers and person, on a simulated bench only.
         playback: the record that answers, on a replayed bench only.
     """
@@ -51,6 +53,7 @@ class BoundBench:
     world: World | None = None
     playback: Playback | None = None
     ports: list[TappedPort] = field(default_factory=list)
+    buses: dict[str, I2cBus] = field(default_factory=dict)
 
     @cached_property
     def roles(self) -> Mapping[str, object]:
@@ -78,25 +81,30 @@ def bind_simulated(spec: BenchSpec, transcript: Transcript) -> BoundBench:
     """
     twin = simulated_twin(spec)
     clock = VirtualClock(twin.epoch)
-    world = build_world(twin, spec.instruments, clock)
+    world = build_world(twin, spec.instruments, clock, spec.buses)
     for number, instrument in enumerate(spec.instruments, start=1):
         if not instrument.bus:
             peer = world.serial_peers[instrument.name]
             line = SimulatedLine(instrument.name, peer, clock, number=number, baud=instrument.baud)
             peer.attach(line, world.clock_of(instrument.name))
             publish_stream(_url(Source.SIMULATED, spec, instrument.name), line)
-    for bus in spec.buses:
+    for bus in (bus for bus in spec.buses if not bus.instrument):
         peers = world.bus_peers.get(bus.name, ())
         publish_bus(_url(Source.SIMULATED, spec, bus.name), SimulatedBus(clock, bus.frequency_hz, peers))
     return _bound(spec, Source.SIMULATED, clock, transcript, world=world)
 
 
 def bind_replayed(spec: BenchSpec, transcript: Transcript, record: Path, where: Callable[[], str]) -> BoundBench:
-    """Build the bench on a recorded transcript behind `replay://` ports."""
+    """Build the bench on a recorded transcript behind `replay://` ports.
+
+    What hangs on a bus that an instrument serves has no record of its own: its bytes are in that instrument's.
+    """
     clock = VirtualClock(spec.simulated.epoch if spec.simulated else "1970-01-01T00:00:00Z")
     playback = Playback(record, clock, where)
     for instrument in spec.instruments:
         url = _url(Source.REPLAYED, spec, instrument.name)
+        if _server(spec, instrument):
+            continue
         if instrument.bus:
             publish_bus(url, ReplayedBus(instrument.name, playback))
         else:
@@ -118,7 +126,7 @@ def check_twin(spec: BenchSpec, file: Path, shown: str) -> None:
         ConfigurationError: with everything that is wrong, and where.
     """
     findings = Findings()
-    for error in truth_errors(simulated_twin(spec), spec.instruments):
+    for error in truth_errors(simulated_twin(spec), spec.instruments, spec.buses):
         findings.add(place_of(file, shown, ("simulated", *map(str, error.path))), error.message)
     findings.raise_if_any()
     bench = bind_simulated(spec, Transcript(None))
@@ -153,8 +161,8 @@ def _bound(
         playback=playback,
     )
     try:
-        for instrument in spec.instruments:
-            connection = _connect(spec, instrument, source, clock, transcript, bench.ports)
+        for instrument in _servers_first(spec):
+            connection = _connect(bench, instrument)
             drivers[instrument.name] = driver_class(instrument.driver)(connection)
     except BaseException:
         bench.close()
@@ -162,23 +170,54 @@ def _bound(
     return bench
 
 
-def _connect(
-    spec: BenchSpec,
-    instrument: InstrumentSpec,
-    source: Source,
-    clock: VirtualClock,
-    transcript: Transcript,
-    ports: list[TappedPort],
-) -> Connection:
-    clamps = _clamps(spec, instrument.name)
-    if instrument.bus:
+def _connect(bench: BoundBench, instrument: InstrumentSpec) -> Connection:
+    return Connection(
+        device=instrument.name,
+        clock=bench.clock,
+        clamps=_clamps(bench.spec, instrument.name),
+        port=None if instrument.bus else _port(bench, instrument),
+        bus=_bus(bench, instrument) if instrument.bus else None,
+        address=instrument.address,
+    )
+
+
+def _port(bench: BoundBench, instrument: InstrumentSpec) -> TappedPort:
+    url = _url(bench.source, bench.spec, instrument.name)
+    port = open_port(instrument.name, url, bench.clock, bench.transcript, baud=instrument.baud)
+    bench.ports.append(port)
+    return port
+
+
+def _bus(bench: BoundBench, instrument: InstrumentSpec) -> I2cBus:
+    server = _server(bench.spec, instrument)
+    if server is None:
         # A replayed device has its own record; a simulated one shares its bus with others.
-        end = instrument.name if source is Source.REPLAYED else instrument.bus
-        bus = open_bus(instrument.name, _url(source, spec, end), clock, transcript)
-        return Connection(device=instrument.name, clock=clock, clamps=clamps, bus=bus, address=instrument.address)
-    port = open_port(instrument.name, _url(source, spec, instrument.name), clock, transcript, baud=instrument.baud)
-    ports.append(port)
-    return Connection(device=instrument.name, clock=clock, clamps=clamps, port=port, address=instrument.address)
+        end = instrument.name if bench.source is Source.REPLAYED else instrument.bus
+        return open_bus(instrument.name, _url(bench.source, bench.spec, end), bench.clock, bench.transcript)
+    # No tap here: every byte passes the tap of the server's port, and a second record would be replayed twice.
+    if instrument.bus not in bench.buses:
+        driver = bench.drivers[server.name]
+        if not isinstance(driver, ServesBus):
+            raise Refused(f"{server.name} serves no bus", f"give '{instrument.bus}' a port, or another instrument")
+        frequency_hz = next(bus.frequency_hz for bus in bench.spec.buses if bus.name == instrument.bus)
+        bench.buses[instrument.bus] = driver.bus(frequency_hz)
+    return bench.buses[instrument.bus]
+
+
+def _server(spec: BenchSpec, instrument: InstrumentSpec) -> InstrumentSpec | None:
+    """Return the instrument behind which another one hangs, None where its bus or port is the host's own."""
+    name = next((bus.instrument for bus in spec.buses if bus.name == instrument.bus), "")
+    return spec.instrument(name) if name else None
+
+
+def _servers_first(spec: BenchSpec) -> list[InstrumentSpec]:
+    """Return the instruments in the file's order, but none before the one behind which it hangs."""
+
+    def depth(instrument: InstrumentSpec) -> int:
+        server = _server(spec, instrument)
+        return depth(server) + 1 if server else 0
+
+    return sorted(spec.instruments, key=depth)
 
 
 def _clamps(spec: BenchSpec, instrument: str) -> Clamps:

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, runtime_checkable
 
 from hil.clock.port import Clock
 from hil.model.bench import Clamp, Wire
 from hil.model.errors import ClampExceeded
 from hil.model.identity import Identity
 from hil.wire.port import I2cBus, Port
+from hil.wire.streaming import StreamingBus
 
-__all__ = ["Clamps", "Connection", "Driver", "Outlet"]
+__all__ = ["Clamps", "Connection", "Driver", "Outlet", "ServesBus"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,4 +87,13 @@ class Driver(Protocol):
 
     def role(self, wire: Wire) -> object:
         """Return the role that `wire` names; Refused where this instrument cannot fill it."""
+        ...
+
+
+@runtime_checkable
+class ServesBus(Protocol):
+    """A driver whose instrument runs the transfers of an I2C bus behind it."""
+
+    def bus(self, frequency_hz: float) -> StreamingBus:
+        """Return the bus, which runs at `frequency_hz`; send nothing before its first transfer."""
         ...

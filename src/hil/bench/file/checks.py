@@ -8,7 +8,8 @@ from hil.bench.file import limit_checks
 from hil.bench.file.complaints import Complaints, Located, known
 from hil.clock.virtual import VirtualClock
 from hil.documents.findings import Findings
-from hil.instruments.registry import driver_names
+from hil.instruments.driver import ServesBus
+from hil.instruments.registry import driver_class, driver_names
 from hil.instruments.roles import ROLES
 from hil.model.bench import BenchSpec, Bus, InstrumentSpec, Wire
 from hil.wire.opening import url_of_resource
@@ -23,6 +24,7 @@ def check_bench(spec: BenchSpec, places: Located, findings: Findings) -> None:
     for check in (
         _names,
         _instruments,
+        _buses,
         _fed,
         _addresses,
         _wiring,
@@ -58,6 +60,35 @@ def _instruments(spec: BenchSpec) -> Complaints:
             yield from known(item, "bus", item.bus, buses)
             if not 0x08 <= item.address <= 0x77:
                 yield item, f"{item.name}: 0x{item.address:02X} is no 7-bit I2C address (0x08 to 0x77)"
+
+
+def _buses(spec: BenchSpec) -> Complaints:
+    """A bus is the host's own, or an instrument of the bench serves it."""
+    by_name = {item.name: item for item in spec.instruments}
+    served: dict[str, str] = {}
+    for bus in spec.buses:
+        if bool(bus.port) == bool(bus.instrument):
+            yield bus, f"{bus.name} needs either a port or an instrument that serves it"
+        yield from known(bus, "instrument", bus.instrument, by_name)
+        if bus.instrument in by_name:
+            yield from _server(spec, bus, by_name[bus.instrument])
+        if bus.instrument and bus.instrument in served:
+            yield bus, f"{bus.instrument} serves {served[bus.instrument]} already"
+        served.setdefault(bus.instrument, bus.name)
+
+
+def _server(spec: BenchSpec, bus: Bus, item: InstrumentSpec) -> Complaints:
+    if item.driver in driver_names() and not issubclass(driver_class(item.driver), ServesBus):
+        yield bus, f"{item.name} serves no bus: the driver {item.driver} has none"
+    hangs_on = {other.name: other.bus for other in spec.instruments}
+    above = {other.name: hangs_on.get(other.instrument, "") for other in spec.buses}
+    seen: list[str] = []
+    name = item.bus
+    while name and name not in seen:
+        if name == bus.name:
+            yield bus, f"{bus.name} is behind itself: {item.name}, which serves it, hangs on {item.bus}"
+        seen.append(name)
+        name = above.get(name, "")
 
 
 def _fed(spec: BenchSpec) -> Complaints:

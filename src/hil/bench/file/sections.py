@@ -47,7 +47,12 @@ def read_buses(document: MappingReader, places: Located) -> tuple[Bus, ...]:
     """Read the I2C buses."""
     buses = []
     for name, reader in document.entries("buses"):
-        bus = Bus(name=name.text, port=reader.text("port"), frequency_hz=reader.frequency("frequency", 100_000.0))
+        bus = Bus(
+            name=name.text,
+            port=reader.text("port", ""),
+            instrument=reader.text("instrument", ""),
+            frequency_hz=reader.frequency("frequency", 100_000.0),
+        )
         reader.done()
         buses.append(places.keep(bus, name))
     return tuple(buses)
