@@ -99,17 +99,17 @@ class EspSession:
             except ValueError as error:
                 raise self._garbled(command, str(error), text) from None
 
+        self._must_be_known()
         return self._again(ask)
 
     def setting(self, command: str) -> None:
-        """Send a setting once; what the error buffer held before is not held against it.
+        """Send a setting once.
 
         Raises:
             Rejected: the controller has refused it.
             NoReply, Garbled: see `query`.
         """
-        if self._reference is None:
-            self.errors()
+        self._must_be_known()
         self._must_be_quiet()
         try:
             self._exchange(command, replies=False)
@@ -133,6 +133,11 @@ class EspSession:
                 return tuple(queued)
             queued.append(_told(status))
         raise Garbled(self._device, f"errors come without an end, the newest {queued[-1]}", "switch it off and on")
+
+    def _must_be_known(self) -> None:
+        """Before the first exchange take out what others left in the buffer: it is not held against our commands."""
+        if self._reference is None:
+            self.errors()
 
     def _again(self, ask: Callable[[], _T]) -> _T:
         self._must_be_quiet()

@@ -124,12 +124,12 @@ class Axis:
         return acceleration
 
     def power(self, on: bool, now_ns: int) -> None:
-        """Switch the motor; without power the stage runs out by friction."""
+        """Switch the motor; without power nothing is commanded, and the stage runs out by friction."""
         self.powered = on
         if on:
             return
         fault = self._faults.now("no-stop", now_ns)
-        self._follow(0, self.commanded_velocity(now_ns), self.stage.friction, now_ns)
+        self._follow(0, 0.0, self.stage.friction, now_ns)
         if fault is None or fault.text != "stays":
             self._drive.command(0.0, self.stage.friction)
 
