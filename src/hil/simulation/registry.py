@@ -10,6 +10,7 @@ from hil.simulation.peers.esp301 import controller as newport_esp301
 from hil.simulation.peers.eurotherm import article as eurotherm_3216
 from hil.simulation.peers.iim42652 import model as iim42652
 from hil.simulation.peers.model import PeerModel
+from hil.simulation.peers.obc_link import model as obc_link
 from hil.simulation.plants import coil, rotation_table, thermal_chamber
 from hil.simulation.plants.plant import Plant
 from hil.simulation.truth import Path, Truth, TruthError, suggestion
@@ -31,6 +32,7 @@ PEERS: Mapping[str, PeerModel] = {
     "keysight-e36300": keysight_e36312a.MODEL,
     "lis3mdl": lis3mdl.MODEL,
     "newport-esp301": newport_esp301.MODEL,
+    "obc-link": obc_link.MODEL,
     "waveshare-relay": waveshare_relay.MODEL,
 }
 """Our own peers by the driver that they are the counterpart of."""
