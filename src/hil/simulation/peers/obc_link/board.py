@@ -12,8 +12,9 @@ from collections.abc import Mapping, Sequence
 from typing import cast
 
 from hil.simulation.faults import Faults
+from hil.simulation.peers.obc_link.article import Article
 from hil.simulation.peers.obc_link.bus import BoardBus
-from hil.simulation.peers.obc_link.commands import MINOR, READING, REQUEST_USER, Article, Commands, Tally
+from hil.simulation.peers.obc_link.commands import MINOR, READING, REQUEST_USER, Commands, Tally
 from hil.simulation.peers.obc_link.fields import Code, Refusal
 from hil.simulation.peers.obc_link.framing import VERSION, Frame, FrameReader, seal
 from hil.simulation.peers.obc_link.stream import STREAM_USER, Stream

@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol, cast
 
-import numpy as np
-
+from hil.simulation.peers.obc_link.article import CHANNELS, FULL_SCALE, Article
 from hil.simulation.peers.obc_link.bus import BoardBus
 from hil.simulation.peers.obc_link.fields import (
     BUSES,
@@ -26,14 +25,12 @@ from hil.simulation.peers.obc_link.framing import LARGEST, VERSION, Frame
 from hil.simulation.peers.obc_link.stream import Stream
 from hil.simulation.peers.obc_link.timing import Alarm, BoardClock
 from hil.simulation.peers.obc_link.uart import Uart
-from hil.simulation.plants.terminal import SignalPoint
 from hil.simulation.seeds import Stream as Noise
 from hil.wire.peer import PeerClock
 
-__all__ = ["CHANNELS", "MINOR", "READING", "REQUEST_USER", "Article", "Commands", "Tally", "Watch"]
+__all__ = ["MINOR", "READING", "REQUEST_USER", "Commands", "Tally", "Watch"]
 
 MINOR = 0
-CHANNELS = 6
 READING = frozenset({0x01, 0x02, 0x09})
 """IDENTIFY, TIME and STATUS: executed at every arrival."""
 
@@ -41,36 +38,12 @@ REQUEST_USER = "request"
 """The request's name in the line-up for the bus."""
 
 _NAME = b"hil-obc"
-_FULL_SCALE = 4095
 _MOST_CONVERSIONS = 1024
 _CONVERSION_NS = 20_000
 _FILLER = 17
 _WATCH_MS = (100, 600_000)
 _SPEEDS = (100_000, 400_000, 1_000_000)
 _NOT_RUN = 5
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Article:
-    """What this board is: firmware, chip, and what its analogue inputs see.
-
-    Attributes:
-        firmware: version, three numbers.
-        build: eight bytes of the firmware's commit.
-        chip: the twelve bytes of the unique id.
-        ring: bytes for stream frames.
-        reference: VDDA in V.
-        noise: of one conversion, in counts rms.
-        inputs: signals in V by channel; the others are 0 V.
-    """
-
-    firmware: tuple[int, int, int]
-    build: bytes
-    chip: bytes
-    ring: int
-    reference: float
-    noise: float
-    inputs: Mapping[int, SignalPoint]
 
 
 @dataclass(slots=True, kw_only=True)
@@ -124,9 +97,10 @@ class Commands:
         self._messages: tuple[Message, ...] = ()
         self._later = b""
         self._stopping = False
+        self._received_us = 0
         self._clock: PeerClock
         self._converted: Alarm
-        self._known: Mapping[int, Callable[[bytes, int], bytes | None]] = {
+        self._known: Mapping[int, Callable[[bytes], bytes | None]] = {
             0x01: self._identify,
             0x02: self._time,
             0x03: self._transfer,
@@ -154,7 +128,8 @@ class Commands:
         Raises:
             Refusal: if the request is not allowed.
         """
-        return self._known[frame.kind](frame.payload, received_us)
+        self._received_us = received_us
+        return self._known[frame.kind](frame.payload)
 
     def on_bus(self) -> None:
         """Run the messages of the request up to the first that fails."""
@@ -205,8 +180,7 @@ class Commands:
     def _give(self) -> None:
         self._board.answer(self._later)
 
-    def _identify(self, payload: bytes, received_us: int) -> bytes:
-        del received_us
+    def _identify(self, payload: bytes) -> bytes:
         Reader(payload).end()
         article, tally = self._article, self._board.tally
         counts = (tally.reason, BUSES, LINES, CHANNELS, STREAMS, TRANSFERS, MESSAGES)
@@ -224,47 +198,42 @@ class Commands:
             )
         )
 
-    def _time(self, payload: bytes, received_us: int) -> bytes:
+    def _time(self, payload: bytes) -> bytes:
         reader = Reader(payload)
         host = reader.taken(8)
         reader.taken(_FILLER)
         reader.end()
         sent_us = self._board_clock.at(self._uart.free_ns())
-        return bytes([Code.OK]) + host + received_us.to_bytes(8, "little") + sent_us.to_bytes(8, "little")
+        return bytes([Code.OK]) + host + self._received_us.to_bytes(8, "little") + sent_us.to_bytes(8, "little")
 
-    def _transfer(self, payload: bytes, received_us: int) -> None:
-        del received_us
+    def _transfer(self, payload: bytes) -> None:
         self._messages = messages_of(payload, self._bus.frequency_hz)
         self._bus.ask(REQUEST_USER)
 
-    def _convert(self, payload: bytes, received_us: int) -> None:
+    def _convert(self, payload: bytes) -> None:
         reader = Reader(payload)
         channel, count = reader.number(1, 0, CHANNELS - 1), reader.number(2, 1, _MOST_CONVERSIONS)
         reader.end()
-        article = self._article
-        volts = article.inputs[channel].observe() if channel in article.inputs else 0.0
-        scatter = article.noise * self._noise.normal_block(received_us * CHANNELS + channel, count)
-        counts = np.clip(np.rint(volts / article.reference * _FULL_SCALE + scatter), 0, _FULL_SCALE).astype(np.int64)
+        noise = self._noise.normal_block(self._received_us * CHANNELS + channel, count)
+        counts = self._article.conversions(channel, noise)
         self._later = b"".join(
             (
                 bytes([Code.OK, channel]),
                 count.to_bytes(2, "little"),
                 _u32(int(counts.sum())),
                 int((counts**2).sum()).to_bytes(8, "little"),
-                _FULL_SCALE.to_bytes(2, "little"),
-                round(1000 * article.reference).to_bytes(2, "little"),
+                FULL_SCALE.to_bytes(2, "little"),
+                round(1000 * self._article.reference).to_bytes(2, "little"),
             )
         )
         self._converted.set(self._clock.now_ns() + count * _CONVERSION_NS)
 
-    def _start(self, payload: bytes, received_us: int) -> bytes:
-        del received_us
+    def _start(self, payload: bytes) -> bytes:
         program = program_of(payload, self._bus.frequency_hz, self._not_busy)
         start_us = self._stream.start(program, payload)
         return bytes([Code.OK, program.number]) + start_us.to_bytes(8, "little") + _u32(program.period_us)
 
-    def _stop(self, payload: bytes, received_us: int) -> bytes | None:
-        del received_us
+    def _stop(self, payload: bytes) -> bytes | None:
         reader = Reader(payload)
         number = reader.number(1, 0, STREAMS - 1)
         reader.end()
@@ -277,8 +246,7 @@ class Commands:
     def _stopped(self) -> bytes:
         return bytes([Code.OK, 0]) + _u32(self._stream.numbers) + _u32(self._stream.lost)
 
-    def _watchdog(self, payload: bytes, received_us: int) -> bytes:
-        del received_us
+    def _watchdog(self, payload: bytes) -> bytes:
         reader = Reader(payload)
         watchdog_ms = reader.number(4, 0, _WATCH_MS[1])
         if 0 < watchdog_ms < _WATCH_MS[0]:
@@ -288,21 +256,18 @@ class Commands:
         self._board.watch(watchdog_ms)
         return bytes([Code.OK]) + _u32(before)
 
-    def _halt(self, payload: bytes, received_us: int) -> bytes:
-        del received_us
+    def _halt(self, payload: bytes) -> bytes:
         Reader(payload).end()
         return bytes([Code.OK, self._board.safe()])
 
-    def _status(self, payload: bytes, received_us: int) -> bytes:
-        del received_us
+    def _status(self, payload: bytes) -> bytes:
         Reader(payload).end()
         tally = self._board.tally
         lost = self._stream.lost_since_reset
         counters = (self._board.watchdog_ms, tally.usable, tally.unusable, tally.overruns, lost, tally.events)
         return bytes([Code.OK, int(self._stream.running)]) + b"".join(map(_u32, counters))
 
-    def _speed(self, payload: bytes, received_us: int) -> bytes:
-        del received_us
+    def _speed(self, payload: bytes) -> bytes:
         reader = Reader(payload)
         bus = reader.number(1, 0, BUSES - 1)
         frequency_hz = reader.number(4)

@@ -6,8 +6,8 @@ import re
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.peers.model import PeerModel, PeerSetup
+from hil.simulation.peers.obc_link.article import CHANNELS, Article
 from hil.simulation.peers.obc_link.board import ObcBoard
-from hil.simulation.peers.obc_link.commands import CHANNELS, Article
 from hil.simulation.peers.obc_link.timing import BoardClock
 from hil.simulation.truth import Truth
 
