@@ -24,6 +24,7 @@ class BoardBus(SimulatedBus):
 
     def __init__(self, clock, peer, *, ahead_s=1000.0) -> None:
         super().__init__(clock, 400_000, [peer])
+        self.device = "obc"
         self.clock = clock
         self.peer = peer
         self.ahead_s = ahead_s

@@ -100,6 +100,11 @@ class BusStream(Protocol):
 class StreamingBus(I2cBus, Protocol):
     """An I2C bus behind a device that runs transfers on its own timer, or on an interrupt line."""
 
+    @property
+    def device(self) -> str:
+        """The name of the device that serves the bus: it is to blame for what the link does."""
+        ...
+
     def start_stream(
         self, transfers: Sequence[StreamTransfer], *, period_s: float | None = None, line: int | None = None
     ) -> BusStream:

@@ -174,13 +174,13 @@ class Recorder:
         quiet = self._clock.now() - self._heard
         if quiet <= _SILENT_FRAMES * self._watermark * self._mode.period + _MARGIN_S:
             return
-        power = self._registers.read(Register.PWR_MGMT0)  # a link that is silent is the fault of its own device
-        why = "it answers and samples, look at its INT1 line" if power == GYRO_ON else "it has lost its settings"
-        raise NoReply(
-            self._registers.device,
-            f"no samples for {quiet:.2f} s: {why}",
-            "after a power cut it has to be started again",
-        )
+        what = f"no samples for {quiet:.2f} s"
+        # A link that is silent fails here, and is the fault of its own device.
+        if self._registers.read(Register.PWR_MGMT0) != GYRO_ON:
+            raise NoReply(
+                self._registers.device, f"{what}: it has lost its settings", "look at its power, and start it again"
+            )
+        raise self._source.silent(what)
 
 
 def _source(registers: Registers, mode: Mode, clock: Clock, level: int) -> BlockSource:

@@ -11,7 +11,7 @@ from hil.instruments.iim42652.mode import Mode
 from hil.instruments.iim42652.packets import PACKET_BYTES
 from hil.instruments.iim42652.registers import Register, Registers
 from hil.instruments.sampled import StreamReport
-from hil.model.errors import NoReply
+from hil.model.errors import DeviceFault, NoReply
 from hil.wire.streaming import BusStream, FifoRead, RegisterRead, StreamFrame, StreamingBus
 
 __all__ = ["Block", "BlockSource", "BoardSource", "PolledSource"]
@@ -61,6 +61,10 @@ class BlockSource(Protocol):
 
     def blocks(self) -> Iterator[Block]:
         """Yield the blocks that have come; one that brings a fault raises when its turn comes."""
+        ...
+
+    def silent(self, what: str) -> DeviceFault:
+        """Return whose fault it is that a sensor, which is awake, gives no blocks; `what` says since when."""
         ...
 
     def end(self) -> StreamReport:
@@ -119,6 +123,20 @@ class BoardSource:
         """
         for frame in self._stream.frames() if self._stream else ():
             yield self._block(frame)
+
+    def silent(self, what: str) -> DeviceFault:
+        """Return the sensor's fault where its FIFO fills, for no interrupt comes; the board's where it is emptied."""
+        if _packets_at_hand(self._registers) >= self._watermark:
+            return NoReply(
+                self._registers.device,
+                f"{what}: its FIFO fills, and nobody reads it",
+                "look at the wire of its INT1, and at `line` in the wiring",
+            )
+        return NoReply(
+            self._bus.device,
+            f"{what} of {self._registers.device}, though it answers and reads that sensor's FIFO",
+            "look at its firmware",
+        )
 
     def end(self) -> StreamReport:
         """Stop the board's stream."""
@@ -188,7 +206,7 @@ class PolledSource:
         Raises:
             NoReply: of the sensor, where it does not acknowledge.
         """
-        count = int.from_bytes(self._registers.block(Register.FIFO_COUNT, 2), "big") // PACKET_BYTES
+        count = _packets_at_hand(self._registers)
         counted = self._clock.now() - self._began
         if not count:
             return
@@ -210,12 +228,22 @@ class PolledSource:
         )
         self._number += 1
 
+    def silent(self, what: str) -> DeviceFault:
+        """Return the sensor's fault."""
+        return NoReply(
+            self._registers.device, f"{what}: its FIFO stays empty", "switch it off and on, and start it again"
+        )
+
     def end(self) -> StreamReport:
         """Count blocks; between them nothing can be lost."""
         return StreamReport(frames=self._number, lost=0, drift=None, drift_uncertainty=None)
 
     def _lost(self) -> int:
         return int.from_bytes(self._registers.block(Register.FIFO_LOST_PKT, 2), "little")
+
+
+def _packets_at_hand(registers: Registers) -> int:
+    return int.from_bytes(registers.block(Register.FIFO_COUNT, 2), "big") // PACKET_BYTES
 
 
 def _fill(registers: Registers, *, interrupt: bool) -> None:

@@ -56,6 +56,11 @@ class ObcBus:
         self._frequency_hz = frequency_hz
         self._ready_for = 0
 
+    @property
+    def device(self) -> str:
+        """The board's name."""
+        return self._session.device
+
     def start_stream(
         self, transfers: Sequence[StreamTransfer], *, period_s: float | None = None, line: int | None = None
     ) -> ObcStream:

@@ -1,0 +1,136 @@
+"""The IIM-42652 driver behind the OBC link: sensor, board and line are simulated, every byte is sent."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from gyroscope_bench import Bench
+
+from hil.instruments.driver import Clamps, Connection
+from hil.instruments.obc_link.driver import ObcLink
+from hil.model.errors import DeviceFault, NoReply
+from hil.simulation.peers.obc_link.model import MODEL
+from hil.wire.exchange import publish_stream, withdraw
+from hil.wire.opening import open_port
+from hil.wire.simulated_line import SimulatedLine
+from hil.wire.transcript import Transcript
+
+BAUD = 921_600
+WORLD = "sim://gyroscope/"
+BIASES = {"bias_x": ["1.5", "0", "0"], "bias_y": ["-20", "0", "0"], "bias_z": ["0.25", "0", "0"]}
+
+
+class BehindObc(Bench):
+    """A gyroscope on the bus of an OBC."""
+
+    def __init__(self, *, obc=None, obc_faults=(), **sensor) -> None:
+        self.obc, self.obc_faults = obc, obc_faults
+        super().__init__(**sensor)
+
+    def make_bus(self, board):
+        """Put the sensor behind a board."""
+        model = self.build("obc", MODEL, self.obc, self.obc_faults)
+        model.serve([self.peer])
+        line = SimulatedLine("obc", model, self.clock, baud=BAUD)
+        model.attach(line, self.clock)
+        publish_stream(f"{WORLD}obc", line)
+        port = open_port("obc", f"{WORLD}obc", self.clock, Transcript(None), baud=BAUD)
+        self.clock.sleep(0.1)
+        return ObcLink(Connection(device="obc", clock=self.clock, clamps=Clamps(), port=port)).bus(400_000)
+
+
+@pytest.fixture(autouse=True)
+def _withdrawn():
+    """Leave no line behind."""
+    yield
+    withdraw(WORLD)
+
+
+def test_the_same_samples_as_over_the_hosts_own_bus():
+    """One sensor, one seed: one series of numbers, at the same times within a sample."""
+    own = Bench(truth=BIASES).streaming().rows(10)
+    behind = BehindObc(truth=BIASES).streaming().rows(10)
+    count = min(len(own), len(behind))
+    assert count > 940
+    assert own[:count, 1:4].mean(axis=0) == pytest.approx(behind[:count, 1:4].mean(axis=0), abs=0.005)
+    assert own[:count, 4].tolist() == behind[:count, 4].tolist()
+    assert own[:count, 0] == pytest.approx(behind[:count, 0], abs=0.01)
+
+
+def test_one_sample_is_the_same_number():
+    """A polled read comes through the link unchanged."""
+    samples = []
+    for bench in (Bench(truth=BIASES | {"white": ["0"] * 3, "flicker": ["0"] * 3}), BehindObc(truth=BIASES)):
+        bench.gyro.start()
+        samples.append(bench.gyro.sample())
+    assert samples[0] == pytest.approx(samples[1], abs=0.1)
+
+
+@pytest.mark.parametrize("rate", [12.5, 100, 1000])
+def test_times_are_those_of_the_boards_clock(rate):
+    """A board 200 ppm fast says so in times and in the report; none is put right in silence."""
+    bench = BehindObc(obc={"clock_drift": "0.0002"}, settings={"rate": str(rate)}, truth={"odr_error": "-0.01"})
+    bench.streaming(rate)
+    rows = bench.rows(60, bench.gyro.longest_pause)
+    period = 1.0002 / (0.99 * rate)
+    assert rows[:, 0] == pytest.approx(period * np.arange(1, len(rows) + 1), abs=5e-6)
+    report = bench.gyro.end()
+    assert report.lost == report.lost_samples == 0
+    assert report.drift == pytest.approx(2e-4, abs=1e-6)
+
+
+def test_frames_that_are_lost_leave_their_time_empty():
+    """They are counted, and the rest stands where it belongs."""
+    faults = [{"kind": "lose-frames", "from": "4 s", "frames": "3"}]
+    bench = BehindObc(obc_faults=faults).streaming()
+    rows = bench.rows(12)
+    steps = np.diff(rows[:, 0])
+    assert np.isclose(steps, 0.01, atol=1e-5).sum() == len(steps) - 1
+    assert steps.max() == pytest.approx(1.51, abs=1e-5)
+    assert bench.gyro.end().lost == 3
+
+
+def test_no_acknowledge_is_the_sensors():
+    """The board answers, the sensor does not."""
+    bench = BehindObc(faults=[{"kind": "dead", "from": "4 s"}]).streaming()
+    with pytest.raises(NoReply) as caught:
+        bench.rows(12)
+    assert caught.value.device == "gyro"
+    assert bench.clock.now() < 7
+
+
+def test_frames_that_wait_in_the_board_are_its_fault():
+    """The sensor's FIFO is read, so it is not the sensor that is silent."""
+    bench = BehindObc(obc_faults=[{"kind": "stall", "from": "4 s", "until": "60 s"}]).streaming()
+    with pytest.raises(NoReply, match="reads that sensor's FIFO") as caught:
+        bench.rows(12)
+    assert caught.value.device == "obc"
+
+
+def test_a_sensor_asleep_is_the_sensors():
+    """The board answers, and no interrupt comes."""
+    bench = BehindObc(faults=[{"kind": "asleep", "from": "4 s"}]).streaming()
+    with pytest.raises(NoReply, match="lost its settings") as caught:
+        bench.rows(12)
+    assert caught.value.device == "gyro"
+
+
+@pytest.mark.parametrize("fault", ["dead", "reset"])
+def test_a_link_that_fails_is_the_boards(fault):
+    """Whatever the sensor does."""
+    bench = BehindObc(obc_faults=[{"kind": fault, "from": "4 s"}]).streaming()
+    with pytest.raises(DeviceFault) as caught:
+        bench.rows(12)
+    assert caught.value.device == "obc"
+    with pytest.raises(DeviceFault):
+        bench.gyro.end()
+
+
+def test_stop_and_stream_again():
+    """A second stream counts from its own beginning."""
+    bench = BehindObc().streaming()
+    bench.rows(3)
+    bench.gyro.stop()
+    rows = bench.streaming().rows(3)
+    assert rows[:, 0] == pytest.approx(0.01 * np.arange(1, len(rows) + 1), abs=5e-6)
+    assert bench.gyro.end().lost == 0
