@@ -7,6 +7,7 @@ HilError                      anything a person can cause or must know; never a 
 │   ├── NoReply               nothing came within the timeout
 │   ├── Garbled               something came that the protocol does not allow
 │   ├── Rejected              the device answered with an error of its own
+│   ├── Implausible           it answers as it should, and what it says cannot be
 │   └── WrongIdentity         another device answered
 ├── ClampExceeded             a setting beyond what the bench file allows; no byte was sent
 ├── Tripped                   the envelope was left; the bench is being made safe
@@ -28,6 +29,7 @@ __all__ = [
     "Finding",
     "Garbled",
     "HilError",
+    "Implausible",
     "NoReply",
     "Refused",
     "Rejected",
@@ -105,6 +107,10 @@ class Garbled(DeviceFault):
 
 class Rejected(DeviceFault):
     """The device itself reported an error."""
+
+
+class Implausible(DeviceFault):
+    """What a device says contradicts what else is known: a fixture's judgement of its bench."""
 
 
 class WrongIdentity(DeviceFault):

@@ -9,7 +9,7 @@ from hil.executive.case.checks import CheckFailed
 from hil.executive.case.effects import Recall
 from hil.executive.run.scheduler import CaseTimeout
 from hil.executive.run.stop import Stopped
-from hil.model.errors import Diverged, NoReply, Tripped
+from hil.model.errors import Diverged, Implausible, NoReply, Tripped
 from hil.model.figure import Figure
 
 SILENCE = NoReply("psu1", "nothing came")
@@ -117,6 +117,19 @@ def test_silence_of_the_article_is_its_own_fault(tmp_path, requirement, checked,
     case.run.close()
     assert case.run.outcome().requirements == {requirement: verdict}
     assert case.run.bench_fault == ""
+
+
+def test_what_a_fixture_finds_implausible_is_a_fault_of_the_bench(tmp_path):
+    """ERROR for the case, no further case on this bench, and told once although the fixture says it again."""
+    case = Case(tmp_path, "T-010")
+    case.run.check("T-010", "ratio", 1.0)
+    for _ in range(2):
+        case.run.raised(Implausible("tec1", "the plate goes away", "look at the cooler"), "test_x.py:3")
+    case.run.close()
+    assert case.run.outcome().verdict == "ERROR"
+    assert case.run.outcome().reasons == ("tec1: the plate goes away; look at the cooler",)
+    assert case.run.bench_fault == "tec1: the plate goes away; look at the cooler"
+    assert [event["device"] for event in case.written.of("fault")] == ["tec1"]
 
 
 def test_every_member_is_due(tmp_path):

@@ -16,7 +16,7 @@ from hil.executive.case.steps import Steps
 from hil.executive.run.scheduler import CaseTimeout, Scheduler
 from hil.executive.run.stop import Stopped
 from hil.model.bench import InstrumentSpec
-from hil.model.errors import DeviceFault, Diverged
+from hil.model.errors import DeviceFault, Diverged, Implausible
 from hil.model.verdict import Verdict, worst
 from hil.requirements.requirement import Kind, Requirement
 
@@ -100,15 +100,7 @@ class CaseRun:
 
     def fault(self, instrument: InstrumentSpec, fault: DeviceFault) -> None:
         """Note silence or nonsense of a device, whether or not the case lets it through."""
-        self.write(
-            "fault",
-            case=self.planned.id,
-            device=fault.device,
-            dut=instrument.dut,
-            error=type(fault).__name__,
-            message=fault.message,
-            hint=fault.hint,
-        )
+        self._write_fault(fault, dut=instrument.dut)
         (self._dut_faults if instrument.dut else self._bench_faults).append(str(fault))
 
     def skip(self, reason: str) -> None:
@@ -123,6 +115,8 @@ class CaseRun:
             self._took_too_long()
         elif isinstance(error, Diverged) or str(error) in {*self._bench_faults, *self._dut_faults}:
             return
+        elif isinstance(error, Implausible):
+            self._distrusted(error)
         elif not isinstance(error, CheckFailed):
             told = _ADDRESS.sub("", f"{type(error).__name__}: {error}".rstrip(": "))
             self._problems.append(f"{told} ({where})" if where else told)
@@ -163,6 +157,22 @@ class CaseRun:
             told = (*told, "the case carries no requirement")
         reasons = tuple(dict.fromkeys([*([self._aborted] if self._aborted else []), *told]))
         return Outcome(verdict=case, requirements=requirements, reasons=reasons)
+
+    def _distrusted(self, fault: Implausible) -> None:
+        """Note a fixture's judgement that the bench is not what it says; nothing more is run on it."""
+        self._write_fault(fault, dut=False)
+        self._bench_faults.append(str(fault))
+
+    def _write_fault(self, fault: DeviceFault, *, dut: bool) -> None:
+        self.write(
+            "fault",
+            case=self.planned.id,
+            device=fault.device,
+            dut=dut,
+            error=type(fault).__name__,
+            message=fault.message,
+            hint=fault.hint,
+        )
 
     def _took_too_long(self) -> None:
         self._problems.append(f"the case took longer than its {self.planned.max_duration_s:g} s of bench time")
