@@ -11,15 +11,15 @@ from hil.model.errors import NoReply
 __all__ = ["Stillness"]
 
 _MOST_EQUAL = 16
-# With less noise than this, in counts rms, a sensor at rest repeats itself: at 0.4 counts all three axes are equal to
-# the last ones with a probability below 0.27, so that sixteen equal ones in a row come once in 3e8 samples.
-_LEAST_NOISE = 0.4
+# Typical noise in counts rms below which equal samples mean nothing. An article with 0.4 of the typical noise still has
+# 0.4 counts: all three axes are then equal to the last ones with a probability below 0.27, sixteen in a row once in 3e8.
+_LEAST_NOISE = 1.0
 
 
 class Stillness:
     """Counts samples that are equal to the last one.
 
-    Where the range is so wide that the noise stays within one count, equal samples mean nothing and are not counted;
+    Where the range is so wide that the noise stays below one count, equal samples mean nothing and are not counted;
     neither are samples that are invalid or at a rail on all axes.
 
     Args:
