@@ -8,6 +8,7 @@ from math import cos, pi, radians, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.clock.port import NANOSECONDS
 from hil.simulation.plants.plant import Inputs, Plant, Vector
 from hil.simulation.plants.trapezoid import travelled
 from hil.simulation.truth import Truth
@@ -65,6 +66,7 @@ class RotationTable(Plant):
         self._truth = truth
         self._frames = {axis: _frame(place, truth.tilt) for place, axis in enumerate(_AXES)}
         latitude = radians(truth.latitude)
+        self._resting: tuple[Vector, Inputs, dict[str, float]] = ((), {}, {})  # what a table at rest shows
         self._up, self._north = truth.earth_rate * sin(latitude), truth.earth_rate * cos(latitude)
 
     def choices(self, name: str) -> tuple[str, ...]:
@@ -94,16 +96,31 @@ class RotationTable(Plant):
         moments = self._moments_between(first, last)
         if first < moments[0].at_ns or last > self._now_ns:
             raise ValueError(f"plant {self.name} cannot be observed at {first} to {last} ns, it is {self._now_ns} ns")
-        values = np.empty(times_ns.size)
+        # Grid points change nothing here: only a command begins another trapezoid.
+        new = [place for place, item in enumerate(moments) if not place or item.inputs is not moments[place - 1].inputs]
+        if len(new) == 1:
+            return self._seen_many(signal, moments[0].state, moments[0].inputs, times_ns)
         # The moment of an instant is the last one before it: no command of that instant is seen yet.
-        starts = np.array([moment.at_ns for moment in moments[1:]], dtype=np.int64)
-        ends = [*np.searchsorted(times_ns, starts, side="right"), times_ns.size]
-        begin = 0
-        for moment, end in zip(moments, ends, strict=True):
-            at = times_ns[begin:end] / 1e9
-            values[begin:end] = self._seen(signal, moment.state, moment.inputs, at)
-            begin = end
-        return values
+        ends = [*np.searchsorted(times_ns, [moments[place].at_ns for place in new[1:]], side="right"), times_ns.size]
+        begins = [0, *ends[:-1]]
+        parts = [
+            self._seen_many(signal, moments[place].state, moments[place].inputs, times_ns[begin:end])
+            for place, begin, end in zip(new, begins, ends, strict=True)
+        ]
+        return np.concatenate(parts)
+
+    def _seen_many(
+        self, signal: str, state: Vector, inputs: Inputs, times_ns: NDArray[np.int64]
+    ) -> NDArray[np.float64]:
+        """Return a signal at instants of one trapezoid; a table at rest is looked at once."""
+        if not state[3] and not inputs["rate_command"]:
+            if self._resting[:2] != (state[1:], inputs):
+                self._resting = (state[1:], inputs, {})
+            values = self._resting[2]
+            if signal not in values:
+                values[signal] = self.signal(signal, state, inputs, state[0])
+            return np.full(times_ns.size, values[signal])
+        return np.asarray(self._seen(signal, state, inputs, times_ns / NANOSECONDS), dtype=np.float64)
 
     def _seen(
         self, name: str, state: Vector, inputs: Inputs, at: float | NDArray[np.float64]
