@@ -51,7 +51,7 @@ def test_the_same_samples_as_over_the_hosts_own_bus():
     own = Bench(truth=BIASES).streaming().rows(10)
     behind = BehindObc(truth=BIASES).streaming().rows(10)
     count = min(len(own), len(behind))
-    assert count > 940
+    assert count > 880
     assert own[:count, 1:4].mean(axis=0) == pytest.approx(behind[:count, 1:4].mean(axis=0), abs=0.005)
     assert own[:count, 4].tolist() == behind[:count, 4].tolist()
     assert own[:count, 0] == pytest.approx(behind[:count, 0], abs=0.01)
@@ -86,7 +86,7 @@ def test_frames_that_are_lost_leave_their_time_empty():
     rows = bench.rows(12)
     steps = np.diff(rows[:, 0])
     assert np.isclose(steps, 0.01, atol=1e-5).sum() == len(steps) - 1
-    assert steps.max() == pytest.approx(1.51, abs=1e-5)
+    assert steps.max() == pytest.approx(3.01, abs=1e-5)
     assert bench.gyro.end().lost == 3
 
 
@@ -96,7 +96,7 @@ def test_no_acknowledge_is_the_sensors():
     with pytest.raises(NoReply) as caught:
         bench.rows(12)
     assert caught.value.device == "gyro"
-    assert bench.clock.now() < 7
+    assert bench.clock.now() < 8.5
 
 
 def test_frames_that_wait_in_the_board_are_its_fault():

@@ -26,7 +26,7 @@ from hil.wire.streaming import StreamingBus
 __all__ = ["Recorder", "watermark"]
 
 _COLUMNS = 5
-_FRAME_S = 0.5
+_FRAME_S = 1.0
 _MOST_PACKETS = 128  # half of the FIFO: the other half is time for a bus that is busy
 _SILENT_FRAMES = 3
 _MARGIN_S = 0.1
@@ -44,7 +44,7 @@ class _Readings:
 
 
 def watermark(rate: float) -> int:
-    """Return the packets of one block at a rate [Hz]: half a second, or half of the FIFO."""
+    """Return the packets of one block at a rate [Hz]: one second, or half of the FIFO."""
     return max(1, min(_MOST_PACKETS, round(rate * _FRAME_S)))
 
 

@@ -11,8 +11,8 @@ from hil.model.errors import NoReply
 __all__ = ["Stillness"]
 
 _MOST_EQUAL = 16
-# Typical noise in counts rms below which equal samples mean nothing. An article with 0.4 of the typical noise still has
-# 0.4 counts: all three axes are then equal to the last ones with a probability below 0.27, sixteen in a row once in 3e8.
+# Typical noise in counts rms below which equal samples mean nothing. With 0.4 of it an article has 0.4 counts: all
+# three axes equal the last ones with a probability below 0.27, sixteen in a row once in 3e8 samples.
 _LEAST_NOISE = 1.0
 
 
