@@ -57,6 +57,16 @@ def test_the_same_bytes_again_are_not_executed_twice():
     assert under.sensor.written == [b"\x4e\x0f"]
 
 
+def test_the_reply_to_a_repetition_stands_behind_a_delimiter():
+    """Whatever was cut before it does not cost it too; a first reply has none."""
+    under = BoardUnderTest()
+    for kind, payload in ((I2C, writing(b"\x4e")), (IDENTIFY, b"")):
+        request = seal(kind, 9 + kind, payload)
+        first = under.raw(request)
+        assert first[0] != 0
+        assert under.raw(request) == b"\0" + first
+
+
 def test_a_repetition_while_the_request_is_executed():
     """The copy waits, and both get the same reply; the device was written once."""
     under = BoardUnderTest()

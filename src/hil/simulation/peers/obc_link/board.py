@@ -182,6 +182,9 @@ class ObcBoard:
         frame, received_us = self._requests[0]
         last = self._last[0] if self._last else None
         repeated = last is not None and last.sequence == frame.sequence
+        if frame == last:
+            # The host may not have seen the end of the reply before, or of noise.
+            self._uart.send(b"\0")
         if frame.version != VERSION:
             self._send(Refusal(Code.VERSION, VERSION).payload)
         elif not self._commands.knows(frame.kind):
