@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["wire_chamber"]
+__all__ = ["chamber_changes", "wire_chamber"]
 
 _INSTRUMENT = """\
   tec1:
@@ -46,24 +46,27 @@ _PEER = """\
 """
 
 
+def chamber_changes(*faults: str, lamp: str = "") -> dict[str, str]:
+    """Return texts of the bench file, and what they become; see `wire_chamber`."""
+    peer = _PEER + (f"      faults: [{', '.join(faults)}]\n" if faults else "")
+    wrong = f"      truth: {lamp}\n" if lamp else ""
+    return {
+        "\nwiring:\n": f"{_INSTRUMENT}\nwiring:\n{_WIRE}",
+        _CONTACTS: _CONTACTS.replace("}", ', lamp: "3"}'),
+        "\nclamps:\n": f"\nclamps:\n{_CLAMP}",
+        "\nenvelope:\n": f"\nenvelope:\n{_LIMIT}",
+        "\nsafe_off:\n": f"\nsafe_off:\n{_SAFE}",
+        "\nrest:\n": f"\nrest:\n{_SAFE}",
+        "grid: 10 ms": "grid: 200 ms",
+        "\n  plants:\n": f"\n  plants:\n{_PLANT}",
+        "\n  peers:\n": f"\n  peers:\n{peer}",
+        '"2": coil.contact_b}\n': f'"2": coil.contact_b, "3": chamber.lamp}}\n{wrong}',
+    }
+
+
 def wire_chamber(workspace, *faults: str, lamp: str = "") -> None:
     """Add the chamber to a workspace's bench; `faults` are those of the controller, `lamp` is truth of the relay board.
 
     The coil, which these runs leave alone, is stepped seldom: they last for an hour of bench time.
     """
-    peer = _PEER + (f"      faults: [{', '.join(faults)}]\n" if faults else "")
-    wrong = f"      truth: {lamp}\n" if lamp else ""
-    workspace.change_bench(
-        {
-            "\nwiring:\n": f"{_INSTRUMENT}\nwiring:\n{_WIRE}",
-            _CONTACTS: _CONTACTS.replace("}", ', lamp: "3"}'),
-            "\nclamps:\n": f"\nclamps:\n{_CLAMP}",
-            "\nenvelope:\n": f"\nenvelope:\n{_LIMIT}",
-            "\nsafe_off:\n": f"\nsafe_off:\n{_SAFE}",
-            "\nrest:\n": f"\nrest:\n{_SAFE}",
-            "grid: 10 ms": "grid: 200 ms",
-            "\n  plants:\n": f"\n  plants:\n{_PLANT}",
-            "\n  peers:\n": f"\n  peers:\n{peer}",
-            '"2": coil.contact_b}\n': f'"2": coil.contact_b, "3": chamber.lamp}}\n{wrong}',
-        }
-    )
+    workspace.change_bench(chamber_changes(*faults, lamp=lamp))

@@ -44,5 +44,6 @@ def choice(wire: Wire, key: str, unit: str, allowed: Sequence[float], default: f
         return default
     if value not in allowed:
         listed = ", ".join(f"{number:g}" for number in allowed)
-        raise Refused(f"wiring {wire.name}: {key} {value:g} {unit} does not exist", f"choose one of {listed} {unit}")
+        asked, known = (f"{text} {unit}".rstrip() for text in (f"{value:g}", listed))
+        raise Refused(f"wiring {wire.name}: {key} {asked} does not exist", f"choose one of {known}")
     return value

@@ -73,6 +73,18 @@ def test_holding_registers_are_read():
     assert modbus.read_holding(0x8000, 1) == (200,)
 
 
+def test_a_register_is_written_by_function_06():
+    """Address and value come back; another value is no echo."""
+    request = framed("01 06 00 02 FF 60")
+    modbus, port = session((request, request), (request, framed("01 06 00 02 FF 61")), (request, framed("01 86 02")))
+    modbus.write_holding(2, 0xFF60)
+    with pytest.raises(Garbled, match="the echo 01 06 00 02 ff 60"):
+        modbus.write_holding(2, 0xFF60)
+    with pytest.raises(Rejected, match="holding register 0x0002 set to 65376, unit 1 answered exception 2"):
+        modbus.write_holding(2, 0xFF60)
+    assert port.done
+
+
 def test_a_reply_in_pieces_is_one_reply():
     """Bytes come one by one at 9600 baud."""
     pieces = tuple((0.001 * (number + 1), COILS_5[number : number + 1]) for number in range(len(COILS_5)))

@@ -59,6 +59,16 @@ def test_output_limits_hold():
     assert line.read(OUTPUT) == 250
 
 
+def test_there_is_no_more_than_all():
+    """Limits beyond 100 % give 100 %."""
+    line = regulating(target=-100)
+    line.write(31, 0x10000 - 3000)
+    line.write(LOOP, 1)
+    line.write(MANUAL, 0x10000 - 3000)
+    line.wait(2)
+    assert (line.read(OUTPUT), line.chamber.inputs["tec"]) == (-1000, -1.0)
+
+
 def test_manual_output_and_the_way_back():
     """By hand the output is what it is told, and regulation goes on from there without a jump."""
     line = regulating(target=220, sensor_noise="0")

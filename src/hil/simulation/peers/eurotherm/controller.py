@@ -26,6 +26,7 @@ __all__ = ["Eurotherm3216", "Make"]
 
 _REPLY_NS = 5_000_000
 _REMOTE_NS = 5 * NANOSECONDS
+_ALL = 100.0
 _BROKEN, _BY_HAND, _REMOTE_FAILED = 1 << 5, 1 << 4, 1 << 14
 _UNITS = {"degC": (0, 1.0, 0.0), "degF": (1, 1.8, 32.0), "K": (2, 1.0, 273.15)}
 
@@ -174,17 +175,17 @@ class Eurotherm3216:
             integral=self._memory[at.INTEGRAL_TIME],
             derivative=self._memory[at.DERIVATIVE_TIME],
             cool_gain=max(self._memory[at.COOL_GAIN], 1) / 10,
-            low=self._memory[at.OUTPUT_LOW] / 10,
-            high=self._memory[at.OUTPUT_HIGH] / 10,
+            low=max(self._memory[at.OUTPUT_LOW] / 10, -_ALL),
+            high=min(self._memory[at.OUTPUT_HIGH] / 10, _ALL),
         )
 
     def _drive_at(self, output: float, now_ns: int) -> None:
         if self._faults.now("stuck", now_ns):
             output = 0.0
         elif self._faults.now("runaway", now_ns):
-            output = 100.0
+            output = _ALL
         if self._drive is not None:
-            self._drive.command(output / 100)
+            self._drive.command(output / _ALL)
 
     def _frame(self, frame: bytes) -> None:
         body = checked(frame)
