@@ -44,3 +44,11 @@ def test_logs_are_analysed_as_told(page, tmp_path):
     steps = [step for step in steps_of(page) if isinstance(step, Command) and step.text.startswith("hil analyse")]
     assert steps
     assert follow(steps, tmp_path) == ""
+
+
+@pytest.mark.system
+@pytest.mark.timeout(120)
+def test_recordings_are_exported_as_told(tmp_path):
+    """The commands of the guide export the reference package, and show what the page shows."""
+    shutil.copytree(ROOT / "reports" / "reference", tmp_path / "reports" / "reference")
+    assert follow(steps_of(DOCS / "how-to" / "export-recordings.md"), tmp_path) == ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,7 +25,16 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Recorded", "convert", "hashes_of", "read_hdf5", "read_recording", "write_hdf5"]
+__all__ = [
+    "Recorded",
+    "convert",
+    "hashes_of",
+    "read_blocks",
+    "read_column",
+    "read_hdf5",
+    "read_recording",
+    "write_hdf5",
+]
 
 _TIME = {"unit": "s", "meaning": "bench time"}
 
@@ -156,14 +166,33 @@ def read_hdf5(path: Path) -> dict[str, NDArray[np.float64]]:
     Raises:
         EvidenceError: where it cannot be read.
     """
-    import h5py  # noqa: PLC0415 - slow to import
+    with _open(path) as sets:
+        return {name: read_part(dataset, 0, dataset.shape[0]) for name, dataset in sets.items()}
 
-    try:
-        with h5py.File(path, "r") as file:
-            sets = _sets(file)
-            return {name: read_part(dataset, 0, dataset.shape[0]) for name, dataset in sets.items()}
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError) as error:
-        raise EvidenceError(f"{path}: this HDF5 file cannot be read: {error}", "see hil verify") from error
+
+def read_column(path: Path, name: str) -> NDArray[np.float64]:
+    """Return `time` or one channel of a recording's HDF5 file, shape (rows,).
+
+    Raises:
+        EvidenceError: where it cannot be read.
+    """
+    with _open(path) as sets:
+        return read_part(sets[name], 0, sets[name].shape[0])
+
+
+def read_blocks(path: Path, most: int = BLOCK) -> Iterator[list[NDArray[np.float64]]]:
+    """Give the rows of a recording's HDF5 file in blocks of at most `most`, so that memory does not grow with it.
+
+    Returns:
+        Per block the time and then every channel, each of shape (n,).
+
+    Raises:
+        EvidenceError: where the file cannot be read.
+    """
+    with _open(path) as sets:
+        rows = sets["time"].shape[0]
+        for start in range(0, rows, most):
+            yield [read_part(dataset, start, min(start + most, rows)) for dataset in sets.values()]
 
 
 def hashes_of(path: Path, at: Sequence[int]) -> list[tuple[int, str]]:
@@ -175,11 +204,22 @@ def hashes_of(path: Path, at: Sequence[int]) -> list[tuple[int, str]]:
     Raises:
         EvidenceError: where the file cannot be read.
     """
+    with _open(path) as sets:
+        return list(_hashes([*sets.values()], at))
+
+
+@contextmanager
+def _open(path: Path) -> Iterator[dict[str, Dataset]]:
+    """Open a recording's HDF5 file: `time`, and the channels in their order.
+
+    Raises:
+        EvidenceError: where it cannot be read, now or while it is open.
+    """
     import h5py  # noqa: PLC0415 - slow to import
 
     try:
         with h5py.File(path, "r") as file:
-            return list(_hashes([*_sets(file).values()], at))
+            yield _sets(file)
     except (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError) as error:
         raise EvidenceError(f"{path}: this HDF5 file cannot be read: {error}", "see hil verify") from error
 

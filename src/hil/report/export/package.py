@@ -1,0 +1,117 @@
+"""The recordings of a package, written for other programs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hil.documents.canonical import canonical
+from hil.evidence.folder import RECORDINGS
+from hil.evidence.package.contents import Package
+from hil.evidence.package.listing import shown
+from hil.evidence.package.verification import State, Verification, verify
+from hil.model.errors import EvidenceError, Refused
+from hil.report.export.choosing import choose
+from hil.report.export.csv_table import TableFormat, write_csv
+from hil.report.export.facts import Facts, facts_of
+from hil.report.export.mat_file import write_mat
+from hil.report.export.whole_files import require_new, whole_files
+
+__all__ = ["ExportRequest", "Exported", "export_package"]
+
+_HINTS = {
+    State.RUNNING: "wait for its end",
+    State.INTERRUPTED: "hil seal seals it as it is",
+    State.DAMAGED: "hil verify tells what is wrong",
+    State.UNKNOWN: "use a newer version of hil",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportRequest:
+    """What is exported, and how.
+
+    Attributes:
+        output: the folder to write to.
+        recordings: ids or names of recordings; all where it is empty.
+        cases: cases whose recordings are meant; all where it is empty.
+        table: how a text table is written, None for none.
+        mat: whether a MATLAB file is written.
+        compressed: whether its variables are compressed.
+    """
+
+    output: Path
+    recordings: Sequence[str] = ()
+    cases: Sequence[str] = ()
+    table: TableFormat | None = None
+    mat: bool = False
+    compressed: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exported:
+    """A recording that was written: its facts, and the names of its files."""
+
+    facts: Facts
+    files: tuple[str, ...]
+
+
+def export_package(folder: Path, request: ExportRequest) -> Iterator[Exported]:
+    """Verify a package, then write recording after recording; nothing is written before all is known to be possible.
+
+    Raises:
+        Refused: where the package is not sealed, holds no such recording, or a file cannot be written.
+        EvidenceError: where it is damaged, or a recording cannot be read.
+    """
+    verified = _verified(folder)
+    package = Package(folder)
+    chosen = choose(package.recordings(), request.recordings, request.cases)
+    facts = [facts_of(package, verified, begun) for begun in chosen]
+    require_new(request.output, [name for told in facts for name in _names(told, request)])
+    for told in facts:
+        yield _exported(folder / RECORDINGS / f"{told['recording']}.h5", told, request)
+
+
+def _verified(folder: Path) -> Verification:
+    """Return the verification of a package in which nothing is wrong: an export names its digest."""
+    found = verify(folder)
+    if found.state is State.SEALED:
+        return found
+    name, hint = shown(folder.name), _HINTS[found.state]
+    if found.state is State.DAMAGED:
+        raise EvidenceError(f"{name} is DAMAGED, and nothing is exported from it: {found.findings[0]}", hint)
+    raise Refused(f"{name} is {found.state}: only a sealed package that this version reads is exported", hint)
+
+
+def _names(facts: Mapping[str, Any], request: ExportRequest) -> list[str]:
+    """Return the names of a recording's files: the id, which is one in every package that hil wrote, and the mark."""
+    if not re.fullmatch(r"[\w\[\]-][\w.\[\]-]*", facts["recording"]):
+        raise EvidenceError(f"{shown(facts['recording'])}: this id is no file name", "hil did not write this package")
+    stem = "-".join(filter(None, (facts["recording"], facts["mark"])))
+    endings = [".csv"] if request.table else []
+    endings += [".json"] if request.table and not request.table.commented else []
+    endings += [".mat"] if request.mat else []
+    return [f"{stem}{ending}" for ending in endings]
+
+
+def _exported(recording: Path, facts: Facts, request: ExportRequest) -> Exported:
+    names = _names(facts, request)
+    with whole_files(request.output, names) as parts:
+        files = dict(zip((Path(name).suffix for name in names), zip(names, parts, strict=True), strict=True))
+        if request.table:
+            table, part = files[".csv"]
+            digest = write_csv(recording, part, facts, request.table)
+            if ".json" in files:
+                files[".json"][1].write_bytes(canonical(_beside(facts, table, digest, request.table)) + b"\n")
+        if request.mat:
+            write_mat(recording, files[".mat"][1], facts, compressed=request.compressed)
+    return Exported(facts=facts, files=tuple(names))
+
+
+def _beside(facts: Facts, table: str, digest: str, form: TableFormat) -> Facts:
+    """Return the facts for the file beside a table, bound to it by its hash."""
+    written = {"name": table, "sha256": digest, "separator": form.separator, "decimal": form.decimal}
+    return facts | {"file": written | {"not_a_number": ""}}
