@@ -18,6 +18,7 @@ LARGEST = 2048
 
 _LONGEST_ON_LINE = LARGEST + -(-LARGEST // 254)
 _FULL = 254
+_CODES = tuple(bytes([length + 1]) for length in range(_FULL))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,19 +88,22 @@ def _checksum(data: bytes) -> bytes:
 
 def _stuffed(data: bytes) -> bytes:
     """Return the bytes by COBS: each run up to a zero behind its length, full runs without a zero behind them."""
-    stuffed = bytearray()
-    runs = data.split(b"\0")
-    for number, run in enumerate(runs):
-        rest = run
-        while len(rest) >= _FULL:
-            stuffed.append(_FULL + 1)
-            stuffed += rest[:_FULL]
-            rest = rest[_FULL:]
-        # A full run at the very end needs nothing behind it; before a zero it does, for the zero's sake.
-        if rest or not run or number < len(runs) - 1:
-            stuffed.append(len(rest) + 1)
-            stuffed += rest
-    return bytes(stuffed)
+    *runs, last = data.split(b"\0")
+    parts = [_CODES[len(run)] + run if len(run) < _FULL else _full_blocks(run) + _rest(run) for run in runs]
+    # A full run at the very end needs nothing behind it; before a zero it does, for the zero's sake.
+    end = b"" if last and len(last) % _FULL == 0 else _rest(last)
+    return b"".join(parts) + _full_blocks(last) + end
+
+
+def _rest(run: bytes) -> bytes:
+    """Return what is behind the full blocks of a run, with its code."""
+    rest = run[len(run) // _FULL * _FULL :]
+    return _CODES[len(rest)] + rest
+
+
+def _full_blocks(run: bytes) -> bytes:
+    ends = range(_FULL, len(run) + 1, _FULL)
+    return b"".join(b"\xff" + run[end - _FULL : end] for end in ends)
 
 
 def _unstuffed(data: bytes) -> bytes | None:
