@@ -6,7 +6,7 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,8 +38,9 @@ def launch(configuration: Configuration, opener: Opener) -> Launched:
         ConfigurationError: if cases cannot be collected or do not fit the catalogue.
     """
     campaign = Campaign(configuration, opener)
-    root = configuration.workspace.root
-    with tempfile.TemporaryDirectory(prefix="hil-") as folder, _own_environment(), _own_modules(root):
+    workspace = configuration.workspace
+    own = (workspace.testplans, workspace.fixtures)
+    with tempfile.TemporaryDirectory(prefix="hil-") as folder, _own_environment(), _own_modules(own):
         ini = Path(folder) / "pytest.ini"
         ini.write_text(_INI, encoding="ascii")
         code = _outcome(campaign, _arguments(configuration, ini))
@@ -98,20 +99,24 @@ def _own_environment() -> Iterator[None]:
 
 
 @contextmanager
-def _own_modules(root: Path) -> Iterator[None]:
-    """Forget the plans' modules afterwards: those of another workspace have the same names."""
+def _own_modules(roots: Sequence[Path]) -> Iterator[None]:
+    """Forget the modules of plans and fixtures afterwards: those of another workspace have the same names.
+
+    Only theirs: an environment with installed packages often lies in the workspace, too, and compiled modules cannot be
+    loaded twice.
+    """
     before = set(sys.modules)
     try:
         yield
     finally:
         # All of them are looked at before one goes: a namespace package asks its parent where it is.
-        for name in [name for name in set(sys.modules) - before if _is_inside(sys.modules[name], root)]:
+        for name in [name for name in set(sys.modules) - before if _is_inside(sys.modules[name], roots)]:
             del sys.modules[name]
 
 
-def _is_inside(module: object, root: Path) -> bool:
+def _is_inside(module: object, roots: Sequence[Path]) -> bool:
     places = [getattr(module, "__file__", None) or "", *getattr(module, "__path__", ())]
-    return any(place and Path(place).is_relative_to(root) for place in places)
+    return any(place and Path(place).is_relative_to(root) for place in places for root in roots)
 
 
 def _finding(where: str, text: str) -> Finding:
