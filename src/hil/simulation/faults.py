@@ -138,10 +138,11 @@ def _lose_frames(truth: Truth, fault: Fault) -> Fault:
 
 def _nack(truth: Truth, fault: Fault) -> Fault:
     text = truth.text("address")
-    if not re.fullmatch(r"0x[0-9A-Fa-f]{2}", text):
+    if re.fullmatch(r"0x[0-7][0-9A-Fa-f]", text):
+        return replace(fault, number=int(text, 16))
+    if text:
         truth.wrong("address", f"expected an address such as '0x68', not '{text}'")
-        return fault
-    return replace(fault, number=int(text, 16))
+    return fault
 
 
 def _saturated(truth: Truth, fault: Fault) -> Fault:
