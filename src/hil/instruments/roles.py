@@ -199,6 +199,11 @@ class Gyroscope(Streamed, Protocol):
         ...
 
     @reads
+    def temperature(self) -> Figure:
+        """Return the sensor's own temperature in degC."""
+        ...
+
+    @reads
     def bandwidth(self) -> Figure:
         """Return the noise bandwidth of the chosen filter in Hz."""
         ...

@@ -122,9 +122,27 @@ def test_many_observations_are_what_single_ones_see():
     assert plant.observe_many("level", times[:0]).size == 0
 
 
+def test_physics_at_rest_costs_no_steps():
+    """A plant that does not change is not stepped from grid point to grid point, and goes on from the right one."""
+    plant, stepped = Charging(), Charging()
+    steps = []
+    plant.step = lambda state, inputs, dt: steps.append(dt) or Charging.step(plant, state, inputs, dt)
+    plant.advance(1000 * GRID + GRID // 2)
+    assert len(steps) <= 3
+    for number in range(1, 1001):
+        stepped.advance(number * GRID)
+    for each in (plant, stepped):
+        each.advance(1000 * GRID + GRID // 2)
+        each.command(drive=1.0)
+        each.advance(1003 * GRID)
+    assert plant.observe("level") == stepped.observe("level")
+    assert plant.observe_at("level", 1001 * GRID) == stepped.observe_at("level", 1001 * GRID)
+
+
 def test_many_observations_stay_within_two_seconds():
     """Neither the future nor what was forgotten can be observed."""
     plant = Charging()
+    plant.command(drive=1.0)
     plant.advance(40 * GRID)
     with pytest.raises(ValueError, match="cannot be observed"):
         plant.observe_many("level", np.array([10 * GRID, 40 * GRID]))

@@ -103,6 +103,16 @@ class Iim42652Gyroscope:
         x, y, z = (float(number) for number in rates(counts, self._mode.sensitivity))
         return x, y, z, celsius(data[:2])
 
+    @reads
+    def temperature(self) -> Figure:
+        """Return the temperature of the sensor's die in degC; its uncertainty is not known.
+
+        Raises:
+            NoReply: no acknowledge.
+        """
+        self._require_running()
+        return Figure(value=celsius(self._registers.block(Register.TEMP_DATA, 2)), unit="degC")
+
     def begin(self, rate: float) -> None:
         """Let the sensor sample into its FIFO; device time counts from when that begins to fill.
 

@@ -106,7 +106,11 @@ class Plant(ABC):
         self._now_ns = when_ns
         while self._next_ns <= when_ns:
             last = self._moments[-1]
-            self._moments.append(_Moment(self._next_ns, self._state_ahead(last), last.inputs))
+            ahead = self._state_ahead(last)
+            if ahead == last.state and last.at_ns % self._grid_ns == 0:
+                # Physics at rest stays there until the next command: the grid points between are all the same.
+                self._next_ns += (when_ns - self._next_ns) // self._grid_ns * self._grid_ns
+            self._moments.append(_Moment(self._next_ns, ahead, last.inputs))
             self._next_ns += self._grid_ns
             self._forget()
 
