@@ -247,6 +247,11 @@ def test_what_other_terminals_say_becomes_evidence(tmp_path):
     assert [(note["text"], note["by"]) for note in package.events("note")] == [("door opened", "Ada")]
     (attachment,) = package.events("attachment")
     assert (package.folder / "data/attachments" / attachment["file"]).read_bytes() == b"not really a photo"
+    assert "note: door opened (Ada)" in ended.out
+    assert f"attachment: {attachment['file']}: jig (Ada)" in ended.out
+    told = workspace.hil("status", name).out
+    assert "door opened (Ada)" in told
+    assert "photo.jpg: jig (Ada)" in told
     assert [stop["reason"].endswith("Ada: smell") for stop in package.events("stop")] == [True]
     assert verify(package.folder).findings == ()
     assert workspace.hil("note", name, "too late").code == 4

@@ -16,6 +16,7 @@ def command(run: str) -> int:
     from hil.evidence.package.listing import shown as printable  # noqa: PLC0415 - heavy
     from hil.evidence.runs import status  # noqa: PLC0415 - heavy
     from hil.report.numbers import bench_time, duration  # noqa: PLC0415 - heavy
+    from hil.report.page.happenings import attached, noted  # noqa: PLC0415 - heavy
 
     found = status(find_run(run))
     lines = {
@@ -36,4 +37,8 @@ def command(run: str) -> int:
     for label, value in lines.items():
         if value:
             click.echo(f"{label:<11} {printable(value)}")
+    told = {"note": noted, "attachment": attached}
+    for event in found.added:
+        what = told[event["kind"]](event) if event["kind"] in told else str(event["text"])
+        click.echo(f"{event['kind']:<11} {bench_time(event['t'])}  {printable(what)}")
     return 0

@@ -106,7 +106,7 @@ def _bring(attach: Path, files: Path, name: str) -> tuple[str, str]:
         raise Refused(f"{attach}: this is not a file", "attach one file at a time")
     if attach.stat().st_size > LARGEST_ATTACHMENT:
         raise Refused(f"{attach}: larger than {LARGEST_ATTACHMENT / 1e6:.0f} MB", "attach a part of it")
-    file = f"{name}-{re.sub(r'[^A-Za-z0-9._]+', '_', attach.name).strip('._')[-80:] or 'file'}"
+    file = f"{name}-{re.sub(r'[^A-Za-z0-9._-]+', '_', attach.name).strip('._-')[-80:] or 'file'}"
     part = files / f"{file}{PART}"
     shutil.copyfile(attach, part)
     sync_file(part)

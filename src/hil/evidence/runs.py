@@ -20,6 +20,7 @@ __all__ = ["RunSummary", "find_runs", "run_folders", "status"]
 
 _STAMP = re.compile(r"(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)Z")
 _FIRST_LINE = 1_000_000
+_ADDED = frozenset({"anomaly", "attachment", "note"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +43,7 @@ class RunSummary:
         t: bench time of the newest event in s.
         age: seconds since the newest event; None where the machine was booted since.
         verdict: the sealed verdict, empty before.
+        added: the events of notes, attachments and anomalies, in order.
     """
 
     folder: Path
@@ -59,6 +61,7 @@ class RunSummary:
     t: float = 0.0
     age: float | None = None
     verdict: str = ""
+    added: tuple[Body, ...] = ()
 
 
 def run_folders(reports: Path) -> list[Path]:
@@ -148,6 +151,7 @@ def _summary(folder: Path, reading: JournalReading) -> RunSummary:
         t=float(events[-1]["t"]) if events else 0.0,
         age=_age(reading.lines[-1]) if events else None,
         verdict=_verdict(folder),
+        added=tuple(event for event in events if event["kind"] in _ADDED),
     )
 
 

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.text import Text
 
 from hil.report.numbers import bench_time, duration, limit_text, measured
+from hil.report.page.happenings import attached, noted
 
 __all__ = ["Progress"]
 
@@ -125,6 +126,15 @@ class Progress:
 
     def _stop(self, event: Mapping[str, Any]) -> None:
         self._line(f"stopped by {event['reason']}", "bold magenta")
+
+    def _note(self, event: Mapping[str, Any]) -> None:
+        self._line(f"  note: {noted(event)}")
+
+    def _attachment(self, event: Mapping[str, Any]) -> None:
+        self._line(f"  attachment: {attached(event)}")
+
+    def _anomaly(self, event: Mapping[str, Any]) -> None:
+        self._line(f"  anomaly: {event['text']}", "yellow")
 
     def _safe(self, event: Mapping[str, Any]) -> None:
         if self._verbose or not event["ok"]:

@@ -39,6 +39,17 @@ def test_a_run_tells_where_it_is(tmp_path):
     assert status(tmp_path).state is State.INTERRUPTED
 
 
+def test_a_run_tells_what_people_added(tmp_path):
+    """Notes, attachments and anomalies are there in order, to acknowledge them."""
+    with begin(tmp_path) as journal:
+        journal.write("note", 1.0, text="door opened", by="Ada")
+        journal.write("attachment", 2.0, file="1-photo.jpg", sha256="0" * 64, by="Ada", text="jig")
+    assert [(event["kind"], event["text"]) for event in status(tmp_path).added] == [
+        ("note", "door opened"),
+        ("attachment", "jig"),
+    ]
+
+
 def test_a_sealed_run_tells_its_verdict(tmp_path):
     """Nothing goes on in it any more."""
     folder = create(tmp_path, bench="b", dut="d")

@@ -263,6 +263,16 @@ def test_text_from_outside_stays_text(tmp_path, hostile):
     assert all(not name.startswith("on") for _, attrs in page.tags for name in attrs)
 
 
+def test_an_attachment_is_shown_with_what_is_said_of_it(tmp_path):
+    """File, text, author and hash stand among the notes; whoever said nothing has no colon."""
+    events = list(one_case("PASS"))
+    for name, said in (("1-nc-photo.txt", "a photo"), ("2-log.csv", "")):
+        events.append(("attachment", 3.0, {"file": name, "sha256": "0" * 64, "by": "Ada", "text": said}))
+    words = Page(page_of(tmp_path, events=events)).words
+    assert f"1-nc-photo.txt: a photo (Ada), sha256 {'0' * 64}" in words
+    assert f"2-log.csv (Ada), sha256 {'0' * 64}" in words
+
+
 def test_marks_that_reorder_text_are_shown_by_number(tmp_path):
     """A bidirectional override cannot turn a FAIL into something else; it is printed as its number."""
     page = page_of(tmp_path, run={"operator": "Ada\u202eSSAP\u0007"}, events=list(one_case("FAIL", reason="\u2066x")))

@@ -28,7 +28,7 @@ from hil.evidence.recordings.hdf5 import convert
 from hil.evidence.results.derived import results_of
 from hil.model.errors import EvidenceError
 
-__all__ = ["ReportWriter", "finish", "info_of", "seal", "write_end", "write_message"]
+__all__ = ["ReportWriter", "event_of", "finish", "info_of", "seal", "write_end"]
 
 ReportWriter = Callable[[Path], None]
 """Writes `data/report/*` into the run's folder; everything else in `data` is final by then."""
@@ -62,7 +62,8 @@ def seal(folder: Path, journal: Journal, *, exit_code: int, write_reports: Repor
 def _write_results(folder: Path, journal: Journal) -> None:
     """Empty the inbox, convert the recordings, and derive the results."""
     for message in poll(folder):
-        write_message(journal, journal.last_t, message)
+        kind, fields = event_of(message)
+        journal.write(kind, journal.last_t, **fields)
     _convert_all(folder, journal)
     results = results_of(folder, read_journal(folder / JOURNAL))
     data = canonical(results)
@@ -104,14 +105,16 @@ def info_of(folder: Path, identifier: str, reading: JournalReading) -> bytes:
     )
 
 
-def write_message(journal: Journal, t: float, message: Message) -> None:
-    """Write down what came through the inbox, where nothing else has to be done about it."""
-    if message.kind == "attachment":
-        journal.write("attachment", t, file=message.file, sha256=message.sha256, by=message.by, text=message.text)
-    elif message.kind == "note":
-        journal.write("note", t, text=message.text, by=message.by)
-    else:
-        journal.write("anomaly", t, text=f"inbox, {message.kind} by {message.by or 'nobody'}: {message.text}")
+def event_of(message: Message) -> tuple[str, dict[str, Any]]:
+    """Return the event, as kind and fields, that writes down what came through the inbox."""
+    said = {"text": message.text, "by": message.by}
+    match message.kind:
+        case "attachment":
+            return "attachment", {"file": message.file, "sha256": message.sha256, **said}
+        case "note":
+            return "note", said
+        case _:
+            return "anomaly", {"text": f"inbox, {message.kind} by {message.by or 'nobody'}: {message.text}"}
 
 
 def _convert_all(folder: Path, journal: Journal) -> None:

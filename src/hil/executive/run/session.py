@@ -113,10 +113,9 @@ class Session:
         self._store = RowStore(self.folder, self._events.write)
         self._sink = FileIO(self.folder / TRANSCRIPT, "w")
         self._transcript = Transcript(self._sink)
-        self._upkeep = Upkeep(self.folder, self._journal, self._store, self._transcript, self.flags)
+        self._upkeep = Upkeep(self.folder, self._events, self._store, self._transcript, self.flags)
         write_head(configuration, planned, self.folder, self._events.write)
         self.bench = binder(self._transcript, self._where)
-        self._upkeep.now = self.bench.clock.now
         self._closing.callback(self.bench.close)
         self._events.follow(self.bench.clock)
         self.keeper = BenchKeeper(

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 from hil.evidence.folder import RESERVE, free_reserve
-from hil.evidence.inbox import Message, poll
-from hil.evidence.journal.writer import Journal
-from hil.evidence.package.sealing import write_message
-from hil.executive.run.events import DISK_FULL
+from hil.evidence.inbox import poll
+from hil.evidence.package.sealing import event_of
+from hil.executive.run.events import DISK_FULL, Events
 from hil.executive.run.row_store import RowStore
 from hil.executive.run.stop import StopFlags
 from hil.model.errors import EvidenceError
@@ -23,24 +21,18 @@ class Upkeep:
 
     Args:
         folder: the run's folder.
-        journal: where messages are written.
+        events: where messages are written, and shown to whoever listens.
         store: the open recordings.
         transcript: what went over the wire.
         flags: asked to end the run when somebody says so, or the disk is full.
-
-    Attributes:
-        now: bench time in seconds.
     """
 
-    def __init__(
-        self, folder: Path, journal: Journal, store: RowStore, transcript: Transcript, flags: StopFlags
-    ) -> None:
+    def __init__(self, folder: Path, events: Events, store: RowStore, transcript: Transcript, flags: StopFlags) -> None:
         self._folder = folder
-        self._journal = journal
+        self._events = events
         self._store = store
         self._transcript = transcript
         self._flags = flags
-        self.now: Callable[[], float] = float
 
     def tick(self) -> None:
         """Do it all."""
@@ -51,7 +43,8 @@ class Upkeep:
             if message.kind == "stop":
                 self._flags.request(f"{message.by or 'another terminal'}: {message.text}".rstrip(": "))
             else:
-                self._write_message(message)
+                kind, fields = event_of(message)
+                self._events.write(kind, **fields)
 
     def flush(self) -> None:
         """Bring what waits to the disk."""
@@ -62,12 +55,6 @@ class Upkeep:
             self._disk_is_full()
             if free_reserve(self._folder / RESERVE):
                 self.flush()
-
-    def _write_message(self, message: Message) -> None:
-        try:
-            write_message(self._journal, self.now(), message)
-        except EvidenceError:
-            self._disk_is_full()
 
     def _disk_is_full(self) -> None:
         """Ask for the run's end; asked again and again, it is no more urgent than a person's first word."""

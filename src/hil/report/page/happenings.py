@@ -8,7 +8,7 @@ from hil.report.material import Body, flag, text, texts
 from hil.report.numbers import bench_time, duration, number, with_unit
 from hil.report.page.view import CaseName, GateRow, Happening, SafeRow
 
-__all__ = ["deviations", "gates", "happenings", "people", "safe_off"]
+__all__ = ["attached", "deviations", "gates", "happenings", "noted", "people", "safe_off"]
 
 
 def gates(events: Sequence[Body]) -> tuple[GateRow, ...]:
@@ -71,6 +71,21 @@ def happenings(events: Sequence[Body], names: Mapping[str, CaseName]) -> tuple[H
     )
 
 
+def noted(event: Body) -> str:
+    """Return what a note says and who wrote it."""
+    return f"{text(event, 'text')} ({_by(event)})"
+
+
+def attached(event: Body) -> str:
+    """Return which file was attached, what is said of it, and who attached it."""
+    said = f": {text(event, 'text')}" if text(event, "text") else ""
+    return f"{text(event, 'file')}{said} ({_by(event)})"
+
+
+def _by(event: Body) -> str:
+    return text(event, "by") or "not recorded by whom"
+
+
 def _reading(event: Body) -> str:
     value = event.get("value")
     shown = with_unit(number(value), text(event, "unit")) if value is not None else ""
@@ -102,12 +117,8 @@ def _rest(event: Body) -> str:
     return "" if flag(event, "ok") else f"{text(event, 'output')} not {text(event, 'state')}: {text(event, 'detail')}"
 
 
-def _note(event: Body) -> str:
-    return f"{text(event, 'text')} ({text(event, 'by') or 'not recorded by whom'})"
-
-
 def _attachment(event: Body) -> str:
-    return f"{text(event, 'file')} ({text(event, 'by') or 'not recorded by whom'}), sha256 {text(event, 'sha256')}"
+    return f"{attached(event)}, sha256 {text(event, 'sha256')}"
 
 
 def _recovered(event: Body) -> str:
@@ -135,7 +146,7 @@ _TOLD: Mapping[str, Callable[[Body], str]] = {
     "fault": _fault,
     "recording-end": _gap,
     "rest": _rest,
-    "note": _note,
+    "note": noted,
     "attachment": _attachment,
     "recovered": _recovered,
 }
