@@ -108,8 +108,9 @@ class Plant(ABC):
             last = self._moments[-1]
             ahead = self._state_ahead(last)
             if ahead == last.state and last.at_ns % self._grid_ns == 0:
-                # Physics at rest stays there until the next command: the grid points between are all the same.
-                self._next_ns += (when_ns - self._next_ns) // self._grid_ns * self._grid_ns
+                # Physics at rest stays there until the next command: its first moment stands for all that follow.
+                self._next_ns = (when_ns // self._grid_ns + 1) * self._grid_ns
+                return
             self._moments.append(_Moment(self._next_ns, ahead, last.inputs))
             self._next_ns += self._grid_ns
             self._forget()
