@@ -36,7 +36,11 @@ def test_a_real_gyroscope_at_rest_is_characterised():
     lines = run(SLICE, *REST).stdout.splitlines()
     assert "5001 samples in 49.9948 s" in lines[0]
     assert lines[1].startswith("sampling: 100.01 Hz, jitter 9.26 us rms")
-    assert [line.split(":")[0] for line in lines if "overlapping Allan deviation" in line] == ["2", "3", "4"]
+    assert [line.split(":")[0] for line in lines if "overlapping Allan deviation" in line] == [
+        "column 2",
+        "column 3",
+        "column 4",
+    ]
     assert lines[4].split() == ["tau", "[s]", "deviation", "low", "high", "edf", "noise"]
     assert sum(line.startswith("white noise") and line.endswith(" measured") for line in lines) == 3
     assert sum(line.startswith("flicker") and line.endswith("upper limit") for line in lines) == 3
@@ -90,8 +94,42 @@ def test_timestamps_may_count_milliseconds_and_have_gaps(tmp_path):
     np.savetxt(log, np.column_stack([times, np.random.default_rng(0).standard_normal(980)]))
     text = run(str(log), "--time", "1", "--time-unit", "ms", "--unit", "deg/s").stdout
     assert "sampling: 100 Hz" in text
-    assert "1 gaps (longest 0.21 s, about 20 samples missing)" in text
+    assert "1 gap (longest 0.21 s, about 20 samples missing)" in text
     assert "note: 20 samples are missing; averages that miss more than 5 % of theirs are left out" in text
+
+
+def test_no_number_stands_beside_a_rejected_model():
+    """What the fit gave is in the JSON for orientation; a person is given no number that is none."""
+    lines = run(SLICE, "--time", "1", "--columns", "3", "--unit", "LSB").stdout.splitlines()
+    rejected = [line.split() for line in lines if line.endswith("model rejected")]
+    assert [words[-3] for words in rejected] == ["-"] * 3
+
+
+def test_a_time_column_among_the_rates_is_warned_of(tmp_path):
+    """With --rate, a column that rises with every sample is a time or a counter; noise is not warned of."""
+    log = tmp_path / "log.txt"
+    noise = np.random.default_rng(0).standard_normal(200)
+    np.savetxt(log, np.column_stack([np.arange(200) * 0.01, noise]))
+    text = run(str(log), "--rate", "100", "--unit", "deg/s").stdout
+    assert "note: column 1 rises with every sample, as a time does" in text
+    assert "column 2 rises" not in text
+    assert "column 2: overlapping Allan deviation" in text
+
+
+@pytest.mark.parametrize(("step", "rate"), [(1e7, "1e-07"), (1e-7, "1e+07")])
+def test_an_unlikely_rate_asks_for_the_unit_of_time(tmp_path, step, rate):
+    """Timestamps in nanoseconds that are taken as seconds are questioned, and so are fast ones."""
+    log = tmp_path / "log.txt"
+    np.savetxt(log, np.column_stack([np.arange(200) * step, np.random.default_rng(0).standard_normal(200)]))
+    text = run(str(log), "--time", "1", "--unit", "deg/s").stdout
+    assert f"note: {rate} Hz is an unlikely rate; are the timestamps in s? see --time-unit" in text
+
+
+def test_jitter_below_a_nanosecond_is_none(tmp_path):
+    """Rounding errors of even timestamps are not printed as jitter."""
+    log = tmp_path / "log.txt"
+    np.savetxt(log, np.column_stack([np.arange(200) * 0.01, np.random.default_rng(0).standard_normal(200)]))
+    assert "jitter 0 us rms, 0 us at most" in run(str(log), "--time", "1", "--unit", "deg/s").stdout
 
 
 def test_a_stuck_column_is_not_observable(tmp_path):
@@ -188,7 +226,8 @@ def test_a_terminal_gets_a_table_with_rules_and_no_colour_where_none_is_wanted(m
         (Figure(value=3.0366e-9, unit="deg/s", uncertainty=9.87e-11), "(3.037 ± 0.099)e-9 deg/s"),
         (Figure(value=123456.0, unit="LSB", uncertainty=1234.0), "(1.235 ± 0.012)e+5 LSB"),
         (Figure(value=2.0725, unit="LSB", uncertainty=0.3, status=FigureStatus.UPPER_LIMIT), "< 2.07 LSB"),
-        (Figure(value=2.0725, unit="LSB", status=FigureStatus.MODEL_REJECTED), "2.072 LSB"),
+        (Figure(value=2.0725, unit="LSB", status=FigureStatus.MODEL_REJECTED), "-"),
+        (Figure(value=10.239, unit="s", uncertainty=3.1, status=FigureStatus.NOT_OBSERVABLE), "> 10.2 s"),
         (Figure(value=math.nan, unit="LSB", status=FigureStatus.NOT_OBSERVABLE), "-"),
     ],
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["allan"]
 
+_LEAST_OF_CLOCK = 10  # samples
+_LIKELY_HZ = (1e-3, 1e6)  # rates of logs; beyond them the unit of the timestamps is another more often than not
 _TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -154,13 +156,26 @@ def _samples(choice: _Choice) -> _Samples:
         del rates[table.names[0]]
     remarks = (*table.remarks, *_no_numbers(rates))
     if choice.rate is not None:
-        return _Samples(rate=choice.rate, sampling=None, rates=rates, remarks=remarks)
-    return _judged(times[part], rates, remarks)
+        return _Samples(rate=choice.rate, sampling=None, rates=rates, remarks=(*remarks, *_clocks(rates)))
+    samples = _judged(times[part], rates, remarks)
+    if _LIKELY_HZ[0] <= samples.rate <= _LIKELY_HZ[1]:
+        return samples
+    told = f"{samples.rate:.3g} Hz is an unlikely rate; are the timestamps in {choice.time_unit}? see --time-unit"
+    return replace(samples, remarks=(*samples.remarks, told))
 
 
 def _no_numbers(rates: dict[str, NDArray[np.float64]]) -> list[str]:
     counts = {name: int((values != values).sum()) for name, values in rates.items()}  # noqa: PLR0124 - NaN alone differs
     return [f"column {name}: {count} samples are NaN, and taken as missing" for name, count in counts.items() if count]
+
+
+def _clocks(rates: dict[str, NDArray[np.float64]]) -> list[str]:
+    """Return a remark for every column that only ever rises: no noise does that, a time or a counter does."""
+    return [
+        f"column {name} rises with every sample, as a time does: give it to --time, or leave it out with --columns"
+        for name, values in rates.items()
+        if len(values) >= _LEAST_OF_CLOCK and (values[1:] > values[:-1]).all()
+    ]
 
 
 def _part(choice: _Choice, since: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from hil.cli.analyses.allan_text import NAMES, Axis
+from hil.cli.analyses.allan_text import NAMES, Axis, called
 from hil.cli.analyses.drawing import COLOURS, MARKS, save
 from hil.model.errors import Refused
 
@@ -42,7 +42,9 @@ def _figure(drawn: Sequence[Axis]) -> Figure:
         # With very few degrees of freedom and little confidence an interval may lie beside its estimate.
         reach = [(deviation - curve.low[seen]).clip(0.0), (curve.high[seen] - deviation).clip(0.0)]
         mark = MARKS[place % len(MARKS)]
-        axes.errorbar(tau, deviation, yerr=reach, fmt=mark, color=colour, markersize=4, capsize=2, label=axis.name)
+        axes.errorbar(
+            tau, deviation, yerr=reach, fmt=mark, color=colour, markersize=4, capsize=2, label=called(axis.name)
+        )
         if axis.model.fitted.size and curve.estimator in _MODELLED:
             axes.plot(axis.model.curve.tau, axis.model.fitted, color=colour, linewidth=1)
     curve = drawn[0].curve

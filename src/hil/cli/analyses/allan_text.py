@@ -14,7 +14,7 @@ from hil.analysis.allan.results import AllanCurve, NoiseModel
 from hil.analysis.sampling import SamplingReport
 from hil.model.figure import Figure, FigureStatus
 
-__all__ = ["NAMES", "Axis", "Result", "as_json", "show", "stated"]
+__all__ = ["NAMES", "Axis", "Result", "as_json", "called", "show", "stated"]
 
 _TERMS = ("white", "flicker", "random_walk", "averaging_window")
 NAMES = {
@@ -34,6 +34,7 @@ _NOISE = {
     -3: "flicker walk",
     -4: "random run",
 }
+_LEAST_JITTER = 1e-9  # s; below it are the rounding errors of the timestamps
 _HEAD = ("tau [s]", "deviation", "low", "high", "edf", "noise")
 
 
@@ -125,22 +126,32 @@ def _heading(result: Result) -> str:
     if sampling is None:
         curve = result.axes[0].curve
         return f"{result.file}: {curve.samples} samples at {curve.rate:g} Hz, as given"
-    gaps = (
-        f"{sampling.gaps} gaps (longest {sampling.longest_gap:.4g} s, about {sampling.missing} samples missing)"
-        if sampling.gaps
-        else "no gaps"
-    )
+    gaps = "no gaps"
+    if sampling.gaps:
+        count = f"{sampling.gaps} gap{'' if sampling.gaps == 1 else 's'}"
+        gaps = f"{count} (longest {sampling.longest_gap:.4g} s, about {sampling.missing} samples missing)"
     return (
         f"{result.file}: {sampling.samples} samples in {sampling.duration:.6g} s\n"
-        f"sampling: {sampling.rate:.6g} Hz, jitter {sampling.jitter_rms * 1e6:.3g} us rms, "
-        f"{sampling.jitter_max * 1e6:.3g} us at most, {gaps}, {sampling.duplicates} repeated and "
+        f"sampling: {sampling.rate:.6g} Hz, jitter {_microseconds(sampling.jitter_rms)} us rms, "
+        f"{_microseconds(sampling.jitter_max)} us at most, {gaps}, {sampling.duplicates} repeated and "
         f"{sampling.reversals} reversed timestamps"
     )
 
 
+def _microseconds(seconds: float) -> str:
+    return f"{seconds * 1e6:.3g}" if seconds >= _LEAST_JITTER else "0"
+
+
+def called(name: str) -> str:
+    """Return what a column is called: its name, or `column 2` where it has only a number."""
+    return f"column {name}" if name.isdecimal() else name
+
+
 def _title(axis: Axis) -> str:
     curve = axis.curve
-    return f"{axis.name}: {NAMES[curve.estimator]} deviation in {curve.unit}, intervals at {curve.confidence:.4g}"
+    return (
+        f"{called(axis.name)}: {NAMES[curve.estimator]} deviation in {curve.unit}, intervals at {curve.confidence:.4g}"
+    )
 
 
 def _rows(axis: Axis) -> list[tuple[str, ...]]:
@@ -188,9 +199,14 @@ def _summary(model: NoiseModel) -> str:
 
 
 def stated(figure: Figure) -> str:
-    """Return a figure as text: the uncertainty with two digits, the value down to the same place."""
-    if not math.isfinite(figure.value):
+    """Return a figure as text: the uncertainty with two digits, the value down to the same place.
+
+    What the record cannot give is a bound where it gives one, and no number else.
+    """
+    if not math.isfinite(figure.value) or figure.status is FigureStatus.MODEL_REJECTED:
         return "-"
+    if figure.status is FigureStatus.NOT_OBSERVABLE:
+        return f"> {figure.value:.3g} {figure.unit}"
     if figure.status is FigureStatus.UPPER_LIMIT:
         return f"< {figure.value:.3g} {figure.unit}"
     if not figure.uncertainty:
