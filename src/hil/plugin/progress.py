@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any, TextIO
 
@@ -46,6 +47,8 @@ class Progress:
         self._verbose = verbose
         self._cases: dict[str, Mapping[str, Any]] = {}
         self._done = 0
+        self._told: list[str] = []
+        self._left_out: Counter[str] = Counter()
 
     def __call__(self, event: Mapping[str, Any]) -> None:
         """Show one event."""
@@ -78,6 +81,7 @@ class Progress:
 
     def _case(self, event: Mapping[str, Any]) -> None:
         self._done += 1
+        self._told = []
         title = self._cases.get(event["case"], {}).get("title", "")
         self._line("")
         self._line(f"[{self._done}/{len(self._cases)}] {_short(event['case'])}  {title}", "bold")
@@ -100,6 +104,7 @@ class Progress:
         value = measured(event["value"], event["expanded"], event["unit"])
         limit = limit_text(event["limit"], event["limit_unit"])
         reason = f"  {event['reason']}" if event["reason"] else ""
+        self._told.append(f"{event['requirement']} {event['parameter']}{of} is {event['verdict']}: ")
         text = Text(f"  {event['requirement']} {event['parameter']}{of} = {value}  ({limit})  ")
         text.append(event["verdict"], _STYLES[event["verdict"]])
         text.append(reason)
@@ -119,10 +124,16 @@ class Progress:
         text.append(f"  {duration(event['duration'])} of bench time")
         self._console.print(text)
         for reason in event["reasons"]:
-            self._line(f"    {reason}")
+            if not reason.startswith(tuple(self._told)):  # it stands beside its check
+                self._line(f"    {reason}")
 
     def _not_run(self, event: Mapping[str, Any]) -> None:
-        self._line(f"{_short(event['case'])} NOT_RUN: {event['reason']}", "yellow")
+        """Show the first case of each reason; the closing block names them all."""
+        self._left_out[event["reason"]] += 1
+        if self._left_out[event["reason"]] == 1:
+            self._line(f"{_short(event['case'])} NOT_RUN: {event['reason']}", "yellow")
+        elif self._left_out[event["reason"]] == 2:  # noqa: PLR2004 - the second one tells of all others
+            self._line("further cases are NOT_RUN for the same reason", "yellow")
 
     def _stop(self, event: Mapping[str, Any]) -> None:
         self._line(f"stopped by {event['reason']}", "bold magenta")

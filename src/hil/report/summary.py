@@ -7,12 +7,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from hil.model.verdict import Verdict
 from hil.report.material import Body, inner, inners, text, texts, verdict
 from hil.report.page.as_run import check_row
-from hil.report.sentences import closing_sentence, closings, headline, source_word, warnings
+from hil.report.sentences import closing_sentence, closings, counted, headline, source_word, warnings
 
 __all__ = ["check_lines", "closing_lines"]
 
 _INDENT = "  "
-_MOST_NAMED = 6  # requirements of one group; the report names all
+_MOST_NAMED = 6  # requirements or cases of one group; the report names all
 
 
 def closing_lines(results: Body) -> list[str]:
@@ -20,9 +20,8 @@ def closing_lines(results: Body) -> list[str]:
     word = verdict(results)
     lines = [f"{word}  {headline(results)}"]
     lines += [f"{_INDENT}{said}: {sentence}" for said, sentence in warnings(results)]
-    for case in inners(results, "cases"):
-        if not verdict(case).good:
-            lines += ["", *_case_lines(case)]
+    for cases in _alike(case for case in inners(results, "cases") if not verdict(case).good):
+        lines += ["", *(_case_lines(cases[0]) if len(cases) == 1 else _left_out(cases))]
     return [*lines, "", *_worth(results)]
 
 
@@ -42,6 +41,22 @@ def check_lines(check: Body) -> list[str]:
         ("reason", row.reason),
     )
     return [f"{row.verdict} {row.requirement} {row.parameter}{of}", *_aligned(facts)]
+
+
+def _alike(cases: Iterable[Body]) -> Iterable[list[Body]]:
+    """Group cases that were not run for the same reasons; every other one stays alone, and all in their order."""
+    groups: dict[object, list[Body]] = {}
+    for case in cases:
+        alone = verdict(case) is not Verdict.NOT_RUN or bool(inners(case, "checks"))
+        groups.setdefault(text(case, "case") if alone else texts(case, "reasons"), []).append(case)
+    return groups.values()
+
+
+def _left_out(cases: Sequence[Body]) -> Iterator[str]:
+    yield f"{Verdict.NOT_RUN} {counted(len(cases), 'case')}"
+    yield from (f"{_INDENT}{reason}" for reason in texts(cases[0], "reasons"))
+    shorts = [text(case, "case").rpartition("::")[2] for case in cases]
+    yield f"{_INDENT}{_first_few(shorts)}"
 
 
 def _case_lines(case: Body) -> Iterator[str]:
@@ -69,10 +84,12 @@ def _worth(results: Body) -> Iterator[str]:
 
 
 def _named(requirements: Sequence[str], total: int) -> str:
-    if len(requirements) == total > 1:
-        return f"all {total}"
-    more = len(requirements) - _MOST_NAMED
-    return ", ".join(requirements[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+    return f"all {total}" if len(requirements) == total > 1 else _first_few(requirements)
+
+
+def _first_few(names: Sequence[str]) -> str:
+    more = len(names) - _MOST_NAMED
+    return ", ".join(names[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _aligned(facts: Iterable[tuple[str, str]]) -> list[str]:

@@ -173,6 +173,11 @@ def _too_coarse(known: Judgement, limit: Limit) -> str:
 def _between(low: float, high: float, guard: float, unit: str) -> str:
     if guard == 0:
         return f"an upper limit above the maximum of {_with(f'{high:g}', unit)} shows nothing"
+    for bound, kind, side in ((high, "maximum", "up"), (-low, "minimum", "down")):
+        if 0 <= bound < guard:
+            wide, far = _with(f"{guard:.3g}", unit), _with(f"{high if side == 'up' else low:g}", unit)
+            told = f"the expanded uncertainty of {wide} alone is larger than the {kind} of {far} allows"
+            return f"{told}: no value from zero {side} could pass"
     zone = " and ".join(
         part
         for part, bound in ((f"at least {low + guard:.6g}", low), (f"at most {high - guard:.6g}", high))

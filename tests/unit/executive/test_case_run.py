@@ -7,6 +7,7 @@ from case_parts import Case, limit, monitor, scheduler
 
 from hil.executive.case.checks import CheckFailed
 from hil.executive.case.effects import Recall
+from hil.executive.case.given import Misused
 from hil.executive.run.scheduler import CaseTimeout
 from hil.executive.run.stop import Stopped
 from hil.model.errors import Diverged, Implausible, NoReply, Tripped
@@ -161,6 +162,13 @@ def test_iterations_are_steps_that_count_from_one(tmp_path):
     case = Case(tmp_path)
     assert list(case.run.iterations("cycle", 3)) == [1, 2, 3]
     assert [step["path"] for step in case.written.of("step")] == [[f"cycle {n} of 3"] for n in (1, 2, 3)]
+
+
+def test_an_error_of_hil_is_its_sentence(tmp_path):
+    """The name of a class says nothing to whoever wrote the case; the sentence and what to do next do."""
+    case = Case(tmp_path, "T-010")
+    case.run.raised(Misused("T-010 ratio: a bare 1 has no unit", "give a Figure"), "test_x.py:3")
+    assert case.run.outcome().reasons[0] == "T-010 ratio: a bare 1 has no unit; give a Figure (test_x.py:3)"
 
 
 def test_no_memory_address_is_a_reason(tmp_path):

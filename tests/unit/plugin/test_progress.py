@@ -34,3 +34,25 @@ def shown(*events):
 def test_what_another_terminal_says_is_acknowledged(event, line):
     """A note, an attachment, or anything else from the inbox is a line at once."""
     assert shown(event) == f"  {line}\n"
+
+
+def test_a_reason_stands_beside_its_check_only():
+    """Why a check is not good is not told again when its case ends; other reasons are."""
+    of = {"of": "x", "expanded": None, "unit": "V", "limit": {"max": "1"}, "limit_unit": "V"}
+    check = {"kind": "check", "requirement": "A-1", "parameter": "u", "value": 3.0, "verdict": "FAIL", **of}
+    reasons = ["A-1 u of x is FAIL: too high", "the case took too long"]
+    end = {"kind": "case-end", "case": "c", "verdict": "FAIL", "duration": 1.0, "reasons": reasons}
+    told = shown({"kind": "case", "case": "c"}, check | {"reason": "too high"}, end)
+    assert told.count("too high") == 1
+    assert "    the case took too long\n" in told
+
+
+def test_cases_that_are_not_run_for_one_reason_are_grouped():
+    """A stopped run of many cases does not print one line for each of them."""
+    stopped = [{"kind": "not-run", "case": f"test_x.py::test_{n}", "reason": "stopped by Ada"} for n in range(9)]
+    skipped = {"kind": "not-run", "case": "test_x.py::test_other", "reason": "no jig"}
+    assert shown(*stopped, skipped).splitlines() == [
+        "test_0 NOT_RUN: stopped by Ada",
+        "further cases are NOT_RUN for the same reason",
+        "test_other NOT_RUN: no jig",
+    ]

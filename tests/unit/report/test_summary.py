@@ -117,3 +117,21 @@ def test_verdict_of_another_format_is_an_error():
     """A verdict that this version does not know is never shown as if it were understood."""
     with pytest.raises(EvidenceError, match="the verdict 'SPLENDID', which is none of RECORDED, PASS"):
         closing_lines({"verdict": "SPLENDID", "run": {}})
+
+
+def test_cases_that_were_not_run_for_one_reason_are_one_block():
+    """A stopped run names its reason once, and the first few of the cases."""
+    cases = [
+        {"case": f"test_x.py::test_{n}", "verdict": "NOT_RUN", "reasons": ["stopped by Ada"], "checks": []}
+        for n in range(8)
+    ]
+    other = {"case": "test_x.py::test_other", "verdict": "NOT_RUN", "reasons": ["no jig"], "checks": []}
+    lines = closing_lines({"verdict": "NOT_RUN", "run": {}, "cases": [*cases, other], "requirements": []})
+    start = lines.index("NOT_RUN 8 cases")
+    assert lines[start + 1 : start + 6] == [
+        "  stopped by Ada",
+        "  test_0, test_1, test_2, test_3, test_4, test_5 and 2 more",
+        "",
+        "NOT_RUN test_x.py::test_other",
+        "  no jig",
+    ]

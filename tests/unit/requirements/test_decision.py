@@ -157,6 +157,20 @@ def test_an_uncertainty_wider_than_the_limits_leaves_nothing_to_accept():
     assert judge(volts(3.0, 0.6), GUARDED).verdict is Verdict.FAIL
 
 
+@pytest.mark.parametrize(
+    ("limit", "value", "told"),
+    [
+        (Limit(parameter="e", unit="V", maximum="0.1", decision=Decision.GUARDED), 0.02, "maximum of 0.1 V"),
+        (Limit(parameter="e", unit="V", minimum="-0.1", decision=Decision.GUARDED), -0.02, "minimum of -0.1 V"),
+    ],
+)
+def test_an_uncertainty_larger_than_the_limit_is_told_as_that(limit, value, told):
+    """Nobody is sent after a value that no magnitude can have."""
+    reason = judge(volts(value, 0.06), limit).reason
+    assert reason.startswith(f"the expanded uncertainty of 0.118 V alone is larger than the {told} allows: no value")
+    assert "passes" not in reason
+
+
 def test_an_upper_limit_can_only_pass_a_maximum():
     """It says nothing about a minimum, and never fails."""
     status = FigureStatus.UPPER_LIMIT

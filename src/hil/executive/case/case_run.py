@@ -16,7 +16,7 @@ from hil.executive.case.steps import Steps
 from hil.executive.run.scheduler import CaseTimeout, Scheduler
 from hil.executive.run.stop import Stopped
 from hil.model.bench import InstrumentSpec
-from hil.model.errors import DeviceFault, Diverged, Implausible
+from hil.model.errors import DeviceFault, Diverged, HilError, Implausible
 from hil.model.verdict import Verdict, worst
 from hil.requirements.requirement import Kind, Requirement
 
@@ -118,7 +118,8 @@ class CaseRun:
         elif isinstance(error, Implausible):
             self._distrusted(error)
         elif not isinstance(error, CheckFailed):
-            told = _ADDRESS.sub("", f"{type(error).__name__}: {error}".rstrip(": "))
+            name = "" if isinstance(error, HilError) else f"{type(error).__name__}: "  # ours are sentences
+            told = _ADDRESS.sub("", f"{name}{error}".rstrip(": "))
             self._problems.append(f"{told} ({where})" if where else told)
 
     def finish(self) -> None:
