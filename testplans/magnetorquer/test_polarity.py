@@ -25,13 +25,13 @@ def attach(operator, board):
     )
 
 
-def three_phases(coil, field, record, step, parameters, current):
+def three_phases(coil, field, record, step, current, *, duration, rate):
     """Record the field at +I, 0 and -I; return the recordings, and voltage and current with each direction."""
     recordings, readings = [], []
     for sign, word in PHASES:
         with step(f"Record the field {word} current"):
             coil.drive(sign * current)
-            recordings.append(record("field", field, duration=parameters.phase, rate=parameters.rate))
+            recordings.append(record("field", field, duration=duration, rate=rate))
             if sign:
                 readings.append(coil.reading(sign))
     return recordings, readings
@@ -59,7 +59,9 @@ def test_polarity(board, operator, coil, field, record, check, step, iterations,
         attach(operator, board)
     repetitions, readings = [], []
     for _ in iterations("Repetition", int(parameters.repetitions)):
-        phases, measured = three_phases(coil, field, record, step, parameters, parameters.current)
+        phases, measured = three_phases(
+            coil, field, record, step, parameters.current, duration=parameters.phase, rate=parameters.rate
+        )
         repetitions.append(phases)
         readings += measured
     with step("Switch the coil off"):
@@ -94,8 +96,10 @@ def test_linearity(board, operator, coil, field, record, check, step, iterations
     for nominal in parameters.currents:
         with step(f"Measure at {nominal * 1e3:g} mA"):
             repetitions, readings = [], []
-            for _ in iterations("Repetition", 2):
-                phases, measured = three_phases(coil, field, record, step, parameters, nominal)
+            for _ in iterations("Repetition", int(parameters.repetitions)):
+                phases, measured = three_phases(
+                    coil, field, record, step, nominal, duration=parameters.linearity_phase, rate=parameters.rate
+                )
                 repetitions.append(phases)
                 readings += measured
             currents.append(readings[0][1])
