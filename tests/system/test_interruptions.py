@@ -255,6 +255,10 @@ def test_what_other_terminals_say_becomes_evidence(tmp_path):
     assert [stop["reason"].endswith("Ada: smell") for stop in package.events("stop")] == [True]
     assert verify(package.folder).findings == ()
     assert workspace.hil("note", name, "too late").code == 4
+    assert workspace.hil("replay", name).out.splitlines() == [
+        "no case of the record came to its end, so none could be compared",
+        "not compared: 2 cases (1 broken off, 1 never run)",
+    ]
 
 
 @pytest.fixture

@@ -43,5 +43,12 @@ def command(run: str) -> int:
         click.echo(difference, err=True)
     word = counted(len(found.differences), "difference") if found.differences else "the same"
     amount = f"{counted(found.cases, 'case')} with {counted(found.checks, 'check')}"
-    click.echo(f"{amount} replayed from their bytes: {word}")
+    without = ((found.broken_off, "broken off"), (found.never_ran, "never run"))
+    left = [f"{count} {what}" for count, what in without if count]
+    if found.cases or not left:
+        click.echo(f"{amount} replayed from their bytes: {word}")
+    else:
+        click.echo("no case of the record came to its end, so none could be compared")
+    if left:
+        click.echo(f"not compared: {counted(found.broken_off + found.never_ran, 'case')} ({', '.join(left)})")
     return 1 if found.differences or state is State.DAMAGED else 0

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from hil.cli.folders import reports_folder
+from hil.documents.suggest import did_you_mean
+from hil.model.errors import Refused
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -32,6 +34,7 @@ def command(bench: str | None, dut: str | None, plan: str | None, verdict: str |
     """
     from hil.evidence.runs import find_runs  # noqa: PLC0415 - heavy
 
+    asked = None if verdict is None else _known(verdict)
     everything = find_runs(reports_folder())
     chosen = [
         run
@@ -39,13 +42,42 @@ def command(bench: str | None, dut: str | None, plan: str | None, verdict: str |
         if bench in {None, run.bench}
         and dut in {None, run.dut}
         and (plan is None or plan in run.plans)
-        and (verdict is None or verdict.upper() == run.verdict)
+        and asked in {None, run.verdict}
     ]
     for line in _lines(chosen, _width()):
         click.echo(line)
     if not chosen:
         click.echo("no such runs" if everything else "no runs yet")
+        for line in _there(everything, bench=bench, dut=dut, plan=plan):
+            click.echo(line)
     return 0
+
+
+def _known(asked: str) -> str:
+    """Return the verdict that is asked for.
+
+    Raises:
+        Refused: if there is none of this name.
+    """
+    from hil.model.verdict import Verdict  # noqa: PLC0415 - only where one is asked for
+
+    if asked.upper() in set(Verdict):
+        return asked.upper()
+    meant = did_you_mean(asked, Verdict)
+    raise Refused(f"there is no verdict '{_printable(asked)}'{meant}", f"one of {', '.join(Verdict)}")
+
+
+def _there(runs: Sequence[RunSummary], **asked: str | None) -> Iterator[str]:
+    """Give, for every choice that no run meets, what there is instead."""
+    known = {
+        "bench": {run.bench for run in runs},
+        "dut": {run.dut for run in runs},
+        "plan": {plan for run in runs for plan in run.plans},
+    }
+    for name, there in known.items():
+        word, names = asked[name], sorted(filter(None, there))
+        if word is not None and word not in there and names:
+            yield f"  no run has --{name} {_printable(word)}; there are {', '.join(map(_printable, names))}"
 
 
 def _width() -> int:

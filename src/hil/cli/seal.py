@@ -16,10 +16,13 @@ def command(run: str) -> int:
 
     The last line of standard output is the package's path.
     """
+    from hil.evidence.folder import is_sealed  # noqa: PLC0415 - heavy
     from hil.evidence.package.recovery import recover  # noqa: PLC0415 - heavy
     from hil.report.write import write_reports  # noqa: PLC0415 - heavy
 
     folder = find_run(run)
+    if is_sealed(folder):
+        click.echo(f"{folder.name} is sealed already; nothing of it is changed")
     click.echo(f"evidence digest {recover(folder, write_reports=write_reports)}")
     click.echo(shown(folder))
     return 0

@@ -132,7 +132,7 @@ class Progress:
         self._left_out[event["reason"]] += 1
         if self._left_out[event["reason"]] == 1:
             self._line(f"{_short(event['case'])} NOT_RUN: {event['reason']}", "yellow")
-        elif self._left_out[event["reason"]] == 2:  # noqa: PLR2004 - the second one tells of all others
+        elif self._left_out[event["reason"]] == 2:
             self._line("further cases are NOT_RUN for the same reason", "yellow")
 
     def _stop(self, event: Mapping[str, Any]) -> None:

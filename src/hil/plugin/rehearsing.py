@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,10 +13,11 @@ from hil.bench.binding import bind_replayed
 from hil.evidence.package.contents import Package
 from hil.executive.case.case_run import PlannedCase
 from hil.executive.run.answers import Nobody
-from hil.executive.run.replaying import differences, recall_of, replay_request, unpack
+from hil.executive.run.replaying import STOPPED, differences, recall_of, replay_request, unpack
 from hil.executive.run.session import Session
 from hil.executive.setup.configuration import Configuration, Request, configure
 from hil.model.errors import Refused
+from hil.model.verdict import Verdict
 from hil.plugin.campaign import Opener
 from hil.plugin.launch import launch
 from hil.plugin.opening import open_simulated
@@ -30,11 +32,21 @@ _NO_CASES = 5
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """What a replay showed: how much was compared, and every difference."""
+    """What a replay showed.
+
+    Attributes:
+        cases: how many cases were compared.
+        checks: how many checks they have.
+        differences: every difference, in a sentence.
+        broken_off: how many cases of the record a stop cut short, which are not compared.
+        never_ran: how many cases of the record never ran.
+    """
 
     cases: int
     checks: int
     differences: tuple[str, ...]
+    broken_off: int = 0
+    never_ran: int = 0
 
 
 def procedure(request: Request) -> list[str]:
@@ -57,7 +69,15 @@ def replay(package: Package) -> Replayed:
         found = list(differences(package, Package(again.folder)))
         if again.bench.playback and not again.bench.playback.exhausted and not results["interrupted"]:
             found.append("the record holds more operations than the cases asked for")
-        return Replayed(len(results["cases"]), sum(len(case["checks"]) for case in results["cases"]), tuple(found))
+        verdicts = Counter(case["verdict"] for case in results["cases"])
+        compared = [case for case in results["cases"] if case["verdict"] not in STOPPED]
+        return Replayed(
+            len(compared),
+            sum(len(case["checks"]) for case in compared),
+            tuple(found),
+            broken_off=verdicts[Verdict.ABORTED],
+            never_ran=verdicts[Verdict.NOT_RUN],
+        )
 
 
 def _rehearsed(configuration: Configuration, opener: Opener) -> Session:

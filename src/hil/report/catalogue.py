@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from hil.report.material import Body, Material, inner, inners, text, texts
 from hil.report.numbers import limit_text
 from hil.report.page.bench_file import parse
+from hil.requirements.requirement import Decision
 
 __all__ = ["demands", "documents", "plan_files", "requirement_entries"]
 
@@ -43,7 +44,8 @@ def _limit(limit: Body) -> str:
     bounds = limit_text({name: limit[name] for name in ("min", "max", "equals") if name in limit}, text(limit, "unit"))
     of = f" [{', '.join(texts(limit, 'of'))}]" if texts(limit, "of") else ""
     tur = f", TUR at least {text(limit, 'min_tur')}" if text(limit, "min_tur") else ""
-    rule = f", {text(limit, 'decision')}" if text(limit, "decision") else ""
+    usual = Decision.SIMPLE if "equals" in limit else Decision.GUARDED  # as the catalogue's reader has it
+    rule = f", {text(limit, 'decision') or usual}" if bounds else ""
     return f"{text(limit, 'parameter')}{of} {bounds or 'recorded, without a limit'}{rule}{tur}"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from hil.report.catalogue import demands
-from hil.report.material import Body, inner, inners, text, texts
+from hil.report.material import Body, inner, inners, text, texts, verdict
 from hil.report.numbers import bench_time, duration, limit_text, number, with_unit
 from hil.report.page.as_run import attributed
 from hil.report.sentences import counted
@@ -26,7 +26,7 @@ def procedure_lines(events: Sequence[Body], requirements: Mapping[str, Body]) ->
     events = attributed(events)
     run = next((event for event in events if event["kind"] == "run"), {})
     planned = [case for event in events if event["kind"] == "planned" for case in inners(event, "cases")]
-    lines = [_head(run, len(planned), events), *_driven(events), *_deviations(run)]
+    lines = [_head(run, len(planned), events), *_driven(events), *_deviations(run), *_not_good(run, events)]
     named = dict.fromkeys(name for case in planned for name in texts(case, "requirements"))
     lines += [line for name in named for line in _requirement(name, requirements.get(name, {}))]
     by_case = _by(events, "case")
@@ -54,6 +54,14 @@ def _deviations(run: Body) -> Iterator[str]:
     yield from (f"deviation     {deviation}" for deviation in texts(run, "deviations"))
 
 
+def _not_good(run: Body, events: Sequence[Body]) -> Iterator[str]:
+    """Give how many cases would come out other than good."""
+    bad = sum(not verdict(event).good for event in events if event["kind"] == "case-end" and event["counted"])
+    if bad:
+        where = f"the {text(run, 'source')} bench" if text(run, "source") else "the bench"
+        yield f"not good      {counted(bad, 'case')}, on {where}"
+
+
 def _requirement(name: str, entry: Body) -> Iterator[str]:
     """Give what a requirement asks for, a line each, its id before the first."""
     asked = demands(entry) or ("limits not recorded",)
@@ -70,9 +78,11 @@ def _case(place: str, case: Body, events: Sequence[Body]) -> Iterator[str]:
     left_out = next((text(event, "reason") for event in events if event["kind"] == "not-run"), "")
     took = duration(sum(_taken(event) for event in ends)) if ends else f"not run{left_out and ': '}{left_out}"
     longest = duration(case.get("max_duration"))
+    bad = [event for event in ends if event["counted"] and not verdict(event).good]
     facts = (
         ("requirements", ", ".join(texts(case, "requirements")) or "none: an orphan"),
         ("duration", took + (f", at most {longest}" if longest else "")),
+        *(("comes out", "; ".join((verdict(end).value, *texts(end, "reasons")))) for end in bad),
     )
     for label, value in facts:
         yield f"{_INDENT * 2}{label:<12}  {value}"
@@ -83,7 +93,15 @@ def _case(place: str, case: Body, events: Sequence[Body]) -> Iterator[str]:
             number_ = text(stretch[0], "number")
             yield from _step(stretch[0], ended.get(number_, {}), by_step.get(number_, []))
         else:
-            yield from (f"{_INDENT * 3}{line}" for line in _actions(stretch))
+            yield from _outside(stretch)
+
+
+def _outside(stretch: Sequence[Body]) -> Iterator[str]:
+    """Give what happens outside steps under a heading of its own; fixtures that set up often only read."""
+    actions = list(_actions(stretch))
+    if actions:
+        yield f"{_INDENT * 2}-  {bench_time(stretch[0].get('t'))}  Outside steps"
+        yield from (f"{_INDENT * 4}{line}" for line in actions)
 
 
 def _stretches(events: Sequence[Body]) -> Iterator[list[Body]]:

@@ -134,6 +134,34 @@ def test_runs_are_chosen_by_what_they_say(capsys, options, found):
 
 
 @pytest.mark.usefixtures("inside")
+def test_a_verdict_that_there_is_not_is_refused(capsys):
+    """A misspelt verdict finds nothing for ever; the known ones are named."""
+    code, out, err = said(capsys, "runs", "--verdict", "pas")
+    assert (code, out) == (4, "")
+    assert "there is no verdict 'pas', did you mean 'PASS'?" in err
+    assert "NOT_EVALUATED" in err
+
+
+@pytest.mark.usefixtures("inside")
+def test_a_choice_that_no_run_meets_says_what_there_is(capsys):
+    """Benches, articles and plans of the runs are listed for the choice that found none."""
+    _, out, _ = said(capsys, "runs", "--bench", "adsc", "--dut", "SN2")
+    assert out == "no such runs\n  no run has --bench adsc; there are adcs, flight\n"
+
+
+@pytest.mark.usefixtures("inside")
+def test_sealing_twice_changes_nothing_and_says_so(capsys):
+    """A sealed package gives its digest and path again, behind a word that it was sealed already."""
+    code, out, _ = said(capsys, "seal", FIRST)
+    lines = out.splitlines()
+    assert (code, lines[0], lines[-1]) == (
+        0,
+        f"{FIRST} is sealed already; nothing of it is changed",
+        f"reports/{FIRST}",
+    )
+
+
+@pytest.mark.usefixtures("inside")
 def test_a_narrow_terminal_gets_two_lines_per_run(capsys, monkeypatch):
     """No line is broken within a column."""
     monkeypatch.setattr(runs_command, "_width", lambda: 80)

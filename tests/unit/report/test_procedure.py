@@ -1,7 +1,7 @@
 import specimen_run
 
 from hil.evidence.package.contents import Package
-from hil.report.catalogue import requirement_entries
+from hil.report.catalogue import demands, requirement_entries
 from hil.report.from_package import PackageMaterial
 from hil.report.procedure import procedure_lines
 
@@ -11,7 +11,7 @@ DRIVE = {"case": "a", "step": "1", "name": "supply.coil.set", "effect": "drives"
 def planned(*events):
     """Return a run with one case that did this in one step."""
     where = {"case": "a", "path": ["Sweep"], "number": "1"}
-    end = {"case": "a", "attempt": 1, "duration": 5.0}
+    end = {"case": "a", "attempt": 1, "duration": 5.0, "verdict": "PASS", "reasons": []}
     return [
         {"kind": "planned", "t": 0.0, "cases": [{"case": "a", "title": "", "requirements": ["A-1"]}]},
         {"kind": "case", "t": 0.0, "case": "a", "attempt": 1},
@@ -93,6 +93,31 @@ def test_arguments_are_written_as_a_person_would():
     assert "drives   supply.coil.set(voltage=1.5 V, channels=[1, 2], mode=none, how={fast=true})" in {
         line.strip() for line in lines
     }
+
+
+def test_a_case_that_would_not_come_out_well_is_told():
+    """What the simulated bench makes of a case other than PASS stands at its top, and is counted before."""
+    events = planned()
+    assert not any("comes out" in line or "not good" in line for line in procedure_lines(events, {}))
+    events[-1] |= {"verdict": "FAIL", "reasons": ["A-1 u is FAIL: too high"]}
+    lines = procedure_lines([{"kind": "run", "t": 0.0, "source": "simulated"}, *events], {})
+    assert "not good      1 case, on the simulated bench" in lines
+    assert "    comes out     FAIL; A-1 u is FAIL: too high" in lines
+
+
+def test_what_is_done_outside_steps_has_a_heading():
+    """Fixtures that set up, and checks behind the last step, do not look like part of a step."""
+    check = {"kind": "check", "t": 5.0, "case": "a", "requirement": "A-1", "parameter": "u", "limit": {"max": "1"}}
+    events = planned()
+    lines = procedure_lines([*events[:-1], check, events[-1]], {})
+    place = lines.index("    -  0:00:05.0  Outside steps")
+    assert lines[place + 1].startswith("        checks   A-1 u  (≤ 1")
+
+
+def test_every_limit_names_its_decision_rule():
+    """The rule that is meant where the catalogue names none is written out; words are compared simply."""
+    entry = {"limits": [{"parameter": "u", "unit": "V", "max": "1"}, {"parameter": "winding", "equals": "right"}]}
+    assert demands(entry) == ("u ≤ 1 V, guarded", "winding = right, simple")
 
 
 def test_nothing_planned_is_said():

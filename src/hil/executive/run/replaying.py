@@ -15,9 +15,11 @@ from hil.model.errors import Diverged, EvidenceError
 from hil.model.identity import Purpose, Source
 from hil.model.verdict import Verdict
 
-__all__ = ["differences", "recall_of", "replay_request", "unpack"]
+__all__ = ["STOPPED", "differences", "recall_of", "replay_request", "unpack"]
 
-_STOPPED = frozenset({Verdict.ABORTED, Verdict.NOT_RUN})
+STOPPED = frozenset({Verdict.ABORTED, Verdict.NOT_RUN})
+"""The verdicts of cases that did not come to an end of their own."""
+
 _ANSWERED = frozenset({"asks"})
 """A person is not asked again; everything else comes from the recorded bytes."""
 
@@ -76,7 +78,7 @@ def differences(recorded: Package, replayed: Package) -> Iterator[str]:
     before, after = (_by_case(package.results()["cases"]) for package in (recorded, replayed))
     interrupted = recorded.results()["interrupted"]
     for case, was in before.items():
-        if interrupted and was["verdict"] in _STOPPED:
+        if interrupted and was["verdict"] in STOPPED:
             continue
         now = after.get(case)
         if now is None:
