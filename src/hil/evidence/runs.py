@@ -151,8 +151,14 @@ def _summary(folder: Path, reading: JournalReading) -> RunSummary:
         t=float(events[-1]["t"]) if events else 0.0,
         age=_age(reading.lines[-1]) if events else None,
         verdict=_verdict(folder),
-        added=tuple(event for event in events if event["kind"] in _ADDED),
+        added=tuple(event for event in _since_armed(events) if event["kind"] in _ADDED),
     )
+
+
+def _since_armed(events: tuple[Body, ...]) -> tuple[Body, ...]:
+    """Return the events from the first gate on; anomalies before it are those of the catalogue's sources."""
+    begun = next((place for place, event in enumerate(events) if event["kind"] == "gate"), 0)
+    return events[begun:]
 
 
 def _current(events: tuple[Body, ...]) -> tuple[str, str]:

@@ -47,6 +47,7 @@ class Progress:
         self._verbose = verbose
         self._cases: dict[str, Mapping[str, Any]] = {}
         self._done = 0
+        self._begun = False
         self._told: list[str] = []
         self._left_out: Counter[str] = Counter()
 
@@ -71,6 +72,7 @@ class Progress:
             self._line(f"{_short(case)} carries no requirement", "yellow")
 
     def _gate(self, event: Mapping[str, Any]) -> None:
+        self._begun = True
         if self._verbose or not event["ok"]:
             self._line(
                 f"  {'ok  ' if event['ok'] else 'NOT OK'} {event['name']}: {event['detail']}", _good(event["ok"])
@@ -145,7 +147,8 @@ class Progress:
         self._line(f"  attachment: {attached(event)}")
 
     def _anomaly(self, event: Mapping[str, Any]) -> None:
-        self._line(f"  anomaly: {event['text']}", "yellow")
+        if self._verbose or self._begun:  # before the first gate they are those of the catalogue's sources
+            self._line(f"  anomaly: {event['text']}", "yellow")
 
     def _safe(self, event: Mapping[str, Any]) -> None:
         if self._verbose or not event["ok"]:

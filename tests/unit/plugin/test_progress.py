@@ -33,7 +33,13 @@ def shown(*events):
 )
 def test_what_another_terminal_says_is_acknowledged(event, line):
     """A note, an attachment, or anything else from the inbox is a line at once."""
-    assert shown(event) == f"  {line}\n"
+    gate = {"kind": "gate", "ok": True, "name": "identity", "detail": "as it should be"}
+    assert shown(gate, event) == f"  {line}\n"
+
+
+def test_anomalies_of_sources_are_left_to_the_report():
+    """What is wrong with the source of a requirement is known before the run, and does not hide what happens."""
+    assert shown({"kind": "anomaly", "text": "A-1, source ECSS: the sign is wrong"}) == ""
 
 
 def test_a_reason_stands_beside_its_check_only():
