@@ -6,11 +6,10 @@ from io import FileIO
 from types import SimpleNamespace
 
 import pytest
-from magnetorquer_runs import ROOT
+from adcs_bench import adcs
 
 from hil.bench.binding import bind_simulated
 from hil.bench.envelope import Monitor
-from hil.bench.file.reading import load_bench
 from hil.executive.run.scheduler import Scheduler
 from hil.executive.run.stop import StopFlags
 from hil.wire.transcript import Transcript
@@ -21,7 +20,7 @@ CALLS = 200
 @pytest.fixture
 def bench(tmp_path):
     """The ADCS bench with its transcript, the magnetometer powered and measuring."""
-    spec = load_bench(ROOT / "fixtures/benches", "adcs", ROOT)
+    spec = adcs()
     with FileIO(tmp_path / "transcript.tsv", "w") as sink:
         bound = bind_simulated(spec, Transcript(sink))
         bound.roles["supply.sensor"].configure(3.3, 0.02)

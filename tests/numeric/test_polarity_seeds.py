@@ -10,11 +10,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from adcs_bench import adcs
 from magnetorquer_runs import BOARDS, ROOT
 
 from hil.analysis import magnetics
 from hil.bench.binding import bind_simulated
-from hil.bench.file.reading import load_bench
 from hil.clock.port import NANOSECONDS
 from hil.plugin.collection import MARKERS
 from hil.wire.transcript import Transcript
@@ -67,7 +67,7 @@ class Taken(dict):
 
 def bench(seed, winding):
     """Return the ADCS bench of one seed: its noise, its board, and a field of the Earth from any side."""
-    spec = load_bench(ROOT / "fixtures/benches", "adcs", ROOT)
+    spec = adcs()
     side = np.random.default_rng(seed).standard_normal(3)
     earth = [f"{part:.3f}" for part in 45 * side / np.linalg.norm(side)]
     plant = spec.simulated.plants[0]
@@ -91,7 +91,15 @@ def found(seed, winding, case, driver, parameters):
             return Taken(role, bound.clock, duration, rate)
 
         repetitions = [
-            case.three_phases(coil, field, record, lambda _title: nullcontext(), parameters, parameters.current)[0]
+            case.three_phases(
+                coil,
+                field,
+                record,
+                lambda _title: nullcontext(),
+                parameters.current,
+                duration=parameters.phase,
+                rate=parameters.rate,
+            )[0]
             for _ in range(parameters.repetitions)
         ]
         return magnetics.direction(case.response_of(repetitions), case.OUTWARD_NORMAL, alignment=1.5)

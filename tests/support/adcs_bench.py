@@ -1,4 +1,7 @@
-"""The committed bench `adcs`, changed a little: as a file for its reader, or as data for its twin."""
+"""The magnetorquer jig of the bench `adcs`, changed a little: as a file for its reader, or as data for its twin.
+
+It is the committed bench without the gyroscope's part, so that its tests stay small and quick.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +15,21 @@ from hil.bench.file.reading import load_bench
 from hil.model.errors import ConfigurationError
 from hil.wire.transcript import Transcript
 
-__all__ = ["ADCS", "adcs", "bound", "changed", "found", "with_peer"]
+__all__ = ["ADCS", "adcs", "bound", "changed", "copy_fixtures", "found", "with_peer"]
 
-ADCS = Path(__file__).parents[2] / "fixtures" / "benches" / "adcs"
+ADCS = Path(__file__).parent / "benches" / "adcs"
 
 
 def adcs():
-    """Return the committed bench."""
+    """Return the bench."""
     return load_bench(ADCS.parent, "adcs", ADCS.parents[2])
+
+
+def copy_fixtures(root: Path) -> None:
+    """Copy the workspace's fixtures into another one, with this bench for its bench `adcs`."""
+    fixtures = Path(__file__).parents[2] / "fixtures"
+    shutil.copytree(fixtures, root / "fixtures", ignore=shutil.ignore_patterns("__pycache__", "benches"))
+    shutil.copytree(ADCS, root / "fixtures/benches/adcs")
 
 
 def changed(root: Path, *changes: tuple[str, str]) -> str:

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from adcs_bench import copy_fixtures
+
 from hil.evidence.package.contents import Package
 from hil.executive.setup.configuration import Request, configure
 from hil.model.identity import Source
@@ -58,8 +60,8 @@ class Ran:
 
 def workspace(folder: Path, changes: Mapping[str, str] | None = None) -> Path:
     """Copy the plan, its fixtures and its bench; `changes` replaces texts of the bench file, each of which is there."""
-    for name in ("testplans", "fixtures"):
-        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    copy_fixtures(folder)
+    shutil.copytree(ROOT / "testplans", folder / "testplans", ignore=shutil.ignore_patterns("__pycache__"))
     for plan in (folder / "testplans").iterdir():
         if plan.is_dir() and plan.name != "magnetorquer":
             shutil.rmtree(plan)

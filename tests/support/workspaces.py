@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -14,6 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree as ET
+
+from adcs_bench import copy_fixtures
 
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
@@ -252,7 +253,7 @@ def make(
         parameters: the whole `parameters.yaml`.
         fixtures: more fixture modules by file name.
     """
-    shutil.copytree(ROOT / "fixtures", root / "fixtures", ignore=shutil.ignore_patterns("__pycache__"))
+    copy_fixtures(root)
     (root / "hil.toml").touch()
     for name, text in (fixtures or {}).items():
         (root / "fixtures" / name).write_text(textwrap.dedent(text), encoding="utf-8")
