@@ -13,6 +13,7 @@ from hil.instruments.roles import Relays, Supply
 from hil.model.bench import InstrumentSpec, Position, ReducedLevel, SafeStep, Wire
 from hil.model.errors import HilError
 from hil.model.identity import Dut, Identity
+from hil.model.prefixed import prefixed
 
 __all__ = ["Gate", "energised_gates", "unpowered_gates"]
 
@@ -172,7 +173,7 @@ def _spoken(position: Position | None) -> str:
 
 def _level_gate(name: str, supply: Supply, level: ReducedLevel, *, conducts: bool) -> Gate:
     voltage, current = supply.voltage().value, supply.current().value
-    detail = f"{voltage:.4g} V, {current:.4g} A"
+    detail = f"{prefixed(voltage, 'V')}, {prefixed(current, 'A')}"
     # A load may hold an output in its current limit below the voltage that was set; a short or a wrong sign may not.
     near = abs(voltage - level.voltage) <= _VOLTAGE_TOLERANCE * level.voltage
     limited = supply.mode() == "CC" and _LEAST_SHARE * level.voltage <= voltage < level.voltage

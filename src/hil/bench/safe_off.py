@@ -10,6 +10,7 @@ from hil.instruments.roles import STATES
 from hil.model.bench import Proof, SafeStep
 from hil.model.errors import HilError
 from hil.model.figure import Figure
+from hil.model.prefixed import prefixed
 
 __all__ = ["SafeResult", "make_safe"]
 
@@ -93,7 +94,7 @@ def _proven(proof: Proof, roles: Mapping[str, object], clock: Clock, deadline_ns
     """Read until the proof holds or time is up: a current or temperature takes a while to fall."""
     while True:
         reading: Figure = getattr(roles[proof.output], proof.quantity)()
-        detail = f"{proof.output} {proof.quantity} {reading.value:.6g} {proof.unit}"
+        detail = f"{proof.output} {proof.quantity} {prefixed(reading.value, proof.unit)}"
         if proof.minimum <= reading.value <= proof.maximum:
             return True, detail
         if clock.now_ns() >= deadline_ns:

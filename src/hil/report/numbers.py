@@ -10,6 +10,7 @@ __all__ = ["bench_time", "duration", "limit_text", "measured", "number", "rounde
 
 NOT_A_NUMBER = "not a number"
 _DIGITS = 6
+_DIGITS_ALONE = 4  # of a measured value whose uncertainty nobody knows
 _FINEST = 1e13  # beyond this ratio a double no longer holds the digits that the uncertainty asks for
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _WIDE = Context(prec=700)
@@ -55,7 +56,7 @@ def measured(value: object, expanded: object, unit: str) -> str:
     if not isinstance(value, int | float):
         return number(value)
     if not math.isfinite(value) or not isinstance(expanded, int | float) or not 0 < expanded < math.inf:
-        return with_unit(number(value), unit)
+        return with_unit(number(value, _DIGITS_ALONE), unit)
     if abs(value) > expanded * _FINEST:
         return with_unit(f"({number(value, 15)} ± {number(float(expanded), 2)})", unit)
     digits, spread, exponent = rounded(value, expanded)
