@@ -17,6 +17,7 @@ from hil.wire.opening import url_of_resource
 __all__ = ["check_bench"]
 
 _NAME = re.compile("[A-Za-z][A-Za-z0-9_-]*")
+_HIGHEST_STATION = 247  # Modbus over serial line, section 2.2; no other line with addresses has more
 
 
 def check_bench(spec: BenchSpec, places: Located, findings: Findings) -> None:
@@ -60,6 +61,8 @@ def _instruments(spec: BenchSpec) -> Complaints:
             yield from known(item, "bus", item.bus, buses)
             if not 0x08 <= item.address <= 0x77:
                 yield item, f"{item.name}: 0x{item.address:02X} is no 7-bit I2C address (0x08 to 0x77)"
+        elif item.address > _HIGHEST_STATION:
+            yield item, f"{item.name}: {item.address} is no station's address (1 to {_HIGHEST_STATION})"
 
 
 def _buses(spec: BenchSpec) -> Complaints:

@@ -16,6 +16,7 @@ _CLAMPED = {"supply": ("voltage", "current"), "rotation_table": ("rate", "turns"
 """What an output that can do harm must have clamps for."""
 
 _SHORTEST_PERIOD_S = 0.001
+_LONGEST_DEBOUNCE = 1000
 
 
 def ratings(spec: BenchSpec) -> Complaints:
@@ -129,6 +130,8 @@ def _bound_problems(limit: EnvelopeLimit) -> Iterator[str]:
         yield "period must be 1 ms at least"
     elif limit.max_age_s < 2 * limit.period_s:
         yield "max_age must be at least twice the period"
+    if limit.debounce > _LONGEST_DEBOUNCE:
+        yield f"debounce must be {_LONGEST_DEBOUNCE} at most, or the limit hardly ever trips"
 
 
 def safe_steps(spec: BenchSpec) -> Complaints:

@@ -156,7 +156,7 @@ def _instrument(name: str, reader: MappingReader, places: Located) -> Instrument
         port=reader.text("port", ""),
         baud=reader.integer("baud", 0, minimum=0),
         bus=reader.text("bus", ""),
-        address=reader.integer("address", 0),
+        address=reader.integer("address", 0, minimum=0),
         powered_by=reader.text("powered_by", ""),
         identity=_identity(reader.child("identity")),
         ratings=tuple(places.keep(_rating(item), item.place()) for item in reader.children("ratings")),
