@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
@@ -126,6 +127,7 @@ def _limit(reader: MappingReader) -> Limit:
         min_tur=reader.decimal("min_tur", None),
     )
     _check_once(reader.place("of"), reader, "name", list(limit.of))
+    _check_some(reader, "of", limit.of)
     if len(reader.findings) == before:
         _check_limit(limit, reader)
     reader.done()
@@ -162,9 +164,18 @@ def _records(reader: MappingReader | None) -> Records | None:
         duration_s=reader.duration("duration", None),
         max_gap_s=reader.duration("max_gap", None),
     )
-    _check_once(reader.place("channels"), reader, "channel", list(records.channels))
+    _check_records(records, reader)
     reader.done()
     return records
+
+
+def _check_records(records: Records, reader: MappingReader) -> None:
+    """Find what any recording would meet, or none."""
+    _check_once(reader.place("channels"), reader, "channel", list(records.channels))
+    _check_some(reader, "channels", records.channels)
+    for key, seconds in (("duration", records.duration_s), ("max_gap", records.max_gap_s)):
+        if seconds == 0:
+            reader.findings.add(reader.place(key), f"'{key}' of records must be longer than zero")
 
 
 def _over(reader: MappingReader | None) -> dict[str, tuple[str, ...]]:
@@ -177,6 +188,11 @@ def _over(reader: MappingReader | None) -> dict[str, tuple[str, ...]]:
             reader.findings.add(reader.place(name), f"over '{name}' needs at least one value")
         _check_once(reader.place(name), reader, "value", list(values))
     return over
+
+
+def _check_some(reader: MappingReader, key: str, names: Sequence[str]) -> None:
+    if reader.has(key) and not names:
+        reader.findings.add(reader.place(key), f"'{key}' needs at least one name")
 
 
 def _check_once(place: Place, reader: MappingReader, what: str, names: list[str]) -> None:

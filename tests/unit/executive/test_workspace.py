@@ -42,6 +42,8 @@ def test_without_a_workspace_there_is_a_way_out(tmp_path):
         ('report = "x"\n', "hil.toml: unknown key 'report', did you mean 'reports'?"),
         ("reports = 5\n", "hil.toml: 'reports' must be a text"),
         ("reports = \n", "hil.toml: Invalid value"),
+        ("reports = " + "[" * 5000, "hil.toml: "),
+        ("reports = 1" + "0" * 5000, "hil.toml: "),
     ],
 )
 def test_wrong_settings_are_told(tmp_path, text, message):

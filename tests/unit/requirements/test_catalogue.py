@@ -76,6 +76,7 @@ def test_unknown_ids_and_parameters_name_the_nearest(workspace):
         ('{parameter: a, unit: V, maxx: "1", min: "0"}', "unknown key 'maxx', did you mean 'max'?"),
         ('{parameter: a, unit: V, max: "1", decision: gaurded}', "found 'gaurded', did you mean 'guarded'?"),
         ('{parameter: a, unit: V, max: "1", of: [x, x]}', "duplicate name 'x'"),
+        ('{parameter: a, unit: V, max: "1", of: []}', "'of' needs at least one name"),
         ('{parameter: a, unit: V, max: "1"}\n  - {parameter: a, unit: V, min: "0"}', "duplicate parameter 'a'"),
     ],
 )
@@ -100,6 +101,11 @@ def test_wrong_limits_are_errors_at_load(workspace, limits, expected):
         ("  kind: limit\n  limits: [{parameter: a, unit: V, max: '1'}]\n  parents: [ADCS-O01]\n",
          "parent 'ADCS-O01' of EPS-BAT-010 does not exist, did you mean 'ADCS-001'?"),
         ("  kind: record\n  records: {recording: rest, channels: [x], duration: 4 hours}\n", "the unit 'hours'"),
+        ("  kind: record\n  records: {recording: rest, channels: [], duration: 4 h}\n", "'channels' needs at least"),
+        ("  kind: record\n  records: {recording: rest, channels: [x], duration: 0 s}\n",
+         "'duration' of records must be longer than zero"),
+        ("  kind: record\n  records: {recording: rest, channels: [x], max_gap: 0 s}\n",
+         "'max_gap' of records must be longer than zero"),
     ],
 )  # fmt: skip
 def test_wrong_requirements_are_errors_at_load(workspace, extra, expected):

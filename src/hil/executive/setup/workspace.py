@@ -96,7 +96,7 @@ def _table(settings: object, path: Path) -> dict[str, Any]:
 def _toml(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # wrong TOML or UTF-8, endless digits, endless nesting
         raise ConfigurationError((Finding(str(path), 0, 0, str(error)),)) from error
 
 
