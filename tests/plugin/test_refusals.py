@@ -123,6 +123,66 @@ def test_a_module_does_not_skip_itself(tmp_path):
     assert "skip its cases one by one" in said
 
 
+def test_a_module_does_not_end_the_process(tmp_path):
+    """What ends the process while cases are collected is told in one line, too."""
+    said = refused(tmp_path, GOOD, "raise SystemExit(0)")
+    assert said.startswith("testplans/small/test_small.py: the module ends the process (sys.exit(0)): take it out")
+
+
+LOST = """
+{before}
+    @pytest.mark.requirement("T-010")
+    def {name}(self, check):
+        check("T-010", "ratio", 9.0)
+"""
+
+
+@pytest.mark.parametrize(
+    ("before", "name"),
+    [
+        ("class TestBoard:\n    def __init__(self):\n        pass\n", "test_ratio"),
+        ("class TestBoard:\n    __test__ = False\n", "test_ratio"),
+        ("class Board:", "test_ratio"),
+        ("class TestBoard:", "tset_ratio"),
+        ("if not math:", "test_ratio"),
+    ],
+)
+def test_a_case_that_pytest_passes_by_is_refused(tmp_path, before, name):
+    """Whoever takes himself out of the collection, by whatever mistake, would be missed by nobody."""
+    said = refused(tmp_path, GOOD, LOST.format(before=before, name=name))
+    assert f"{name}' looks like a case, and pytest does not collect it" in said
+    assert "\n" not in said
+
+
+def test_a_case_in_a_misnamed_file_is_refused(tmp_path):
+    """The file's name is what makes pytest look into it."""
+
+    def prepare(workspace):
+        (workspace.plan / "tests_more.py").write_text(HEAD + GOOD.replace("test_one", "test_more"))
+
+    assert refused(tmp_path, GOOD, prepare=prepare).startswith(
+        f"testplans/small/tests_more.py:{FIRST}:1: 'test_more' looks like a case"
+    )
+
+
+def test_cases_of_a_base_class_and_fixtures_called_like_cases_are_fine(tmp_path):
+    """What a class inherits is collected there; a fixture may be called what it likes."""
+    cases = """
+    class Common:
+        @pytest.mark.requirement("T-010")
+        def test_ratio(self, check, test_ratio_value):
+            check("T-010", "ratio", test_ratio_value)
+
+
+    class TestBoard(Common):
+        @pytest.fixture
+        def test_ratio_value(self):
+            return 1.0
+    """
+    ran = make(tmp_path / "workspace", cases).run()
+    assert (ran.code, ran.verdicts()) == (0, {"test_ratio": "PASS"})
+
+
 def test_cases_below_a_plan_are_refused(tmp_path):
     """What is not frozen as evidence does not run."""
 

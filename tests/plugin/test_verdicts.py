@@ -578,3 +578,71 @@ def test_a_name_without_parameters_skips_all_of_them(tmp_path):
     reasons = {end["case"]: end["reason"] for end in again.package.events("not-run")}
     place = "testplans/small/test_small.py::test_each"
     assert reasons == {f"{place}[a]": "no jig", f"{place}[b[1]::c]": "broken"}
+
+
+def test_what_ends_a_thread_is_an_error(tmp_path):
+    """An assertion that fails in a thread of the case is no less one."""
+    cases = f"""
+    import threading
+
+    def fail():
+        raise AssertionError("too warm")
+
+    @pytest.mark.requirement("T-010")
+    def test_one(check):
+        thread = threading.Thread(target=fail)
+        thread.start()
+        thread.join()
+        check("T-010", "ratio", 1.0)
+    {LAST.replace(chr(10), chr(10) + "    ")}
+    """
+    found = ran(tmp_path, cases)
+    agreed(found, {"test_one": "ERROR", "test_last": "PASS"}, "ERROR", 1)
+    assert "too warm" in found.reasons("test_one")
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        "KEPT[0].coil.enable()",
+        "KEPT[1]('T-010', 'ratio', 1.0)",
+        "KEPT[2]('field', KEPT[3], duration=1.0, rate=40.0)",
+    ],
+)
+def test_a_case_does_not_live_on_what_belongs_to_another(tmp_path, use):
+    """A role, check or record kept from a case before is turned away: it would leave no trace in this one."""
+    cases = f"""
+    KEPT = []
+
+    @pytest.mark.requirement("T-010")
+    def test_one(supply, check, record, field):
+        KEPT.extend((supply, check, record, field))
+        check("T-010", "ratio", 1.0)
+
+    @pytest.mark.requirement("T-010")
+    def test_two(check):
+        check("T-010", "ratio", 1.0)
+        try:
+            {use}
+        except Exception:
+            pass
+    """
+    found = ran(tmp_path, cases)
+    agreed(found, {"test_one": "PASS", "test_two": "ERROR"}, "ERROR", 1)
+    assert "what belongs to a case that has ended is used in another case" in found.reasons("test_two")
+
+
+@pytest.mark.parametrize(("value", "verdict", "code"), [("1.0", "PASS", 0), ("9.0", "FAIL", 1)])
+def test_a_check_in_a_teardown_counts(tmp_path, value, verdict, code):
+    """The verdict is that of the case's very end, and so is the exit code."""
+    cases = f"""
+    @pytest.fixture
+    def later(check):
+        yield
+        check("T-010", "ratio", {value})
+
+    @pytest.mark.requirement("T-010")
+    def test_one(later):
+        pass
+    """
+    agreed(ran(tmp_path, cases), {"test_one": verdict}, verdict, code)

@@ -70,6 +70,17 @@ class Campaign:
         for name, module in self._fixtures.items():
             config.pluginmanager.register(module, f"hil_workspace_fixtures_{name}")
 
+    @pytest.hookimpl(wrapper=True)
+    def pytest_make_collect_report(
+        self, collector: pytest.Collector
+    ) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+        """Let a module that ends the process be one that cannot be collected."""
+        try:
+            return (yield)
+        except SystemExit as error:
+            text = f"E the module ends the process (sys.exit({error.code!r})): take it out, a run ends by itself"
+            return pytest.CollectReport(collector.nodeid, "failed", text, [])
+
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
         """Keep what could not be collected, for the error that a person sees.
 
@@ -82,12 +93,14 @@ class Campaign:
             self.collection_errors.append((report.nodeid, text))
 
     @pytest.hookimpl(tryfirst=True)
-    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+    def pytest_collection_modifyitems(self, config: pytest.Config, items: list[pytest.Item]) -> None:
         """Freeze the planned cases before anything is deselected."""
         if self.collection_errors:
             return
         try:
-            self._planned = plan_cases(items, self.configuration)
+            self._planned = plan_cases(
+                items, self.configuration, whole=all(Path(each).is_dir() for each in config.args)
+            )
             self._skipped = skipped_cases(self._planned, self.configuration.request.skips)
         except HilError as error:
             self._refuse(error)
@@ -161,8 +174,9 @@ class Campaign:
         if call.excinfo is not None and call.excinfo.errisinstance((pytest.skip.Exception, pytest.xfail.Exception)):
             _skip_within(run, call.excinfo.value)
         elif call.excinfo is not None:
-            run.raised(call.excinfo.value, self._where(call.excinfo))
-            self._stop(item.session, call.excinfo.value)
+            found = _behind(call.excinfo)
+            run.raised(found.value, self._where(found))
+            self._stop(item.session, found.value)
         if call.when == "call":
             run.finish()
             _judge(report, run)
@@ -222,6 +236,14 @@ class Campaign:
         for case in self._planned:
             if case not in self._ended:
                 self.running.not_run(case, "deselected" if case in self._deselected else reason)
+
+
+def _behind(error: pytest.ExceptionInfo[BaseException]) -> pytest.ExceptionInfo[BaseException]:
+    """Return what ended a thread in place of the warning that says so, and any other error as it is."""
+    cause = error.value.__cause__
+    if isinstance(error.value, pytest.PytestUnhandledThreadExceptionWarning) and cause is not None:
+        return pytest.ExceptionInfo.from_exception(cause)
+    return error
 
 
 def _skip_within(run: CaseRun | None, error: BaseException) -> None:

@@ -14,6 +14,7 @@ from hil.executive.setup.configuration import Configuration
 from hil.model.errors import ConfigurationError, Finding, Refused
 from hil.plugin.fixture_names import name_findings
 from hil.plugin.literals import written_checks
+from hil.plugin.lost_cases import lost_cases
 from hil.requirements.catalogue import Catalogue
 
 __all__ = ["MARKERS", "plan_cases", "skipped_cases"]
@@ -26,8 +27,15 @@ MARKERS = (
 _LONGEST_S = 3600.0
 
 
-def plan_cases(items: Sequence[pytest.Item], configuration: Configuration) -> dict[str, PlannedCase]:
+def plan_cases(
+    items: Sequence[pytest.Item], configuration: Configuration, *, whole: bool = True
+) -> dict[str, PlannedCase]:
     """Return every case by its node id.
+
+    Args:
+        items: what was collected.
+        configuration: what the run is made of.
+        whole: whether whole plans were collected, and not single files or cases of them.
 
     Raises:
         ConfigurationError: with every marker that the catalogue cannot follow, every gap in `over`, every name that
@@ -39,6 +47,8 @@ def plan_cases(items: Sequence[pytest.Item], configuration: Configuration) -> di
     findings += [finding for item in items for finding in _marker_findings(item, configuration.catalogue)]
     findings += [finding for item in items for finding in _check_findings(item, configuration.catalogue)]
     findings += _uncovered(items, configuration.catalogue)
+    if whole:
+        findings += lost_cases(items, configuration)
     if findings:
         # A parametrised case is one function: what is wrong in it is told once.
         raise ConfigurationError(tuple(dict.fromkeys(findings)))

@@ -20,7 +20,14 @@ from hil.plugin.campaign import Campaign, Opener
 
 __all__ = ["Launched", "launch"]
 
-_INI = "[pytest]\naddopts =\nfilterwarnings = default\n"
+_INI = """\
+[pytest]
+addopts =
+filterwarnings =
+    default
+    error::pytest.PytestUnhandledThreadExceptionWarning
+"""
+"""What ends a thread of a case is an error of the case."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ from hil.executive.case.steps import Steps
 from hil.executive.run.events import Events, Listener
 from hil.executive.run.keeper import BenchKeeper
 from hil.executive.run.row_store import RowStore
-from hil.executive.run.stop import Astray, StopFlags, Stopped, handle_signals, leave_unsealed
+from hil.executive.run.stop import Astray, StopFlags, Stopped, Turn, handle_signals, leave_unsealed
 from hil.executive.run.upkeep import Upkeep
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import write_head
@@ -135,13 +135,14 @@ class Session:
 
     def begin(self, planned: PlannedCase) -> CaseRun:
         """Begin a case."""
-        write = self._events.write
+        turn = Turn(self.flags)
+        write = turn.guarded(self._events.write)
         scheduler = self.keeper.scheduler
         self._open_cases.pop(planned.id, None)
         attempt = self._attempts[planned.id] = self._attempts.get(planned.id, 0) + 1
         write("case", case=planned.id, attempt=attempt)
         steps = Steps(planned.id, write, self._now)
-        effects = Effects(write, steps, self._recall, self.flags.undisturbed)
+        effects = Effects(write, steps, self._recall, turn.undisturbed)
         requirements = {name: self.configuration.catalogue.requirement(name) for name in planned.requirements}
         self._began_ns = self.bench.clock.now_ns()
         scheduler.deadline_ns = self._began_ns + round(planned.max_duration_s * 1e9)
@@ -247,8 +248,8 @@ class Session:
             return EXIT_TRIPPED
         if self._stopped:
             return EXIT_INTERRUPTED
-        if pytest_code == 0 and not all(verdict.good for verdict in self._verdicts):
-            return 1
+        if pytest_code in {0, 1}:  # pytest counts before the teardown, which may still evaluate checks
+            return 0 if self._verdicts and all(verdict.good for verdict in self._verdicts) else 1
         return pytest_code
 
     def seal(self, exit_code: int, write_reports: ReportWriter) -> str:

@@ -9,10 +9,11 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import NoReturn
 
 from hil.model.errors import HilError
 
-__all__ = ["Astray", "StopFlags", "Stopped", "handle_signals", "leave_unsealed"]
+__all__ = ["Astray", "StopFlags", "Stopped", "Turn", "handle_signals", "leave_unsealed"]
 
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 _UNATTENDED = frozenset(number for number in _SIGNALS if number != signal.SIGINT)
@@ -29,7 +30,7 @@ class Stopped(BaseException):
 
 
 class Astray(HilError):
-    """Code of a case drives the bench, or writes evidence, from another thread or process than the case's own."""
+    """Code drives the bench, or writes evidence, from another thread, process or case than the one whose turn it is."""
 
 
 class StopFlags:
@@ -44,7 +45,8 @@ class StopFlags:
         reason: who or what asked first, empty where nobody did.
         urgent: whether somebody asked again.
         cuts: how often a case's own code was cut.
-        astray: why another thread was turned away, empty where none was.
+        turns: how many cases had or have their turn.
+        astray: why another thread, process or case was turned away, empty where none was.
         make_safe: makes the bench safe; called before a case's own code is cut.
         give_up: ends the run from where it is; called for a case that was cut again and again and goes on.
     """
@@ -55,6 +57,7 @@ class StopFlags:
         self._undisturbed = 0
         self._shielded = 0
         self.cuts = 0
+        self.turns = 0
         self.reason = ""
         self.urgent = False
         self.astray = ""
@@ -135,8 +138,55 @@ class StopFlags:
         if (process, thread) == self._home:
             return
         where = "another thread" if process == self._home[0] else "a forked process"
-        self.astray = f"the case uses the bench or writes evidence from {where}"
-        raise Astray(self.astray, "call roles, record, check and step where the case runs; compute elsewhere")
+        hint = "call roles, record, check and step where the case runs; compute elsewhere"
+        self.turn_away(f"the case uses the bench or writes evidence from {where}", hint)
+
+    def turn_away(self, why: str, hint: str) -> NoReturn:
+        """Keep why something was turned away, for the case that runs, and raise it.
+
+        Raises:
+            Astray: always.
+        """
+        self.astray = why
+        raise Astray(why, hint)
+
+
+class Turn:
+    """One case's turn at the bench and at the evidence; it is over when the next case has its own.
+
+    Args:
+        flags: count the turns.
+    """
+
+    def __init__(self, flags: StopFlags) -> None:
+        self._flags = flags
+        flags.turns += 1
+        self._number = flags.turns
+
+    @contextmanager
+    def undisturbed(self) -> Iterator[None]:
+        """Serve the case undisturbed, if it is its turn.
+
+        Raises:
+            Astray: if the case has ended, and another one kept hold of what belongs to it.
+        """
+        self._require()
+        with self._flags.undisturbed():
+            yield
+
+    def guarded(self, write: Callable[..., None]) -> Callable[..., None]:
+        """Return what writes events of this case, as long as it is its turn."""
+
+        def guarded(event: str, **facts: object) -> None:
+            self._require()
+            write(event, **facts)
+
+        return guarded
+
+    def _require(self) -> None:
+        if self._number != self._flags.turns:
+            hint = "let each case ask for its roles, record, check and step itself, and keep none of them for another"
+            self._flags.turn_away("what belongs to a case that has ended is used in another case", hint)
 
 
 @contextmanager
