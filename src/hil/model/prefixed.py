@@ -13,7 +13,7 @@ _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "u", -9: "n"}
 def prefixed(value: float, unit: str) -> str:
     """Return a value with four significant digits and its unit.
 
-    Below 0.001 and from 100 000 on, plain electrical units get a prefix; between, a value is compared by eye with its limit.
+    Below 0.001 and from 100 000 on, plain electrical units get a prefix; between, eyes compare a value with its limit.
 
     Args:
         value: any number.
