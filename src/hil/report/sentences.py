@@ -9,7 +9,17 @@ from hil.model.verdict import Verdict
 from hil.report.material import Body, flag, inner, inners, text, texts, verdict
 from hil.report.page.view import Closing
 
-__all__ = ["closing_sentence", "closings", "counted", "headline", "safe_word", "source_word", "subject", "warnings"]
+__all__ = [
+    "closing_sentence",
+    "closings",
+    "common_reasons",
+    "counted",
+    "headline",
+    "safe_word",
+    "source_word",
+    "subject",
+    "warnings",
+]
 
 _CAN = "the verdict is good, and nothing in this run speaks against its evidence"
 _TOLD = {
@@ -82,6 +92,13 @@ def closings(results: Body) -> tuple[Closing, ...]:
             groups.setdefault((closes, reason), []).append(text(entry, "id"))
     ordered = sorted(groups.items(), key=lambda group: (not group[0][0], -len(group[1])))
     return tuple(Closing(closes=closes, reason=reason, requirements=tuple(ids)) for (closes, reason), ids in ordered)
+
+
+def common_reasons(results: Body) -> tuple[str, ...]:
+    """Return the reasons against closing that concern every one of several requirements."""
+    total = len(inners(results, "requirements"))
+    groups = closings(results)
+    return tuple(group.reason for group in groups if not group.closes and len(group.requirements) == total > 1)
 
 
 def closing_sentence(results: Body) -> str:

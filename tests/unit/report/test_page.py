@@ -12,6 +12,7 @@ import specimen_run
 from hil.evidence.package.contents import Package
 from hil.model.verdict import Verdict
 from hil.report.from_package import PackageMaterial
+from hil.report.page.as_run import recording_rows
 from hil.report.page.drawings import charts, recording_graphics
 from hil.report.page.rendering import TEMPLATES
 from hil.report.write import HTML, JUNIT, make_reports
@@ -203,6 +204,9 @@ def test_every_verdict_is_shown_as_itself(tmp_path, verdict):
     assert word
     assert word.groups() == (verdict, verdict)
     assert f'<symbol id="is-{verdict}"' in page
+    if verdict == "NOT_RUN":  # a line among those that were not run
+        assert "A case. NOT_RUN left out" in Page(page).words
+        return
     case = Page(page[page.index('<article class="case"') : page.index("</article>")] + "</article>").words
     assert case.startswith(f"A case. {verdict} ")
 
@@ -329,6 +333,60 @@ def test_cases_that_broke_stand_beside_the_verdict_by_reason(tmp_path):
     assert "psu1 fell silent ERROR test_noise_at_rest" in box
     assert box.count("the bench tripped") == 1
     assert "the bench tripped NOT_RUN test_rate_error[45 degC], test_supply_current" in box.replace(" ,", ",")
+
+
+def test_several_reasons_of_one_case_are_a_list(tmp_path):
+    """A case that was aborted for more than one reason has a line for each, beside the verdict."""
+    end = specimen_run._end("power", "ABORTED", {}, 1.0, "stopped by Ada") | {
+        "reasons": ["stopped by Ada", "A-1 got no check of u"]
+    }
+    events = [specimen_run.planned(), ("case", 1.0, {"case": specimen_run.CASES["power"], "attempt": 1})]
+    page = page_of(tmp_path, events=[*events, ("case-end", 2.0, end)])
+    assert "<li>stopped by Ada</li><li>A-1 got no check of u</li>" in page
+
+
+def test_what_keeps_every_requirement_open_is_told_once(html):
+    """The badge stands once, with `all 4`; the requirements below name their own reasons and point to the chapter."""
+    words = Page(html).words
+    assert words.count("cannot close Why") + words.count(" cannot close SIMULATED: the run's source all 4") == 1
+    assert html.count("<p>This run can close none of 4 requirements.</p>") == 1
+    chapter = words[words.index("Kind, method") :]
+    assert "SIMULATED: the run's source" not in chapter
+    assert "This run cannot close it: its verdict is FAIL" in chapter
+    assert "and what concerns all 4" in chapter
+
+
+def test_a_case_that_never_began_is_one_line(html):
+    """It stands among those that were not run, where its links lead, and has no procedure of its own."""
+    page = Page(html)
+    assert sum(attrs.get("class") == "case" for tag, attrs in page.tags if tag == "article") == 4
+    assert page.words.count("skipped: the chamber is away (--skip)") <= 2
+    (row,) = [attrs for tag, attrs in page.tags if tag == "tr" and str(attrs.get("id", "")).startswith("case-")]
+    assert row["id"] in {attrs["href"][1:] for _, attrs in page.tags if "href" in attrs}
+
+
+def test_recordings_of_a_case_that_are_alike_share_a_row():
+    """Nine equal recordings are one row with their numbers and the span of their gaps; others keep theirs."""
+    channel = {"name": "x", "unit": "uT", "instrument": "mag1"}
+    events = []
+    for number, name, gap in ((1, "field", 0.1), (2, "field", 0.2), (3, "rest", 0.1), (4, "field", 0.3)):
+        identifier = f"00{number}-c-{name}"
+        begun = {"case": "c", "recording": identifier, "name": name, "channels": [channel], "rate": 40.0}
+        events.append({"kind": "recording", **begun, "duration": 1.0, "source": "simulated"})
+        end = {"recording": identifier, "rows": 40, "gaps": gap, "complete": True}
+        events.append({"kind": "recording-end", **end})
+    field, rest = recording_rows(events)
+    assert (field.id, field.count, field.gap, field.rows) == ("001 to 002, 004-c-field", 3, "0.1 s to 0.3 s", "40")
+    assert (rest.id, rest.count, rest.gap) == ("003-c-rest", 1, "0.1 s")
+
+
+def test_narrow_screens_and_paper_are_foreseen(html):
+    """The tables beside the verdict stack on a narrow screen; the digests follow their heading at once."""
+    tables = [attrs.get("class") for tag, attrs in Page(html).tags if tag == "table"]
+    assert tables.count("stack") == 2
+    assert "@media screen and (max-width: 40rem)" in html
+    behind = html[html.index("Software and digests</h2>") :]
+    assert behind.index('class="digest"') < behind.index('class="lines"')
 
 
 def test_a_good_run_has_nothing_to_explain(tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from hil.model.verdict import Verdict
 from hil.report.material import Body, flag, inner, inners, text, texts, verdict
@@ -79,10 +80,39 @@ def check_row(check: Body, names: Mapping[str, CaseName] | None = None) -> Check
 
 
 def recording_rows(events: Sequence[Body]) -> tuple[RecordingRow, ...]:
-    """Return the recordings among the events, in the order in which they began."""
+    """Return the recordings among the events in the order in which they began; alike ones of one case share a row."""
     ends = {text(event, "recording"): event for event in events if event["kind"] == "recording-end"}
     begun = {text(event, "recording"): event for event in events if event["kind"] == "recording"}
-    return tuple(_recording(event, ends.get(name)) for name, event in begun.items())
+    alike: dict[object, list[RecordingRow]] = {}
+    for name, event in begun.items():
+        row = _recording(event, ends.get(name))
+        same = (text(event, "case"), row.name, row.channels, row.rate, row.duration, row.rows, row.whole, row.source)
+        alike.setdefault(same, []).append(row)
+    return tuple(_merged(rows, ends) for rows in alike.values())
+
+
+def _merged(rows: Sequence[RecordingRow], ends: Mapping[str, Body]) -> RecordingRow:
+    """Return one row for recordings that are alike but for their number and their largest gap."""
+    if len(rows) == 1:
+        return rows[0]
+    gaps = [float(gap) for row in rows if isinstance(gap := ends.get(row.id, {}).get("gaps"), int | float)]
+    low, high = (duration(end(gaps, default=None)) for end in (min, max))
+    gap = low if low == high else f"{low} to {high}"
+    return replace(rows[0], id=_ids([row.id for row in rows]), count=len(rows), gap=gap)
+
+
+def _ids(ids: Sequence[str]) -> str:
+    """Return ids that differ by their number as ranges of it: `003 to 007, 009-field`; any others one by one."""
+    parts = [identifier.partition("-") for identifier in ids]
+    if len({rest for _, _, rest in parts}) > 1 or not all(number_.isdecimal() for number_, _, _ in parts):
+        return ", ".join(ids)
+    ranges: list[list[str]] = []
+    for number_, _, _ in parts:
+        if ranges and int(number_) == int(ranges[-1][-1]) + 1:
+            ranges[-1] = [ranges[-1][0], number_]
+        else:
+            ranges.append([number_])
+    return f"{', '.join(' to '.join(ends) for ends in ranges)}-{parts[0][2]}"
 
 
 def _within(events: Sequence[Body], place: int) -> list[Body]:
@@ -204,6 +234,7 @@ def _recording(begin: Body, end: Body | None) -> RecordingRow:
     return RecordingRow(
         id=text(begin, "recording"),
         name=text(begin, "name"),
+        count=1,
         channels="; ".join(_channel(channel) for channel in inners(begin, "channels")),
         rate=f"{number(begin.get('rate'))} Hz" if begin.get("rate") is not None else "",
         duration=duration(begin.get("duration")),

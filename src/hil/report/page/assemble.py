@@ -30,6 +30,7 @@ from hil.report.page.view import (
 from hil.report.sentences import (
     closing_sentence,
     closings,
+    common_reasons,
     counted,
     headline,
     safe_word,
@@ -75,6 +76,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         warnings=warnings(results),
         counts=_counts(results),
         closings=closings(results),
+        common=common_reasons(results),
         facts=_facts(material, run, inner(bench, "bench"), events),
         documents=tuple(
             DocumentRow(plan=plan, id=text(named, "id"), issue=text(named, "issue"), title=text(named, "title"))
@@ -180,15 +182,15 @@ def _requirement(entry: Body, catalogued: Body, names: Mapping[str, CaseName]) -
 
 def _broken(results: Body, names: Mapping[str, CaseName]) -> tuple[BrokenRow, ...]:
     """Return why cases did not end well of which no check says it, the worst first; one row per verdict and reason."""
-    groups: dict[tuple[Verdict, str], list[CaseName]] = {}
+    groups: dict[tuple[Verdict, tuple[str, ...]], list[CaseName]] = {}
     for case in inners(results, "cases"):
         if not verdict(case).good and all(verdict(check).good for check in inners(case, "checks")):
-            why = (verdict(case), "; ".join(texts(case, "reasons")))
+            why = (verdict(case), texts(case, "reasons"))
             groups.setdefault(why, []).append(names[text(case, "case")])
     return tuple(
-        BrokenRow(verdict=word, reason=reason, named=tuple(cases))
+        BrokenRow(verdict=word, reasons=reasons, named=tuple(cases))
         for worst in reversed(Verdict)
-        for (word, reason), cases in groups.items()
+        for (word, reasons), cases in groups.items()
         if word is worst
     )
 
@@ -207,6 +209,7 @@ def _case(place: int, entry: Body, events: Sequence[Body], graphics: tuple[Graph
     used = inner(entry, "used")
     return CaseView(
         anchor=f"case-{place}",
+        begun=verdict(entry) is not Verdict.NOT_RUN or any(event["kind"] == "case" for event in events),
         case=text(entry, "case"),
         title=text(entry, "title"),
         plan=text(entry, "plan"),

@@ -66,11 +66,11 @@ class DocumentRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BrokenRow:
-    """Cases that did not end well although none of their checks says so, and the reason that they share."""
+    """Cases that did not end well although none of their checks says so, and the reasons that they share."""
 
     named: tuple[CaseName, ...]
     verdict: Verdict
-    reason: str
+    reasons: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,10 +146,11 @@ class StepRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingRow:
-    """One recording: what it holds, and whether it is whole."""
+    """One recording, or several of one case that are alike: what it holds, and whether it is whole."""
 
     id: str
     name: str
+    count: int
     channels: str
     rate: str
     duration: str
@@ -170,9 +171,10 @@ class Graphic:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CaseView:
-    """One case as it was run."""
+    """One case as it was run; one that never began has nothing to show but its line among those that were not run."""
 
     anchor: str
+    begun: bool
     case: str
     title: str
     plan: str
@@ -254,7 +256,11 @@ class ParameterRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunView:
-    """Everything the page shows; `source_word` stands on every printed page and is empty for hardware."""
+    """Everything the page shows.
+
+    `source_word` stands on every printed page and is empty for hardware; `common` are the reasons against closing that
+    concern every requirement.
+    """
 
     title: str
     subject: str
@@ -266,6 +272,7 @@ class RunView:
     warnings: tuple[tuple[str, str], ...]
     counts: tuple[tuple[str, int], ...]
     closings: tuple[Closing, ...]
+    common: tuple[str, ...]
     facts: tuple[Fact, ...]
     failed: tuple[CheckRow, ...]
     broken: tuple[BrokenRow, ...]
