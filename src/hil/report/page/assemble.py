@@ -78,10 +78,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         closings=closings(results),
         common=common_reasons(results),
         facts=_facts(material, run, inner(bench, "bench"), events),
-        documents=tuple(
-            DocumentRow(plan=plan, id=text(named, "id"), issue=text(named, "issue"), title=text(named, "title"))
-            for plan, named in documents(material)
-        ),
+        documents=_documents(material),
         failed=tuple(row for row in checks_of(check_events, names) if not row.verdict.good),
         broken=_broken(results, names),
         requirements=tuple(
@@ -106,6 +103,13 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         software=_software(run, _json(material, "software.json"), place),
         content_digest=text(results, "content_digest"),
         evidence_digest=evidence_digest,
+    )
+
+
+def _documents(material: Material) -> tuple[DocumentRow, ...]:
+    return tuple(
+        DocumentRow(plan=plan, id=text(named, "id"), issue=text(named, "issue"), title=text(named, "title"))
+        for plan, named in documents(material)
     )
 
 
