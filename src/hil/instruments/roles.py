@@ -200,7 +200,7 @@ class Gyroscope(Streamed, Protocol):
 
     @reads
     def temperature(self) -> Figure:
-        """Return the sensor's own temperature in degC."""
+        """Return the sensor's own temperature in degC; NoReply where it is marked invalid."""
         ...
 
     @reads

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 
 import numpy as np
@@ -108,10 +109,15 @@ class Iim42652Gyroscope:
         """Return the temperature of the sensor's die in degC; its uncertainty is not known.
 
         Raises:
-            NoReply: no acknowledge.
+            NoReply: no acknowledge, or a number that is marked invalid: it sleeps.
         """
         self._require_running()
-        return Figure(value=celsius(self._registers.block(Register.TEMP_DATA, 2)), unit="degC")
+        temperature = celsius(self._registers.block(Register.TEMP_DATA, 2))
+        if math.isnan(temperature):
+            raise NoReply(
+                self._device, "its temperature is marked invalid, it sleeps", "look at its power, and start it again"
+            )
+        return Figure(value=temperature, unit="degC")
 
     def begin(self, rate: float) -> None:
         """Let the sensor sample into its FIFO; device time counts from when that begins to fill.

@@ -1,0 +1,147 @@
+"""Whole runs of the gyroscope plan, shortened, on copies of the committed bench `adcs` with faults in its twin."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from workspaces import DUT, ROOT, Workspace
+
+from hil.evidence.package.contents import Package
+from hil.executive.setup.configuration import configure
+from hil.plugin.launch import launch
+from hil.plugin.opening import open_simulated
+from hil.simulation.world import World
+
+__all__ = ["CALIBRATION", "DUT", "NOISE", "REST_S", "Ended", "faulty", "gyroscope_workspace", "run_one", "truth"]
+
+CALIBRATION, NOISE = "test_calibration", "test_noise_at_rest"
+
+REST_S = 300
+"""How long the shortened plan records at rest, in s: for faults; what Allan deviations need is longer."""
+
+_BENCH = "fixtures/benches/adcs/bench.yaml"
+_PARAMETERS = {
+    "rest_duration": 'value: "14400"',
+    "static_duration": 'value: "60"',
+    "turning_duration": 'value: "20"',
+    "soak": 'value: "600"',
+    "longest_soak": 'value: "5400"',
+    "temperatures": 'values: ["-16", "10", "25", "40"]',
+    "scale_temperatures": 'values: ["-16", "40"]',
+    "other_temperatures": 'values: ["-16", "25", "40"]',
+    "verification_rates": 'values: ["13.6", "-20"]',
+}
+_SHORT = {
+    "rest_duration": f'value: "{REST_S}"',
+    "static_duration": 'value: "20"',
+    "turning_duration": 'value: "10"',
+    "soak": 'value: "120"',
+    "temperatures": 'values: ["25", "40"]',
+    "scale_temperatures": 'values: ["25", "40"]',
+    "other_temperatures": 'values: ["25", "40"]',
+    "verification_rates": 'values: ["13.6"]',
+}
+_PLACES = {
+    "relay1": '      connects: {"1": coil',
+    "obc1": "      truth: {clock_drift:",
+    "gyro1": "      connects: {rate: table.rate, ",
+    "tec1": "      connects: {sensor:",
+    "table1": "      connects: {rate: table.rate_command",
+}
+
+
+@dataclass(frozen=True)
+class Ended:
+    """One case of a run that ended in this process: nothing is sealed, and the world is as the run left it."""
+
+    code: int
+    package: Package
+    world: World
+    case: str
+
+    @property
+    def verdict(self) -> str:
+        """The verdict of the case."""
+        return str(self._result()["verdict"])
+
+    @property
+    def requirements(self) -> dict[str, str]:
+        """The verdict of each of its requirements, by the number at the end of the id."""
+        return {name[-3:]: str(verdict) for name, verdict in self._result()["requirements"].items()}
+
+    @property
+    def reasons(self) -> str:
+        """Its reasons, a line each."""
+        return "\n".join(self._result()["reasons"])
+
+    def left_safe(self) -> bool:
+        """Return whether what is really there is safe: nothing heats, cools, shines, feeds or turns."""
+        chamber, coil, table = (self.world.plants[name] for name in ("chamber", "coil", "table"))
+        still = abs(table.observe("table_rate")) < 0.05
+        idle = chamber.inputs["tec"] == 0.0 and not chamber.inputs["lamp"]
+        return still and idle and coil.inputs["supply_voltage"] == 0.0
+
+    def checks(self, requirement: str, parameter: str) -> list[Mapping[str, object]]:
+        """Return the checks of one parameter."""
+        return [
+            event
+            for event in self.package.events("check")
+            if event["requirement"].endswith(requirement) and event["parameter"] == parameter
+        ]
+
+    def _result(self) -> Mapping[str, object]:
+        return next(each for each in self.package.results()["cases"] if each["case"].endswith(f"::{self.case}"))
+
+
+def gyroscope_workspace(
+    root: Path, *, parameters: Mapping[str, str] | None = None, changes: Mapping[str, str] | None = None
+) -> Workspace:
+    """Copy the bench with its fixtures, and the plan with fewer temperatures and shorter recordings.
+
+    Args:
+        root: the workspace's folder, which must not exist yet.
+        parameters: other values than the short ones, `value: "5"` or `values: ["1", "2"]`, by name.
+        changes: texts of the bench file, each of which is there once.
+    """
+    skipped = shutil.ignore_patterns("__pycache__", "magnetorquer", "jig")
+    shutil.copytree(ROOT / "fixtures", root / "fixtures", ignore=skipped)
+    shutil.copytree(ROOT / "testplans", root / "testplans", ignore=skipped)
+    (root / "hil.toml").touch()
+    workspace = Workspace(root, root / "testplans/gyroscope")
+    wanted = {**_SHORT, **(parameters or {})}
+    places = {name: f"- {{name: {name}, {_PARAMETERS[name]}" for name in wanted}
+    workspace.change(
+        "testplans/gyroscope/parameters.yaml",
+        {place: place.replace(_PARAMETERS[name], wanted[name]) for name, place in places.items()},
+    )
+    seconds = wanted["rest_duration"].split('"')[1]
+    workspace.change("testplans/gyroscope/requirements.yaml", {"duration: 4 h": f"duration: {seconds} s"})
+    workspace.lock()
+    workspace.change_bench(changes or {})
+    return workspace
+
+
+def faulty(device: str, *faults: str) -> dict[str, str]:
+    """Return the change of the bench file that gives a simulated instrument these faults."""
+    return {_PLACES[device]: f"      faults: [{', '.join(faults)}]\n{_PLACES[device]}"}
+
+
+def truth(device: str, text: str) -> dict[str, str]:
+    """Return the change of the bench file that gives a simulated instrument without a truth one."""
+    return {_PLACES[device]: f"      truth: {text}\n{_PLACES[device]}"}
+
+
+def run_one(workspace: Workspace, case: str) -> Ended:
+    """Run one case of the plan in this process; the other one is skipped, and nothing is sealed."""
+    other = NOISE if case == CALIBRATION else CALIBRATION
+    request = workspace.request(skips={other: "not asked here"})
+    launched = launch(configure(request), open_simulated)
+    assert launched.session is not None
+    code = launched.session.exit_code(launched.code)
+    launched.session.abandon()
+    world = launched.session.bench.world
+    assert world is not None
+    return Ended(code, Package(launched.session.folder), world, case)
