@@ -42,7 +42,13 @@ class CalibrationReport:
 
 
 def calibrate(
-    readings: Sequence[Reading], *, reference: float = 25.0, rate_uncertainty: float = 0.0, margin: float = 0.0
+    readings: Sequence[Reading],
+    *,
+    reference: float = 25.0,
+    rate_uncertainty: float = 0.0,
+    bias_uncertainty: float = 0.0,
+    mounting_uncertainty: float = 0.0,
+    margin: float = 0.0,
 ) -> CalibrationReport:
     """Fit bias, scale and alignment over temperature.
 
@@ -51,10 +57,17 @@ def calibrate(
     E, which has ones on its diagonal and else the mean over temperatures of scale(T) times gain, with a row for each
     sensor axis and a column for each table axis; it needs all three table axes.
 
+    What all readings share they do not show by their scatter, so it is added to what the fits state: to the constant of
+    the bias, to the scale as a whole, and to every element of E that is not on its diagonal.
+
     Args:
         readings: at rest at two temperatures or more; turning, at two temperatures or more for each axis that turns.
         reference: temperature about which the powers are taken, in degC.
         rate_uncertainty: relative standard uncertainty of the table's rates, shared by all of them.
+        bias_uncertainty: standard uncertainty that all readings at rest share, in their unit: a rate that they all see,
+            and how far a bias wanders in the time between them and its use.
+        mounting_uncertainty: standard uncertainty of the angle between a sensor's axis, as it is mounted, and the
+            table's axis, towards each of the other axes, in rad.
         margin: by how many kelvin the calibration may be used beyond the lowest and the highest temperature measured.
 
     Raises:
@@ -65,11 +78,11 @@ def calibrate(
     names = tuple(readings[0].means)
     unit = _unit(readings, names)
     resting = [reading for reading in readings if not reading.turning]
-    bias = {name: _fitted("bias", name, resting, [each.means[name] for each in resting], reference) for name in names}
+    bias = {name: _bias(name, resting, reference, bias_uncertainty) for name in names}
     found = responses(readings)
     scale = {name: _scale(name, found, reference, rate_uncertainty) for name in names}
     scaled = {name: each for name, each in scale.items() if each is not None}
-    alignment, uncertainty = _alignment(names, found, scaled)
+    alignment, uncertainty = _alignment(names, found, scaled, mounting_uncertainty)
     axes = {
         name: CalibratedRate(
             bias=_widened(bias[name].polynomial, margin),
@@ -104,6 +117,11 @@ def _fitted(what: str, name: str, points: Sequence[Reading | Response], values: 
         raise Refused(f"{what} of axis {name}: {error.message}", error.hint) from None
 
 
+def _bias(name: str, resting: Sequence[Reading], reference: float, shared: float) -> Fit:
+    fitted = _fitted("bias", name, resting, [reading.means[name] for reading in resting], reference)
+    return _with_shared(fitted, (shared, *(0.0,) * (len(fitted.polynomial.coefficients) - 1)))
+
+
 def _scale(name: str, found: Sequence[Response], reference: float, rate_uncertainty: float) -> Fit | None:
     own = [response for response in found if response.axis == name]
     if not own:
@@ -111,7 +129,8 @@ def _scale(name: str, found: Sequence[Response], reference: float, rate_uncertai
     fitted = _fitted("scale", name, own, [_inverse(response.gains[name]) for response in own], reference)
     low, high = min(response.low for response in own), max(response.high for response in own)
     polynomial = replace(fitted.polynomial, low=low, high=high)
-    return _with_shared(replace(fitted, polynomial=polynomial), rate_uncertainty)
+    together = tuple(rate_uncertainty * each for each in polynomial.coefficients)
+    return _with_shared(replace(fitted, polynomial=polynomial), together)
 
 
 def _inverse(gain: Figure) -> Figure:
@@ -121,13 +140,13 @@ def _inverse(gain: Figure) -> Figure:
     return Figure(value=1.0 / gain.value, unit="1", uncertainty=uncertainty, dof=gain.dof)
 
 
-def _with_shared(fitted: Fit, relative: float) -> Fit:
-    """Add the uncertainty that all points share: it scales all coefficients together."""
+def _with_shared(fitted: Fit, together: tuple[float, ...]) -> Fit:
+    """Add the uncertainty that all points share: by so much it moves all coefficients together."""
     polynomial = fitted.polynomial
-    if polynomial.covariance is None or not relative:
+    if polynomial.covariance is None or not any(together):
         return fitted
     own = np.asarray(polynomial.covariance)
-    shared = relative**2 * np.outer(polynomial.coefficients, polynomial.coefficients)
+    shared = np.outer(together, together)
     dof = polynomial.dof * (1.0 + float(shared[0, 0]) / float(own[0, 0])) ** 2 if own[0, 0] else math.inf
     covariance = tuple(map(tuple, (own + shared).tolist()))
     return replace(fitted, polynomial=replace(polynomial, covariance=covariance, dof=dof))
@@ -142,7 +161,7 @@ def _unmeasured(bias: Polynomial) -> Polynomial:
 
 
 def _alignment(
-    names: tuple[str, ...], found: Sequence[Response], scale: Mapping[str, Fit]
+    names: tuple[str, ...], found: Sequence[Response], scale: Mapping[str, Fit], mounting: float
 ) -> tuple[Matrix, Matrix | None]:
     if len(names) != 3 or len(scale) != 3:
         return ALIGNED if len(names) == 3 else _identity(len(names)), None
@@ -151,7 +170,8 @@ def _alignment(
         own = [response for response in found if response.axis == axis]
         for row, name in enumerate(names):
             if row != column:
-                cross[row, column], spread[row, column] = _cross_gain(name, own, scale[name].polynomial)
+                cross[row, column], scatter = _cross_gain(name, own, scale[name].polynomial)
+                spread[row, column] = math.hypot(scatter, mounting)
     alignment = np.asarray(np.linalg.inv(cross), dtype=np.float64)
     uncertainty = np.sqrt(np.square(alignment) @ np.square(spread) @ np.square(alignment))
     known = np.isfinite(uncertainty).all()

@@ -33,7 +33,8 @@ class Candidate:
     Attributes:
         degree: of the polynomial.
         cross_validation: mean square of the leave-one-out errors, each in units of its point's uncertainty where that
-            is known, else in the square of the value's unit.
+            is known, and then times 1 - 2 / dof, which is what an estimated uncertainty makes too large on average;
+            else in the square of the value's unit.
         aicc: Akaike's information criterion with correction for few points, infinite where there are too few.
         chi_square: sum of squared residuals, in the same units.
         tail: probability of a chi-square at least as large if the model is right; NaN where nothing is left to judge.
@@ -78,9 +79,13 @@ def fit(temperatures: Sequence[float], values: Sequence[Figure], *, reference: f
     n ln(chi^2 / n) and one parameter more), k coefficients; raised to the lowest degree whose chi-square is not
     rejected at 0.001, if there is one. What was chosen is taken as given in the uncertainties.
 
-    The covariance is that of the stated uncertainties, and the degrees of freedom the least of those of the
-    coefficients (Welch and Satterthwaite). Where the misfit has a probability below 0.01, and where an uncertainty is
-    unknown, the covariance is scaled by chi^2 / (n - k) and has n - k degrees of freedom; with none left it is unknown.
+    The covariance is that of the stated uncertainties, widened because weights that are estimates themselves let the
+    points with too small a u count too much: Kenward and Roger, Biometrics 53 (1997) 983, section 2, for independent
+    points: Phi + 4 Phi [sum_i (1 - h_i) / (dof_i u_i^2) x_i x_i'] Phi, with Phi = (sum_i x_i x_i' / u_i^2)^-1 and the
+    leverage h_i; for a mean it is that of Meier, Biometrics 9 (1953) 59. The degrees of freedom are the least of those
+    of the coefficients (Welch and Satterthwaite). Where the misfit has a probability below 0.01, and where an
+    uncertainty is unknown, the covariance is scaled by chi^2 / (n - k) and has n - k degrees of freedom; with none left
+    it is unknown.
 
     Args:
         temperatures: in degC, shape (n,), at least two different ones.
@@ -102,7 +107,7 @@ def fit(temperatures: Sequence[float], values: Sequence[Figure], *, reference: f
     weight = 1.0 / spread if known else np.ones(where.size)
     highest = max(1, min(MOST_DEGREE, distinct - 2))
     candidates = tuple(
-        _candidate(where - reference, data, weight, degree, known=known) for degree in range(1, highest + 1)
+        _candidate(where - reference, values, weight, degree, known=known) for degree in range(1, highest + 1)
     )
     return _chosen(where, values, weight, candidates, reference=reference, known=known)
 
@@ -111,24 +116,34 @@ def _design(offset: _Array, degree: int) -> _Array:
     return np.vander(offset, degree + 1, increasing=True)
 
 
-def _candidate(offset: _Array, data: _Array, weight: _Array, degree: int, *, known: bool) -> Candidate:
+def _candidate(offset: _Array, values: Sequence[Figure], weight: _Array, degree: int, *, known: bool) -> Candidate:
     from scipy.special import gammaincc  # noqa: PLC0415 - scipy is slow to import
 
     design = _design(offset, degree) * weight[:, None]
     estimator = np.linalg.pinv(design)
-    residual = data * weight - design @ (estimator @ (data * weight))
+    scaled = np.array([figure.value for figure in values]) * weight
+    residual = (scaled - design @ (estimator @ scaled)) * (_fair(values) if known else 1.0)
     leverage = np.einsum("ij,ji->i", design, estimator)
     chi_square = float(np.square(residual).sum())
-    left = data.size - degree - 1
+    left = scaled.size - degree - 1
     with np.errstate(divide="ignore", invalid="ignore"):
         errors = np.where(leverage < 1.0 - 1e-9, residual / (1.0 - leverage), np.inf)
     return Candidate(
         degree=degree,
         cross_validation=float(np.square(errors).mean()),
-        aicc=_aicc(chi_square, data.size, degree + 1, known=known),
+        aicc=_aicc(chi_square, scaled.size, degree + 1, known=known),
         chi_square=chi_square,
         tail=float(gammaincc(left / 2.0, chi_square / 2.0)) if known and left > 0 else math.nan,
     )
+
+
+def _fair(values: Sequence[Figure]) -> _Array:
+    """Return what makes a residual over an estimated uncertainty as large as one over the true one.
+
+    Its square is F-distributed, with the mean dof / (dof - 2); three degrees of freedom or fewer count as three.
+    """
+    dof = np.maximum([figure.dof for figure in values], 3.0)
+    return np.asarray(np.sqrt(1.0 - 2.0 / dof), dtype=np.float64)
 
 
 def _aicc(chi_square: float, points: int, coefficients: int, *, known: bool) -> float:
@@ -162,7 +177,7 @@ def _chosen(
     coefficients = estimator @ data
     left = data.size - best.degree - 1
     consistent = not best.tail < _UNLIKELY
-    covariance, dof = _covariance(estimator, weight, values)
+    covariance, dof = _covariance(plain, estimator, weight, values)
     if not (known and consistent):
         scale = best.chi_square / left if left else math.nan
         covariance, dof = covariance * scale, float(max(left, 1))
@@ -186,13 +201,13 @@ def _chosen(
     )
 
 
-def _covariance(estimator: _Array, weight: _Array, values: Sequence[Figure]) -> tuple[_Array, float]:
-    covariance = (estimator / weight) @ (estimator / weight).T
-    dofs = [
-        effective_dof(zip(np.square(row / weight).tolist(), (figure.dof for figure in values), strict=True))
-        for row in estimator
-    ]
-    return np.asarray(covariance, dtype=np.float64), min(dofs)
+def _covariance(plain: _Array, estimator: _Array, weight: _Array, values: Sequence[Figure]) -> tuple[_Array, float]:
+    shares = estimator / weight
+    leverage = np.einsum("ij,ji->i", plain, estimator)
+    dofs = np.array([figure.dof for figure in values])
+    widened = shares * np.sqrt(1.0 + 4.0 * np.clip(1.0 - leverage, 0.0, 1.0) / dofs)
+    covariance = np.asarray(widened @ widened.T, dtype=np.float64)
+    return covariance, min(effective_dof(zip(np.square(row).tolist(), dofs.tolist(), strict=True)) for row in shares)
 
 
 def _remark(best: Candidate, left: int, *, consistent: bool) -> str:
