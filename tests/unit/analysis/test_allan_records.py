@@ -180,3 +180,10 @@ def test_the_analysis_needs_one_copy_of_the_data():
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         assert peak < 1.2 * data.nbytes
+
+
+@pytest.mark.parametrize("rate", [1e30, 1e-30, 0.0, -1.0, math.nan])
+def test_a_rate_that_no_sensor_has_is_refused(rate):
+    """A unit of time that is wrong by far is told, before numbers leave their range."""
+    with pytest.raises(Refused, match="no sampling rate of a sensor; look at the unit of time"):
+        characterise(np.random.default_rng(0).standard_normal(4000), rate, "deg/s")

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from hil.analysis.allan import fit as allan_fit
 from hil.analysis.allan.deviation import deviation
 from hil.analysis.allan.results import AllanCurve, NoiseModel
+from hil.model.errors import Refused
 from hil.model.figure import Figure, FigureStatus
 
 __all__ = ["characterise"]
@@ -20,6 +21,7 @@ __all__ = ["characterise"]
 _FEWEST_POINTS = 5  # one more than three terms and a degree of freedom for the misfit
 _WORST_TAIL = 1e-3  # a right model is rejected once in a thousand records
 _MODEL_ERROR = 0.03  # of the deviation: filters, quantisation and temperature bend real curves by about this
+_SLOWEST, _FASTEST = 1e-9, 1e12  # Hz; beyond them products of rates and averaging times leave the range of numbers
 _KNOWN = 2.0  # a measured square is at least twice its standard uncertainty
 
 
@@ -46,8 +48,10 @@ def characterise(
         holes: whether NaN stands for a sample that is missing; see `deviation`.
 
     Raises:
-        Refused: the data are not a finite series of two samples or more.
+        Refused: the data are not a finite series of two samples or more, or the rate is none of a sensor.
     """
+    if not _SLOWEST <= rate <= _FASTEST:
+        raise Refused(f"{rate:g} Hz is no sampling rate of a sensor", "look at the unit of time")
     curve = deviation(data, rate, unit=unit, confidence=confidence, holes=holes)
     usable = int((curve.tau >= tau_min * (1.0 - 1e-9)).sum())
     first = curve.tau.size - usable
