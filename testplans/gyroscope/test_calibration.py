@@ -46,7 +46,7 @@ class Board:
         with self._step("Record at rest"):
             self._rotation.stop()
             recording = self._recorded("static", self._parameters.static_duration)
-        return self._read(recording, {})
+        return self._read(recording, unseen(self._parameters))
 
     def turn(self, axis, rate):
         """Record the board turning at a rate [deg/s]; return its reading, and the true rate of the table's encoder."""
@@ -56,38 +56,49 @@ class Board:
             recording = self._recorded("turning", self._parameters.turning_duration)
             true = self._rotation.true_rate(before)
             self._rotation.stop()
-        return self._read(recording, {axis: true.value}), true
+        return self._read(recording, earth(self._parameters), {axis: true.value}), true
 
     def _recorded(self, name, duration):
         return self._record(name, self._sensor, duration=duration, rate=self._parameters.rate)
 
-    def _read(self, recording, rates):
+    def _read(self, recording, systematic, rates=None):
         self._chamber.must_have_held(self._own)
         self.doubts += self._doubts_of(recording)
-        return reading_of(recording, self._parameters, rates)
+        return reading_of(recording, systematic, rates)
 
     def _own(self):
         return self._sensor.temperature().value
 
 
+def earth(parameters):
+    """Return the standard uncertainty [deg/s] of the Earth's rate about an axis: nobody measures its direction."""
+    return parameters.earth_rate / math.sqrt(3.0)
+
+
 def unseen(parameters):
-    """Return the standard uncertainty that all samples of a record share, and that no record of a minute shows.
+    """Return the standard uncertainty [deg/s] of a bias that no record of a minute shows, shared by all its samples.
 
-    It is the Earth's rate, whose direction on the board nobody measures (uniform within its size), and that a bias
-    comes back to its value only so well.
+    It is the Earth's rate, and that a bias comes back to its value only so well after hours. How much of both differs
+    from one recording to the next, and how much is common to all, is not known: it counts as a whole for each recording
+    at rest, and once more for all of them together.
     """
-    return math.hypot(parameters.earth_rate / math.sqrt(3.0), parameters.repeatability)
+    return math.hypot(earth(parameters), parameters.repeatability)
 
 
-def reading_of(recording, parameters, rates):
-    """Return the means of a recording, with the temperature that the sensor itself told."""
+def reading_of(recording, systematic, rates=None):
+    """Return the means of a recording, with the temperature that the sensor itself told.
+
+    Args:
+        recording: what was recorded.
+        systematic: standard uncertainty that all its samples share [deg/s].
+        rates: true rate by axis [deg/s], where the table turned.
+    """
     rate = sampling.assess(recording.time).rate
-    spread = unseen(parameters)
-    means = {axis: rest_mean(recording[axis], rate, recording.unit(axis), systematic=spread) for axis in AXES}
-    return Reading(temperature=float(recording["temperature"].mean()), means=means, rates=rates)
+    means = {axis: rest_mean(recording[axis], rate, recording.unit(axis), systematic=systematic) for axis in AXES}
+    return Reading(temperature=float(recording["temperature"].mean()), means=means, rates=rates or {})
 
 
-def conclude(readings, verification, spread, doubts, check, step, artifact):
+def conclude(readings, verification, spread, doubts, check, step, artifact, parameters):
     """Fit the calibration, export it, and hold it against what it has not seen.
 
     Args:
@@ -96,7 +107,14 @@ def conclude(readings, verification, spread, doubts, check, step, artifact):
         spread: relative standard uncertainty of the table's rates.
         doubts: why recordings cannot be trusted.
     """
-    report = calibrate(readings, reference=REFERENCE, rate_uncertainty=spread, margin=MARGIN)
+    report = calibrate(
+        readings,
+        reference=REFERENCE,
+        rate_uncertainty=spread,
+        bias_uncertainty=unseen(parameters),
+        mounting_uncertainty=parameters.mounting,
+        margin=MARGIN,
+    )
     found = report.calibration
     with step("Export the calibration, and recompute the export"):
         artifact("calibration.json", as_json(found))
@@ -159,7 +177,7 @@ def test_calibration(chamber, rotation, rate_sensor, doubts_of, record, check, s
     with step("Bring the board back to room temperature"):
         chamber.hold(REFERENCE)
     try:
-        conclude(readings, verification, max(spreads), board.doubts, check, step, artifact)
+        conclude(readings, verification, max(spreads), board.doubts, check, step, artifact, parameters)
     except Refused as refusal:  # means that are no numbers, or a temperature that cannot be
         if not board.doubts:
             raise
