@@ -85,6 +85,8 @@ class ThermalChamber(Plant):
                 truth.sink_capacity,
             )
         )
+        self._passive = _passive(truth)
+        self._products, self._ratios = np.outer(self._roots, self._roots), np.outer(1 / self._roots, self._roots)
         self._stepped = lru_cache(maxsize=_KEPT_STEPS)(self._exact)
 
     def step(self, state: Vector, inputs: Inputs, dt: float) -> Vector:
@@ -115,28 +117,16 @@ class ThermalChamber(Plant):
         its modes are orthogonal and each decays by itself.
         """
         flows, watts = self._equations(share * self._truth.current, lamp)
-        rates, modes = np.linalg.eigh(flows / np.outer(self._roots, self._roots))
+        rates, modes = np.linalg.eigh(flows / self._products)
         turns = rates * dt
         grown = np.where(turns == 0, 1.0, np.expm1(turns) / np.where(turns == 0, 1.0, turns)) * dt
-        decay = (modes * np.exp(turns)) @ modes.T * np.outer(1 / self._roots, self._roots)
+        decay = (modes * np.exp(turns)) @ modes.T * self._ratios
         return decay, (modes * grown) @ modes.T @ (watts / self._roots) / self._roots
 
     def _equations(self, current: float, lamp: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return S [W/K] and w [W] of `C x' = S x + w`, temperatures in degC."""
         truth = self._truth
-        flows, watts = np.zeros((len(_NODES), len(_NODES))), np.zeros(len(_NODES))
-        for one, other, conductance in (
-            (_PLATE, _BOARD, truth.plate_board),
-            (_PLATE, _BOX, truth.plate_box),
-            (_PLATE, _SINK, truth.conductance),
-            (_BOARD, _DIE, truth.board_die),
-            (_BOARD, _BOX, truth.board_box),
-        ):
-            flows[[one, other], [one, other]] -= conductance
-            flows[[one, other], [other, one]] += conductance
-        for node, conductance in ((_BOX, truth.box_ambient), (_SINK, truth.sink_ambient)):
-            flows[node, node] -= conductance
-            watts[node] += conductance * truth.ambient
+        flows, watts = (each.copy() for each in self._passive)
         for node, peltier in ((_PLATE, truth.seebeck * current), (_SINK, -truth.seebeck * current)):
             flows[node, node] += peltier
             watts[node] += peltier * _ZERO_CELSIUS + current**2 * truth.resistance / 2
@@ -144,6 +134,24 @@ class ThermalChamber(Plant):
             watts[_BOARD] += truth.lamp_board
             watts[_BOX] += truth.lamp_box
         return flows, watts
+
+
+def _passive(truth: ChamberTruth) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return S [W/K] and w [W] without power."""
+    flows, watts = np.zeros((len(_NODES), len(_NODES))), np.zeros(len(_NODES))
+    for one, other, conductance in (
+        (_PLATE, _BOARD, truth.plate_board),
+        (_PLATE, _BOX, truth.plate_box),
+        (_PLATE, _SINK, truth.conductance),
+        (_BOARD, _DIE, truth.board_die),
+        (_BOARD, _BOX, truth.board_box),
+    ):
+        flows[[one, other], [one, other]] -= conductance
+        flows[[one, other], [other, one]] += conductance
+    for node, conductance in ((_BOX, truth.box_ambient), (_SINK, truth.sink_ambient)):
+        flows[node, node] -= conductance
+        watts[node] += conductance * truth.ambient
+    return flows, watts
 
 
 def _share(inputs: Inputs) -> float:
