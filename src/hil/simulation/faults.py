@@ -28,12 +28,14 @@ class Fault:
         start_ns: first instant, counted from the epoch.
         end_ns: first instant at which it is over.
         duration_ns: `late`: what is added; `chatty`: the pause between unsolicited bytes.
-        share: `garbled`: the part of the bytes that are hit; `slipping`: the part of the rate that remains.
+        share: `garbled`: the part of the bytes that are hit; `slipping`: the part of the rate that remains;
+            `torn-lines`: the part of the lines that are hit.
         number: `partial`: bytes that come through; `refuse-off`: channel, 0 for all; `welded`: contact;
-            `temperature-raw`: counts of the temperature; `lose-frames`: how many; `nack`: the bus address.
+            `temperature-raw`: counts of the temperature; `lose-frames`, `lost-lines`: how many;
+            `nack`: the bus address.
         field: `saturated`: what is added to every axis, in the sensor's unit [uT, deg/s].
         text: `chatty`: the bytes; `identity`: who answers instead; `refuse-off`: what it says, `on` or `off`;
-            `no-stop`: whether switching the motor off stops it, `cuts` or `stays`.
+            `stuck-relay`: which one; `no-stop`: whether switching the motor off stops it, `cuts` or `stays`.
     """
 
     kind: str
@@ -136,6 +138,14 @@ def _lose_frames(truth: Truth, fault: Fault) -> Fault:
     return replace(fault, number=truth.integer("frames", 1, minimum=1))
 
 
+def _lost_lines(truth: Truth, fault: Fault) -> Fault:
+    return replace(fault, number=truth.integer("lines", 1, minimum=1))
+
+
+def _stuck_relay(truth: Truth, fault: Fault) -> Fault:
+    return replace(fault, text=truth.text("relay", choices=("charge", "discharge")))
+
+
 def _nack(truth: Truth, fault: Fault) -> Fault:
     text = truth.text("address")
     if re.fullmatch(r"0x[0-7][0-9A-Fa-f]", text):
@@ -155,12 +165,15 @@ _SETTINGS: Mapping[str, Callable[[Truth, Fault], Fault]] = {
     "identity": _identity,
     "late": _late,
     "lose-frames": _lose_frames,
+    "lost-lines": _lost_lines,
     "nack": _nack,
     "no-stop": _no_stop,
     "partial": _partial,
     "refuse-off": _refuse_off,
     "saturated": _saturated,
     "slipping": _slipping,
+    "stuck-relay": _stuck_relay,
     "temperature-raw": _temperature_raw,
+    "torn-lines": _garbled,
     "welded": _welded,
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
-__all__ = ["BusPeer", "BusServer", "Cancellable", "Line", "Nack", "PeerClock", "SerialPeer"]
+__all__ = ["BusPeer", "BusServer", "Cancellable", "Line", "Nack", "Openable", "PeerClock", "SerialPeer"]
 
 
 class Nack(Exception):
@@ -57,6 +57,15 @@ class SerialPeer(Protocol):
 
     def restore(self, state: Mapping[str, object]) -> None:
         """Go on from what `state` returned."""
+        ...
+
+
+@runtime_checkable
+class Openable(Protocol):
+    """A simulated instrument that notices when its port is opened, because DTR rises."""
+
+    def opened(self) -> None:
+        """Notice it."""
         ...
 
 

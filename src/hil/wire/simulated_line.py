@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hil.clock.port import NANOSECONDS, ClockError
 from hil.clock.virtual import VirtualClock
-from hil.wire.peer import SerialPeer
+from hil.wire.peer import Openable, SerialPeer
 
 __all__ = ["SimulatedLine"]
 
@@ -45,9 +45,11 @@ class SimulatedLine:
         self._open = False
 
     def opened(self) -> None:
-        """Start with an empty buffer."""
+        """Start with an empty buffer, and let the peer notice where it can."""
         self._received.clear()
         self._open = True
+        if isinstance(self._peer, Openable):
+            self._peer.opened()
 
     def closed(self) -> None:
         """Drop what comes from now on."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.seeds import Stream
-from hil.wire.peer import BusPeer, BusServer, Line, Nack, PeerClock, SerialPeer
+from hil.wire.peer import BusPeer, BusServer, Line, Nack, Openable, PeerClock, SerialPeer
 
 __all__ = ["FaultyBusPeer", "FaultySerialPeer"]
 
@@ -44,6 +44,11 @@ class FaultySerialPeer:
         self._peer.attach(self, clock)
         for fault in self._faults.of("chatty"):
             self._chat_after(fault, fault.start_ns)
+
+    def opened(self) -> None:
+        """Let the peer notice that its port was opened, where it can and is not dead."""
+        if isinstance(self._peer, Openable) and not self._faults.now("dead", self._clock.now_ns()):
+            self._peer.opened()
 
     def receive(self, data: bytes) -> None:
         """Pass bytes on, unless the peer is dead."""

@@ -1,0 +1,1 @@
+"""The simulated battery cycler, written from docs/reference/cycler.md."""

@@ -1,0 +1,218 @@
+"""The simulated cycler as a peer: reset and bootloader, lines every five seconds, heartbeat."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import cast
+
+from hil.simulation.faults import Faults
+from hil.simulation.peers.cycler.article import LINE_S, Article, Reading
+from hil.simulation.peers.cycler.commands import Commands
+from hil.simulation.peers.cycler.framing import Command, LineReader
+from hil.simulation.peers.cycler.output import Output
+from hil.simulation.peers.cycler.relays import Relays
+from hil.simulation.peers.cycler.sequence import RUNNING, Sequence
+from hil.simulation.peers.cycler.settings import Settings
+from hil.simulation.peers.obc_link.timing import Alarm, BoardClock
+from hil.wire.peer import Line, PeerClock
+
+__all__ = ["Firmware"]
+
+_US = 1_000_000
+_LINE_US = LINE_S * _US
+_LETTERS = {"CHARGE": ";C", "DISCHARGE": ";D", "REST": ";R"}
+
+
+class Firmware:
+    """The device. It has power from the epoch on, and its banner is long gone by then.
+
+    Args:
+        article: what it is.
+        relays: its relays.
+        output: what it says.
+        device_clock: its time.
+        boots: starts so far.
+        faults: what goes wrong; a `reset` is a dip of its supply.
+    """
+
+    def __init__(
+        self, article: Article, relays: Relays, output: Output, device_clock: BoardClock, *, boots: int, faults: Faults
+    ) -> None:
+        self.article = article
+        self.relays = relays
+        self.output = output
+        self.boots = boots
+        self.reset_reason = "POWER"
+        self.settings = Settings({"cycles": article.cycles, "iend": article.charge_end, "vend": article.discharge_end})
+        self.sequence = Sequence(extended=article.extended, settings=self.settings, relays=relays)
+        self._commands = Commands(self)
+        self._reader = LineReader()
+        self._device_clock = device_clock
+        self._faults = faults
+        self._marks: list[str] = []
+        self._next_us = _LINE_US
+        self._beaten_us = 0
+        self._clock: PeerClock
+        self._boot: Alarm
+        self._tick: Alarm
+        self._silence: Alarm
+
+    def attach(self, line: Line, clock: PeerClock) -> None:
+        """Connect the line, and start what comes unasked."""
+        self._clock = clock
+        self.output.attach(line, clock)
+        self.relays.attach(clock)
+        self._boot = Alarm(clock, self._booted)
+        self._tick = Alarm(clock, self._line)
+        self._silence = Alarm(clock, self._silent)
+        for fault in self._faults.of("reset"):
+            clock.at(fault.start_ns, lambda: self._reset("BROWNOUT"))
+        self._wait()
+
+    def opened(self) -> None:
+        """Be reset by the DTR line of a port that is opened, unless that is prevented."""
+        if self.article.resets_on_open:
+            self._reset("EXTERNAL")
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes of the host; the bootloader swallows them."""
+        if self._boot.due_ns is not None or not data:
+            return
+        if not self.article.extended:
+            if self.sequence.state == "IDLE":
+                self.start("-")
+                self._tell()
+            return
+        for command in self._reader.take(data):
+            if command is None:
+                self.output.numbered("ERROR FRAME")
+            else:
+                self._execute(command)
+
+    def measure(self) -> Reading:
+        """Return what is measured now."""
+        return self.article.measure(self._clock.now_ns())
+
+    def start(self, run: str) -> None:
+        """Begin a test; its first mark follows the reply."""
+        self._marks.append(self.sequence.start(run))
+        self._next_us = self._now_us() + _LINE_US
+        self._tick.set(self._device_clock.instant(self._next_us))
+        self.beat()
+        if self.article.extended:
+            self._listen()
+
+    def stop(self) -> None:
+        """Open the relays, and end a test; the mark follows the reply."""
+        self.relays.open()
+        if self.sequence.state in RUNNING:
+            self.sequence.stop()
+            self._marks.append("TEST STOPPED")
+            self._wait()
+
+    def beat(self) -> None:
+        """Take a heartbeat."""
+        self._beaten_us = self._now_us()
+
+    def state(self) -> Mapping[str, object]:
+        """Return everything that goes on."""
+        return {
+            "boots": self.boots,
+            "reset_reason": self.reset_reason,
+            "next_us": self._next_us,
+            "beaten_us": self._beaten_us,
+            "settings": dict(self.settings.values),
+            "sequence": dict(self.sequence.saved()),
+            "relays": dict(self.relays.state()),
+            "output": dict(self.output.state()),
+            "reader": dict(self._reader.state()),
+            "clock": dict(self._device_clock.state()),
+            "boot_ns": self._boot.due_ns,
+            "tick_ns": self._tick.due_ns,
+            "silence_ns": self._silence.due_ns,
+        }
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        self.boots, self.reset_reason = cast("int", state["boots"]), cast("str", state["reset_reason"])
+        self._next_us, self._beaten_us = cast("int", state["next_us"]), cast("int", state["beaten_us"])
+        self.settings.values = dict(cast("dict[str, int]", state["settings"]))
+        for name, part in (("relays", self.relays), ("output", self.output), ("reader", self._reader)):
+            part.restore(cast("dict[str, object]", state[name]))
+        self.sequence.restore(cast("dict[str, object]", state["sequence"]))
+        self._device_clock.restore(cast("dict[str, object]", state["clock"]))
+        self._boot.restore(state["boot_ns"])
+        self._tick.restore(state["tick_ns"])
+        self._silence.restore(state["silence_ns"])
+
+    def _now_us(self) -> int:
+        return self._device_clock.at(self._clock.now_ns())
+
+    def _reset(self, reason: str) -> None:
+        for alarm in (self._tick, self._silence):
+            alarm.clear()
+        self.relays.open()
+        self.sequence.reset()
+        self.settings.reset()
+        self._reader.clear()
+        self.boots += 1
+        self.reset_reason = reason
+        self._boot.set(self._clock.now_ns() + self.article.boot_ns)
+
+    def _booted(self) -> None:
+        self._device_clock.reset(self._clock.now_ns())
+        self.output.number = 0
+        article = self.article
+        self.output.numbered(
+            "START ARDUINO", f";2.0;hil-cycler;{article.firmware};{article.serial};{self.boots};{self.reset_reason}"
+        )
+        self._wait()
+
+    def _execute(self, command: Command) -> None:
+        self.output.reply(self._commands.execute(command))
+        self._tell()
+
+    def _tell(self) -> None:
+        for mark in self._marks:
+            self.output.numbered(mark)
+        self._marks.clear()
+
+    def _line(self) -> None:
+        state = self.sequence.state
+        if state not in RUNNING:
+            self.output.numbered(f"{state} {self.sequence.reason}".rstrip())
+            self._wait()
+            return
+        self._next_us += _LINE_US
+        self._tick.set(self._device_clock.instant(self._next_us))
+        reading = self.measure()
+        self.sequence.take(reading)
+        energy = self.sequence.energy
+        self._marks += self.sequence.judge(reading)
+        volts, amperes, degrees = reading
+        fields = f"{volts / 1000:.3f};{amperes / 1000:.3f};{energy / 10000:.4f};{degrees / 10:.1f}"
+        self.output.numbered(fields, _LETTERS[state])
+        if self._marks:
+            self._tell()
+            if self.sequence.state not in RUNNING:
+                self._wait()
+
+    def _wait(self) -> None:
+        """Let no test run: tell the state at every five seconds of device time, in level 2."""
+        self._tick.clear()
+        self._silence.clear()
+        if self.article.extended:
+            self._tick.set(self._device_clock.instant((self._now_us() // _LINE_US + 1) * _LINE_US))
+
+    def _listen(self) -> None:
+        """Look again when the last heartbeat is too old; heartbeats themselves only leave their time."""
+        due_us = self._beaten_us + self.settings.values["beat"] * _US
+        self._silence.set(self._device_clock.instant(due_us))
+
+    def _silent(self) -> None:
+        if self._now_us() < self._beaten_us + self.settings.values["beat"] * _US:
+            self._listen()
+            return
+        self._marks.append(self.sequence.trip("HEARTBEAT"))
+        self._tell()
+        self._wait()

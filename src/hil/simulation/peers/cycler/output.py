@@ -1,0 +1,96 @@
+"""What the simulated cycler says: numbered lines, and what happens to them on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import cast
+
+from hil.simulation.faults import Faults
+from hil.simulation.peers.cycler.framing import seal
+from hil.simulation.peers.obc_link.timing import BoardClock
+from hil.simulation.seeds import Stream
+from hil.wire.peer import Line, PeerClock
+
+__all__ = ["Output"]
+
+_WRAP = 2**32
+_US_PER_MS = 1000
+_DRAWS = 3
+
+
+class Output:
+    """Sends lines, in level 2 numbered, timed and sealed.
+
+    The fault `lost-lines` swallows as many lines as it says, `torn-lines` cuts a piece out of some of them.
+
+    Args:
+        extended: whether it speaks level 2.
+        device_clock: the device's time.
+        faults: what goes wrong.
+        chance: decides which lines are torn, and where.
+    """
+
+    def __init__(self, *, extended: bool, device_clock: BoardClock, faults: Faults, chance: Stream) -> None:
+        self.number = 1
+        self._extended = extended
+        self._device_clock = device_clock
+        self._lost = faults.of("lost-lines")
+        self._torn = faults.of("torn-lines")
+        self._swallowed = [0] * len(self._lost)
+        self._sent = 0
+        self._chance = chance
+        self._line: Line
+        self._clock: PeerClock
+
+    def attach(self, line: Line, clock: PeerClock) -> None:
+        """Connect the line."""
+        self._line = line
+        self._clock = clock
+
+    def milliseconds(self) -> int:
+        """Return the device's time as its lines show it."""
+        return self._device_clock.at(self._clock.now_ns()) // _US_PER_MS % _WRAP
+
+    def numbered(self, text: str, tail: str = "") -> None:
+        """Send a mark or a data line; in level 2 number and time stand between it and the tail."""
+        if not self._extended:
+            self._send(f"{text}\r\n".encode("ascii"))
+            return
+        self.number = (self.number + 1) % _WRAP
+        self._send(seal(f"{text};{self.number};{self.milliseconds()}{tail}"))
+
+    def reply(self, text: str) -> None:
+        """Send a reply."""
+        self._send(seal(text))
+
+    def state(self) -> Mapping[str, object]:
+        """Return the counters."""
+        return {"number": self.number, "sent": self._sent, "swallowed": list(self._swallowed)}
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        self.number, self._sent = cast("int", state["number"]), cast("int", state["sent"])
+        self._swallowed = list(cast("list[int]", state["swallowed"]))
+
+    def _send(self, data: bytes) -> None:
+        self._sent += 1
+        if self._lost and self._is_swallowed():
+            return
+        self._line.send(self._tear(data) if self._torn else data)
+
+    def _is_swallowed(self) -> bool:
+        now_ns = self._clock.now_ns()
+        for place, fault in enumerate(self._lost):
+            if fault.holds(now_ns) and self._swallowed[place] < fault.number:
+                self._swallowed[place] += 1
+                return True
+        return False
+
+    def _tear(self, data: bytes) -> bytes:
+        now_ns = self._clock.now_ns()
+        share = max((fault.share for fault in self._torn if fault.holds(now_ns)), default=0.0)
+        hit, start, length = (self._chance.uniform(self._sent * _DRAWS + draw) for draw in range(_DRAWS))
+        if hit >= share:
+            return data
+        first = int(start * (len(data) - 1))
+        return data[:first] + data[first + 1 + int(length * (len(data) - 1 - first)) :]

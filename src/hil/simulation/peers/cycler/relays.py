@@ -1,0 +1,88 @@
+"""The two relays of the simulated cycler: never closed together, and sometimes stuck."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import cast
+
+from hil.simulation.faults import Faults
+from hil.simulation.peers.obc_link.timing import Alarm
+from hil.simulation.plants.terminal import InputPoint
+from hil.wire.peer import PeerClock
+
+__all__ = ["CHARGE", "DISCHARGE", "Relays"]
+
+CHARGE, DISCHARGE = "charge", "discharge"
+_PAUSE_NS = 100_000_000
+
+
+class Relays:
+    """Coils as the firmware drives them, and contacts that follow unless they are stuck.
+
+    The fault `stuck-relay` keeps a contact where it is while the fault lasts.
+
+    Args:
+        contacts: plant inputs by relay.
+        faults: what goes wrong.
+    """
+
+    def __init__(self, contacts: Mapping[str, InputPoint], faults: Faults) -> None:
+        self._points = contacts
+        self._stuck = faults.of("stuck-relay")
+        self._coil = ""
+        self._coming = ""
+        self._closed = {CHARGE: False, DISCHARGE: False}
+        self._clock: PeerClock
+        self._pause: Alarm
+
+    def attach(self, clock: PeerClock) -> None:
+        """Take the clock; both are open."""
+        self._clock = clock
+        self._pause = Alarm(clock, self._close)
+        for fault in self._stuck:
+            clock.at(fault.end_ns, self._follow)
+
+    @property
+    def letter(self) -> str:
+        """The relay whose coil is driven as the reply to STATE has it: `C`, `D`, or `-`."""
+        return self._coil[0].upper() if self._coil else "-"
+
+    def open(self) -> None:
+        """Release both coils at once."""
+        self._pause.clear()
+        self._coil = self._coming = ""
+        self._follow()
+
+    def close(self, relay: str) -> None:
+        """Open both, and drive one after the pause that keeps them apart."""
+        self.open()
+        self._coming = relay
+        self._pause.set(self._clock.now_ns() + _PAUSE_NS)
+
+    def state(self) -> Mapping[str, object]:
+        """Return coils and contacts."""
+        return {
+            "coil": self._coil,
+            "coming": self._coming,
+            "closed": dict(self._closed),
+            "pause_ns": self._pause.due_ns,
+        }
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned; the plants know their inputs themselves."""
+        self._coil, self._coming = cast("str", state["coil"]), cast("str", state["coming"])
+        self._closed = dict(cast("dict[str, bool]", state["closed"]))
+        self._pause.restore(state["pause_ns"])
+
+    def _close(self) -> None:
+        self._coil, self._coming = self._coming, ""
+        self._follow()
+
+    def _follow(self) -> None:
+        now_ns = self._clock.now_ns()
+        for relay in self._closed:
+            if any(fault.text == relay and fault.holds(now_ns) for fault in self._stuck):
+                continue
+            self._closed[relay] = relay == self._coil
+            if relay in self._points:
+                self._points[relay].command(self._closed[relay])

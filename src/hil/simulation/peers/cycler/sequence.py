@@ -1,0 +1,181 @@
+"""The test that the simulated cycler runs: half-cycles, their ends, and the limits of level 2."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import cast
+
+from hil.simulation.peers.cycler.article import LINE_S, Reading
+from hil.simulation.peers.cycler.relays import CHARGE, DISCHARGE, Relays
+from hil.simulation.peers.cycler.settings import Settings
+
+__all__ = ["RUNNING", "Sequence"]
+
+RUNNING = frozenset({"CHARGE", "DISCHARGE", "REST"})
+"""The states in which a test runs."""
+
+_S_PER_H = 3600
+_COLDEST, _HOTTEST = -400, 1250
+_WITHOUT_CURRENT, _WITHOUT_REST = 12, 3
+_UW_PER_DIGIT = 72_000  # 0.1 mWh is 100 uWh; a line of 1 uW is 5 / 3600 uWh
+_KEPT = ("state", "reason", "run", "cycle", "_lines", "_power", "_flow", "_row")
+
+
+class Sequence:
+    """States and sums of a test; marks are returned, relays are driven.
+
+    Attributes:
+        state: as the reply to STATE has it.
+        reason: what tripped it.
+        run: the last run, empty where there was none.
+        cycle: the present one, or the last.
+
+    Args:
+        extended: whether the limits of level 2 hold.
+        settings: ends and limits.
+        relays: what a half-cycle closes.
+    """
+
+    def __init__(self, *, extended: bool, settings: Settings, relays: Relays) -> None:
+        self._extended = extended
+        self._settings = settings
+        self._relays = relays
+        self.reset()
+
+    def reset(self) -> None:
+        """Be as after a reset; the relays are the caller's."""
+        self.state, self.reason, self.run, self.cycle = "IDLE", "", "", 0
+        self._after_rest = CHARGE
+        self._lines = self._power = self._flow = self._row = 0
+
+    @property
+    def energy(self) -> int:
+        """What the last data line of this half-cycle showed, in units of 0.1 mWh."""
+        return (self._power + _UW_PER_DIGIT // 2) // _UW_PER_DIGIT
+
+    def start(self, run: str) -> str:
+        """Begin a test; return its first mark."""
+        self.run, self.cycle = run, 0
+        return self._charge()
+
+    def stop(self) -> None:
+        """End a test because the host wants it."""
+        self._finish("STOPPED")
+
+    def trip(self, reason: str) -> str:
+        """End a test because a limit was passed; return the mark."""
+        self.reason = reason
+        self._finish("TRIPPED")
+        return f"TEST TRIPPED {reason}"
+
+    def clear(self) -> None:
+        """Be ready for another test."""
+        self.state, self.reason = "IDLE", ""
+
+    def take(self, reading: Reading) -> None:
+        """Add a data line to the sums; `judge` tells what follows from it."""
+        self._lines += 1
+        if self.state != "REST":
+            volts, amperes, _ = reading
+            self._power += abs(volts * amperes)
+            self._flow += abs(amperes)
+
+    def judge(self, reading: Reading) -> list[str]:
+        """Return the marks that a data line causes, after the relays were driven."""
+        ended = self._half_ended(reading)
+        reason = self._limit(reading, ended=ended) if self._extended else ""
+        if reason:
+            return [self.trip(reason)]
+        return self._next_half() if ended else []
+
+    def outside(self, reading: Reading) -> str:
+        """Return the limit that a reading alone passes, or an empty text."""
+        volts, amperes, degrees = reading
+        limit = self._settings.values
+        if not _COLDEST <= degrees <= _HOTTEST:
+            return "SENSOR"
+        if volts > limit["vmax"]:
+            return "VMAX"
+        if volts < limit["vmin"]:
+            return "VMIN"
+        if abs(amperes) > limit["imax"]:
+            return "IMAX"
+        if degrees > limit["tmax"]:
+            return "TMAX"
+        return "TMIN" if degrees < limit["tmin"] else ""
+
+    def saved(self) -> Mapping[str, object]:
+        """Return everything as JSON values."""
+        return {"after_rest": self._after_rest} | {name.strip("_"): getattr(self, name) for name in _KEPT}
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `saved` returned."""
+        self._after_rest = cast("str", state["after_rest"])
+        for name in _KEPT:
+            setattr(self, name, state[name.strip("_")])
+
+    def _half_ended(self, reading: Reading) -> bool:
+        volts, amperes, _ = reading
+        limit = self._settings.values
+        if self.state == "CHARGE":
+            return amperes <= limit["iend"] and (not self._extended or volts >= limit["vfull"])
+        if self.state == "DISCHARGE":
+            return volts <= limit["vend"]
+        return self._lines * LINE_S >= limit["rest"]
+
+    def _limit(self, reading: Reading, *, ended: bool) -> str:
+        reason = self.outside(reading)
+        limit = self._settings.values
+        resting = self.state == "REST"
+        if not reason and not resting:
+            if not ended and self._lines * LINE_S > limit["time"]:
+                return "TIME"
+            if self._flow * LINE_S > limit["charge"] * _S_PER_H:
+                return "CHARGE"
+        return reason or self._wrong_current(reading, resting=resting)
+
+    def _wrong_current(self, reading: Reading, *, resting: bool) -> str:
+        volts, amperes, _ = reading
+        limit = self._settings.values
+        if resting:
+            wrong, most, reason = abs(amperes) > limit["iend"], _WITHOUT_REST, "RELAY"
+        else:
+            full = self.state == "CHARGE" and volts >= limit["vfull"]
+            wrong, most, reason = abs(amperes) < limit["iend"] and not full, _WITHOUT_CURRENT, "CURRENT"
+        self._row = self._row + 1 if wrong else 0
+        return reason if self._row >= most else ""
+
+    def _next_half(self) -> list[str]:
+        """Go on from the end of a charge, a discharge, or a rest."""
+        ended, rests = self.state, self._settings.values["rest"] > 0
+        if ended == "REST":
+            return [self._charge()] if self._after_rest == CHARGE else self._discharge()
+        self._relays.open()
+        mark = f"{ended} END"
+        if ended == "DISCHARGE" and self.cycle >= self._settings.values["cycles"]:
+            self._finish("ENDED")
+            return [mark, "TEST END"]
+        self._after_rest = DISCHARGE if ended == "CHARGE" else CHARGE
+        if rests:
+            self._begin_half("REST")
+            return [mark]
+        return [mark, *(self._discharge() if ended == "CHARGE" else [self._charge()])]
+
+    def _charge(self) -> str:
+        self.cycle += 1
+        self._begin_half("CHARGE")
+        self._relays.close(CHARGE)
+        return f"TEST ITERATION {self.cycle}"
+
+    def _discharge(self) -> list[str]:
+        self._begin_half("DISCHARGE")
+        self._relays.close(DISCHARGE)
+        return []
+
+    def _begin_half(self, state: str) -> None:
+        self.state = state
+        self._lines = self._power = self._flow = self._row = 0
+
+    def _finish(self, state: str) -> None:
+        self._relays.open()
+        self.state = state
