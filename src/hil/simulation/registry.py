@@ -12,6 +12,7 @@ from hil.simulation.peers.iim42652 import model as iim42652
 from hil.simulation.peers.model import PeerModel
 from hil.simulation.peers.obc_link import model as obc_link
 from hil.simulation.plants import coil, rotation_table, thermal_chamber
+from hil.simulation.plants.battery import build as battery
 from hil.simulation.plants.plant import Plant
 from hil.simulation.truth import Path, Truth, TruthError, suggestion
 
@@ -20,6 +21,7 @@ __all__ = ["PEERS", "PLANTS", "peer_model", "plant_model"]
 _GROUP = "hil.peers"
 
 PLANTS: Mapping[str, Callable[[str, int, Truth], Plant]] = {
+    "battery": battery.build,
     "coil-and-earth-field": coil.build,
     "rotation-table": rotation_table.build,
     "thermal-chamber": thermal_chamber.build,

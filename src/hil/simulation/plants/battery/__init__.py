@@ -1,0 +1,1 @@
+"""A lithium cell on its tester: chemistry, wires, heat and age."""

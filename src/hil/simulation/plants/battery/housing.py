@@ -1,0 +1,117 @@
+"""Where a cell lies: a metal container, or the halves of a thermoelectric assembly in that container."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from hil.simulation.plants.plant import Vector
+
+__all__ = ["Housing", "HousingTruth", "Response", "Warmth"]
+
+_ZERO_CELSIUS = 273.15
+_CELL, _PLATE, _BOX = range(3)
+_RESTING_KELVIN = 1e-9
+_KEPT_STEPS = 8192
+
+Warmth = tuple[float, float, float]
+"""Temperatures of cell, plates and box [degC]."""
+
+Response = tuple[float, ...]
+"""Nine numbers D row by row, three of r, three of h: x(t + dt) = D x + r + h*watts, in kelvin above the room."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HousingTruth:
+    """What the container and the assembly are made of.
+
+    Attributes:
+        cell_capacity, plate_capacity, box_capacity: heat capacities [J/K].
+        cell_box: conductance of the cell to the box [W/K]; fitted to Table 1 with the cell's heat.
+        cell_plate: of the cell between the plates to both of them [W/K]; only in the assembly.
+        plate_box, box_ambient: conductances [W/K].
+        seebeck: of the coolers [V/K].
+        resistance: of the coolers [ohm].
+        conductance: of the coolers between their sides [W/K].
+        sink_ambient: of heat sinks and fans to the room [W/K].
+        current: through the coolers at full power [A].
+    """
+
+    cell_capacity: float = 28.0
+    plate_capacity: float = 140.0
+    box_capacity: float = 300.0
+    cell_box: float = 0.0218
+    cell_plate: float = 1.5
+    plate_box: float = 0.1
+    box_ambient: float = 1.0
+    seebeck: float = 0.05
+    resistance: float = 1.7
+    conductance: float = 0.5
+    sink_ambient: float = 6.7
+    current: float = 5.0
+
+
+class Housing:
+    """Three temperatures, stepped exactly under constant heat.
+
+    The coolers pump as in Rowe, CRC Handbook of Thermoelectrics (1995), section 1.3; their sinks have no heat capacity.
+
+    Args:
+        truth: what it is made of.
+    """
+
+    def __init__(self, truth: HousingTruth) -> None:
+        self._truth = truth
+        self._roots = np.sqrt((truth.cell_capacity, truth.plate_capacity, truth.box_capacity))
+        self.response = lru_cache(maxsize=_KEPT_STEPS)(self._response)
+
+    def step(self, state: Vector, watts: float, room: float, response: Response) -> Warmth:
+        """Return the temperatures after a step with heat in the cell; a nanokelvin from the room is at rest."""
+        _, _, _, _, cell, plate, box = state
+        cell, plate, box = cell - room, plate - room, box - room
+        a, b, c, d, e, f, g, h, i, p, q, r, u, v, w = response
+        after = a * cell + b * plate + c * box + p + u * watts
+        plates = d * cell + e * plate + f * box + q + v * watts
+        boxed = g * cell + h * plate + i * box + r + w * watts
+        if not watts and abs(after) + abs(plates) + abs(boxed) < _RESTING_KELVIN:
+            return (room, room, room)
+        return (room + after, room + plates, room + boxed)
+
+    def _response(self, share: float, room: float, dt: float, *, assembled: bool) -> Response:
+        """Return the step of C x' = S x + w under constant inputs.
+
+        In y = sqrt(C) x the matrix is symmetric: its modes are orthogonal, and each decays by itself.
+        """
+        truth = self._truth
+        flows, watts = np.zeros((3, 3)), np.zeros(3)
+        for one, other, conductance in (
+            (_CELL, _BOX, truth.cell_box),
+            (_CELL, _PLATE, truth.cell_plate if assembled else 0.0),
+            (_PLATE, _BOX, truth.plate_box),
+        ):
+            flows[[one, other], [one, other]] -= conductance
+            flows[[one, other], [other, one]] += conductance
+        flows[_BOX, _BOX] -= truth.box_ambient
+        pumped, rising = self._pumped(share * truth.current, room + _ZERO_CELSIUS)
+        watts[_PLATE] += pumped
+        flows[_PLATE, _PLATE] += rising
+        rates, modes = np.linalg.eigh(flows / np.outer(self._roots, self._roots))
+        turns = rates * dt
+        grown = np.where(turns == 0, 1.0, np.expm1(turns) / np.where(turns == 0, 1.0, turns)) * dt
+        decay = (modes * np.exp(turns)) @ modes.T * np.outer(1 / self._roots, self._roots)
+        rise = (modes * grown) @ modes.T / np.outer(self._roots, self._roots)
+        return (*decay.ravel().tolist(), *(rise @ watts).tolist(), *rise[:, _CELL].tolist())
+
+    def _pumped(self, current: float, room: float) -> tuple[float, float]:
+        """Return the heat into plates at the temperature of the room [K], and how it rises with theirs [W/K].
+
+        Of the sinks' balance, sink_ambient*x = -a*I*(room + x) + I^2*R/2 + K*(plates - x), follows their x, and with it
+        what the plates get: a*I*(room + plates) + I^2*R/2 + K*(x - plates).
+        """
+        truth = self._truth
+        peltier, joule, through = truth.seebeck * current, current**2 * truth.resistance / 2, truth.conductance
+        out = truth.sink_ambient + through + peltier
+        heat = peltier * room + joule + through * (joule - peltier * room) / out
+        return heat, peltier - through + through**2 / out

@@ -1,0 +1,220 @@
+"""The battery plant: a cell with its wires, between a supply, a load and thermoelectric coolers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import ClassVar
+
+from hil.simulation.plants.battery.cell import Cell, CellTruth, Span, Tabs
+from hil.simulation.plants.battery.housing import Housing, HousingTruth, Response
+from hil.simulation.plants.battery.network import Flow, Network
+from hil.simulation.plants.battery.sensor import STATES, Thermistor
+from hil.simulation.plants.plant import Inputs, Plant, Port, Vector
+
+__all__ = ["PLACES", "Battery", "WiringTruth"]
+
+PLACES = ("container", "assembly")
+"""Where a cell can lie: in the metal container alone, or between the halves of the assembly in it."""
+
+_FUSES = ("fitted", "open")
+_FLOWS = ("current", "load.current", "supply.current", "supply.voltage", "cell_voltage", "voltage")
+_STATES = {"charge": 0, "temperature": 4, "plate": 5, "box": 6}
+_SIGNALS = frozenset(
+    (*_FLOWS, *_STATES, "ambient", "capacity", "cycles", "ntc", "ntc_box", "open_circuit", "resistance")
+)
+_OPEN_OHMS = 1e9
+_METER_SIEMENS = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WiringTruth:
+    """Resistances [ohm] and load outside the cell; two-wire measurements see what is between tester and cell.
+
+    Attributes:
+        leads: both wires between tester and cell.
+        fuse: with its holder.
+        contact: of each relay, charge and discharge.
+        supply_leads: both cables between supply and tester.
+        load_current: what the load draws at the epoch, whatever the voltage [A].
+        load_resistance: of the load besides [ohm], 0 for none.
+    """
+
+    leads: float = 0.06
+    fuse: float = 0.04
+    contact: float = 0.02
+    supply_leads: float = 0.06
+    load_current: float = 0.7
+    load_resistance: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Setting:
+    """What follows from inputs alone; read once for all steps under the same inputs."""
+
+    inputs: Inputs
+    network: Network
+    ohms: float
+    live: bool
+    share: float
+    room: float
+    assembled: bool
+
+
+class Battery(Plant):
+    """A cell behind leads and fuse at the tester's terminals, where relays connect supply and load.
+
+    State: state of charge, voltages of both links, throughput [A.s], temperatures of cell, plates and box [degC]. Steps
+    are exact under the current that holds at their end: a supply in voltage mode holds its voltage at every grid point.
+
+    Signals: `voltage` at the tester's terminals, `cell_voltage` at the tabs, `current` into the cell, `load.current`,
+    `supply.voltage/current`, `open_circuit`; `temperature` of the cell, `plate`, `box`, `ambient` in degC; `ntc` and
+    `ntc_box` in ohm; `charge` [1], `capacity` [A.h], `cycles` and `resistance` [ohm, ohmic, of the cell].
+
+    Args:
+        name: the plant's name.
+        grid_ns: distance of grid points.
+        cell: what the cell is made of.
+        wiring: what is between cell, tester and supply.
+        housing: where it lies.
+        thermistor: what is taped to the cell and hangs in the box.
+        ambient: temperature of the room, and of everything at the epoch [degC].
+        place: one of `PLACES`.
+    """
+
+    ports: ClassVar[Mapping[str, Port]] = MappingProxyType(
+        {"supply": Port("supply_voltage", "supply_current", "supply.voltage", "supply.current")}
+    )
+
+    def __init__(
+        self,
+        name: str,
+        grid_ns: int,
+        *,
+        cell: CellTruth,
+        wiring: WiringTruth,
+        housing: HousingTruth,
+        thermistor: Thermistor,
+        ambient: float = 24.5,
+        place: str = "container",
+    ) -> None:
+        inputs: Inputs = {
+            "supply_voltage": 0.0,
+            "supply_current": 0.0,
+            "charge_contact": False,
+            "discharge_contact": False,
+            "load_current": wiring.load_current,
+            "load_resistance": wiring.load_resistance,
+            "fuse": "fitted",
+            "place": place,
+            "ntc": "healthy",
+            "tec": 0.0,
+            "ambient": ambient,
+        }
+        super().__init__(name, grid_ns, (cell.start, 0.0, 0.0, 0.0, ambient, ambient, ambient), inputs, _SIGNALS)
+        self._cell = Cell(cell)
+        self._still = self._cell.span(0.0)
+        self._wiring = wiring
+        self._housing = Housing(housing)
+        self._thermistor = thermistor
+        self._set = self._setting(self.inputs)
+        self._steps: tuple[_Setting, Span, Response] | None = None
+        self._flowed: tuple[Vector, _Setting, Flow, Tabs] | None = None
+
+    def choices(self, name: str) -> tuple[str, ...]:
+        """Return the values of the inputs that are texts."""
+        return {"fuse": _FUSES, "ntc": STATES, "place": PLACES}.get(name, ())
+
+    def step(self, state: Vector, inputs: Inputs, dt: float) -> Vector:
+        """Step cell and temperatures; age, temperature and the table's line are those of the step's start."""
+        here = self._of(inputs)
+        known = self._steps
+        if known is None or known[0] is not here or known[1][0] != dt:
+            known = self._steps = (here, self._cell.span(dt), self._response(here, dt))
+        _, span, response = known
+        tabs = self._cell.tabs(state, span)
+        current = here.network.solve(tabs[0], tabs[1] + here.ohms)[2] if here.live else 0.0
+        charge, fast, slow, passed, watts = self._cell.moved(state, span, tabs, current)
+        cell, plate, box = self._housing.step(state, watts, here.room, response)
+        return charge, fast, slow, passed, cell, plate, box
+
+    def signal(self, name: str, state: Vector, inputs: Inputs, at: float) -> float:
+        """Return one of the signals of this plant."""
+        del at
+        if name in _STATES:
+            return state[_STATES[name]]
+        if name in _FLOWS:
+            return self._flow(name, state, inputs)
+        readers: Mapping[str, Callable[[], float]] = {
+            "ambient": lambda: float(inputs["ambient"]),
+            "capacity": lambda: self._cell.ageing.aged(state[3])[0] / 3600,
+            "cycles": lambda: self._cell.ageing.cycles(state[3]),
+            "ntc": lambda: self._thermistor.seen(str(inputs["ntc"]), state[4], state[6]),
+            "ntc_box": lambda: self._thermistor.ohms(state[6]),
+            "open_circuit": lambda: self._cell.table.volts(state[0]),
+            "resistance": lambda: self._cell.tabs(state, self._still)[1],
+        }
+        return readers[name]()
+
+    def _flow(self, name: str, state: Vector, inputs: Inputs) -> float:
+        here = self._of(inputs)
+        if self._flowed is None or self._flowed[0] is not state or self._flowed[1] is not here:
+            tabs = self._cell.tabs(state, self._still)
+            self._flowed = (state, here, here.network.solve(tabs[0], tabs[1] + here.ohms), tabs)
+        _, _, (supply, volts, current), tabs = self._flowed
+        if not here.live:
+            current = 0.0
+        if name == "voltage":
+            return volts
+        if name == "current":
+            return current
+        if name == "cell_voltage":
+            return tabs[0] + tabs[1] * current
+        if name == "load.current":
+            return supply - current
+        return supply if name == "supply.current" else self._supply_voltage(here, supply, volts)
+
+    def _supply_voltage(self, here: _Setting, supply: float, volts: float) -> float:
+        """Return what the supply has at its own terminals; the cell lifts those of one that gives nothing."""
+        held = float(here.inputs["supply_voltage"])
+        if not here.inputs["charge_contact"]:
+            return held
+        if supply >= here.network.limit:
+            return volts + here.network.path * supply
+        return max(held, volts)
+
+    def _of(self, inputs: Inputs) -> _Setting:
+        if self._set.inputs is not inputs:
+            self._set = self._setting(inputs)
+        return self._set
+
+    def _response(self, here: _Setting, dt: float) -> Response:
+        return self._housing.response(here.share, here.room, dt, assembled=here.assembled)
+
+    def _setting(self, inputs: Inputs) -> _Setting:
+        wiring = self._wiring
+        charging, discharging, fitted = (
+            inputs["charge_contact"],
+            inputs["discharge_contact"],
+            inputs["fuse"] == "fitted",
+        )
+        resistance = float(inputs["load_resistance"])
+        siemens = 1 / (resistance + wiring.contact) if discharging and resistance > 0 else 0.0
+        network = Network(
+            volts=float(inputs["supply_voltage"]) if charging else 0.0,
+            limit=float(inputs["supply_current"]) if charging else 0.0,
+            path=wiring.supply_leads + wiring.contact,
+            load=float(inputs["load_current"]) if discharging else 0.0,
+            # Behind an open fuse only the tester's own input holds the terminals.
+            siemens=siemens if fitted else siemens + _METER_SIEMENS,
+        )
+        return _Setting(
+            inputs=inputs,
+            network=network,
+            ohms=wiring.leads + wiring.fuse + (0.0 if fitted else _OPEN_OHMS),
+            live=fitted and (network.limit > 0 or network.load > 0 or siemens > 0),
+            share=min(max(float(inputs["tec"]), -1.0), 1.0),
+            room=float(inputs["ambient"]),
+            assembled=inputs["place"] == "assembly",
+        )

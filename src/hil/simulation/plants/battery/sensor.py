@@ -1,0 +1,42 @@
+"""The thermistor taped to the cell: its resistance, and what can be wrong with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp
+
+__all__ = ["STATES", "Thermistor"]
+
+STATES = ("healthy", "open", "shorted", "detached")
+"""What can be with the thermistor; a detached one hangs in the box."""
+
+_ZERO_CELSIUS = 273.15
+_REFERENCE = 25.0
+_OPEN_OHMS = 1e9
+_SHORTED_OHMS = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Thermistor:
+    """A thermistor with negative temperature coefficient, R = nominal*exp(beta*(1/T - 1/298.15 K)).
+
+    Attributes:
+        nominal: resistance at 25 degC [ohm].
+        beta: [K].
+    """
+
+    nominal: float = 10_000.0
+    beta: float = 3950.0
+
+    def ohms(self, celsius: float) -> float:
+        """Return the resistance at a temperature."""
+        kelvin = celsius + _ZERO_CELSIUS
+        return self.nominal * exp(self.beta * (1 / kelvin - 1 / (_REFERENCE + _ZERO_CELSIUS)))
+
+    def seen(self, state: str, cell: float, box: float) -> float:
+        """Return the resistance between its wires, with cell and box at these temperatures [degC]."""
+        if state == "open":
+            return _OPEN_OHMS
+        if state == "shorted":
+            return _SHORTED_OHMS
+        return self.ohms(box if state == "detached" else cell)

@@ -1,0 +1,139 @@
+"""The battery's wires, contacts, fuse and thermistor, and what its truth may say."""
+
+from __future__ import annotations
+
+from math import exp
+
+import pytest
+from battery_cycles import SECOND_NS, battery
+
+from hil.simulation.plants.battery.build import build
+from hil.simulation.plants.plant import Plant
+from hil.simulation.plants.terminal import PlantPort
+from hil.simulation.truth import Truth, TruthError
+
+CHARGE = {"charge_contact": True, "supply_voltage": 4.2, "supply_current": 0.7}
+
+
+def seen(plant: Plant, *signals: str) -> list[float]:
+    """Return signals at the present instant."""
+    return [plant.observe(name) for name in signals]
+
+
+def test_two_wires_see_leads_and_fuse_and_four_do_not():
+    """Tester and tabs differ by the current through leads and fuse, with the sign of the current."""
+    for inputs, sign in ((CHARGE, 1), ({"discharge_contact": True}, -1)):
+        plant = battery(charge="0.5", leads="0.2", fuse="0.05")
+        assert plant.observe("voltage") == plant.observe("cell_voltage")
+        plant.command(**inputs)
+        volts, tabs, amperes = seen(plant, "voltage", "cell_voltage", "current")
+        assert amperes == pytest.approx(sign * 0.7)
+        assert volts - tabs == pytest.approx(amperes * 0.25)
+
+
+def test_open_contacts_carry_nothing():
+    """Neither supply nor load reaches the cell, and the supply has its own voltage."""
+    plant = battery(charge="0.5")
+    plant.command(supply_voltage=4.2, supply_current=0.7)
+    assert seen(plant, "current", "supply.current", "supply.voltage", "load.current") == [0.0, 0.0, 4.2, 0.0]
+    assert plant.observe("voltage") == pytest.approx(plant.observe("open_circuit"), abs=1e-3)
+
+
+def test_a_supply_is_a_port():
+    """What drives the port drives the cell, and what is off shows the cell's voltage and takes nothing."""
+    plant = battery(charge="0.5")
+    plant.command(charge_contact=True)
+    port = PlantPort(plant, plant.ports["supply"])
+    assert port.volts() == plant.observe("voltage")
+    assert port.amperes() == 0.0
+    port.drive(4.2, 0.3)
+    assert port.amperes() == pytest.approx(0.3)
+    assert plant.observe("voltage") < port.volts() < 4.2
+    port.drive(3.0, 0.3)
+    assert port.amperes() == 0.0
+    assert port.volts() == plant.observe("voltage") > 3.0
+
+
+def test_a_resistor_discharges_by_ohms_law():
+    """Its current is the terminals' voltage over resistor and contact; a constant current comes on top."""
+    plant = battery(charge="0.5", load_current="0", load_resistance="5", contact="0.1")
+    plant.command(discharge_contact=True)
+    volts, amperes = seen(plant, "voltage", "load.current")
+    assert amperes == pytest.approx(volts / 5.1)
+    plant.command(load_current=0.2)
+    volts, amperes = seen(plant, "voltage", "load.current")
+    assert amperes == pytest.approx(volts / 5.1 + 0.2)
+
+
+def test_supply_and_load_at_once_share_the_terminals():
+    """With both contacts closed the cell gets what the supply gives and the load leaves."""
+    plant = battery(charge="0.5")
+    plant.command(**CHARGE, discharge_contact=True, load_current=0.4)
+    into, given, taken = seen(plant, "current", "supply.current", "load.current")
+    assert given == pytest.approx(0.7)
+    assert taken == pytest.approx(0.4)
+    assert into == pytest.approx(0.3)
+
+
+def test_an_empty_cell_is_not_turned_around():
+    """A load that goes on draws less and less; the terminals stay at 0 V or above."""
+    plant = battery(charge="0.02")
+    plant.command(discharge_contact=True)
+    for minute in range(1, 60):
+        plant.advance(minute * 60 * SECOND_NS)
+        assert plant.observe("voltage") >= -1e-9
+    assert 0 <= plant.observe("load.current") < 0.7
+
+
+def test_an_open_fuse_isolates_the_cell():
+    """No current flows, the tester sees next to nothing, and under the supply its voltage alone."""
+    plant = battery(charge="0.5")
+    plant.command(fuse="open")
+    assert plant.observe("current") == 0.0
+    assert plant.observe("voltage") == pytest.approx(0.0, abs=0.01)
+    assert plant.observe("cell_voltage") > 3.5
+    plant.command(**CHARGE)
+    assert plant.observe("voltage") == pytest.approx(4.2, abs=1e-3)
+    plant.advance(600 * SECOND_NS)
+    assert plant.observe("charge") == 0.5
+
+
+def test_the_thermistor_tells_its_temperature_or_its_fault():
+    """Healthy it follows the cell, detached the box; open and shorted it has no temperature."""
+    plant = battery(charge="0.9", ntc_nominal="10000", ntc_beta="3950")
+    plant.command(discharge_contact=True)
+    plant.advance(5000 * SECOND_NS)
+    cell, box = seen(plant, "temperature", "box")
+
+    def ohms(celsius: float) -> float:
+        return 10_000 * exp(3950 * (1 / (celsius + 273.15) - 1 / 298.15))
+
+    assert cell > box + 2
+    assert plant.observe("ntc") == pytest.approx(ohms(cell))
+    assert plant.observe("ntc_box") == pytest.approx(ohms(box))
+    for state, low, high in (("open", 1e8, 1e10), ("shorted", 0, 1), ("detached", ohms(box) - 1, ohms(box) + 1)):
+        plant.command(ntc=state)
+        assert low <= plant.observe("ntc") <= high
+    assert set(plant.choices("ntc")) == {"healthy", "open", "shorted", "detached"}
+
+
+def test_cold_raises_the_resistance():
+    """At 10 degC the cell has more resistance than at 40."""
+    cold, warm = battery(ambient="10"), battery(ambient="40")
+    assert cold.observe("resistance") > 1.5 * warm.observe("resistance")
+
+
+@pytest.mark.parametrize(
+    ("truth", "message"),
+    [
+        ({"capacity": "0"}, "expected a number above 0, not 0"),
+        ({"open_circuit": ["3"] * 14}, "expected voltages that rise with the state of charge"),
+        ({"sink_ambient": "0.2"}, "or the sinks run away"),
+        ({"place": "oven"}, "unknown value 'oven'"),
+        ({"led": "0.1"}, "unknown key 'led', did you mean 'leads'"),
+    ],
+)
+def test_wrong_truths_are_told(truth, message):
+    """What cannot be a battery is refused with its key."""
+    with pytest.raises(TruthError, match=message):
+        build("cell", SECOND_NS, Truth(truth, ("truth",)))
