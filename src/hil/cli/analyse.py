@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from hil.cli.analyses.allan import allan
+from hil.cli.analyses.battery import battery
 from hil.cli.analyses.gyroscope_temperature import gyroscope_temperature
 
 __all__ = ["command"]
@@ -21,4 +22,5 @@ def command() -> None:
 
 
 command.add_command(allan)
+command.add_command(battery)
 command.add_command(gyroscope_temperature)

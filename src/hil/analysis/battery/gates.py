@@ -1,0 +1,176 @@
+"""Gates of a battery test: what its numbers must fulfil before anything is concluded from them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hil.analysis.battery.cycles import Cycle
+from hil.analysis.battery.half_cycle import HalfCycle
+from hil.analysis.battery.series import SECONDS_PER_HOUR
+from hil.analysis.quality.gate import Gate
+
+__all__ = ["Declared", "Told", "judge", "told", "tripped"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Declared:
+    """What is known of the cell and the test beforehand; None where it is not known.
+
+    Attributes:
+        capacity: nominal, in Ah.
+        energy: nominal, in Wh.
+        upper: highest voltage allowed, in V.
+        lower: lowest voltage allowed, in V.
+        slack: how far in V beyond these a sample may lie, for the instrument's uncertainty.
+        mean_voltage: between which mean voltages in V the chemistry lies; by default lithium ion with cobalt, nickel
+            or manganese at moderate currents. Lithium iron phosphate needs (3.0, 3.5).
+        coulombic: between which coulombic efficiencies lie.
+        energetic: between which energy efficiencies lie.
+        nominal: between which ratios of measured to nominal lie.
+        elapsed: relative difference of cycles times duration and elapsed time that is accepted.
+    """
+
+    capacity: float | None = None
+    energy: float | None = None
+    upper: float | None = None
+    lower: float | None = None
+    slack: float = 0.02
+    mean_voltage: tuple[float, float] = (3.4, 3.95)
+    coulombic: tuple[float, float] = (0.98, 1.005)
+    energetic: tuple[float, float] = (0.85, 0.97)
+    nominal: tuple[float, float] = (0.8, 1.15)
+    elapsed: float = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Told:
+    """Numbers of a test, computed from samples or read from somebody's table; NaN where they are missing.
+
+    Attributes:
+        charge_in: Ah of a charge.
+        charge_out: Ah of a discharge.
+        energy_in: Wh of a charge.
+        energy_out: Wh of a discharge.
+        highest: V, of all samples.
+        lowest: V.
+        duration: s that one cycle lasts.
+        count: how many cycles there were.
+        elapsed: s that the test lasted.
+    """
+
+    charge_in: float = math.nan
+    charge_out: float = math.nan
+    energy_in: float = math.nan
+    energy_out: float = math.nan
+    highest: float = math.nan
+    lowest: float = math.nan
+    duration: float = math.nan
+    count: float = math.nan
+    elapsed: float = math.nan
+
+
+def told(made: Sequence[Cycle]) -> Told:
+    """Return the numbers of a test from its cycles: medians over those that are complete, extremes over all.
+
+    Args:
+        made: the cycles; without a complete one only the extremes are numbers.
+    """
+    halves = [half for each in made for half in (each.charge, each.discharge) if half is not None]
+    extremes = Told(
+        highest=max((half.highest_voltage for half in halves), default=math.nan),
+        lowest=min((half.lowest_voltage for half in halves), default=math.nan),
+    )
+    whole = [each for each in made if each.complete]
+    if not whole:
+        return extremes
+    ins, outs = [each.charge for each in whole], [each.discharge for each in whole]
+    return replace(
+        extremes,
+        charge_in=_median(ins, "charge"),
+        charge_out=_median(outs, "charge"),
+        energy_in=_median(ins, "energy"),
+        energy_out=_median(outs, "energy"),
+        duration=float(np.median([each.duration for each in whole])),
+    )
+
+
+def judge(numbers: Told, declared: Declared) -> tuple[Gate, ...]:
+    """Return every gate with what it found; where a number or a fact is missing `ok` is None.
+
+    Args:
+        numbers: from `told`, or from a table that somebody wrote.
+        declared: what they are held against.
+    """
+    return tuple(_gates(numbers, declared))
+
+
+def tripped(numbers: Told, declared: Declared) -> tuple[Gate, ...]:
+    """Return the gates that speak against the test.
+
+    Args:
+        numbers: from `told`, or from a table that somebody wrote.
+        declared: what they are held against.
+    """
+    return tuple(gate for gate in judge(numbers, declared) if gate.ok is False)
+
+
+def _gates(numbers: Told, declared: Declared) -> Iterator[Gate]:
+    span = declared.mean_voltage
+    for name, energy, charge in (
+        ("mean_charge_voltage", numbers.energy_in, numbers.charge_in),
+        ("mean_discharge_voltage", numbers.energy_out, numbers.charge_out),
+    ):
+        advice = "current or voltage is measured elsewhere than at the cell, or has a wrong gain or offset"
+        yield _between(name, "V", _over(energy, charge), span, advice)
+    advice = "the current has an offset, or charge and discharge do not belong together"
+    yield _between(
+        "coulombic_efficiency", "1", _over(numbers.charge_out, numbers.charge_in), declared.coulombic, advice
+    )
+    advice = "voltage or current is measured elsewhere than at the cell, or the resistance is high"
+    yield _between("energy_efficiency", "1", _over(numbers.energy_out, numbers.energy_in), declared.energetic, advice)
+    advice = "the gain of the current is wrong, or the declared value is"
+    yield _between("capacity_ratio", "1", _over(numbers.charge_out, declared.capacity), declared.nominal, advice)
+    yield _between("energy_ratio", "1", _over(numbers.energy_out, declared.energy), declared.nominal, advice)
+    yield _elapsed(numbers, declared)
+    yield _limit("highest_voltage", numbers.highest, declared.upper, declared.slack)
+    yield _limit("lowest_voltage", numbers.lowest, declared.lower, -declared.slack)
+
+
+def _between(name: str, unit: str, value: float, span: tuple[float, float], advice: str) -> Gate:
+    if math.isnan(value):
+        return Gate(name=name, channel="", ok=None, reason="cannot be told: a number that it needs is missing")
+    suffix = "" if unit == "1" else f" {unit}"
+    ok = span[0] <= value <= span[1]
+    found = f"{value:.4g}{suffix}, expected {span[0]:g} to {span[1]:g}{suffix}"
+    return Gate(name=name, channel="", ok=ok, reason=found if ok else f"{found}: {advice}")
+
+
+def _elapsed(numbers: Told, declared: Declared) -> Gate:
+    expected = _over(numbers.elapsed, numbers.duration)
+    if math.isnan(expected) or math.isnan(numbers.count):
+        return Gate(name="elapsed_time", channel="", ok=None, reason="cannot be told without count and elapsed time")
+    ok = abs(numbers.count / expected - 1.0) <= declared.elapsed
+    hours = numbers.elapsed / SECONDS_PER_HOUR
+    found = f"{hours:.4g} h hold {expected:.4g} cycles of {numbers.duration / SECONDS_PER_HOUR:.3g} h"
+    return Gate(name="elapsed_time", channel="", ok=ok, reason=f"{found}, {numbers.count:g} are told")
+
+
+def _limit(name: str, value: float, limit: float | None, slack: float) -> Gate:
+    if limit is None or math.isnan(value):
+        return Gate(name=name, channel="", ok=None, reason="cannot be told without a limit and samples")
+    ok = value <= limit + slack if slack >= 0 else value >= limit + slack
+    found = f"{value:.4g} V, limit {limit:g} V"
+    advice = "stop such a test, and look for what drove the cell beyond it"
+    return Gate(name=name, channel="", ok=ok, reason=found if ok else f"{found}: {advice}")
+
+
+def _over(value: float, by: float | None) -> float:
+    return value / by if by is not None and by > 0 else math.nan
+
+
+def _median(halves: Sequence[HalfCycle | None], what: str) -> float:
+    return float(np.median([getattr(half, what) for half in halves if half is not None]))

@@ -1,0 +1,230 @@
+"""What one charge or one discharge gives: capacity, energy, times, and temperatures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.analysis.battery.crossing import first_fall, first_rise
+from hil.analysis.battery.integration import one_way
+from hil.analysis.battery.series import Series
+from hil.analysis.battery.steps import Segmentation, Step, StepKind, gaps
+
+__all__ = ["Flow", "HalfCycle", "Limits", "flow", "half_cycle"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """The levels that a test is run between; None where they are not known.
+
+    Attributes:
+        upper: end of charge, in V.
+        lower: end of discharge, in V.
+        cut_off: magnitude of the current in A at which charging ends.
+        tolerance: the upper voltage counts as reached this far below it, in V, because a supply only approaches it.
+    """
+
+    upper: float | None = None
+    lower: float | None = None
+    cut_off: float | None = None
+    tolerance: float = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flow:
+    """What flows in each interval between samples; arrays of shape (n - 1,), none below zero.
+
+    Attributes:
+        charge: by kind of step, in Ah.
+        energy: by kind of step, in Wh.
+        lost: whether the interval is a gap across which the state changed, so that nothing is known of it.
+        bridged: whether it is a gap within one state, where the straight line stands for what is missing.
+    """
+
+    charge: dict[StepKind, NDArray[np.float64]]
+    energy: dict[StepKind, NDArray[np.float64]]
+    lost: NDArray[np.bool_]
+    bridged: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HalfCycle:
+    """The charge or the discharge of a cycle. What cannot be told is NaN.
+
+    Attributes:
+        start: s after the series' own zero.
+        duration: s from the first sample to the last, rests between its parts not counted.
+        charge: Ah.
+        energy: Wh.
+        mean_voltage: energy over charge, in V.
+        current: median magnitude in A.
+        cc_time: s at constant current.
+        cc_charge: Ah at constant current.
+        cv_time: s at constant voltage.
+        cv_charge: Ah at constant voltage.
+        time_to_limit: s to the upper voltage of a charge, to the lower of a discharge; first crossing.
+        time_to_cut_off: s until the current fell below the cut-off; first crossing.
+        highest_voltage: V.
+        lowest_voltage: V.
+        temperature_low: degC.
+        temperature_high: degC.
+        temperature_mean: degC, over time.
+        temperature_rise: highest less first, in K.
+        bridged_charge: Ah of `charge` that a straight line across gaps stands for.
+        gaps: how many gaps lie within or at its ends.
+    """
+
+    start: float
+    duration: float
+    charge: float
+    energy: float
+    mean_voltage: float
+    current: float
+    cc_time: float
+    cc_charge: float
+    cv_time: float
+    cv_charge: float
+    time_to_limit: float
+    time_to_cut_off: float
+    highest_voltage: float
+    lowest_voltage: float
+    temperature_low: float
+    temperature_high: float
+    temperature_mean: float
+    temperature_rise: float
+    bridged_charge: float
+    gaps: int
+
+
+def flow(data: Series, steps: Sequence[Step], how: Segmentation | None = None) -> Flow:
+    """Return what flows in each interval, each part given to the kind of step that it belongs to.
+
+    The interval between two steps lies in both; the trapezoid across it is right on average, because the switch may
+    have come at any moment of it.
+
+    Args:
+        data: the samples.
+        steps: from `segment`.
+        how: `Segmentation.gap` says what is a gap.
+    """
+    missing = gaps(data.time, how)
+    turns = np.zeros(data.time.size - 1, dtype=bool)
+    turns[[step.last for step in steps[:-1]]] = True
+    known = ~(missing & turns)
+    power = data.voltage * data.current
+    signs = {StepKind.CHARGE: 1, StepKind.DISCHARGE: -1}
+    return Flow(
+        charge={kind: one_way(data.time, data.current, sign) * known for kind, sign in signs.items()},
+        energy={kind: one_way(data.time, power, sign) * known for kind, sign in signs.items()},
+        lost=missing & turns,
+        bridged=missing & ~turns,
+    )
+
+
+def half_cycle(data: Series, steps: Sequence[Step], flows: Flow, limits: Limits) -> HalfCycle:
+    """Return the figures of one or more steps of one kind, charge or discharge.
+
+    Args:
+        data: the samples.
+        steps: of one kind, in order, at least one.
+        flows: from `flow`.
+        limits: levels for the crossing times.
+    """
+    kind = steps[0].kind
+    parts = _intervals(data, steps)
+    charge, energy = float(flows.charge[kind][parts].sum()), float(flows.energy[kind][parts].sum())
+    samples = np.concatenate([np.arange(step.first, step.last + 1) for step in steps])
+    voltage, elapsed = data.voltage[samples], _elapsed(data, steps)
+    cv_time, cv_charge = _constant_voltage(data, steps, flows)
+    warmth = _warmth(data, samples, elapsed)
+    return HalfCycle(
+        start=float(data.time[steps[0].first]),
+        duration=float(elapsed[-1]),
+        charge=charge,
+        energy=energy,
+        mean_voltage=energy / charge if charge > 0 else math.nan,
+        current=float(np.median(np.abs(data.current[samples]))),
+        cc_time=float(elapsed[-1]) - cv_time,
+        cc_charge=charge - cv_charge,
+        cv_time=cv_time,
+        cv_charge=cv_charge,
+        time_to_limit=_time_to_limit(kind, elapsed, voltage, limits),
+        time_to_cut_off=_time_to_cut_off(data, steps, flows, elapsed, limits),
+        highest_voltage=float(voltage.max()),
+        lowest_voltage=float(voltage.min()),
+        temperature_low=warmth[0],
+        temperature_high=warmth[1],
+        temperature_mean=warmth[2],
+        temperature_rise=warmth[3],
+        bridged_charge=float(flows.charge[kind][parts][flows.bridged[parts]].sum()),
+        gaps=int((flows.bridged[parts] | flows.lost[parts]).sum()),
+    )
+
+
+def _intervals(data: Series, steps: Sequence[Step]) -> NDArray[np.int64]:
+    """Return the intervals within the steps and those at their ends, each once."""
+    ranges = [np.arange(max(step.first - 1, 0), min(step.last + 1, data.time.size - 1)) for step in steps]
+    return np.unique(np.concatenate(ranges)).astype(np.int64)
+
+
+def _elapsed(data: Series, steps: Sequence[Step]) -> NDArray[np.float64]:
+    """Return for each sample the time that the steps have lasted so far, what lies between them left out."""
+    passed, parts = 0.0, []
+    for step in steps:
+        part = data.time[step.first : step.last + 1]
+        parts.append(part - part[0] + passed)
+        passed = float(parts[-1][-1])
+    return np.concatenate(parts)
+
+
+def _constant_voltage(data: Series, steps: Sequence[Step], flows: Flow) -> tuple[float, float]:
+    time = charge = 0.0
+    for step in steps:
+        if step.cv is not None:
+            time += float(data.time[step.last] - data.time[step.cv])
+            charge += float(flows.charge[step.kind][step.cv : min(step.last + 1, data.time.size - 1)].sum())
+    return time, charge
+
+
+def _time_to_limit(kind: StepKind, elapsed: NDArray[np.float64], voltage: NDArray[np.float64], limits: Limits) -> float:
+    if kind is StepKind.CHARGE:
+        return math.nan if limits.upper is None else first_rise(elapsed, voltage, limits.upper - limits.tolerance)
+    return math.nan if limits.lower is None else first_fall(elapsed, voltage, limits.lower)
+
+
+def _time_to_cut_off(
+    data: Series, steps: Sequence[Step], flows: Flow, elapsed: NDArray[np.float64], limits: Limits
+) -> float:
+    """Return when a charge's current first fell below the cut-off, at the latest between its last sample and the next.
+
+    A cycler that opens its relay at the cut-off may show no sample below it. A charge that was broken off well above
+    the cut-off did not reach it.
+    """
+    if steps[0].kind is not StepKind.CHARGE or limits.cut_off is None:
+        return math.nan
+    samples = np.concatenate([np.arange(step.first, step.last + 1) for step in steps])
+    end = steps[-1].last
+    ends_low = abs(data.current[end]) <= 2.0 * limits.cut_off
+    if ends_low and end + 1 < data.time.size and not flows.lost[end]:
+        samples = np.append(samples, end + 1)
+        elapsed = np.append(elapsed, elapsed[-1] + data.time[end + 1] - data.time[end])
+    return first_fall(elapsed, np.maximum(data.current[samples], 0.0), limits.cut_off)
+
+
+def _warmth(
+    data: Series, samples: NDArray[np.int64], elapsed: NDArray[np.float64]
+) -> tuple[float, float, float, float]:
+    """Return lowest, highest, mean over time, and rise."""
+    if data.temperature is None:
+        return math.nan, math.nan, math.nan, math.nan
+    kept = np.isfinite(data.temperature[samples])
+    values, times = data.temperature[samples][kept], elapsed[kept]
+    if not values.size:
+        return math.nan, math.nan, math.nan, math.nan
+    lasted = float(times[-1] - times[0])
+    mean = float(np.trapezoid(values, times)) / lasted if lasted > 0 else float(values.mean())
+    return float(values.min()), float(values.max()), mean, float(values.max() - values[0])

@@ -1,0 +1,172 @@
+"""`hil analyse battery`: capacity, energy, efficiency and fade of a cell from the log of its cycles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import click
+
+from hil.model.errors import Refused
+
+if TYPE_CHECKING:
+    from hil.analysis.battery.series import Series
+    from hil.logs.battery import BatteryLog
+
+__all__ = ["battery"]
+
+_TIME_UNITS = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
+
+
+class _Mapping(NamedTuple):
+    """Which columns of a table hold what, by number or name."""
+
+    time: str | None
+    time_unit: str
+    voltage: str | None
+    current: str | None
+    temperature: str | None
+    cycle: str | None
+
+
+@click.command("battery")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option(
+    "--format", "form", type=click.Choice(["auto", "novonix", "cycler", "table"]), default="auto", show_default=True,
+    help="Who wrote the log.",
+)  # fmt: skip
+@click.option("--time", metavar="COLUMN", help="Of a table: column of the time since the test began.")
+@click.option("--time-unit", type=click.Choice(list(_TIME_UNITS)), default="s", show_default=True)
+@click.option("--voltage", metavar="COLUMN", help="Of a table: column of the voltage in V.")
+@click.option("--current", metavar="COLUMN", help="Of a table: column of the current in A.")
+@click.option("--temperature", metavar="COLUMN", help="Of a table: column of the temperature in degC.")
+@click.option("--cycle", metavar="COLUMN", help="Of a table: column of the cycle's number.")
+@click.option("--discharge-positive", is_flag=True, help="The current is above zero while the cell discharges.")
+@click.option("--interval", type=float, default=5.0, show_default=True, metavar="S", help="Of the cycler's rows.")
+@click.option("--upper", type=float, default=4.2, show_default=True, metavar="V", help="End of charge.")
+@click.option("--lower", type=float, default=2.7, show_default=True, metavar="V", help="End of discharge.")
+@click.option("--cut-off", type=float, default=0.05, show_default=True, metavar="A", help="Current that ends a charge.")
+@click.option("--capacity", type=float, metavar="AH", help="Nominal capacity.")
+@click.option("--energy", type=float, metavar="WH", help="Nominal energy.")
+@click.option("--mean-voltage", default="3.4,3.95", show_default=True, metavar="V,V", help="Range of the chemistry.")
+@click.option("--rest-current", type=float, metavar="A", help="Below it the cell rests; 1 % of the largest by default.")
+@click.option("--counted", type=int, metavar="N", help="Cycles that somebody counted, to hold against the time.")
+@click.option("--skip", type=int, default=0, show_default=True, metavar="N", help="First cycles the fade leaves out.")
+@click.option("--remaining", type=float, default=0.8, show_default=True, metavar="PART", help="Left at end of life.")
+@click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the test: .svg or .png.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
+def battery(  # noqa: PLR0913 - one argument per option
+    *,
+    file: Path,
+    form: str,
+    time: str | None,
+    time_unit: str,
+    voltage: str | None,
+    current: str | None,
+    temperature: str | None,
+    cycle: str | None,
+    discharge_positive: bool,
+    interval: float,
+    upper: float,
+    lower: float,
+    cut_off: float,
+    capacity: float | None,
+    energy: float | None,
+    mean_voltage: str,
+    rest_current: float | None,
+    counted: int | None,
+    skip: int,
+    remaining: float,
+    plot: Path | None,
+    as_json: bool,
+) -> None:
+    """Capacity, energy, efficiency and fade of a cell from the log of its cycles in FILE.
+
+    Novonix files and terminal logs of a cycler (voltage;current;energy;temperature) are recognised; any
+    other table needs its columns named. Gates tell what speaks against the numbers.
+
+    \b
+    Examples:
+      hil analyse battery docs/data/battery-novonix.csv --upper 4.2 --lower 2.5
+      hil analyse battery test.csv --time 1 --time-unit h --voltage U --current I --capacity 1.4
+    """  # noqa: D301 - click reads \b
+    from hil.analysis.battery.gates import Declared  # noqa: PLC0415 - start-up stays light
+    from hil.analysis.battery.half_cycle import Limits  # noqa: PLC0415 - start-up stays light
+    from hil.analysis.battery.steps import Segmentation  # noqa: PLC0415 - start-up stays light
+    from hil.analysis.battery.summary import summarise  # noqa: PLC0415 - start-up stays light
+    from hil.cli.analyses import battery_text  # noqa: PLC0415 - start-up stays light
+
+    columns = _Mapping(time, time_unit, voltage, current, temperature, cycle)
+    log = _read(file, form, columns, interval)
+    data = _series(log, discharge_positive=discharge_positive)
+    how = Segmentation(rest_current=rest_current)
+    capacity = log.capacity if capacity is None else capacity
+    summary = summarise(
+        data,
+        limits=Limits(upper=upper, lower=lower, cut_off=cut_off),
+        declared=Declared(capacity=capacity, energy=energy, mean_voltage=_span(mean_voltage)),
+        how=how, skip=skip, remaining=remaining, counted=counted,
+    )  # fmt: skip
+    if plot is not None:
+        from hil.cli.analyses.battery_plot import draw  # noqa: PLC0415 - matplotlib is slow to import
+
+        draw(plot, data, summary, how)
+    result = battery_text.Result(file=str(file), log=log, data=data, summary=summary, capacity=capacity, how=how)
+    click.echo(battery_text.as_json(result) if as_json else battery_text.as_text(result))
+
+
+def _read(file: Path, form: str, columns: _Mapping, interval: float) -> BatteryLog:
+    from hil.logs import battery as logs  # noqa: PLC0415 - start-up stays light
+    from hil.logs import cycler, novonix  # noqa: PLC0415 - start-up stays light
+
+    if not 0.0 < interval < float("inf"):
+        raise Refused(f"--interval {interval:g} is not possible", "give the seconds between two rows")
+    named = (columns.time, columns.voltage, columns.current)
+    if form == "auto":
+        form = "table" if any(named) else logs.made_by(logs.lines_of(file))
+    if form == "novonix":
+        return novonix.read(file)
+    if form == "cycler":
+        return cycler.read(file, interval=interval)
+    return _table(file, columns)
+
+
+def _table(file: Path, columns: _Mapping) -> BatteryLog:
+    from hil.logs.battery import BatteryLog  # noqa: PLC0415 - start-up stays light
+    from hil.logs.columns import read  # noqa: PLC0415 - start-up stays light
+
+    if columns.time is None or columns.voltage is None or columns.current is None:
+        raise Refused(
+            f"{file}: which columns hold time, voltage and current is not known",
+            "name them with --time, --voltage and --current, by number or name",
+        )
+    wanted = [columns.time, columns.voltage, columns.current]
+    others = [column for column in (columns.temperature, columns.cycle) if column is not None]
+    table = read(file, [*wanted, *others])
+    rest = iter(table.values.T[len(wanted) :])
+    return BatteryLog(
+        maker="table",
+        time=table.values[:, 0] * _TIME_UNITS[columns.time_unit],
+        voltage=table.values[:, 1],
+        current=table.values[:, 2],
+        temperature=None if columns.temperature is None else next(rest),
+        cycle=None if columns.cycle is None else next(rest),
+        remarks=table.remarks,
+    )
+
+
+def _series(log: BatteryLog, *, discharge_positive: bool) -> Series:
+    from hil.analysis.battery.series import series  # noqa: PLC0415 - start-up stays light
+
+    if discharge_positive:
+        log = replace(log, current=-log.current)
+    return series(log.time, log.voltage, log.current, temperature=log.temperature, cycle=log.cycle)
+
+
+def _span(text: str) -> tuple[float, float]:
+    try:
+        low, high = map(float, text.split(","))
+    except ValueError:
+        raise Refused(f"--mean-voltage {text} is no range", "give two voltages as 3.4,3.95") from None
+    return low, high

@@ -1,0 +1,211 @@
+"""What `hil analyse battery` prints: tables for people, or one JSON document for machines."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from hil.analysis.battery.cycles import Cycle, equivalent_full_cycles
+from hil.analysis.battery.fade import Fade
+from hil.analysis.battery.half_cycle import HalfCycle
+from hil.analysis.battery.incremental import IncrementalCapacity
+from hil.analysis.battery.series import SECONDS_PER_HOUR, Series
+from hil.analysis.battery.steps import Segmentation, StepKind
+from hil.analysis.battery.summary import Summary, incremental_capacities
+from hil.logs.battery import BatteryLog
+
+__all__ = ["Result", "as_json", "as_text"]
+
+_CYCLE = (
+    "cycle  kind            Ah        Wh   mean V   duration   at limit    cut-off     CV Ah   degC from..to  rise K"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result:
+    """What is printed.
+
+    Attributes:
+        file: the log's name.
+        log: what was read.
+        data: what was analysed.
+        summary: what it shows.
+        capacity: nominal, in Ah, None where it is not known.
+        how: how steps were told apart.
+    """
+
+    file: str
+    log: BatteryLog
+    data: Series
+    summary: Summary
+    capacity: float | None
+    how: Segmentation
+
+
+def as_json(result: Result) -> str:
+    """Return the result as one JSON document; what is not finite is null."""
+    summary = result.summary
+    document = {
+        "format": 1,
+        "file": result.file,
+        "maker": result.log.maker,
+        "rows": int(result.data.time.size),
+        "remarks": list(result.log.remarks),
+        "net": {"charge_Ah": _net(result, energy=False), "energy_Wh": _net(result, energy=True)},
+        "own": {"charge_Ah": result.log.own_charge, "energy_Wh": result.log.own_energy},
+        "nominal_capacity_Ah": result.capacity,
+        "equivalent_full_cycles": _through(result),
+        "cycles": [asdict(each) for each in summary.cycles],
+        "incremental_capacity_peaks": {
+            kind.value: [[asdict(peak) for peak in curve.peaks] for curve in _curves(result, kind)] for kind in _KINDS
+        },
+        "fade": {name: asdict(each) for name, each in summary.fades.items()},
+        "gates": [asdict(gate) for gate in summary.gates],
+    }
+    return json.dumps(_finite(document), allow_nan=False, indent=2)
+
+
+_KINDS = (StepKind.CHARGE, StepKind.DISCHARGE)
+
+
+def _finite(value: object) -> object:
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(each) for each in value]
+    return value
+
+
+def _curves(result: Result, kind: StepKind) -> tuple[IncrementalCapacity, ...]:
+    return incremental_capacities(result.data, kind, result.how)
+
+
+def _net(result: Result, *, energy: bool) -> float:
+    data = result.data
+    rate = data.current * data.voltage if energy else data.current
+    return float(np.trapezoid(rate, data.time)) / SECONDS_PER_HOUR
+
+
+def _through(result: Result) -> float | None:
+    return equivalent_full_cycles(result.summary.cycles, result.capacity) if result.capacity else None
+
+
+def as_text(result: Result) -> str:
+    """Return the result as plain text: cycles, rests and resistances, peaks, fade, gates."""
+    hours = float(result.data.time[-1] - result.data.time[0]) / SECONDS_PER_HOUR
+    made = result.summary.cycles
+    head = f"{result.file} ({result.log.maker}): {result.data.time.size} rows, {hours:.4g} h, {_count(len(made))}"
+    lines = [head, *(f"note: {remark}" for remark in result.log.remarks)]
+    lines += _own(result)
+    lines += ["", _CYCLE]
+    for cycle in made:
+        lines += _cycle(cycle)
+    lines += ["", *_edges(made)]
+    for kind in _KINDS:
+        curves = _curves(result, kind)
+        if curves and curves[0].peaks:
+            lines.append(f"dQ/dV of the first {kind}: peaks at " + _peaks(curves[0]))
+    through = _through(result)
+    if through is not None:
+        lines.append(f"equivalent full cycles: {through:.4g} of {result.capacity:g} Ah")
+    for name, each in result.summary.fades.items():
+        lines += ["", *_fade(name, each)]
+    lines += ["", *_gates(result.summary)]
+    return "\n".join(lines)
+
+
+def _count(number: int) -> str:
+    return "1 cycle" if number == 1 else f"{number} cycles"
+
+
+def _own(result: Result) -> Iterator[str]:
+    for what, unit, own, energy in (
+        ("charge", "Ah", result.log.own_charge, False), ("energy", "Wh", result.log.own_energy, True),
+    ):  # fmt: skip
+        if own is not None:
+            net = _net(result, energy=energy)
+            part = f", {net / own - 1.0:+.1e} of it apart" if own else ""
+            yield f"net {what}: {net:.6g} {unit}; the instrument's own {own:.6g} {unit}{part}"
+
+
+def _cycle(cycle: Cycle) -> Iterator[str]:
+    for name, half in (("charge", cycle.charge), ("discharge", cycle.discharge)):
+        if half is not None:
+            yield f"{cycle.number:5d}  {name:9s}  {_half(half)}"
+    if cycle.charge is not None and cycle.discharge is not None:
+        told = f"coulombic {_cell(cycle.coulombic_efficiency, 5)}, energy {_cell(cycle.energy_efficiency, 5)}"
+        yield f"       efficiency: {told}"
+    if not cycle.complete:
+        yield "       not a whole cycle: in no fade and no median"
+    bridged = sum(half.gaps for half in (cycle.charge, cycle.discharge) if half is not None)
+    if bridged:
+        yield f"       {bridged} gaps in the rows"
+
+
+def _half(half: HalfCycle) -> str:
+    times = (half.duration, half.time_to_limit, half.time_to_cut_off)
+    return (
+        f"{half.charge:8.5f}  {half.energy:8.5f}  {half.mean_voltage:7.4f}  "
+        + "  ".join(_clock(time).rjust(9) for time in times)
+        + f"  {half.cv_charge:8.4f}  {_cell(half.temperature_low, 3):>6}..{_cell(half.temperature_high, 3):6}"
+        + f"  {_cell(half.temperature_rise, 2):>6}"
+    )
+
+
+def _cell(number: float, digits: int) -> str:
+    return f"{number:.{digits}g}" if math.isfinite(number) else "-"
+
+
+def _clock(seconds: float) -> str:
+    if not math.isfinite(seconds):
+        return "-"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d}"
+
+
+def _edges(made: tuple[Cycle, ...]) -> Iterator[str]:
+    groups: dict[str, list[tuple[float, float]]] = {}
+    for cycle in made:
+        for edge in cycle.resistances:
+            groups.setdefault(f"{edge.before} to {edge.after}", []).append((edge.value, edge.delay))
+    for name, pairs in groups.items():
+        value, delay = np.median(pairs, axis=0).tolist()
+        yield f"resistance {name}: {value:.4g} ohm within {delay:.3g} s (median of {len(pairs)})"
+    rests: dict[str, list[tuple[float, float]]] = {}
+    for cycle in made:
+        for rest in cycle.rests:
+            rests.setdefault(f"after {rest.after}" if rest.after else "at the beginning", []).append(
+                (rest.voltage, rest.duration)
+            )
+    for name, pairs in rests.items():
+        voltage, duration = np.median(pairs, axis=0).tolist()
+        yield f"rest {name}: {voltage:.4f} V after {_clock(duration)} (median of {len(pairs)})"
+
+
+def _peaks(curve: IncrementalCapacity) -> str:
+    return ", ".join(f"{peak.voltage:.3f} V ({peak.height:.3g} Ah/V)" for peak in curve.peaks)
+
+
+def _fade(name: str, each: Fade) -> Iterator[str]:
+    percent = f"{each.confidence:.0%}"
+    verdict = "significant" if each.significant else "not significant"
+    yield f"fade of {name.replace('_', ' ')}: {each.slope.value:.4g} {each.slope.unit}, {verdict}"
+    yield f"  {percent} from {each.low:.4g} to {each.high:.4g}, probability by chance {each.probability:.2g}"
+    yield f"  Theil-Sen {each.robust:.4g}, from {each.robust_low:.4g} to {each.robust_high:.4g}"
+    if each.first_significant is not None:
+        yield f"  significant from cycle {each.first_significant} on"
+    end = each.end_of_life
+    if math.isfinite(end.cycle) and each.significant:
+        yield f"  {end.level:.4g} {each.beginning.unit} at cycle {end.cycle:.4g}, from {end.low:.4g} to {end.high:.4g}"
+
+
+def _gates(summary: Summary) -> Iterator[str]:
+    words = {True: "good", False: "DOUBT", None: "unknown"}
+    for gate in summary.gates:
+        yield f"{words[gate.ok]:7s}  {gate}"

@@ -1,0 +1,69 @@
+"""What the readers of battery tests hand over, and which of them reads a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.model.errors import Refused
+
+__all__ = ["BatteryLog", "lines_of", "made_by"]
+
+_LOOKED_AT = 4096  # characters from which the maker is recognised
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatteryLog:
+    """A battery test as its instrument logged it; all arrays have one length.
+
+    Attributes:
+        maker: which reader read it: `novonix`, `cycler` or `table`.
+        time: in s.
+        voltage: in V; NaN where a row was torn.
+        current: in A, as it was logged.
+        temperature: in degC, None where there is none.
+        cycle: the instrument's own count, None where there is none.
+        capacity: nominal capacity in Ah as the log declares it, None where it does not.
+        own_charge: the instrument's own net charge at the end, in Ah, None where it has none.
+        own_energy: likewise net energy, in Wh.
+        remarks: what was left out or mended, in sentences.
+    """
+
+    maker: str
+    time: NDArray[np.float64]
+    voltage: NDArray[np.float64]
+    current: NDArray[np.float64]
+    temperature: NDArray[np.float64] | None = None
+    cycle: NDArray[np.float64] | None = None
+    capacity: float | None = None
+    own_charge: float | None = None
+    own_energy: float | None = None
+    remarks: tuple[str, ...] = ()
+
+
+def lines_of(path: Path) -> list[str]:
+    """Return the lines of a text file with their ends, in UTF-8 or a code in which digits are ASCII.
+
+    Raises:
+        Refused: no such file, or one that holds no text.
+    """
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise Refused(f"{path}: {error.strerror}", "name a log that can be read") from None
+    if b"\0" in raw[:_LOOKED_AT]:
+        raise Refused(f"{path}: not a text file", "export the log as text in UTF-8 first")
+    return raw.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").replace("\r", "\n").splitlines(keepends=True)
+
+
+def made_by(lines: list[str]) -> str:
+    """Return which reader a log needs: `novonix`, `cycler` or, where neither is recognised, `table`."""
+    start = "".join(lines[:200])[:_LOOKED_AT]
+    if "[Summary]" in start and "Novonix" in start:
+        return "novonix"
+    if "PuTTY log" in start or "START ARDUINO" in start:
+        return "cycler"
+    return "table"

@@ -1,0 +1,105 @@
+"""The command `hil analyse battery`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from hil.cli.analyse import command
+from hil.model.errors import Refused
+from tests.support import cell
+
+NOVONIX = str(Path(__file__).parents[3] / "docs" / "data" / "battery-novonix.csv")
+COLUMNS = ("--time", "t", "--voltage", "U", "--current", "I")
+
+
+def run(*arguments):
+    """Run the command; what it raises is raised here."""
+    return CliRunner().invoke(command, ["battery", *arguments], catch_exceptions=False)
+
+
+@pytest.fixture
+def table(tmp_path):
+    """Five fading cycles as a table of another make: time in h, current above zero in discharge."""
+    time, voltage, current = cell.campaign(5, 30.0, fade=0.01)
+    path = tmp_path / "test.csv"
+    rows = np.column_stack((time / 3600.0, voltage, -current, np.full(time.size, 25.0)))
+    np.savetxt(path, rows, delimiter=";", header="t;U;I;T", comments="", fmt="%.8f")
+    return str(path)
+
+
+def test_a_novonix_file_needs_no_option():
+    """Charge and energy beside the cycler's own, and no verdict on what one charge cannot tell."""
+    text = run(NOVONIX).stdout
+    assert text.startswith(f"{NOVONIX} (novonix): 207 rows, 3.413 h, 1 cycle\n")
+    assert "net charge: 1.70648 Ah; the instrument's own 1.70653 Ah, -2.7e-05 of it apart" in text
+    assert "rest to charge: 0.01844 ohm within 1.28 s" in text
+    assert "equivalent full cycles: 0.1706 of 5 Ah" in text
+    assert "not a whole cycle" in text
+    assert "unknown  coulombic_efficiency" in text
+
+
+def test_another_make_needs_a_mapping_only(table):
+    """Columns by name, hours, and the other sign: five whole cycles and their fade."""
+    document = json.loads(
+        run(table, *COLUMNS, "--temperature", "T", "--time-unit", "h", "--discharge-positive", "--capacity", "1.4",
+            "--counted", "9", "--json").stdout
+    )  # fmt: skip
+    assert [each["complete"] for each in document["cycles"]] == [True] * 5
+    assert document["cycles"][0]["charge"]["charge"] == pytest.approx(cell.truth()[0], abs=0.01)
+    assert document["fade"]["discharge_capacity"]["significant"] is True
+    assert document["cycles"][0]["rests"][0]["after"] == "charge"
+    gates = {gate["name"]: gate["ok"] for gate in document["gates"]}
+    assert gates["elapsed_time"] is False
+    assert gates["energy_ratio"] is None
+    assert document["equivalent_full_cycles"] == pytest.approx(5.0 * cell.truth(capacity=1.4 * 0.98)[0] / 1.4, rel=0.02)
+
+
+def test_the_text_tells_fade_and_doubts(table):
+    """Slope with interval and end of life, and the gate that the counted cycles trip."""
+    text = run(
+        table, *COLUMNS, "--time-unit", "h", "--discharge-positive", "--skip", "1", "--counted", "9"
+    ).stdout  # fmt: skip
+    assert "fade of discharge capacity: -0.01" in text
+    assert "Ah/cycle, significant" in text
+    assert "DOUBT    elapsed_time" in text
+    assert "Ah at cycle" in text
+
+
+def test_a_table_without_mapping_is_refused(table):
+    """Nothing is guessed about columns."""
+    with pytest.raises(Refused, match="name them with --time"):
+        run(table)
+
+
+def test_impossible_options_are_refused(table):
+    """A range that is none, and rows without time between them."""
+    with pytest.raises(Refused, match="--mean-voltage 3 is no range"):
+        run(table, *COLUMNS, "--mean-voltage", "3")
+    with pytest.raises(Refused, match="--interval 0 is not possible"):
+        run(table, "--interval", "0")
+
+
+def test_the_plot_is_the_same_bytes_twice(table, tmp_path):
+    """Four parts drawn, without dates or random names."""
+    for name in ("a.svg", "b.svg"):
+        run(table, *COLUMNS, "--time-unit", "h", "--discharge-positive", "--plot", str(tmp_path / name))
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+
+
+def test_a_cyclers_log_is_recognised(tmp_path):
+    """The terminal log of two cycles, with the energy it summed up itself beside the trapezoid."""
+    time, voltage, current = cell.campaign(2, 5.0)
+    energy = np.cumsum(np.abs(voltage * current)) * 5.0 / 3600.0
+    lines = ["PuTTY log", "START ARDUINO"]
+    lines += [f"{v:.3f};{i:.3f};{e:.4f};25.0" for v, i, e in zip(voltage, current, energy, strict=True)]
+    path = tmp_path / "putty.log"
+    path.write_text("\n".join([*lines, "TEST END", ""]), encoding="ascii")
+    text = run(str(path)).stdout
+    assert f"(cycler): {time.size} rows" in text
+    assert "2 cycles" in text
+    assert "net energy: " in text
