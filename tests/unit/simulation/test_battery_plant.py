@@ -110,10 +110,16 @@ def test_the_thermistor_tells_its_temperature_or_its_fault():
 
     assert cell > box + 2
     assert plant.observe("ntc") == pytest.approx(ohms(cell))
+    assert plant.observe("ntc_temperature") == pytest.approx(cell)
     assert plant.observe("ntc_box") == pytest.approx(ohms(box))
     for state, low, high in (("open", 1e8, 1e10), ("shorted", 0, 1), ("detached", ohms(box) - 1, ohms(box) + 1)):
         plant.command(ntc=state)
         assert low <= plant.observe("ntc") <= high
+    assert plant.observe("ntc_temperature") == pytest.approx(box)
+    plant.command(ntc="open")
+    assert plant.observe("ntc_temperature") == pytest.approx(-113, abs=1)
+    plant.command(ntc="shorted")
+    assert plant.observe("ntc_temperature") > 1000
     assert set(plant.choices("ntc")) == {"healthy", "open", "shorted", "detached"}
 
 

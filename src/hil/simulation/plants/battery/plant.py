@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar
 
-from hil.simulation.plants.battery.cell import Cell, CellTruth, Span, Tabs
+from hil.simulation.plants.battery.cell import Cell, CellTruth, Span
 from hil.simulation.plants.battery.housing import Housing, HousingTruth, Response
-from hil.simulation.plants.battery.network import Flow, Network
+from hil.simulation.plants.battery.network import Network
 from hil.simulation.plants.battery.sensor import STATES, Thermistor
 from hil.simulation.plants.plant import Inputs, Plant, Port, Vector
 
@@ -19,10 +19,26 @@ PLACES = ("container", "assembly")
 """Where a cell can lie: in the metal container alone, or between the halves of the assembly in it."""
 
 _FUSES = ("fitted", "open")
-_FLOWS = ("current", "load.current", "supply.current", "supply.voltage", "cell_voltage", "voltage")
+_FLOWS = {
+    name: place
+    for place, name in enumerate(
+        ("voltage", "current", "cell_voltage", "supply.voltage", "supply.current", "load.current")
+    )
+}
 _STATES = {"charge": 0, "temperature": 4, "plate": 5, "box": 6}
 _SIGNALS = frozenset(
-    (*_FLOWS, *_STATES, "ambient", "capacity", "cycles", "ntc", "ntc_box", "open_circuit", "resistance")
+    (
+        *_FLOWS,
+        *_STATES,
+        "ambient",
+        "capacity",
+        "cycles",
+        "ntc",
+        "ntc_box",
+        "ntc_temperature",
+        "open_circuit",
+        "resistance",
+    )
 )
 _OPEN_OHMS = 1e9
 _METER_SIEMENS = 1e-6
@@ -70,7 +86,8 @@ class Battery(Plant):
 
     Signals: `voltage` at the tester's terminals, `cell_voltage` at the tabs, `current` into the cell, `load.current`,
     `supply.voltage/current`, `open_circuit`; `temperature` of the cell, `plate`, `box`, `ambient` in degC; `ntc` and
-    `ntc_box` in ohm; `charge` [1], `capacity` [A.h], `cycles` and `resistance` [ohm, ohmic, of the cell].
+    `ntc_box` in ohm, `ntc_temperature`: what the first one tells [degC]; `charge` [1], `capacity` [A.h], `cycles` and
+    `resistance` [ohm, ohmic, of the cell].
 
     Args:
         name: the plant's name.
@@ -120,7 +137,7 @@ class Battery(Plant):
         self._thermistor = thermistor
         self._set = self._setting(self.inputs)
         self._steps: tuple[_Setting, Span, Response] | None = None
-        self._flowed: tuple[Vector, _Setting, Flow, Tabs] | None = None
+        self._flowed: tuple[Vector, _Setting, Vector] | None = None
 
     def choices(self, name: str) -> tuple[str, ...]:
         """Return the values of the inputs that are texts."""
@@ -142,38 +159,35 @@ class Battery(Plant):
     def signal(self, name: str, state: Vector, inputs: Inputs, at: float) -> float:
         """Return one of the signals of this plant."""
         del at
-        if name in _STATES:
-            return state[_STATES[name]]
-        if name in _FLOWS:
-            return self._flow(name, state, inputs)
+        place = _STATES.get(name)
+        if place is not None:
+            return state[place]
+        place = _FLOWS.get(name)
+        if place is not None:
+            return self._flows(state, inputs)[place]
         readers: Mapping[str, Callable[[], float]] = {
             "ambient": lambda: float(inputs["ambient"]),
             "capacity": lambda: self._cell.ageing.aged(state[3])[0] / 3600,
             "cycles": lambda: self._cell.ageing.cycles(state[3]),
             "ntc": lambda: self._thermistor.seen(str(inputs["ntc"]), state[4], state[6]),
+            "ntc_temperature": lambda: self._thermistor.read(str(inputs["ntc"]), state[4], state[6]),
             "ntc_box": lambda: self._thermistor.ohms(state[6]),
             "open_circuit": lambda: self._cell.table.volts(state[0]),
             "resistance": lambda: self._cell.tabs(state, self._still)[1],
         }
         return readers[name]()
 
-    def _flow(self, name: str, state: Vector, inputs: Inputs) -> float:
+    def _flows(self, state: Vector, inputs: Inputs) -> Vector:
+        """Return the signals of `_FLOWS`; those of one instant are solved once."""
         here = self._of(inputs)
         if self._flowed is None or self._flowed[0] is not state or self._flowed[1] is not here:
-            tabs = self._cell.tabs(state, self._still)
-            self._flowed = (state, here, here.network.solve(tabs[0], tabs[1] + here.ohms), tabs)
-        _, _, (supply, volts, current), tabs = self._flowed
-        if not here.live:
-            current = 0.0
-        if name == "voltage":
-            return volts
-        if name == "current":
-            return current
-        if name == "cell_voltage":
-            return tabs[0] + tabs[1] * current
-        if name == "load.current":
-            return supply - current
-        return supply if name == "supply.current" else self._supply_voltage(here, supply, volts)
+            base, ohms, _, _ = self._cell.tabs(state, self._still)
+            supply, volts, current = here.network.solve(base, ohms + here.ohms)
+            current = current if here.live else 0.0
+            held = self._supply_voltage(here, supply, volts)
+            flows = (volts, current, base + ohms * current, held, supply, supply - current)
+            self._flowed = (state, here, flows)
+        return self._flowed[2]
 
     def _supply_voltage(self, here: _Setting, supply: float, volts: float) -> float:
         """Return what the supply has at its own terminals; the cell lifts those of one that gives nothing."""

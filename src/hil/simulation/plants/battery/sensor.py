@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp
+from math import exp, log
 
 __all__ = ["STATES", "Thermistor"]
 
@@ -40,3 +40,8 @@ class Thermistor:
         if state == "shorted":
             return _SHORTED_OHMS
         return self.ohms(box if state == "detached" else cell)
+
+    def read(self, state: str, cell: float, box: float) -> float:
+        """Return the temperature that the resistance stands for; far beyond any range where it is open or shorted."""
+        ratio = self.seen(state, cell, box) / self.nominal
+        return 1 / (1 / (_REFERENCE + _ZERO_CELSIUS) + log(ratio) / self.beta) - _ZERO_CELSIUS
