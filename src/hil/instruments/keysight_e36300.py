@@ -10,10 +10,11 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from hil.instruments import settings
+from hil.instruments.capabilities import OVER_VOLTAGE_LEVEL
 from hil.instruments.driver import Connection, Outlet
 from hil.instruments.roles import Supply
 from hil.instruments.scpi import ScpiSession, as_switch
-from hil.instruments.scpi_supply import Dialect, ScpiOutput
+from hil.instruments.scpi_supply import Dialect, Protection, ScpiOutput
 from hil.model.bench import Wire
 from hil.model.errors import Refused
 from hil.model.identity import Identity
@@ -28,15 +29,17 @@ E36300 = Dialect(
     get_voltage="VOLT? (@{channel})",
     set_current="CURR {value},(@{channel})",
     get_current="CURR? (@{channel})",
-    set_over_voltage="VOLT:PROT {value},(@{channel})",
-    get_over_voltage="VOLT:PROT? (@{channel})",
-    over_voltage_tripped="VOLT:PROT:TRIP? (@{channel})",
     switch_on="OUTP ON,(@{channel})",
     switch_off="OUTP OFF,(@{channel})",
     is_on="OUTP? (@{channel})",
     measure_voltage="MEAS:VOLT? (@{channel})",
     measure_current="MEAS:CURR? (@{channel})",
-    condition="STAT:QUES:INST:ISUM{channel}:COND?",
+    mode="STAT:QUES:INST:ISUM{channel}:COND?",
+    over_voltage=Protection(
+        set_level="VOLT:PROT {value},(@{channel})",
+        get_level="VOLT:PROT? (@{channel})",
+        tripped="VOLT:PROT:TRIP? (@{channel})",
+    ),
 )
 """The commands of the E36300 series."""
 
@@ -48,6 +51,7 @@ class KeysightE36300:
     """
 
     roles: ClassVar[frozenset[str]] = frozenset({"supply"})
+    capabilities: ClassVar[frozenset[str]] = frozenset({OVER_VOLTAGE_LEVEL})
 
     def __init__(self, connection: Connection) -> None:
         if connection.port is None:

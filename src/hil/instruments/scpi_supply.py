@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from hil.instruments.driver import Clamps
@@ -11,11 +12,35 @@ from hil.instruments.scpi import ScpiSession, as_number, as_register, as_switch
 from hil.model.errors import Refused, Rejected
 from hil.model.figure import Figure
 
-__all__ = ["Dialect", "ScpiOutput"]
+__all__ = ["Dialect", "Protection", "ScpiOutput"]
 
 _CONSTANT_CURRENT = 1 << 0
 _CONSTANT_VOLTAGE = 1 << 1
 _MODES = {0: "unregulated", _CONSTANT_CURRENT: "CC", _CONSTANT_VOLTAGE: "CV", 3: "unregulated"}
+
+
+def _as_mode(reply: str) -> str:
+    """Accept a condition register: bit 0 in constant current, bit 1 in constant voltage, both where neither holds."""
+    return _MODES[as_register(reply) & (_CONSTANT_CURRENT | _CONSTANT_VOLTAGE)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Protection:
+    """The commands of one protection; `{channel}` and `{value}` are filled in.
+
+    Attributes:
+        set_level: sets the level (V or A).
+        get_level: asks for it.
+        tripped: asks whether it has tripped.
+        arm: switches it on; empty where it is always on.
+        armed: asks whether it is on.
+    """
+
+    set_level: str
+    get_level: str
+    tripped: str
+    arm: str = ""
+    armed: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,8 +52,12 @@ class Dialect:
         decimals: digits after the point that are sent.
         tolerance: how far a setting that is read back may lie from what was sent (V or A): the
             family's coarsest programming step.
-        condition: query of the output's condition register; bit 0 is set in constant current, bit 1
-            in constant voltage, both where neither is regulated.
+        mode: asks how the output regulates.
+        over_voltage: the protection that switches off at too high a voltage.
+        over_current: the protection that switches off at too high a current, where it has a level.
+        as_state: reads whether an output or a protection is on.
+        as_trip: reads whether a protection has tripped.
+        as_mode: reads `CV`, `CC` or `unregulated`; at first from a condition register.
     """
 
     channels: tuple[int, ...]
@@ -38,15 +67,17 @@ class Dialect:
     get_voltage: str
     set_current: str
     get_current: str
-    set_over_voltage: str
-    get_over_voltage: str
-    over_voltage_tripped: str
     switch_on: str
     switch_off: str
     is_on: str
     measure_voltage: str
     measure_current: str
-    condition: str
+    mode: str
+    over_voltage: Protection
+    over_current: Protection | None = None
+    as_state: Callable[[str], bool] = as_switch
+    as_trip: Callable[[str], bool] = as_switch
+    as_mode: Callable[[str], str] = _as_mode
 
 
 class ScpiOutput:
@@ -65,6 +96,7 @@ class ScpiOutput:
         clamps: what its outputs may be told.
         channel: which output.
         over_voltage: level of the over-voltage protection in V; None leaves it alone.
+        over_current: level of the over-current protection in A; None leaves it alone.
     """
 
     def __init__(
@@ -77,6 +109,7 @@ class ScpiOutput:
         clamps: Clamps,
         channel: int,
         over_voltage: float | None = None,
+        over_current: float | None = None,
     ) -> None:
         self._name = name
         self._device = device
@@ -85,10 +118,14 @@ class ScpiOutput:
         self._clamps = clamps
         self._channel = channel
         self._over_voltage = over_voltage
+        self._levels = (
+            ("over_voltage", dialect.over_voltage, over_voltage),
+            ("over_current", dialect.over_current, over_current),
+        )
 
     @drives
     def configure(self, voltage: float, current: float) -> None:
-        """Set over-voltage protection, current limit [A] and voltage [V], in this order.
+        """Set the protections, current limit [A] and voltage [V], in this order.
 
         Raises:
             ClampExceeded: one of them is not permitted; nothing was sent.
@@ -128,7 +165,7 @@ class ScpiOutput:
     @reads
     def enabled(self) -> bool:
         """Return whether the instrument says that the output is on."""
-        return self._session.query(self._filled(self._dialect.is_on), as_switch)
+        return self._session.query(self._filled(self._dialect.is_on), self._dialect.as_state)
 
     @reads
     def voltage(self) -> Figure:
@@ -145,21 +182,34 @@ class ScpiOutput:
         """Return `CV`, `CC`, `off` or `unregulated`."""
         if not self.enabled():
             return "off"
-        bits = self._session.query(self._filled(self._dialect.condition), as_register)
-        return _MODES[bits & (_CONSTANT_CURRENT | _CONSTANT_VOLTAGE)]
+        return self._session.query(self._filled(self._dialect.mode), self._dialect.as_mode)
 
     def _must_not_have_tripped(self) -> None:
-        if self._session.query(self._filled(self._dialect.over_voltage_tripped), as_switch):
-            raise Rejected(
-                self._device,
-                f"the over-voltage protection of {self._name} has tripped",
-                "look for what raised the voltage, then clear the protection at the instrument",
-            )
+        for quantity, protection, _ in self._levels:
+            if protection and self._session.query(self._filled(protection.tripped), self._dialect.as_trip):
+                what = quantity.replace("_", "-")
+                raise Rejected(
+                    self._device,
+                    f"the {what} protection of {self._name} has tripped",
+                    f"look for what raised the {what[5:]}, then clear the protection at the instrument",
+                )
 
     def _protect(self) -> None:
-        if self._over_voltage is not None:
-            level = self._sendable("over_voltage", self._over_voltage)
-            self._set("over_voltage", self._dialect.set_over_voltage, self._dialect.get_over_voltage, level)
+        for quantity, protection, level in self._levels:
+            if protection and level is not None:
+                self._set(quantity, protection.set_level, protection.get_level, self._sendable(quantity, level))
+                self._arm(quantity, protection)
+
+    def _arm(self, quantity: str, protection: Protection) -> None:
+        if not protection.arm:
+            return
+        self._session.setting(self._filled(protection.arm))
+        if not self._session.query(self._filled(protection.armed), self._dialect.as_state):
+            raise Rejected(
+                self._device,
+                f"{self._name}: the {quantity.replace('_', '-')} protection was switched on and is off",
+                "look at the instrument's display and its programming guide",
+            )
 
     def _set(self, quantity: str, command: str, question: str, value: float) -> None:
         """Permit, send, ask the error queue, read back, compare."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
 
-from hil.simulation.peers import keysight_e36312a, lis3mdl, waveshare_relay
+from hil.simulation.peers import keysight_e36312a, korad_ka3005p, lis3mdl, rigol_dp832, waveshare_relay
 from hil.simulation.peers.esp301 import controller as newport_esp301
 from hil.simulation.peers.eurotherm import article as eurotherm_3216
 from hil.simulation.peers.iim42652 import model as iim42652
@@ -32,9 +32,11 @@ PEERS: Mapping[str, PeerModel] = {
     "eurotherm-3216": eurotherm_3216.MODEL,
     "iim42652": iim42652.MODEL,
     "keysight-e36300": keysight_e36312a.MODEL,
+    "korad-ka3005p": korad_ka3005p.MODEL,
     "lis3mdl": lis3mdl.MODEL,
     "newport-esp301": newport_esp301.MODEL,
     "obc-link": obc_link.MODEL,
+    "rigol-dp832": rigol_dp832.MODEL,
     "waveshare-relay": waveshare_relay.MODEL,
 }
 """Our own peers by the driver that they are the counterpart of."""

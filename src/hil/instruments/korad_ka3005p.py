@@ -1,0 +1,211 @@
+"""Korad KA3005P power supplies, also sold as Tenma 72-2540, Velleman PS3005D and RND 320-KA3005P.
+
+The over-voltage protection has no level: switched on, it acts at the voltage that is set. It guards against the supply
+itself, not against a wrong setting, so that the driver does not claim `over-voltage-level`. Of the status byte
+only the bits 0x40, 0x20 and 0x01 mean the same on every firmware.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import ClassVar
+
+from hil.instruments import settings
+from hil.instruments.driver import Connection, Outlet
+from hil.instruments.korad_line import KoradLine, Question
+from hil.instruments.marks import drives, reads
+from hil.instruments.roles import Supply
+from hil.model.bench import Wire
+from hil.model.errors import Refused, Rejected
+from hil.model.figure import Figure
+from hil.model.identity import Identity
+
+__all__ = ["KoradKa3005p", "KoradOutput"]
+
+_CHANNEL = 1
+_ON, _PROTECTED, _CONSTANT_VOLTAGE = 0x40, 0x20, 0x01
+_DECIMALS = {"voltage": 2, "current": 3}
+_COMMANDS = {"voltage": "VSET1:{:05.2f}", "current": "ISET1:{:05.3f}"}
+_MOST = {"voltage": 99.99, "current": 9.999}  # what the width of a command holds; the supply's range is less
+_SAME = 1e-6
+_AT_SETTING = "at setting"
+_VOLTS, _AMPERES = re.compile(rb"\d\d\.\d\d"), re.compile(rb"\d\.\d\d\d")
+_STATUS = Question(command=b"STATUS?", form=re.compile(rb".", re.DOTALL), width=1, proof=True, steady=_ON | _PROTECTED)
+_SET = {
+    "voltage": Question(command=b"VSET1?", form=_VOLTS, width=5),
+    "current": Question(command=b"ISET1?", form=_AMPERES, width=5, spare=1),
+}
+_MEASURED = {
+    "V": Question(command=b"VOUT1?", form=_VOLTS, width=5),
+    "A": Question(command=b"IOUT1?", form=_AMPERES, width=5),
+}
+_NAMES = {"KORAD": "Korad", "TENMA": "Tenma", "VELLEMAN": "Velleman", "RND": "RND"}
+_IDENTIFICATION = re.compile(rf"({'|'.join(_NAMES)}) ?(.+?) ?V(\d+\.\d+)(?: SN:(\w+))?", re.ASCII)
+
+
+class KoradOutput:
+    """The output; fills the role `supply`.
+
+    Every setting is permitted by the clamps right before its bytes leave, sent once and read back. Switching on asks
+    the clamps too: what the supply has been set to before must be permitted as well.
+
+    Args:
+        name: the wire's dotted name.
+        connection: how the supply is reached.
+        line: the supply's line.
+        protections: commands that switch protections on.
+    """
+
+    def __init__(self, name: str, connection: Connection, line: KoradLine, protections: Sequence[str]) -> None:
+        self._name = name
+        self._connection = connection
+        self._line = line
+        self._protections = tuple(protections)
+
+    @drives
+    def configure(self, voltage: float, current: float) -> None:
+        """Set the current limit [A], the voltage [V] and the protections, in this order.
+
+        Raises:
+            Refused: one of them cannot be sent; nothing was sent.
+            ClampExceeded: one of them is not permitted; nothing was sent.
+            Rejected: the supply reads back another.
+        """
+        values = {"current": self._sendable("current", current), "voltage": self._sendable("voltage", voltage)}
+        for quantity, value in values.items():
+            self._connection.clamps.permit(_CHANNEL, quantity, value)
+        for quantity, value in values.items():
+            self._set(quantity, value)
+        self._protect()
+
+    @drives
+    def enable(self) -> None:
+        """Switch the output on, if what it is set to is permitted."""
+        for quantity, question in _SET.items():
+            self._connection.clamps.permit(_CHANNEL, quantity, float(self._line.ask(question)))
+        self._protect()
+        self._line.setting("OUT1")
+        if not self.enabled():
+            raise Rejected(
+                self._connection.device,
+                f"{self._name} was switched on and is off",
+                "look at the supply's display: a protection that trips at its setting may have acted",
+            )
+
+    @drives
+    def disable(self) -> None:
+        """Switch the output off; its bytes leave first, whatever state the line is in."""
+        self._line.setting("OUT0", urgent=True)
+        if self.enabled():
+            raise Rejected(
+                self._connection.device, f"{self._name} was switched off and is on", "cut its mains, then look at it"
+            )
+
+    @reads
+    def enabled(self) -> bool:
+        """Return whether the supply says that the output is on."""
+        return bool(self._status() & _ON)
+
+    @reads
+    def voltage(self) -> Figure:
+        """Return the measured voltage in V; its uncertainty is the certificate's, not the driver's."""
+        return Figure(value=float(self._line.ask(_MEASURED["V"])), unit="V")
+
+    @reads
+    def current(self) -> Figure:
+        """Return the measured current in A; its uncertainty is the certificate's, not the driver's."""
+        return Figure(value=float(self._line.ask(_MEASURED["A"])), unit="A")
+
+    @reads
+    def mode(self) -> str:
+        """Return `CV`, `CC` or `off`."""
+        status = self._status()
+        if not status & _ON:
+            return "off"
+        return "CV" if status & _CONSTANT_VOLTAGE else "CC"
+
+    def _status(self) -> int:
+        return self._line.ask(_STATUS)[0]
+
+    def _protect(self) -> None:
+        """Switch the wire's protections on; the status byte says only whether one of them is."""
+        for command in self._protections:
+            self._line.setting(command)
+        if self._protections and not self._status() & _PROTECTED:
+            raise Rejected(
+                self._connection.device,
+                f"{self._name}: its protections were switched on and are off",
+                "look at the supply's display, and whether its firmware has them",
+            )
+
+    def _set(self, quantity: str, value: float) -> None:
+        """Permit, send, read back, compare."""
+        command = _COMMANDS[quantity].format(value)
+        self._connection.clamps.permit(_CHANNEL, quantity, value)
+        self._line.setting(command)
+        taken = float(self._line.ask(_SET[quantity]))
+        if not abs(taken - value) <= _SAME:
+            raise Rejected(
+                self._connection.device,
+                f"{self._name}: {quantity} was set by {command} and reads back {taken:g}",
+                "compare the setting with the supply's ratings; it passes over what it cannot do without a word",
+            )
+
+    def _sendable(self, quantity: str, value: float) -> float:
+        """Return the number that will be sent, so that the clamps judge that one."""
+        if not (math.isfinite(value) and 0 <= round(value, _DECIMALS[quantity]) <= _MOST[quantity]):
+            raise Refused(
+                f"{self._name}: {quantity} {value:g} is not a number to set", f"give 0 to {_MOST[quantity]:g}"
+            )
+        return abs(round(value, _DECIMALS[quantity]))
+
+
+class KoradKa3005p:
+    """Driver `korad-ka3005p`: role `supply` on channel 1.
+
+    A wire may set `over_voltage` and `over_current` to `at setting`, which switches these protections on.
+    """
+
+    roles: ClassVar[frozenset[str]] = frozenset({"supply"})
+    capabilities: ClassVar[frozenset[str]] = frozenset()
+
+    def __init__(self, connection: Connection) -> None:
+        if connection.port is None:
+            raise Refused(f"{connection.device}: a korad-ka3005p is reached by a port", "give it `port:` and `baud:`")
+        self._connection = connection
+        self._line = KoradLine(connection.device, connection.port, connection.clock)
+
+    def identify(self) -> Identity:
+        """Ask `*IDN?`; most firmware tells no serial number."""
+        text = self._line.identification()
+        match = _IDENTIFICATION.fullmatch(text)
+        if match is None:
+            return Identity(manufacturer="", model=text, serial="", firmware="")
+        return Identity(manufacturer=_NAMES[match[1]], model=match[2], serial=match[4] or "", firmware=match[3])
+
+    def outlets(self) -> Sequence[Outlet]:
+        """Ask whether the output is on."""
+        return (Outlet(_CHANNEL, bool(self._line.ask(_STATUS)[0] & _ON)),)
+
+    def role(self, wire: Wire) -> Supply:
+        """Return the output."""
+        if wire.role not in self.roles:
+            raise Refused(f"wiring {wire.name}: a korad-ka3005p is no {wire.role}", "it fills the role supply")
+        if wire.channel != _CHANNEL:
+            raise Refused(f"wiring {wire.name}: a korad-ka3005p has no channel {wire.channel}", "it has 1 only")
+        settings.only(wire, "over_current", "over_voltage")
+        switches = (("over_voltage", "OVP1"), ("over_current", "OCP1"))
+        protections = [command for key, command in switches if _at_setting(wire, key)]
+        return KoradOutput(wire.name, self._connection, self._line, protections)
+
+
+def _at_setting(wire: Wire, key: str) -> bool:
+    text = wire.settings.get(key)
+    if text not in {None, _AT_SETTING}:
+        raise Refused(
+            f"wiring {wire.name}: setting {key} is {text!r}, and the protections of a korad-ka3005p have no level",
+            f"write '{_AT_SETTING}' or leave it out, and put a second guard behind what must not see too much",
+        )
+    return text is not None

@@ -1,0 +1,71 @@
+"""A port for instruments that lose what comes too early: every write waits for a pause after the last byte."""
+
+from __future__ import annotations
+
+from hil.clock.port import NANOSECONDS, Clock
+from hil.wire.port import Port
+
+__all__ = ["PacedPort"]
+
+
+class PacedPort:
+    """A port whose writes keep a distance from what was sent and received before. See `hil.wire.port.Port`.
+
+    Args:
+        port: the open byte stream.
+        clock: the bench's clock.
+        pause: seconds between the last byte, in either direction, and the next write.
+    """
+
+    def __init__(self, port: Port, clock: Clock, pause: float) -> None:
+        self._port = port
+        self._clock = clock
+        self._pause_ns = round(pause * NANOSECONDS)
+        self._ready_ns = 0
+
+    @property
+    def timeout(self) -> float:
+        """Seconds that a read waits."""
+        return self._port.timeout
+
+    @timeout.setter
+    def timeout(self, seconds: float) -> None:
+        self._port.timeout = seconds
+
+    @property
+    def in_waiting(self) -> int:
+        """The number of bytes that can be read without waiting."""
+        return self._port.in_waiting
+
+    def write(self, data: bytes) -> int:
+        """Wait for the end of the pause, write all bytes and return their number."""
+        self._clock.wait_until(self._ready_ns)
+        try:
+            return self._port.write(data)
+        finally:
+            self._hold()
+
+    def read(self, size: int = 1) -> bytes:
+        """Return `size` bytes, or what came until the timeout."""
+        data = self._port.read(size)
+        if data:
+            self._hold()
+        return data
+
+    def read_line(self, terminator: bytes = b"\n", limit: int = 4096) -> bytes:
+        """Return bytes up to and with `terminator`; without it at the end they are what came until the timeout."""
+        data = self._port.read_line(terminator, limit)
+        if data:
+            self._hold()
+        return data
+
+    def reset_input_buffer(self) -> None:
+        """Throw away what was received and not read."""
+        self._port.reset_input_buffer()
+
+    def close(self) -> None:
+        """Close the stream."""
+        self._port.close()
+
+    def _hold(self) -> None:
+        self._ready_ns = self._clock.now_ns() + self._pause_ns

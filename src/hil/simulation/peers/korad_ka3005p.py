@@ -1,0 +1,234 @@
+"""A Korad KA3005P power supply as its serial port shows it: no line ends, replies of fixed width, no errors.
+
+Facts: 9600 bits per second; `VSET1:04.20`, `ISET1:0.700`, `OUT1`, `OVP1`, `OCP1` say nothing; replies to `VSET1?` and
+`VOUT1?` are five characters `04.20`, to `ISET1?` and `IOUT1?` `0.700`, to `STATUS?` one byte: bit 6 output on,
+bit 5 a protection switched on, bit 0 constant voltage. Some firmware sends a sixth byte after `ISET1?`.
+
+Assumed: a silence of five milliseconds ends a command, the next one is taken when it was executed, and what comes in
+between is lost; a setting beyond the range is not taken; a protection acts 20 mV above the voltage that is set, or when
+the current is limited; the other bits of the status byte (beeper, lock) stand still.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import cast
+
+from hil.clock.port import NANOSECONDS
+from hil.simulation.faults import Faults
+from hil.simulation.peers.keysight_channel import OutputTruth, Rating, SupplyOutput, read_output_truth
+from hil.simulation.peers.model import PeerModel, PeerSetup
+from hil.wire.peer import Line, PeerClock
+
+__all__ = ["MODEL", "KoradKa3005p", "KoradOutput", "build"]
+
+_SILENCE_NS = 5_000_000
+_WATCH_NS = 10_000_000
+_LONGEST_COMMAND = 32
+_ON, _PROTECTED, _BEEPER, _CONSTANT_VOLTAGE = 0x40, 0x20, 0x10, 0x01
+_OVER_VOLTS, _OVER_AMPERES = 0.02, 0.002
+_KEPT = ("trips_on_voltage", "trips_on_current")
+
+
+@dataclass(frozen=True, slots=True)
+class _KoradRating(Rating):
+    """30 V and 5 A; settings up to 31 V and 5.1 A."""
+
+    @property
+    def most_volts(self) -> float:
+        return 31.0
+
+    @property
+    def most_amperes(self) -> float:
+        return 5.1
+
+
+class KoradOutput(SupplyOutput):
+    """The output; its protections have no level of their own, they trip at what is set."""
+
+    trips_on_voltage = False
+    trips_on_current = False
+
+    def protect(self, now_ns: int) -> None:
+        """Switch off where a protection is on and its setting is exceeded."""
+        over = self.trips_on_voltage and self._terminal.volts() > self.volts + _OVER_VOLTS
+        limiting = self.trips_on_current and (
+            self.mode() == "CC" or self._terminal.amperes() > self.limit + _OVER_AMPERES
+        )
+        if self.on and (over or limiting):
+            self.switch(on=False, now_ns=now_ns)
+
+    @property
+    def watched(self) -> bool:
+        """Whether a protection could trip without another command."""
+        return self.on and (self.trips_on_voltage or self.trips_on_current)
+
+    def state(self) -> Mapping[str, object]:
+        """Return settings as JSON values."""
+        return {**super().state(), **{key: getattr(self, key) for key in _KEPT}}
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        for key in _KEPT:
+            setattr(self, key, cast("bool", state[key]))
+        super().restore(state)
+
+
+class KoradKa3005p:
+    """The supply: bytes until a silence are a command.
+
+    Args:
+        identity: what `*IDN?` answers.
+        output: its only output.
+        faults: what goes wrong.
+        command_ns: how long a command takes after its last byte and the silence.
+    """
+
+    def __init__(self, identity: bytes, output: KoradOutput, faults: Faults, *, command_ns: int) -> None:
+        self._identity = identity
+        self._output = output
+        self._faults = faults
+        self._command_ns = command_ns
+        self._inbox = b""
+        self._working = b""
+        self._quiet_ns = 0
+        self._due_ns = 0
+        self._watch_due_ns = 0
+        self._line: Line
+        self._clock: PeerClock
+
+    def attach(self, line: Line, clock: PeerClock) -> None:
+        """Connect the line; the output starts off."""
+        self._line = line
+        self._clock = clock
+        self._output.apply()
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes of a command; while one is executed they are lost."""
+        if self._working:
+            return
+        self._inbox = (self._inbox + data)[:_LONGEST_COMMAND]
+        self._quiet_ns = self._clock.now_ns() + _SILENCE_NS
+        self._clock.at(self._quiet_ns, self._ended)
+
+    def state(self) -> Mapping[str, object]:
+        """Return settings and what is being worked on."""
+        return {
+            "output": dict(self._output.state()),
+            "inbox": self._inbox.hex(),
+            "working": self._working.hex(),
+            "quiet_ns": self._quiet_ns,
+            "due_ns": self._due_ns,
+            "watch_due_ns": self._watch_due_ns,
+        }
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        self._output.restore(cast("dict[str, object]", state["output"]))
+        self._inbox = bytes.fromhex(cast("str", state["inbox"]))
+        self._working = bytes.fromhex(cast("str", state["working"]))
+        self._quiet_ns = cast("int", state["quiet_ns"])
+        self._due_ns = cast("int", state["due_ns"])
+        self._watch_due_ns = cast("int", state["watch_due_ns"])
+        if self._inbox:
+            self._clock.at(self._quiet_ns, self._ended)
+        if self._working:
+            self._clock.at(self._due_ns, self._work)
+        if self._watch_due_ns:
+            self._clock.at(self._watch_due_ns, self._watch)
+
+    def _ended(self) -> None:
+        """Take what came as a command, if the silence was not broken."""
+        if self._inbox and self._clock.now_ns() >= self._quiet_ns:
+            self._working, self._inbox = self._inbox, b""
+            self._due_ns = self._clock.now_ns() + self._command_ns
+            self._clock.at(self._due_ns, self._work)
+
+    def _work(self) -> None:
+        command, self._working = self._working.decode("latin-1").strip(), b""
+        reply = self._answer(command)
+        if reply:
+            self._line.send(reply)
+        else:
+            self._set(command)
+        self._protect()
+
+    def _answer(self, command: str) -> bytes:
+        now_ns, output = self._clock.now_ns(), self._output
+        if command == "*IDN?":
+            fault = self._faults.now("identity", now_ns)
+            return fault.text.encode("latin-1", "replace") if fault else self._identity
+        if command == "STATUS?":
+            return bytes((self._status(),))
+        if command == "ISET1?":
+            return f"{output.limit:5.3f}".encode() + (b"K" if self._faults.now("stray-byte", now_ns) else b"")
+        texts = {
+            "VSET1?": lambda: f"{output.volts:05.2f}",
+            "VOUT1?": lambda: f"{max(0.0, output.read_volts(now_ns)):05.2f}",
+            "IOUT1?": lambda: f"{max(0.0, output.read_amperes(now_ns)):5.3f}",
+        }
+        return texts[command]().encode() if command in texts else b""
+
+    def _set(self, command: str) -> None:
+        """Do what a setting says; nonsense is passed over in silence."""
+        if match := re.fullmatch(r"(VSET|ISET)1:(\d{1,2}(?:\.\d{0,3})?)", command):
+            value, rating = float(match[2]), self._output.rating
+            if match[1] == "VSET" and value <= rating.most_volts:
+                self._output.set_volts(value)
+            if match[1] == "ISET" and value <= rating.most_amperes:
+                self._output.set_limit(value)
+        elif match := re.fullmatch(r"(OUT|OVP|OCP)([01])", command):
+            on = match[2] == "1"
+            if match[1] == "OUT":
+                self._output.switch(on, self._clock.now_ns())
+            elif match[1] == "OVP":
+                self._output.trips_on_voltage = on
+            else:
+                self._output.trips_on_current = on
+
+    def _status(self) -> int:
+        output = self._output
+        protected = output.trips_on_voltage or output.trips_on_current
+        regulating = 0 if output.mode() == "CC" else _CONSTANT_VOLTAGE
+        return _BEEPER | (_ON if output.on else 0) | (_PROTECTED if protected else 0) | regulating
+
+    def _protect(self) -> None:
+        now_ns = self._clock.now_ns()
+        self._output.protect(now_ns)
+        if not self._watch_due_ns and self._output.watched:
+            self._watch_due_ns = (now_ns // _WATCH_NS + 1) * _WATCH_NS
+            self._clock.at(self._watch_due_ns, self._watch)
+
+    def _watch(self) -> None:
+        self._watch_due_ns = 0
+        self._protect()
+
+
+def build(setup: PeerSetup) -> KoradKa3005p:
+    """Build the supply; terminal `1` goes to a supply port of a plant.
+
+    Raises:
+        TruthError: with everything that is wrong in its truth or terminals.
+    """
+    truth = setup.truth
+    own = read_output_truth(truth, OutputTruth(voltage_resolution=0.01, current_resolution=0.001))
+    identity = truth.text("identity", "KORADKA3005PV2.0")
+    command_s = truth.number("command_time", 0.02, minimum=0)
+    output = KoradOutput(
+        1,
+        _KoradRating(30.0, 5.0),
+        truth=own,
+        terminal=setup.connections.port("1", own.load),
+        faults=setup.faults,
+        noise=(setup.stream("voltage"), setup.stream("current")),
+    )
+    setup.finish()
+    return KoradKa3005p(
+        identity.encode("latin-1", "replace"), output, setup.faults, command_ns=round(command_s * NANOSECONDS)
+    )
+
+
+MODEL = PeerModel(link="serial", fault_kinds=("identity", "refuse-off", "stray-byte"), build=build)
+"""The model behind the driver `korad-ka3005p`."""

@@ -1,0 +1,20 @@
+"""What instruments can do beyond their roles."""
+
+from __future__ import annotations
+
+from hil.instruments.capabilities import OVER_VOLTAGE_LEVEL, offers
+from hil.instruments.registry import driver_class
+
+
+def test_a_supply_says_whether_its_protection_has_a_level():
+    """A Korad's acts at the voltage that is set; who says nothing has none."""
+    answers = {
+        name: offers(driver_class(name), OVER_VOLTAGE_LEVEL)
+        for name in ("keysight-e36300", "rigol-dp832", "korad-ka3005p", "waveshare-relay")
+    }
+    assert answers == {
+        "keysight-e36300": True,
+        "rigol-dp832": True,
+        "korad-ka3005p": False,
+        "waveshare-relay": False,
+    }
