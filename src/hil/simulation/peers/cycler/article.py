@@ -24,28 +24,26 @@ class Gauge:
     Attributes:
         signal: what is measured; None is an open input.
         unconnected: what an open input reads.
-        scale: counts of the last written digit per unit.
-        gain: of the article, 1 where it is right.
-        offset: of the article, in the quantity's unit.
-        noise: standard deviation in the quantity's unit.
+        factor: units of the last written digit per unit, as this article has it.
+        shift: what it reads too much, in units of the last digit.
+        noise: standard deviation in units of the last digit.
         stream: numbers of that noise.
     """
 
     signal: SignalPoint | None
     unconnected: float
-    scale: int
-    gain: float
-    offset: float
+    factor: float
+    shift: float
     noise: float
     stream: Stream
 
     def read(self, now_ns: int) -> int:
         """Return what is measured now, in units of the last digit."""
         value = self.unconnected if self.signal is None else self.signal.observe()
-        value = value * self.gain + self.offset
+        value = value * self.factor + self.shift
         if self.noise:
             value += self.noise * self.stream.normal(now_ns // (LINE_S * NANOSECONDS))
-        return round(value * self.scale)
+        return round(value)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

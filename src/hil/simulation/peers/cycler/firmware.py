@@ -183,15 +183,17 @@ class Firmware:
             self.output.numbered(f"{state} {self.sequence.reason}".rstrip())
             self._wait()
             return
+        at_us = self._next_us
         self._next_us += _LINE_US
         self._tick.set(self._device_clock.instant(self._next_us))
-        reading = self.measure()
+        reading = self.article.measure(self._clock.now_ns())
         self.sequence.take(reading)
         energy = self.sequence.energy
-        self._marks += self.sequence.judge(reading)
+        if not self.sequence.calm(reading):
+            self._marks += self.sequence.judge(reading)
         volts, amperes, degrees = reading
         fields = f"{volts / 1000:.3f};{amperes / 1000:.3f};{energy / 10000:.4f};{degrees / 10:.1f}"
-        self.output.numbered(fields, _LETTERS[state])
+        self.output.numbered(fields, _LETTERS[state], at_us)
         if self._marks:
             self._tell()
             if self.sequence.state not in RUNNING:

@@ -63,10 +63,9 @@ def _gauge(setup: PeerSetup, name: str, unconnected: float, scale: int) -> Gauge
     return Gauge(
         signal=setup.connections.signal(name),
         unconnected=unconnected,
-        scale=scale,
-        gain=truth.number(f"{name}_gain", 1.0, minimum=0.5, maximum=2.0),
-        offset=truth.number(f"{name}_offset", 0.0),
-        noise=truth.number(f"{name}_noise", 0.0, minimum=0),
+        factor=scale * truth.number(f"{name}_gain", 1.0, minimum=0.5, maximum=2.0),
+        shift=scale * truth.number(f"{name}_offset", 0.0),
+        noise=scale * truth.number(f"{name}_noise", 0.0, minimum=0),
         stream=setup.stream(name),
     )
 

@@ -51,13 +51,14 @@ class Output:
         """Return the device's time as its lines show it."""
         return self._device_clock.at(self._clock.now_ns()) // _US_PER_MS % _WRAP
 
-    def numbered(self, text: str, tail: str = "") -> None:
-        """Send a mark or a data line; in level 2 number and time stand between it and the tail."""
+    def numbered(self, text: str, tail: str = "", at_us: int | None = None) -> None:
+        """Send a mark or a data line; in level 2 number and time, which is now or told, stand before the tail."""
         if not self._extended:
             self._send(f"{text}\r\n".encode("ascii"))
             return
         self.number = (self.number + 1) % _WRAP
-        self._send(seal(f"{text};{self.number};{self.milliseconds()}{tail}"))
+        milliseconds = self.milliseconds() if at_us is None else at_us // _US_PER_MS % _WRAP
+        self._send(seal(f"{text};{self.number};{milliseconds}{tail}"))
 
     def reply(self, text: str) -> None:
         """Send a reply."""

@@ -18,6 +18,7 @@ _S_PER_H = 3600
 _COLDEST, _HOTTEST = -400, 1250
 _WITHOUT_CURRENT, _WITHOUT_REST = 12, 3
 _UW_PER_DIGIT = 72_000  # 0.1 mWh is 100 uWh; a line of 1 uW is 5 / 3600 uWh
+_NEVER = (1, 0) * 4
 _KEPT = ("state", "reason", "run", "cycle", "_lines", "_power", "_flow", "_row")
 
 
@@ -46,6 +47,7 @@ class Sequence:
         """Be as after a reset; the relays are the caller's."""
         self.state, self.reason, self.run, self.cycle = "IDLE", "", "", 0
         self._after_rest = CHARGE
+        self._calm: tuple[int, ...] = _NEVER
         self._lines = self._power = self._flow = self._row = 0
 
     @property
@@ -80,6 +82,21 @@ class Sequence:
             self._power += abs(volts * amperes)
             self._flow += abs(amperes)
 
+    def calm(self, reading: Reading) -> bool:
+        """Return whether nothing can follow from a data line; nearly all of them are, so `judge` need not look."""
+        volts, amperes, degrees = reading
+        low_volts, high_volts, low_amperes, high_amperes, low_degrees, high_degrees, lines, flow = self._calm
+        if (
+            low_volts <= volts <= high_volts
+            and low_amperes <= amperes <= high_amperes
+            and low_degrees <= degrees <= high_degrees
+            and self._lines <= lines
+            and self._flow <= flow
+        ):
+            self._row = 0
+            return True
+        return False
+
     def judge(self, reading: Reading) -> list[str]:
         """Return the marks that a data line causes, after the relays were driven."""
         ended = self._half_ended(reading)
@@ -113,6 +130,7 @@ class Sequence:
         self._after_rest = cast("str", state["after_rest"])
         for name in _KEPT:
             setattr(self, name, state[name.strip("_")])
+        self._calm = self._bounds()
 
     def _half_ended(self, reading: Reading) -> bool:
         volts, amperes, _ = reading
@@ -175,6 +193,20 @@ class Sequence:
     def _begin_half(self, state: str) -> None:
         self.state = state
         self._lines = self._power = self._flow = self._row = 0
+        self._calm = self._bounds()
+
+    def _bounds(self) -> tuple[int, ...]:
+        """Return lowest and highest readings, most lines and most charge from which nothing follows in this half."""
+        limit = self._settings.values
+        if self.state == "CHARGE":
+            volts, amperes = (limit["vmin"], limit["vmax"]), (limit["iend"] + 1, limit["imax"])
+        elif self.state == "DISCHARGE":
+            volts = max(limit["vmin"], limit["vend"] + 1), limit["vmax"]
+            amperes = -limit["imax"], -limit["iend"]
+        else:
+            return _NEVER
+        most = limit["time"] // LINE_S, limit["charge"] * _S_PER_H // LINE_S
+        return (*volts, *amperes, limit["tmin"], limit["tmax"], *most)
 
     def _finish(self, state: str) -> None:
         self._relays.open()
