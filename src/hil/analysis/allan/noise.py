@@ -23,6 +23,7 @@ _WORST_TAIL = 1e-3  # a right model is rejected once in a thousand records
 _MODEL_ERROR = 0.03  # of the deviation: filters, quantisation and temperature bend real curves by about this
 _SLOWEST, _FASTEST = 1e-9, 1e12  # Hz; beyond them products of rates and averaging times leave the range of numbers
 _KNOWN = 2.0  # a measured square is at least twice its standard uncertainty
+_WELL_KNOWN_DOF = 10.0  # of a deviation that may be the smallest: averaging times up to about an eighth of the record
 
 
 def characterise(
@@ -139,10 +140,14 @@ def _unobservable(curve: AllanCurve, remark: str) -> NoiseModel:
 
 
 def _window(curve: AllanCurve) -> Figure:
-    """Averaging time with the smallest deviation; its uncertainty spans the times that are as good within theirs."""
-    best = int(np.argmin(curve.deviation))
-    alike = np.flatnonzero(curve.low <= curve.high[best])
+    """Averaging time with the smallest deviation; its uncertainty spans the times that are as good within theirs.
+
+    Only among times whose deviation has ten degrees of freedom: of the few longest ones, one often is low by chance.
+    """
+    known = max(1, int((curve.edf >= _WELL_KNOWN_DOF).sum()))
+    best = int(np.argmin(curve.deviation[:known]))
+    alike = np.flatnonzero(curve.low[:known] <= curve.high[best])
     span = float(curve.tau[alike[-1]] * math.sqrt(2.0) - curve.tau[alike[0]] / math.sqrt(2.0))
-    ends = {0: FigureStatus.UPPER_LIMIT, curve.tau.size - 1: FigureStatus.NOT_OBSERVABLE}
+    ends = {0: FigureStatus.UPPER_LIMIT, known - 1: FigureStatus.NOT_OBSERVABLE}
     status = ends.get(best, FigureStatus.MEASURED)
     return Figure(value=float(curve.tau[best]), unit="s", uncertainty=span / math.sqrt(12.0), status=status)

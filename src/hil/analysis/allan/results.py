@@ -60,7 +60,8 @@ class NoiseModel:
         white: white noise N (of a gyroscope: angle random walk), in unit/sqrt(Hz).
         flicker: flicker B (bias instability), in the rate's unit; 0.664 B is the floor of the deviation.
         random_walk: random walk of the rate K, in unit*sqrt(Hz).
-        averaging_window: averaging time with the smallest deviation, in s.
+        averaging_window: averaging time with the smallest deviation, in s, among those that are known with ten degrees
+            of freedom; NOT_OBSERVABLE where that is the longest of them.
         curve: the deviations.
         fitted: deviation of the fitted model at the curve's averaging times; empty where nothing was fitted.
         chi: root of chi-square per degree of freedom of the fit, NaN where nothing was fitted.
