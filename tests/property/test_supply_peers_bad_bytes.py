@@ -9,9 +9,9 @@ from talking import Talk
 from hil.simulation.peers import korad_ka3005p, rigol_dp832
 
 WORDS = (
-    b":SOUR", b":VOLT", b"CURR", b":OUTP", b":OVP", b":OCP", b":VAL", b"CH", b"1", b"2", b"9" * 400, b"E999", b"?", b";",
-    b",", b" ", b"\n", b"ON", b":APPL", b":INST", b":NSEL", b"*IDN", b"*RST", b":MEAS", b":ALL", b"MAX", b"\xb2", b"\xff",
-    b"VSET1", b"ISET1", b":31.00", b":04.20", b"STATUS", b"OUT1", b"OVP1", b"OCP0", b"VOUT1",
+    b":SOUR", b":VOLT", b"CURR", b":OUTP", b":OVP", b":OCP", b":VAL", b"CH", b"1", b"2", b"9" * 400, b"E999", b"?",
+    b";", b",", b" ", b"\n", b"ON", b":APPL", b":INST", b":NSEL", b"*IDN", b"*RST", b":MEAS", b":ALL", b"MAX",
+    b"\xb2", b"\xff", b"VSET1", b"ISET1", b":31.00", b":04.20", b"STATUS", b"OUT1", b"OVP1", b"OCP0", b"VOUT1",
 )  # fmt: skip
 BYTES = st.one_of(st.binary(max_size=60), st.lists(st.sampled_from(WORDS), max_size=20).map(b"".join))
 
