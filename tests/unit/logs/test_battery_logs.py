@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from binascii import crc_hqx
 from pathlib import Path
 
 import numpy as np
@@ -108,6 +109,33 @@ def test_own_energy_of_the_cycler_is_net(tmp_path):
     read = cycler.read(log(tmp_path, [*rows(100), *rows(50, amperes=-0.7)]))
     each = 3.7 * 0.7 * 5.0 / 3600.0
     assert read.own_energy == pytest.approx((99 - 49) * each, abs=2e-4)
+
+
+def sealed(text):
+    """A line with the CRC of the cycler's second level."""
+    return f"{text}*{crc_hqx(text.encode('ascii'), 0xFFFF):04X}"
+
+
+def test_sealed_rows_tell_their_time_and_are_checked(tmp_path):
+    """Rows with device time and CRC: lost ones need no guess, a changed digit is torn, marks hold semicolons."""
+    lines = [sealed(f"{row.replace(',', '.')};{n};{5000 * n};C") for n, row in enumerate(rows(6), start=1)]
+    lines[2] = lines[2].replace("3.700", "3.800")
+    del lines[3]
+    marks = [sealed("TEST ITERATION 1;1;0"), sealed("TEST END;9;40000")]
+    read = cycler.read(log(tmp_path, [marks[0], *lines, marks[1]]))
+    assert read.time.tolist() == [0.0, 5.0, 20.0, 25.0]
+    assert read.cycle.tolist() == [1.0] * 4
+    assert read.remarks == ("1 torn rows are left out, their intervals are counted",)
+
+
+def test_the_devices_clock_may_wrap_or_begin_anew(tmp_path):
+    """After 49.7 days the time runs on; after a reset one interval is counted, and the reset told."""
+    stamps = [2**32 - 5000, 0, 5000]
+    lines = [sealed(f"3.7;0.7;0.1;25.0;{n};{stamp};C") for n, stamp in enumerate(stamps)]
+    lines += ["START ARDUINO", sealed("3.7;0.7;0.1;25.0;1;900;C")]
+    read = cycler.read(log(tmp_path, lines))
+    assert read.time.tolist() == [0.0, 5.0, 10.0, 15.0]
+    assert any(remark.startswith("the cycler started 2 times") for remark in read.remarks)
 
 
 def test_a_log_without_rows_is_refused(tmp_path):
