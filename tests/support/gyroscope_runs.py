@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from workspaces import DUT, ROOT, Workspace
+from workspaces import ROOT, Workspace
 
 from hil.evidence.package.contents import Package
 from hil.executive.setup.configuration import configure
@@ -15,12 +15,18 @@ from hil.plugin.launch import launch
 from hil.plugin.opening import open_simulated
 from hil.simulation.world import World
 
-__all__ = ["CALIBRATION", "DUT", "NOISE", "REST_S", "Ended", "faulty", "gyroscope_workspace", "run_one", "truth"]
+__all__ = [
+    "CALIBRATION",
+    "NOISE",
+    "Ended",
+    "committed_workspace",
+    "faulty",
+    "gyroscope_workspace",
+    "run_one",
+    "truth",
+]
 
 CALIBRATION, NOISE = "test_calibration", "test_noise_at_rest"
-
-REST_S = 300
-"""How long the shortened plan records at rest, in s: for faults; what Allan deviations need is longer."""
 
 _BENCH = "fixtures/benches/adcs/bench.yaml"
 _PARAMETERS = {
@@ -35,7 +41,7 @@ _PARAMETERS = {
     "verification_rates": 'values: ["13.6", "-20"]',
 }
 _SHORT = {
-    "rest_duration": f'value: "{REST_S}"',
+    "rest_duration": 'value: "300"',
     "static_duration": 'value: "20"',
     "turning_duration": 'value: "10"',
     "soak": 'value: "120"',
@@ -100,6 +106,16 @@ class Ended:
         return next(each for each in self.package.results()["cases"] if each["case"].endswith(f"::{self.case}"))
 
 
+def committed_workspace(root: Path) -> Workspace:
+    """Copy bench, fixtures and plan as they are committed into `root`, which must not exist yet."""
+    others = [plan.name for plan in (ROOT / "testplans").iterdir() if plan.is_dir() and plan.name != "gyroscope"]
+    skipped = shutil.ignore_patterns("__pycache__", *others)
+    shutil.copytree(ROOT / "fixtures", root / "fixtures", ignore=skipped)
+    shutil.copytree(ROOT / "testplans", root / "testplans", ignore=skipped)
+    (root / "hil.toml").touch()
+    return Workspace(root, root / "testplans/gyroscope")
+
+
 def gyroscope_workspace(
     root: Path, *, parameters: Mapping[str, str] | None = None, changes: Mapping[str, str] | None = None
 ) -> Workspace:
@@ -110,11 +126,7 @@ def gyroscope_workspace(
         parameters: other values than the short ones, `value: "5"` or `values: ["1", "2"]`, by name.
         changes: texts of the bench file, each of which is there once.
     """
-    skipped = shutil.ignore_patterns("__pycache__", "magnetorquer", "jig")
-    shutil.copytree(ROOT / "fixtures", root / "fixtures", ignore=skipped)
-    shutil.copytree(ROOT / "testplans", root / "testplans", ignore=skipped)
-    (root / "hil.toml").touch()
-    workspace = Workspace(root, root / "testplans/gyroscope")
+    workspace = committed_workspace(root)
     wanted = {**_SHORT, **(parameters or {})}
     places = {name: f"- {{name: {name}, {_PARAMETERS[name]}" for name in wanted}
     workspace.change(
