@@ -76,6 +76,16 @@ def test_a_table_without_mapping_is_refused(table):
         run(table)
 
 
+def test_what_is_left_out_or_not_there_is_told(tmp_path):
+    """Rows that hold no number, a current that never flows, and cycles too few for a fade."""
+    path = tmp_path / "rest.csv"
+    path.write_text("t,U,I\n" + "".join(f"{5 * n},{'nan' if n == 2 else 3.7},0\n" for n in range(6)), encoding="utf-8")
+    text = run(str(path), *COLUMNS).stdout
+    assert "note: 1 rows without a time, voltage or current are left out" in text
+    assert "note: the current never leaves rest" in text
+    assert "no fade: 0 cycles of 0 whole" in text
+
+
 def test_impossible_options_are_refused(table):
     """A range that is none, and rows without time between them."""
     with pytest.raises(Refused, match="--mean-voltage 3 is no range"):

@@ -54,7 +54,7 @@ def as_json(result: Result) -> str:
         "file": result.file,
         "maker": result.log.maker,
         "rows": int(result.data.time.size),
-        "remarks": list(result.log.remarks),
+        "remarks": _remarks(result),
         "net": {"charge_Ah": _net(result, energy=False), "energy_Wh": _net(result, energy=True)},
         "own": {"charge_Ah": result.log.own_charge, "energy_Wh": result.log.own_energy},
         "nominal_capacity_Ah": result.capacity,
@@ -101,7 +101,7 @@ def as_text(result: Result) -> str:
     hours = float(result.data.time[-1] - result.data.time[0]) / SECONDS_PER_HOUR
     made = result.summary.cycles
     head = f"{result.file} ({result.log.maker}): {result.data.time.size} rows, {hours:.4g} h, {_count(len(made))}"
-    lines = [head, *(f"note: {remark}" for remark in result.log.remarks)]
+    lines = [head, *(f"note: {remark}" for remark in _remarks(result))]
     lines += _own(result)
     lines += ["", _CYCLE]
     for cycle in made:
@@ -116,8 +116,21 @@ def as_text(result: Result) -> str:
         lines.append(f"equivalent full cycles: {through:.4g} of {result.capacity:g} Ah")
     for name, each in result.summary.fades.items():
         lines += ["", *_fade(name, each)]
+    if not result.summary.fades:
+        whole = sum(cycle.complete for cycle in made)
+        lines.append(f"no fade: {_count(whole)} of {len(made)} whole, three behind those of --skip are needed")
     lines += ["", *_gates(result.summary)]
     return "\n".join(lines)
+
+
+def _remarks(result: Result) -> list[str]:
+    remarks = list(result.log.remarks)
+    left_out = result.log.time.size - result.data.time.size
+    if left_out:
+        remarks.append(f"{left_out} rows without a time, voltage or current are left out")
+    if not result.summary.cycles:
+        remarks.append("the current never leaves rest: are its column, its unit and --rest-current right?")
+    return remarks
 
 
 def _count(number: int) -> str:
