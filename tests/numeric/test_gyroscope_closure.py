@@ -66,7 +66,7 @@ def alignments(one):
     """Of every element off the diagonal: whether its interval holds the inverse of the true mixing."""
     true = np.linalg.inv(one.truth.mixing)
     error = np.abs(np.array(one.found.alignment) - true)
-    inside = error < np.array(one.found.alignment_uncertainty) * stdtrit(math.inf, 0.975)
+    inside = error < np.array(one.found.alignment_uncertainty) * stdtrit(one.found.alignment_dof, 0.975)
     return inside[~np.eye(3, dtype=bool)].tolist()
 
 

@@ -14,6 +14,7 @@ from hil.analysis.gyroscope.calibration import ALIGNED, CalibratedRate, Calibrat
 from hil.analysis.gyroscope.fitting import Fit, fit
 from hil.analysis.gyroscope.polynomial import Polynomial
 from hil.analysis.gyroscope.readings import Reading, Response, responses
+from hil.analysis.statistics import effective_dof
 from hil.model.errors import Refused
 from hil.model.figure import Figure
 
@@ -82,7 +83,7 @@ def calibrate(
     found = responses(readings)
     scale = {name: _scale(name, found, reference, rate_uncertainty) for name in names}
     scaled = {name: each for name, each in scale.items() if each is not None}
-    alignment, uncertainty = _alignment(names, found, scaled, mounting_uncertainty)
+    alignment, uncertainty, dof = _alignment(names, found, scaled, mounting_uncertainty)
     axes = {
         name: CalibratedRate(
             bias=_widened(bias[name].polynomial, margin),
@@ -90,7 +91,9 @@ def calibrate(
         )
         for name in names
     }
-    calibration = Calibration(unit=unit, axes=axes, alignment=alignment, alignment_uncertainty=uncertainty)
+    calibration = Calibration(
+        unit=unit, axes=axes, alignment=alignment, alignment_uncertainty=uncertainty, alignment_dof=dof
+    )
     return CalibrationReport(
         calibration=calibration,
         bias=bias,
@@ -162,24 +165,25 @@ def _unmeasured(bias: Polynomial) -> Polynomial:
 
 def _alignment(
     names: tuple[str, ...], found: Sequence[Response], scale: Mapping[str, Fit], mounting: float
-) -> tuple[Matrix, Matrix | None]:
+) -> tuple[Matrix, Matrix | None, float]:
     if len(names) != 3 or len(scale) != 3:
-        return ALIGNED if len(names) == 3 else _identity(len(names)), None
-    cross, spread = np.eye(3), np.zeros((3, 3))
+        return ALIGNED if len(names) == 3 else _identity(len(names)), None, math.inf
+    cross, spread, dofs = np.eye(3), np.zeros((3, 3)), []
     for column, axis in enumerate(names):
         own = [response for response in found if response.axis == axis]
         for row, name in enumerate(names):
             if row != column:
-                cross[row, column], scatter = _cross_gain(name, own, scale[name].polynomial)
+                cross[row, column], scatter, dof = _cross_gain(name, own, scale[name].polynomial)
                 spread[row, column] = math.hypot(scatter, mounting)
+                dofs.append(effective_dof([(scatter**2, dof), (mounting**2, math.inf)]))
     alignment = np.asarray(np.linalg.inv(cross), dtype=np.float64)
     uncertainty = np.sqrt(np.square(alignment) @ np.square(spread) @ np.square(alignment))
     known = np.isfinite(uncertainty).all()
-    return _matrix(alignment), _matrix(uncertainty) if known else None
+    return _matrix(alignment), _matrix(uncertainty) if known else None, min(dofs) if known else math.inf
 
 
-def _cross_gain(name: str, own: Sequence[Response], scale: Polynomial) -> tuple[float, float]:
-    """Mean over temperatures of the response of one axis to another, scaled, with its standard uncertainty."""
+def _cross_gain(name: str, own: Sequence[Response], scale: Polynomial) -> tuple[float, float, float]:
+    """Mean over temperatures of one axis' response to another, scaled: value, standard uncertainty, dof."""
     factors = [
         float(scale.at(min(max(response.temperature, scale.low), scale.high))) for response in own
     ]  # temperatures of two axes differ a little, and the scale hardly moves within that
@@ -188,7 +192,8 @@ def _cross_gain(name: str, own: Sequence[Response], scale: Polynomial) -> tuple[
         math.nan if response.gains[name].uncertainty is None else factor * (response.gains[name].uncertainty or 0.0)
         for factor, response in zip(factors, own, strict=True)
     ]
-    return float(np.mean(gains)), math.sqrt(sum(spread**2 for spread in spreads)) / len(spreads)
+    dof = effective_dof((spread**2, response.gains[name].dof) for spread, response in zip(spreads, own, strict=True))
+    return float(np.mean(gains)), math.sqrt(sum(spread**2 for spread in spreads)) / len(spreads), dof
 
 
 def _matrix(values: _Array) -> Matrix:

@@ -86,12 +86,14 @@ class Calibration:
         axes: the axes by name, in the order of the matrix.
         alignment: matrix from scaled readings to rates about the table's axes.
         alignment_uncertainty: standard uncertainties of its elements, None where it was not measured.
+        alignment_dof: the least of their degrees of freedom, infinite where they are taken as exact.
     """
 
     unit: str
     axes: Mapping[str, CalibratedRate]
     alignment: Matrix = ALIGNED
     alignment_uncertainty: Matrix | None = None
+    alignment_dof: float = math.inf
 
     @property
     def low(self) -> float:
@@ -135,11 +137,14 @@ class Calibration:
             raise Refused(f"no readings of axis {', '.join(missing)}", f"give all of {', '.join(self.axes)}")
         scaled = [axis.figure(measured[name], temperature, temperature_uncertainty) for name, axis in self.axes.items()]
         spread = self.alignment_uncertainty or tuple(tuple(0.0 for _ in row) for row in self.alignment)
-        rows = (_combined(row, errors, scaled) for row, errors in zip(self.alignment, spread, strict=True))
+        rows = (
+            _combined(row, errors, self.alignment_dof, scaled)
+            for row, errors in zip(self.alignment, spread, strict=True)
+        )
         return dict(zip(self.axes, rows, strict=True))
 
 
-def _combined(row: tuple[float, ...], errors: tuple[float, ...], scaled: list[Figure]) -> Figure:
+def _combined(row: tuple[float, ...], errors: tuple[float, ...], dof: float, scaled: list[Figure]) -> Figure:
     parts = [part for part in zip(row, errors, scaled, strict=True) if part[0] or part[1]]
     value = sum(share * figure.value for share, _, figure in parts)
     unit = scaled[0].unit
@@ -148,7 +153,7 @@ def _combined(row: tuple[float, ...], errors: tuple[float, ...], scaled: list[Fi
     for share, error, figure in parts:
         if figure.uncertainty is None:
             return Figure(value=value, unit=unit, status=status or FigureStatus.MEASURED)
-        variances += [((share * figure.uncertainty) ** 2, figure.dof), ((error * figure.value) ** 2, math.inf)]
+        variances += [((share * figure.uncertainty) ** 2, figure.dof), ((error * figure.value) ** 2, dof)]
     return Figure(
         value=value,
         unit=unit,

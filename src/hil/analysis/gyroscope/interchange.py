@@ -52,6 +52,7 @@ def as_document(calibration: Calibration) -> dict[str, object]:
         },
         "alignment": [list(row) for row in exported.alignment],
         "alignment_uncertainty": _rows(exported.alignment_uncertainty),
+        "alignment_dof": _finite(exported.alignment_dof),
     }
     return {**document, "fingerprint": digest(document)}
 
@@ -64,8 +65,12 @@ def _polynomial(polynomial: Polynomial) -> dict[str, object]:
         "low": polynomial.low,
         "high": polynomial.high,
         "covariance": _rows(polynomial.covariance),
-        "dof": polynomial.dof if math.isfinite(polynomial.dof) else None,
+        "dof": _finite(polynomial.dof),
     }
+
+
+def _finite(dof: float) -> float | None:
+    return dof if math.isfinite(dof) else None
 
 
 def _rows(matrix: Matrix | None) -> list[list[float]] | None:
@@ -128,11 +133,12 @@ def _calibration(document: Mapping[str, object]) -> Calibration:
         },
         alignment=_matrix(document["alignment"]),
         alignment_uncertainty=None if spread is None else _matrix(spread),
+        alignment_dof=_dof(document["alignment_dof"]),
     )
 
 
 def _read(entry: Mapping[str, object]) -> Polynomial:
-    covariance, dof = entry["covariance"], entry["dof"]
+    covariance = entry["covariance"]
     (coefficients,) = _matrix([entry["coefficients"]])
     return Polynomial(
         coefficients=coefficients,
@@ -141,8 +147,12 @@ def _read(entry: Mapping[str, object]) -> Polynomial:
         low=_number(entry["low"]),
         high=_number(entry["high"]),
         covariance=None if covariance is None else _matrix(covariance),
-        dof=math.inf if dof is None else _number(dof),
+        dof=_dof(entry["dof"]),
     )
+
+
+def _dof(value: object) -> float:
+    return math.inf if value is None else _number(value)
 
 
 def _matrix(rows: object) -> Matrix:
