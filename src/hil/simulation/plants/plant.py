@@ -71,7 +71,7 @@ class Plant(ABC):
         self._next_ns = grid_ns
         self._moments = deque([_Moment(0, state, MappingProxyType(dict(inputs)))])
         self._ahead: tuple[_Moment, Vector] | None = None
-        self._seen: tuple[_Moment, int, Vector] | None = None  # the instant between grid points that was seen last
+        self._interpolated: tuple[_Moment, int, Vector] | None = None  # the instant between grid points that was seen last
         self._past: tuple[int, Vector, Inputs] | None = None  # what `observe_at` saw last; no command changes the past
         self._listeners: list[Callable[[], None]] = []
 
@@ -215,12 +215,12 @@ class Plant(ABC):
     def _state_at(self, moment: _Moment, at_ns: int) -> Vector:
         if at_ns <= moment.at_ns:
             return moment.state
-        if self._seen is None or self._seen[0] is not moment or self._seen[1] != at_ns:
+        if self._interpolated is None or self._interpolated[0] is not moment or self._interpolated[1] != at_ns:
             share = (at_ns - moment.at_ns) / (self._end_ns(moment) - moment.at_ns)
             ahead = self._state_ahead(moment)
             state = tuple([a + (b - a) * share for a, b in zip(moment.state, ahead, strict=True)])
-            self._seen = (moment, at_ns, state)
-        return self._seen[2]
+            self._interpolated = (moment, at_ns, state)
+        return self._interpolated[2]
 
     def _end_ns(self, moment: _Moment) -> int:
         return (moment.at_ns // self._grid_ns + 1) * self._grid_ns
