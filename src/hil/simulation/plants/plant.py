@@ -71,7 +71,7 @@ class Plant(ABC):
         self._next_ns = grid_ns
         self._moments = deque([_Moment(0, state, MappingProxyType(dict(inputs)))])
         self._ahead: tuple[_Moment, Vector] | None = None
-        self._interpolated: tuple[_Moment, int, Vector] | None = None  # the instant between grid points that was seen last
+        self._interpolated: tuple[_Moment, int, Vector] | None = None  # what was seen last between grid points
         self._past: tuple[int, Vector, Inputs] | None = None  # what `observe_at` saw last; no command changes the past
         self._listeners: list[Callable[[], None]] = []
 
