@@ -117,6 +117,15 @@ def test_the_averaging_window_is_where_the_deviation_is_smallest():
     assert window.unit == "s"
 
 
+def test_a_long_average_that_is_low_by_chance_is_not_the_window():
+    """The deviation at a quarter of this record has two degrees of freedom, and is the smallest; sqrt(3) N / K is 69 s."""
+    generator = np.random.default_rng(21)
+    data = generator.standard_normal(4096) + np.cumsum(0.025 * generator.standard_normal(4096))
+    model = characterise(data, 1.0, "deg/s")
+    assert model.curve.tau[np.argmin(model.curve.deviation)] == 1024.0
+    assert (model.averaging_window.value, model.averaging_window.status) == (64.0, FigureStatus.MEASURED)
+
+
 def test_the_averaging_window_of_falling_deviations_is_not_observable():
     """White noise alone falls to the end of the record: the best window may be longer."""
     window = characterise(np.random.default_rng(5).standard_normal(4096), 1.0, "deg/s").averaging_window
