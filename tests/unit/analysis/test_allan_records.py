@@ -118,7 +118,7 @@ def test_the_averaging_window_is_where_the_deviation_is_smallest():
 
 
 def test_a_long_average_that_is_low_by_chance_is_not_the_window():
-    """The deviation at a quarter of this record has two degrees of freedom, and is the smallest; sqrt(3) N / K is 69 s."""
+    """The deviation at a quarter of this record is the smallest, with two degrees of freedom; sqrt(3) N / K is 69 s."""
     generator = np.random.default_rng(21)
     data = generator.standard_normal(4096) + np.cumsum(0.025 * generator.standard_normal(4096))
     model = characterise(data, 1.0, "deg/s")
