@@ -19,7 +19,7 @@ $(STAMP): pyproject.toml requirements.lock
 run: setup
 	$(BIN)/hil run testplans/magnetorquer --bench adcs --source simulated --dut SIM-ADCS-1
 
-# Every test but the whole runs in processes of their own, which `make system` takes.
+# Every test but whole campaigns and runs in processes of their own, which `make system` takes.
 test: setup
 	$(BIN)/python -m pytest -m "not system"
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 from gyroscope_runs import CALIBRATION, NOISE, faulty, gyroscope_workspace, run_one, truth
 
+pytestmark = pytest.mark.system
+
 HEALTHY = {"010": "RECORDED", "011": "PASS", "012": "PASS", "013": "PASS", "014": "INCONCLUSIVE", "015": "PASS"}
 """Five minutes tell no longest averaging time; all else is there."""
 

@@ -7,6 +7,8 @@ from magnetorquer_runs import BOARDS, rows, run_here, workspace
 
 from hil.plugin.rehearsing import replay
 
+pytestmark = pytest.mark.system
+
 SEED = 'seed: "20260101"'
 SENSOR_VOLTAGE = "- {id: sensor-voltage,"
 SENSOR_CURRENT = (

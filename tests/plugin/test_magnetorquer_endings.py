@@ -7,6 +7,8 @@ from magnetorquer_runs import others, run_here, with_faults, workspace
 
 from hil.plugin.rehearsing import replay
 
+pytestmark = pytest.mark.system
+
 BOARD = "x_plus"
 TRUTH = 'x_plus: {resistance: "97.9"}'
 POLARITY, LINEARITY, COMPASS = (
