@@ -107,7 +107,8 @@ class Progress:
         limit = limit_text(event["limit"], event["limit_unit"])
         reason = f"  {event['reason']}" if event["reason"] else ""
         self._told.append(f"{event['requirement']} {event['parameter']}{of} is {event['verdict']}: ")
-        text = Text(f"  {event['requirement']} {event['parameter']}{of} = {value}  ({limit})  ")
+        asked = f"({limit})  " if limit else ""
+        text = Text(f"  {event['requirement']} {event['parameter']}{of} = {value}  {asked}")
         text.append(event["verdict"], _STYLES[event["verdict"]])
         text.append(reason)
         self._console.print(text)

@@ -99,10 +99,10 @@ def test_timestamps_may_count_milliseconds_and_have_gaps(tmp_path):
 
 
 def test_no_number_stands_beside_a_rejected_model():
-    """What the fit gave is in the JSON for orientation; a person is given no number that is none."""
+    """What the fit gave is in the JSON for orientation; a person is given no number that is none, no averaging time either."""
     lines = run(SLICE, "--time", "1", "--columns", "3", "--unit", "LSB").stdout.splitlines()
     rejected = [line.split() for line in lines if line.endswith("model rejected")]
-    assert [words[-3] for words in rejected] == ["-"] * 3
+    assert [words[-3] for words in rejected] == ["-"] * 4
 
 
 def test_a_time_column_among_the_rates_is_warned_of(tmp_path):
@@ -242,7 +242,7 @@ def test_the_commands_of_the_how_to_work(tmp_path, monkeypatch):
     (tmp_path / "docs").symlink_to(ROOT / "docs")
     monkeypatch.chdir(tmp_path)
     examples = re.findall(r"```console\n\$ hil analyse (.*?)```", page, re.DOTALL)
-    assert len(examples) == 6
+    assert len(examples) == 7
     for example in examples:
         asked = shlex.split(example.replace("\\\n", " "))
         assert CliRunner().invoke(command, asked, catch_exceptions=False).exit_code == 0

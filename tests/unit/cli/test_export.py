@@ -47,7 +47,7 @@ def test_one_recording_as_a_spreadsheet_here_reads_it(capsys, place):
     assert (code, out) == (0, f"{ID}.csv: 100 rows\nout\n")
     text = (place / "out" / f"{ID}.csv").read_text(encoding="utf-8")
     assert "# mark: SIMULATED\n" in text
-    assert "\ntime [s];x [uT];y [uT];z [uT];temperature [degC]\n2,742318088;" in text
+    assert "\ntime [s];x [uT];y [uT];z [uT];temperature [degC]\n4,082805349;" in text
 
 
 def test_tabs_are_named_by_a_word(capsys, place):

@@ -61,9 +61,20 @@ def test_a_shield_holds_off_scheduling_points_too():
         flags.check()
 
 
+@pytest.fixture(autouse=True)
+def _handlers():
+    """Put the handlers of signals back."""
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.getsignal(number) for number in numbers}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_signals_are_requests_while_they_are_handled(name):
     """A signal is a request with its name; the handler before is put back."""
+    signal.signal(signal.Signals[name], signal.default_int_handler)  # an ignored SIGHUP would stay ignored
     flags, before = StopFlags(), signal.getsignal(signal.Signals[name])
     with handle_signals(flags):
         os.kill(os.getpid(), signal.Signals[name])
@@ -100,6 +111,7 @@ def test_a_case_that_swallows_its_cuts_is_given_up():
 def test_one_hang_up_told_twice_is_one_request():
     """The terminal, the shell and the supervisor may all tell it."""
     flags = StopFlags()
+    signal.signal(signal.SIGHUP, signal.default_int_handler)  # an ignored one would stay ignored
     with handle_signals(flags):
         signal.raise_signal(signal.SIGHUP)
         signal.raise_signal(signal.SIGHUP)

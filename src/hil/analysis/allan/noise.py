@@ -6,6 +6,7 @@ Definitions of the coefficients: IEEE Std 952-1997, annex C.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -94,7 +95,7 @@ def _model(curve: AllanCurve, found: allan_fit.Fit, start: int, floor: float) ->
         white=figures[0],
         flicker=figures[1],
         random_walk=figures[2],
-        averaging_window=_window(curve),
+        averaging_window=replace(_window(curve), status=FigureStatus.MODEL_REJECTED) if rejected else _window(curve),
         curve=curve,
         fitted=np.sqrt(allan_fit.variances(curve.m, curve.rate) @ found.squares),
         chi=found.chi,
