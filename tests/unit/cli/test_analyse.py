@@ -99,7 +99,7 @@ def test_timestamps_may_count_milliseconds_and_have_gaps(tmp_path):
 
 
 def test_no_number_stands_beside_a_rejected_model():
-    """What the fit gave is in the JSON for orientation; a person is given no number that is none, no averaging time either."""
+    """What the fit gave is in the JSON for orientation; a person is given no number, and no averaging time either."""
     lines = run(SLICE, "--time", "1", "--columns", "3", "--unit", "LSB").stdout.splitlines()
     rejected = [line.split() for line in lines if line.endswith("model rejected")]
     assert [words[-3] for words in rejected] == ["-"] * 4
