@@ -17,7 +17,7 @@ def command(run: str) -> int:
     """Run the cases of a package again on its recorded bytes, and compare the verdicts.
 
     Cases, fixtures, bench file and limits are those frozen in the package. Exit code 0 if every verdict,
-    value and recording is the same, 1 otherwise.
+    value, recording and file of a case is the same, 1 otherwise.
     """
     pin()
     from hil.evidence.package.contents import Package  # noqa: PLC0415 - after the pins

@@ -50,7 +50,7 @@ class _Mapping(NamedTuple):
 @click.option("--capacity", type=float, metavar="AH", help="Nominal capacity.")
 @click.option("--energy", type=float, metavar="WH", help="Nominal energy.")
 @click.option("--mean-voltage", default="3.4,3.95", show_default=True, metavar="V,V", help="Range of the chemistry.")
-@click.option("--rest-current", type=float, metavar="A", help="Below it the cell rests; 1 % of the largest by default.")
+@click.option("--rest-current", type=float, metavar="A", help="It rests below; else 1 % of the largest usual current.")
 @click.option("--counted", type=int, metavar="N", help="Cycles that somebody counted, to hold against the time.")
 @click.option("--skip", type=int, default=0, show_default=True, metavar="N", help="First cycles the fade leaves out.")
 @click.option("--remaining", type=float, default=0.8, show_default=True, metavar="PART", help="Left at end of life.")
