@@ -36,7 +36,7 @@ def test_the_recordings_repeat(packages):
     first, second = packages
     for of_cases in (True, False):
         assert rows(first, of_cases=of_cases) == rows(second, of_cases=of_cases)
-    assert len(rows(first, of_cases=True)) == 180
+    assert len(rows(first, of_cases=True)) == 216
 
 
 def test_results_and_transcript_repeat(packages):
