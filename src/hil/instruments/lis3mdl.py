@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, TypeVar
+from typing import ClassVar
 
 from hil.clock.port import Clock
 from hil.instruments import settings
 from hil.instruments.driver import Connection, Outlet
+from hil.instruments.i2c_registers import I2cRegisters
 from hil.instruments.marks import drives, reads
 from hil.instruments.roles import Magnetometer
 from hil.instruments.sampled import Channel
@@ -51,8 +52,6 @@ _MARGIN_S = 0.1
 _POLLS_PER_SAMPLE = 8
 # At 16 gauss the noise is 5 counts rms on each axis: three axes repeat once in 10,000 samples.
 _MOST_EQUAL_SAMPLES = 16
-
-_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +98,7 @@ class Lis3mdlMagnetometer:
     """
 
     def __init__(self, *, device: str, bus: I2cBus, address: int, clock: Clock, mode: _Mode) -> None:
-        self._registers = _Registers(device, bus, address)
+        self._registers = I2cRegisters(device, bus, address)
         self._device = device
         self._clock = clock
         self._mode = mode
@@ -128,7 +127,7 @@ class Lis3mdlMagnetometer:
         self._registers.write(_CTRL_REG3, _POWER_DOWN)
         for register in (_CTRL_REG1, _CTRL_REG2, _CTRL_REG4, _CTRL_REG5):
             self._registers.write(register, wanted[register - _CTRL_REG1])
-        self._registers.block(_OUT_X_L, 6)  # takes away the flag of a sample from before
+        self._registers.block(_OUT_X_L | _AUTO_INCREMENT, 6)  # takes away the flag of a sample from before
         self._registers.write(_CTRL_REG3, _CONTINUOUS)
         self._expect(_CTRL_REG1, wanted)
         self._await_sample()
@@ -158,8 +157,8 @@ class Lis3mdlMagnetometer:
         if not self._running:
             raise Refused(f"{self._device} has not been started", "call start() before the first sample")
         self._await_sample()
-        data = self._registers.block(_OUT_X_L, 6)
-        temperature = self._registers.block(_TEMP_OUT_L, 2)
+        data = self._registers.block(_OUT_X_L | _AUTO_INCREMENT, 6)
+        temperature = self._registers.block(_TEMP_OUT_L | _AUTO_INCREMENT, 2)
         if set(data + temperature) == {0xFF} and self._registers.read(_WHO_AM_I) != _ITS_NAME:
             raise Garbled(self._device, "the bus reads nothing but ones", "look at the sensor's power and its SDA wire")
         counts = struct.unpack("<hhh", data)
@@ -190,7 +189,7 @@ class Lis3mdlMagnetometer:
             self._clock.sleep(1.0 / (self._mode.rate * _POLLS_PER_SAMPLE))
 
     def _expect(self, register: int, wanted: bytes) -> None:
-        found = self._registers.block(register, len(wanted))
+        found = self._registers.block(register | _AUTO_INCREMENT, len(wanted))
         if found != wanted:
             raise Rejected(
                 self._device,
@@ -217,7 +216,7 @@ class Lis3mdl:
     def identify(self) -> Identity:
         """Read WHO_AM_I; it names the type, and nothing names the article."""
         device, address = self._connection.device, self._connection.address
-        name = _Registers(device, self._bus, address).read(_WHO_AM_I)
+        name = I2cRegisters(device, self._bus, address).read(_WHO_AM_I)
         return Identity(model="LIS3MDL" if name == _ITS_NAME else f"WHO_AM_I {name:#04x}")
 
     def outlets(self) -> Sequence[Outlet]:
@@ -242,37 +241,3 @@ class Lis3mdl:
             clock=self._connection.clock,
             mode=mode,
         )
-
-
-class _Registers:
-    """The sensor's registers; a missing acknowledge is NoReply."""
-
-    def __init__(self, device: str, bus: I2cBus, address: int) -> None:
-        self._device = device
-        self._bus = bus
-        self._address = address
-
-    def read(self, register: int) -> int:
-        return self._heard(lambda: self._bus.read_byte_data(self._address, register))
-
-    def write(self, register: int, value: int) -> None:
-        self._heard(lambda: self._bus.write_byte_data(self._address, register, value))
-
-    def block(self, register: int, count: int) -> bytes:
-        """Return `count` bytes from `register` on, in one transfer."""
-        data = bytes(
-            self._heard(lambda: self._bus.read_i2c_block_data(self._address, register | _AUTO_INCREMENT, count))
-        )
-        if len(data) != count:
-            raise Garbled(self._device, f"{count} bytes were asked for and {len(data)} came", "look at the I2C adapter")
-        return data
-
-    def _heard(self, transfer: Callable[[], _T]) -> _T:
-        try:
-            return transfer()
-        except OSError as error:
-            raise NoReply(
-                self._device,
-                f"no acknowledge at address {self._address:#04x}: {error.strerror or error}",
-                "look at the sensor's power, its wires and the address in the bench file",
-            ) from error

@@ -6,19 +6,17 @@ Registers stand in banks behind REG_BANK_SEL; all that are used here are in bank
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from enum import IntEnum
-from typing import TypeVar, cast
+from typing import cast
 
-from hil.model.errors import Garbled, NoReply, Rejected
-from hil.wire.port import I2cBus
+from hil.instruments.i2c_registers import I2cRegisters
+from hil.model.errors import Rejected
 
 __all__ = ["ITS_NAME", "Register", "Registers"]
 
 ITS_NAME = 0x6F
 """What WHO_AM_I says."""
-
-_T = TypeVar("_T")
 
 
 class Register(IntEnum):
@@ -47,32 +45,8 @@ class Register(IntEnum):
     REG_BANK_SEL = 0x76
 
 
-class Registers:
-    """One sensor's registers; a missing acknowledge is NoReply of the sensor, whoever drives the bus.
-
-    Args:
-        device: the sensor's name, for messages.
-        bus: its bus.
-        address: its 7-bit address.
-    """
-
-    def __init__(self, device: str, bus: I2cBus, address: int) -> None:
-        self.device = device
-        self.bus = bus
-        self.address = address
-
-    def read(self, register: Register) -> int:
-        """Return one register."""
-        return self._heard(lambda: self.bus.read_byte_data(self.address, register))
-
-    def write(self, register: Register, value: int) -> None:
-        """Write one register."""
-        self._heard(lambda: self.bus.write_byte_data(self.address, register, value))
-
-    def block(self, register: Register, count: int) -> bytes:
-        """Return up to 32 bytes from a register on, in one transfer."""
-        data = bytes(self._heard(lambda: self.bus.read_i2c_block_data(self.address, register, count)))
-        return self._whole(data, count)
+class Registers(I2cRegisters):
+    """The sensor's registers, and settings that are written and read back."""
 
     def long(self, register: Register, count: int) -> bytes:
         """Return any number of bytes from a register on, in one transfer with a repeated start."""
@@ -102,18 +76,3 @@ class Registers:
                     f"{register.name} was set to {value:#04x} and reads back {found:#04x}",
                     "look at the sensor's power and who else talks to it",
                 )
-
-    def _whole(self, data: bytes, count: int) -> bytes:
-        if len(data) != count:
-            raise Garbled(self.device, f"{count} bytes were asked for and {len(data)} came", "look at the I2C adapter")
-        return data
-
-    def _heard(self, transfer: Callable[[], _T]) -> _T:
-        try:
-            return transfer()
-        except OSError as error:
-            raise NoReply(
-                self.device,
-                f"no acknowledge at address {self.address:#04x}: {error.strerror or error}",
-                "look at the sensor's power, its wires and the address in the bench file",
-            ) from error
