@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import cast
 
 from hil.simulation.faults import Faults
-from hil.simulation.peers.keysight_channel import SupplyOutput
 from hil.simulation.peers.scpi import Command, ErrorQueue, ScpiError, channel_list, find, keyword, split
+from hil.simulation.peers.supply_output import SupplyOutput
 
 __all__ = ["CommandSet"]
 

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from typing import cast
 
 from hil.clock.port import NANOSECONDS
-from hil.simulation.peers.keysight_channel import OutputTruth, Rating, SupplyOutput, read_output_truth
 from hil.simulation.peers.keysight_commands import CommandSet
 from hil.simulation.peers.model import PeerModel, PeerSetup
+from hil.simulation.peers.supply_output import OutputTruth, Rating, SupplyOutput, read_outputs
 from hil.wire.peer import Line, PeerClock
 
 __all__ = ["MODEL", "KeysightE36312a", "build"]
@@ -121,24 +121,9 @@ def build(setup: PeerSetup) -> KeysightE36312a:
         TruthError: with everything that is wrong in its truth or terminals.
     """
     truth = setup.truth
-    usual = read_output_truth(truth, OutputTruth())
-    sections = truth.sections("channels")
-    for number in sections.keys() - {"1", "2", "3"}:
-        truth.wrong("channels", f"unknown channel '{number}'; known are 1, 2, 3")
-    channels = {number: read_output_truth(section, usual) for number, section in sections.items()}
     serial, firmware = truth.text("serial", "MY00000001"), truth.text("firmware", "2.1.0-1.0.4-1.12")
     times = [truth.number(key, usual_s, minimum=0) for key, usual_s in (("command_time", 2e-3), ("measure_time", 1e-2))]
-    outputs = {
-        number: SupplyOutput(
-            number,
-            rating,
-            truth=(own := channels.get(str(number), usual)),
-            terminal=setup.connections.port(str(number), own.load),
-            faults=setup.faults,
-            noise=(setup.stream(f"voltage{number}"), setup.stream(f"current{number}")),
-        )
-        for number, rating in _RATINGS.items()
-    }
+    outputs = read_outputs(setup, _RATINGS, OutputTruth(), SupplyOutput)
     setup.finish()
     identity = f"Keysight Technologies,E36312A,{serial},{firmware}"
     command_ns, measure_ns = (round(seconds * NANOSECONDS) for seconds in times)

@@ -18,8 +18,8 @@ from typing import cast
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Faults
-from hil.simulation.peers.keysight_channel import OutputTruth, Rating, SupplyOutput, read_output_truth
 from hil.simulation.peers.model import PeerModel, PeerSetup
+from hil.simulation.peers.supply_output import OutputTruth, Rating, SupplyOutput, read_output_truth
 from hil.wire.peer import Line, PeerClock
 
 __all__ = ["MODEL", "KoradKa3005p", "KoradOutput", "build"]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import cast
 
 from hil.simulation.faults import Faults
-from hil.simulation.peers.keysight_channel import OutputTruth, Rating, SupplyOutput
+from hil.simulation.peers.supply_output import OutputTruth, Rating, SupplyOutput
 from hil.simulation.plants.terminal import Terminal
 from hil.simulation.seeds import Stream
 

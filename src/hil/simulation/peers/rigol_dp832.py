@@ -10,10 +10,10 @@ from collections.abc import Mapping
 from typing import cast
 
 from hil.clock.port import NANOSECONDS
-from hil.simulation.peers.keysight_channel import OutputTruth, read_output_truth
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.rigol_channel import RigolOutput, RigolRating
 from hil.simulation.peers.rigol_commands import RigolCommands
+from hil.simulation.peers.supply_output import OutputTruth, read_outputs
 from hil.wire.peer import Line, PeerClock
 
 __all__ = ["MODEL", "RigolDp832", "build"]
@@ -124,24 +124,9 @@ def build(setup: PeerSetup) -> RigolDp832:
         TruthError: with everything that is wrong in its truth or terminals.
     """
     truth = setup.truth
-    usual = read_output_truth(truth, _RESOLUTION)
-    sections = truth.sections("channels")
-    for number in sections.keys() - {"1", "2", "3"}:
-        truth.wrong("channels", f"unknown channel '{number}'; known are 1, 2, 3")
-    channels = {number: read_output_truth(section, usual) for number, section in sections.items()}
     serial, firmware = truth.text("serial", "DP8C000000001"), truth.text("firmware", "00.01.16")
     times = [truth.number(key, usual_s, minimum=0) for key, usual_s in (("command_time", 5e-3), ("pause_time", 1e-2))]
-    outputs = {
-        number: RigolOutput(
-            number,
-            rating,
-            truth=(own := channels.get(str(number), usual)),
-            terminal=setup.connections.port(str(number), own.load),
-            faults=setup.faults,
-            noise=(setup.stream(f"voltage{number}"), setup.stream(f"current{number}")),
-        )
-        for number, rating in _RATINGS.items()
-    }
+    outputs = read_outputs(setup, _RATINGS, _RESOLUTION, RigolOutput)
     setup.finish()
     commands = RigolCommands(f"RIGOL TECHNOLOGIES,DP832,{serial},{firmware}", outputs, setup.faults)
     command_ns, pause_ns = (round(seconds * NANOSECONDS) for seconds in times)

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import inf
-from typing import cast
+from typing import TypeVar, cast
 
 from hil.simulation.faults import Faults
+from hil.simulation.peers.model import PeerSetup
 from hil.simulation.plants.terminal import Terminal
 from hil.simulation.seeds import Stream
 from hil.simulation.truth import Truth
 
-__all__ = ["NOT_A_NUMBER", "OutputTruth", "Rating", "SupplyOutput", "read_output_truth"]
+__all__ = ["NOT_A_NUMBER", "OutputTruth", "Rating", "SupplyOutput", "read_output_truth", "read_outputs"]
+
+_Output = TypeVar("_Output")
 
 NOT_A_NUMBER = 9.91e37
 """SCPI's word for not a number (SCPI-1999 vol. 1, 7.2.1.5)."""
@@ -95,6 +98,37 @@ def read_output_truth(truth: Truth, base: OutputTruth) -> OutputTruth:
     values |= {key: truth.number(key, getattr(base, key), minimum=0) for key in _UNSIGNED}
     values |= {key: truth.number(key, getattr(base, key), above=0) for key in _POSITIVE}
     return replace(base, **values)
+
+
+def read_outputs(
+    setup: PeerSetup, ratings: Mapping[int, Rating], usual: OutputTruth, make: Callable[..., _Output]
+) -> dict[int, _Output]:
+    """Make every output of a supply from its truth, its terminals and its noise.
+
+    Args:
+        setup: of the supply; its truth has the outputs' common part, and `channels` what differs.
+        ratings: by number of the output, which is the name of its terminal, too.
+        usual: how such an output deviates where the truth does not say.
+        make: an output's class.
+    """
+    truth = setup.truth
+    common = read_output_truth(truth, usual)
+    sections = truth.sections("channels")
+    known = {str(number) for number in ratings}
+    for number in sections.keys() - known:
+        truth.wrong("channels", f"unknown channel '{number}'; known are {', '.join(sorted(known))}")
+    own = {number: read_output_truth(section, common) for number, section in sections.items()}
+    return {
+        number: make(
+            number,
+            rating,
+            truth=(deviates := own.get(str(number), common)),
+            terminal=setup.connections.port(str(number), deviates.load),
+            faults=setup.faults,
+            noise=(setup.stream(f"voltage{number}"), setup.stream(f"current{number}")),
+        )
+        for number, rating in ratings.items()
+    }
 
 
 class SupplyOutput:
