@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,13 +18,28 @@ from hil.wire.transcript import Operation, read_transcript
 if TYPE_CHECKING:
     from smbus2 import i2c_msg
 
-__all__ = ["MONITOR", "Playback", "ReplayedBus", "ReplayedStream"]
+__all__ = ["MONITOR", "Handover", "Playback", "ReplayedBus", "ReplayedStream"]
 
 MONITOR = "monitor"
 """The operation that marks the turn of a monitor; its device is the monitor's limit."""
 
 _READ_FLAG = 0x0001
 _HEX_SHOWN = 48
+
+
+@dataclass(frozen=True, slots=True)
+class Handover:
+    """Where a record stops to answer for a bench, because the bench itself goes on from there.
+
+    Attributes:
+        operations: how many operations the record answers.
+        at_ns: the bench time of the handover, at a scheduling point after the last of them.
+        act: lets the bench go on.
+    """
+
+    operations: int
+    at_ns: int
+    act: Callable[[], None]
 
 
 class Playback:
@@ -32,18 +49,32 @@ class Playback:
         path: the transcript of the run.
         clock: set to the recorded end of every operation.
         where: tells the present step, for messages.
+        handover: where the record stops to answer, None where it does not.
     """
 
-    def __init__(self, path: Path, clock: Clock, where: Callable[[], str]) -> None:
-        self._operations = read_transcript(path)
+    def __init__(self, path: Path, clock: Clock, where: Callable[[], str], handover: Handover | None = None) -> None:
+        self._operations = islice(read_transcript(path), handover.operations if handover else None)
         self._next = next(self._operations, None)
         self._clock = clock
         self._where = where
+        self._handover = handover
 
     @property
     def exhausted(self) -> bool:
         """Whether every recorded operation was asked for."""
         return self._next is None
+
+    def look_up_ns(self, when_ns: int) -> int:
+        """Return when a wait until `when_ns` has to look up: where the bench is handed over, if that is on the way."""
+        ahead = self._handover is not None and self._clock.now_ns() < self._handover.at_ns < when_ns
+        return self._handover.at_ns if ahead and self._handover else when_ns
+
+    def hand_over_if_due(self) -> None:
+        """Hand the bench over if every operation up to there was asked for and it is time; ask at scheduling points."""
+        handover = self._handover
+        if handover and self._next is None and self._clock.now_ns() >= handover.at_ns:
+            self._handover = None
+            handover.act()
 
     def due_monitor(self, latest_ns: int) -> str:
         """Return the limit whose monitor comes next in the record, at `latest_ns` or before, or nothing."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import cast
+
 from hil.clock.port import NANOSECONDS, ClockError
 from hil.clock.virtual import VirtualClock
 from hil.wire.peer import Openable, SerialPeer
@@ -42,7 +45,13 @@ class SimulatedLine:
         self._free_at_ns = 0
         self._last_look_ns = -1
         self._looks = 0
+        self._on_the_way = 0
         self._open = False
+
+    @property
+    def quiet(self) -> bool:
+        """Whether no byte is on its way to the host; only then is `state` all there is."""
+        return not self._on_the_way
 
     def opened(self) -> None:
         """Start with an empty buffer, and let the peer notice where it can."""
@@ -87,9 +96,27 @@ class SimulatedLine:
         """Take bytes from the peer; the first leaves after `after_ns`, behind what is still being sent."""
         start_ns = max(self._clock.now_ns() + after_ns, self._free_at_ns)
         self._free_at_ns = start_ns + len(data) * self._ns_per_byte
+        self._on_the_way += 1
         self._clock.at(self._free_at_ns, lambda: self._arrive(data), device=self._number)
 
+    def state(self) -> Mapping[str, object]:
+        """Return everything that a quiet line needs to go on, as JSON values."""
+        return {
+            "received": self._received.hex(),
+            "free_at_ns": self._free_at_ns,
+            "lost": self.lost,
+            "open": self._open,
+        }
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned; the peer does not notice."""
+        self._received[:] = bytes.fromhex(str(state["received"]))
+        self._free_at_ns = cast("int", state["free_at_ns"])
+        self.lost = cast("int", state["lost"])
+        self._open = bool(state["open"])
+
     def _arrive(self, data: bytes) -> None:
+        self._on_the_way -= 1
         if not self._open:
             return
         room = self._buffer - len(self._received)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from io import FileIO
 from pathlib import Path
 
-from hil.model.errors import EvidenceError
+from hil.model.errors import Diverged, EvidenceError
 
-__all__ = ["HEADER", "Operation", "Transcript", "read_transcript"]
+__all__ = ["HEADER", "Operation", "Transcript", "past_lines", "read_transcript"]
 
 _COLUMNS = "sequence\tdevice\toperation\tstart_ns\tend_ns\tsent\treceived\terror\n"
 HEADER = f"hil/transcript/2 {_COLUMNS}"
@@ -19,6 +20,7 @@ _HEADER_1 = f"hil/transcript/1\t{_COLUMNS}"
 """Format 1 had the same lines, below a header with one field more."""
 
 _FIELDS = 8
+_SHOWN = 120
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,13 +43,21 @@ class Transcript:
     Lines wait in memory until `flush`, so that a full disk never looks like a fault of a device.
 
     Args:
-        sink: an unbuffered file; None keeps none, for benches whose bytes nobody asks for.
+        sink: an unbuffered file; None keeps none, for benches whose bytes nobody asks for. One that exists is opened
+            for appending.
+        past: the lines that the file holds already; the first operations have to be the same, and are not written again.
     """
 
-    def __init__(self, sink: FileIO | None) -> None:
+    def __init__(self, sink: FileIO | None, past: Iterator[str] | None = None) -> None:
         self._sink = sink
+        self._past = past
         self._sequence = 0
-        self._waiting = bytearray(HEADER.encode())
+        self._waiting = bytearray(b"" if past else HEADER.encode())
+
+    @property
+    def operations(self) -> int:
+        """How many operations were noted."""
+        return self._sequence
 
     def note(
         self,
@@ -60,12 +70,17 @@ class Transcript:
         received: bytes = b"",
         error: str = "",
     ) -> None:
-        """Take one operation."""
+        """Take one operation.
+
+        Raises:
+            Diverged: if the file holds another one in its place.
+        """
         if self._sink is None:
             return
         line = f"{self._sequence}\t{device}\t{name}\t{start_ns}\t{end_ns}\t{sent.hex()}\t{received.hex()}\t{error}\n"
         self._sequence += 1
-        self._waiting += line.encode()
+        if self._past is None or not self._is_past(line):
+            self._waiting += line.encode()
 
     def flush(self) -> None:
         """Hand what is waiting to the operating system; what finds no space goes on waiting.
@@ -79,6 +94,39 @@ class Transcript:
             written = self._sink.write(self._waiting)
             del self._waiting[:written]
 
+    def sync(self) -> None:
+        """Bring it all to the disk.
+
+        Raises:
+            OSError: where the disk is full or fails.
+        """
+        self.flush()
+        if self._sink is not None:
+            os.fsync(self._sink.fileno())
+
+    def _is_past(self, line: str) -> bool:
+        """Return whether the file holds this line; after its last one there is no past any more."""
+        held = next(self._past, "") if self._past else ""
+        if not held:
+            self._past = None
+        elif held != line:
+            raise Diverged(f"transcript: {line.strip()[:_SHOWN]!r}, but the record holds {held.strip()[:_SHOWN]!r}")
+        return bool(held)
+
+
+def past_lines(path: Path) -> Iterator[str]:
+    """Cut a torn last line off a transcript, and give its lines below the header.
+
+    Raises:
+        EvidenceError: as `read_transcript`.
+    """
+    size = sum(len(line) for line in _lines(path) if line.endswith("\n"))
+    if size < path.stat().st_size:  # the lines are ASCII
+        os.truncate(path, size)
+    lines = _lines(path)
+    next(lines)
+    return lines
+
 
 def read_transcript(path: Path) -> Iterator[Operation]:
     """Yield the operations of a transcript; a torn last line is left out.
@@ -86,14 +134,23 @@ def read_transcript(path: Path) -> Iterator[Operation]:
     Raises:
         EvidenceError: if the file is missing, is not a transcript, or a line of it is damaged.
     """
+    lines = _lines(path)
+    next(lines)
+    for number, line in enumerate(lines, start=2):
+        if line.endswith("\n"):
+            yield _parse(line, path.name, number)
+
+
+def _lines(path: Path) -> Iterator[str]:
+    """Yield the header of a transcript, and then every line, also a torn one."""
     if not path.is_file():
         raise EvidenceError(f"{path} is missing", "without its transcript a run cannot be replayed")
     with path.open(encoding="utf-8", newline="\n") as lines:
-        if next(lines, "") not in {HEADER, _HEADER_1}:
+        header = next(lines, "")
+        if header not in {HEADER, _HEADER_1}:
             raise EvidenceError(f"{path.name} is not a transcript of format 1 or 2")
-        for number, line in enumerate(lines, start=2):
-            if line.endswith("\n"):
-                yield _parse(line, path.name, number)
+        yield header
+        yield from lines
 
 
 def _parse(line: str, name: str, number: int) -> Operation:
