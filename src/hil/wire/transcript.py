@@ -45,7 +45,8 @@ class Transcript:
     Args:
         sink: an unbuffered file; None keeps none, for benches whose bytes nobody asks for. One that exists is opened
             for appending.
-        past: the lines that the file holds already; the first operations have to be the same, and are not written again.
+        past: the lines that the file holds already; the first operations have to be the same, and are not written
+            again.
     """
 
     def __init__(self, sink: FileIO | None, past: Iterator[str] | None = None) -> None:
