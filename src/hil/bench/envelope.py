@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from hil.clock.port import NANOSECONDS
 from hil.model.bench import EnvelopeLimit
 from hil.model.figure import Figure
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 __all__ = ["Monitor", "Trip", "self_test"]
 
@@ -48,6 +54,8 @@ class Monitor:
         self._read = read
         self._period_ns = round(limit.period_s * NANOSECONDS)
         self._max_age_ns = round(limit.max_age_s * NANOSECONDS)
+        self._lowest = limit.minimum if limit.minimum is not None else -sys.float_info.max
+        self._highest = limit.maximum if limit.maximum is not None else sys.float_info.max
         self._start_ns = start_ns
         self._outside = 0
         self._lasts_ns = _UNKNOWN_NS
@@ -98,6 +106,53 @@ class Monitor:
         if self._outside < self.limit.debounce:
             return self.stale(now_ns)
         return Trip(self.limit.id, _or_none(figure.value), self.limit.unit, f"{self.limit.output}: {problem}")
+
+    def judge_row(self, when_ns: int, value: float) -> Trip | None:
+        """Count one row of a stream, of which it was seen at `when_ns`, as a reading that is taken then."""
+        if self._lowest <= value <= self._highest and when_ns - self.good_ns <= self._max_age_ns:
+            self._outside = 0
+            self.good_ns = when_ns
+            return None
+        unwatched = self.stale(when_ns)
+        return self.judge(Figure(value=value, unit=self.limit.unit), when_ns) or unwatched
+
+    def judge_rows(self, when_ns: NDArray[np.int64], values: NDArray[np.float64]) -> tuple[int, Trip] | None:
+        """Count a block of rows as `judge_row` would one by one; return the first that trips, and its trip.
+
+        Args:
+            when_ns: the instants of the rows in ns of the bench's time, shape (n,), in order.
+            values: the rows' numbers in the limit's unit, shape (n,).
+        """
+        import numpy as np  # noqa: PLC0415 - slow to import
+
+        good = (values >= self._lowest) & (values <= self._highest)
+        places = np.arange(len(values))
+        last = np.maximum.accumulate(np.where(good, places, -1))
+        before = np.concatenate(([-1], last[:-1]))
+        outside = places - last + np.where(last < 0, self._outside, 0)
+        late = when_ns - np.where(before < 0, self.good_ns, when_ns[before]) > self._max_age_ns
+        trips = late | (~good & (outside >= self.limit.debounce))
+        found = int(trips.argmax()) if trips.any() else None
+        seen = int(last[-1] if found is None else before[found])
+        self.good_ns = int(when_ns[seen]) if seen >= 0 else self.good_ns
+        if found is None:
+            self._outside = int(outside[-1])
+            return None
+        self._outside = int(outside[found - 1]) if found else self._outside
+        trip = self.judge_row(int(when_ns[found]), float(values[found]))
+        return (found, trip) if trip else None
+
+    def feed(self, until_ns: int) -> None:
+        """Put the next reading off until `until_ns`: rows of a stream are expected to make it needless."""
+        self.due_ns = until_ns
+
+    def unfeed(self, now_ns: int) -> None:
+        """Take readings again: no more rows will come."""
+        self.due_ns = min(self.due_ns, max(now_ns, self.good_ns + self._period_ns))
+
+    def shift(self, by_ns: int) -> None:
+        """Move the instant of the last good row: the clock that counts a stream's rows goes otherwise than the bench's."""
+        self.good_ns += by_ns
 
     def stale(self, now_ns: int) -> Trip | None:
         """Return a trip if the last good reading is older than allowed."""
