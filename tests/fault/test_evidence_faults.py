@@ -18,7 +18,8 @@ from hil.evidence.package.contents import Package
 from hil.evidence.package.recovery import recover
 from hil.evidence.package.sealing import seal
 from hil.evidence.package.verification import State, verify
-from hil.evidence.recordings.rows import Rows, read_rows
+from hil.evidence.recordings.row_file import read_rows
+from hil.evidence.recordings.rows import Rows
 from hil.model.errors import EvidenceError
 
 KILLED = 9

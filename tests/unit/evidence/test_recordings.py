@@ -11,7 +11,7 @@ from evidence_runs import begin, record
 
 from hil.evidence.package.contents import Package
 from hil.evidence.recordings.hdf5 import convert, hashes_of, read_hdf5
-from hil.evidence.recordings.rows import BLOCK
+from hil.evidence.recordings.row_file import BLOCK
 from hil.model.errors import EvidenceError
 
 

@@ -8,8 +8,9 @@ import struct
 import numpy as np
 import pytest
 
-from hil.evidence.recordings.rows import BLOCK, Rows, read_rows, row_blocks, table
-from hil.model.errors import EvidenceError
+from hil.evidence.recordings.row_file import BLOCK, read_rows, row_blocks, table
+from hil.evidence.recordings.rows import Rows
+from hil.model.errors import Diverged, EvidenceError
 
 
 class Wall:
@@ -175,3 +176,32 @@ def test_a_block_of_another_width_is_a_mistake(tmp_path, shape):
     with pytest.raises(ValueError, match="shape"):
         rows.append_rows(np.zeros(shape))
     assert rows.finish().rows == 0
+
+
+def filled(path, count, *, first=0.0, **options):
+    """Write `count` rows to a file and return how they ended."""
+    rows = rows_of(path, **options)
+    for index in range(count):
+        rows.append((float(index), first + index))
+    return rows.finish()
+
+
+def test_rows_that_come_again_are_compared_and_not_written_twice(tmp_path):
+    """Rows that are made again are followed to the file's end, and go on from there with the same hash."""
+    whole = filled(tmp_path / "whole.rows", 10)
+    filled(tmp_path / "r.rows", 6)
+    with (tmp_path / "r.rows").open("ab") as stream:
+        stream.write(b"half a row")
+    assert filled(tmp_path / "r.rows", 10, again=True) == whole
+    assert (tmp_path / "r.rows").read_bytes() == (tmp_path / "whole.rows").read_bytes()
+
+
+def test_other_rows_than_recorded_are_refused(tmp_path):
+    """A row that comes out otherwise than it was recorded is Diverged, and the file stays as it was."""
+    filled(tmp_path / "r.rows", 6)
+    before = (tmp_path / "r.rows").read_bytes()
+    with pytest.raises(Diverged, match="other rows"):
+        filled(tmp_path / "r.rows", 6, again=True, first=100.0)
+    with pytest.raises(Diverged, match="more than the 3 rows"):
+        filled(tmp_path / "r.rows", 3, again=True)
+    assert (tmp_path / "r.rows").read_bytes() == before

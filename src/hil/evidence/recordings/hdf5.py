@@ -18,7 +18,7 @@ from hil.evidence.recordings.datasets import (
     read_part,
     write_part,
 )
-from hil.evidence.recordings.rows import BLOCK, RowsFile, read_rows, row_blocks, table
+from hil.evidence.recordings.row_file import BLOCK, RowsFile, read_rows, row_blocks, table
 from hil.model.errors import EvidenceError
 
 if TYPE_CHECKING:

@@ -5,29 +5,26 @@ from __future__ import annotations
 import hashlib
 import os
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, BinaryIO
 
 from hil.clock import wall
-from hil.documents.canonical import JsonError, canonical, parse_strict
+from hil.documents.canonical import canonical
 from hil.evidence.durable import DISK_FULL, sync_folder
 from hil.evidence.folder import free_reserve
-from hil.model.errors import EvidenceError
+from hil.evidence.recordings.row_file import BLOCK, NUMBER, RowsFile, read_rows, row_blocks
+from hil.model.errors import Diverged, EvidenceError
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["BLOCK", "Rows", "RowsEnd", "RowsFile", "read_rows", "row_blocks", "table"]
-
-BLOCK = 65_536
-"""After how many rows the running hash goes into the journal."""
+__all__ = ["Rows", "RowsEnd"]
 
 _FLUSH_ROWS = 4_096
 _OLDEST_S = 0.5
-_NUMBER = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,22 +34,6 @@ class RowsEnd:
     rows: int
     sha256: str
     largest_gap_s: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RowsFile:
-    """A row file as it was found: its header, where its rows begin, and how many are whole."""
-
-    path: Path
-    header: dict[str, Any]
-    start: int
-    rows: int
-    torn: int
-
-    @property
-    def width(self) -> int:
-        """Numbers per row: time, then the channels."""
-        return len(self.header["channels"]) + 1
 
 
 class Rows:
@@ -65,6 +46,8 @@ class Rows:
         on_block: called with the number of rows so far and the hash over all their bytes, every `BLOCK` rows and at
             the end; those rows are on the disk by then.
         reserve: a file whose space is given back when the disk is full.
+        again: whether the rows of a file that exists are made again: the first ones have to be those that it holds,
+            and are not written a second time.
         now: seconds on a wall clock that only goes forward.
         write: `os.write`, or what stands in for a disk in tests.
     """
@@ -77,6 +60,7 @@ class Rows:
         channels: Sequence[tuple[str, str]],
         on_block: Callable[[int, str], None],
         reserve: Path | None = None,
+        again: bool = False,
         now: Callable[[], float] = wall.monotonic,
         write: Callable[[int, memoryview], int] = os.write,
     ) -> None:
@@ -100,7 +84,8 @@ class Rows:
                 "row": "float64 little-endian: time in s, then the channels",
             }
         )
-        self._open(header + b"\n")
+        self._past: BinaryIO | None = None
+        self._open(header + b"\n", again=again)
         self._due = self._next_due()
         self._synced_at = now()
 
@@ -145,12 +130,21 @@ class Rows:
         if self._told != self._rows or not self._rows:
             self._on_block(self._rows, self._hash.hexdigest())
         os.close(self._descriptor)
+        more = self._past.read(1) if self._past is not None else b""
+        self._end_of_past()
+        if more:
+            raise Diverged(f"{self._path.name}: it holds more than the {self._rows} rows that came again")
         return RowsEnd(rows=self._rows, sha256=self._hash.hexdigest(), largest_gap_s=self._gap)
 
-    def _open(self, header: bytes) -> None:
+    def _open(self, header: bytes, *, again: bool) -> None:
         continued = self._path.exists() and self._path.stat().st_size > 0
         if continued:
-            self._go_on(header)
+            found = self._cut(header)
+            if again:
+                self._past = self._path.open("rb")
+                self._past.seek(found.start)
+            else:
+                self._go_on(found)
         self._descriptor = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
         self._unsynced = True
         if not continued:
@@ -158,11 +152,15 @@ class Rows:
             os.fsync(self._descriptor)
             sync_folder(self._path.parent)
 
-    def _go_on(self, header: bytes) -> None:
+    def _cut(self, header: bytes) -> RowsFile:
+        """Cut half a row off the file that is there."""
         found = read_rows(self._path)
         if canonical(found.header) + b"\n" != header:
             raise EvidenceError(f"{self._path}: the recording on the disk has other channels", "start a new run")
-        os.truncate(self._path, found.start + found.rows * found.width * _NUMBER)
+        os.truncate(self._path, found.start + found.rows * found.width * NUMBER)
+        return found
+
+    def _go_on(self, found: RowsFile) -> None:
         for block in row_blocks(found):
             self._take(block)
         self._rows = found.rows
@@ -172,6 +170,8 @@ class Rows:
         return min(self._rows + _FLUSH_ROWS, (self._rows // BLOCK + 1) * BLOCK)
 
     def _flush(self) -> None:
+        if self._past is not None:
+            self._follow(self._past)
         if self._buffer:
             self._put(self._buffer)
             self._take(bytes(self._buffer))
@@ -182,6 +182,23 @@ class Rows:
             self._sync(self._now())
             self._told = self._rows
             self._on_block(self._rows, self._hash.hexdigest())
+
+    def _follow(self, past: BinaryIO) -> None:
+        """Take rows that the file holds already from the buffer, and require that they are the same."""
+        held = past.read(len(self._buffer))
+        if held != self._buffer[: len(held)]:
+            self._end_of_past()
+            raise Diverged(f"{self._path.name}: other rows than those that were recorded, before row {self._rows}")
+        if len(held) < len(self._buffer):
+            self._end_of_past()
+        if held:
+            self._take(held)
+            del self._buffer[: len(held)]
+
+    def _end_of_past(self) -> None:
+        if self._past is not None:
+            self._past.close()
+            self._past = None
 
     def _take(self, block: bytes) -> None:
         import numpy as np  # noqa: PLC0415 - rows are packed without it
@@ -224,42 +241,3 @@ class Rows:
     def _failed(self, error: OSError) -> EvidenceError:
         what = "disk full" if error.errno in DISK_FULL else f"cannot be written: {error.strerror}"
         return EvidenceError(f"{self._path}: {what}", "free some space before the next run")
-
-
-def read_rows(path: Path) -> RowsFile:
-    """Read a row file's header and count its whole rows; a torn last row is left out.
-
-    Raises:
-        EvidenceError: where there is no such file, or its header cannot be read.
-    """
-    try:
-        with path.open("rb") as stream:
-            line = stream.readline()
-            size = os.fstat(stream.fileno()).st_size
-        header = parse_strict(line) if line.endswith(b"\n") else None
-    except (OSError, JsonError) as error:
-        raise EvidenceError(f"{path}: this is no row file: {error}", "the recording cannot be read back") from error
-    if not isinstance(header, dict) or not isinstance(header.get("channels"), list):
-        raise EvidenceError(f"{path}: its header is not that of a row file", "the recording cannot be read back")
-    rows, torn = divmod(size - len(line), (len(header["channels"]) + 1) * _NUMBER)
-    return RowsFile(path=path, header=header, start=len(line), rows=rows, torn=torn)
-
-
-def row_blocks(found: RowsFile) -> Iterator[bytes]:
-    """Give the bytes of the whole rows, in blocks of `BLOCK` rows."""
-    left = found.rows * found.width * _NUMBER
-    with found.path.open("rb") as stream:
-        stream.seek(found.start)
-        while left:
-            block = stream.read(min(left, BLOCK * found.width * _NUMBER))
-            if not block:
-                raise EvidenceError(f"{found.path}: the file became shorter while it was read", "read it again")
-            left -= len(block)
-            yield block
-
-
-def table(block: bytes, width: int) -> NDArray[np.float64]:
-    """Return rows as an array of shape (rows, width)."""
-    import numpy as np  # noqa: PLC0415 - rows are packed without it
-
-    return np.frombuffer(block, "<f8").reshape(-1, width)

@@ -78,11 +78,13 @@ class RowStore:
     Args:
         folder: the run's folder.
         write: writes an event.
+        again: whether rows that the folder holds already are made again, see `Rows`.
     """
 
-    def __init__(self, folder: Path, write: Callable[..., None]) -> None:
+    def __init__(self, folder: Path, write: Callable[..., None], *, again: bool = False) -> None:
         self._folder = folder
         self._write = write
+        self._again = again
         self._open: list[OpenRecording] = []
 
     @property
@@ -118,6 +120,7 @@ class RowStore:
             channels=[(channel.name, channel.unit) for channel in facts.channels],
             on_block=lambda count, digest: self._write("rows", recording=facts.id, rows=count, sha256=digest),
             reserve=self._folder / RESERVE,
+            again=self._again,
         )
         recording = OpenRecording(facts, rows, self._write, self._open.remove)
         self._open.append(recording)

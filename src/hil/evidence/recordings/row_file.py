@@ -1,0 +1,79 @@
+"""Row files as they are found: header, whole rows, and a torn last one."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hil.documents.canonical import JsonError, parse_strict
+from hil.model.errors import EvidenceError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["BLOCK", "NUMBER", "RowsFile", "read_rows", "row_blocks", "table"]
+
+BLOCK = 65_536
+"""After how many rows the running hash goes into the journal."""
+
+NUMBER = 8
+"""Bytes of one number."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowsFile:
+    """A row file as it was found: its header, where its rows begin, and how many are whole."""
+
+    path: Path
+    header: dict[str, Any]
+    start: int
+    rows: int
+    torn: int
+
+    @property
+    def width(self) -> int:
+        """Numbers per row: time, then the channels."""
+        return len(self.header["channels"]) + 1
+
+
+def read_rows(path: Path) -> RowsFile:
+    """Read a row file's header and count its whole rows; a torn last row is left out.
+
+    Raises:
+        EvidenceError: where there is no such file, or its header cannot be read.
+    """
+    try:
+        with path.open("rb") as stream:
+            line = stream.readline()
+            size = os.fstat(stream.fileno()).st_size
+        header = parse_strict(line) if line.endswith(b"\n") else None
+    except (OSError, JsonError) as error:
+        raise EvidenceError(f"{path}: this is no row file: {error}", "the recording cannot be read back") from error
+    if not isinstance(header, dict) or not isinstance(header.get("channels"), list):
+        raise EvidenceError(f"{path}: its header is not that of a row file", "the recording cannot be read back")
+    rows, torn = divmod(size - len(line), (len(header["channels"]) + 1) * NUMBER)
+    return RowsFile(path=path, header=header, start=len(line), rows=rows, torn=torn)
+
+
+def row_blocks(found: RowsFile) -> Iterator[bytes]:
+    """Give the bytes of the whole rows, in blocks of `BLOCK` rows."""
+    left = found.rows * found.width * NUMBER
+    with found.path.open("rb") as stream:
+        stream.seek(found.start)
+        while left:
+            block = stream.read(min(left, BLOCK * found.width * NUMBER))
+            if not block:
+                raise EvidenceError(f"{found.path}: the file became shorter while it was read", "read it again")
+            left -= len(block)
+            yield block
+
+
+def table(block: bytes, width: int) -> NDArray[np.float64]:
+    """Return rows as an array of shape (rows, width)."""
+    import numpy as np  # noqa: PLC0415 - rows are packed without it
+
+    return np.frombuffer(block, "<f8").reshape(-1, width)
