@@ -42,6 +42,9 @@ class StreamReport:
         drift: rate of the device's clock against the bench's minus 1, None where unknown.
         drift_uncertainty: standard uncertainty of `drift`.
         lost_samples: samples that the device dropped, or sent damaged, inside of frames that came.
+        losses_known: whether every loss shows; False where frames have no numbers.
+        time_uncertainty: standard uncertainty in s of the rows' times against the bench's clock at their beginning,
+            None where it is not told.
     """
 
     frames: int
@@ -49,6 +52,8 @@ class StreamReport:
     drift: float | None
     drift_uncertainty: float | None
     lost_samples: int = 0
+    losses_known: bool = True
+    time_uncertainty: float | None = None
 
 
 class Streamed(Sampled, Protocol):

@@ -11,7 +11,7 @@ from hil.model.bench import BenchSpec, CalibratedRange, Clamp, EnvelopeLimit, Pr
 
 __all__ = ["certificates", "clamps", "covered", "envelope", "ratings", "reduced_levels", "safe_steps"]
 
-_HAZARDOUS = frozenset({"supply", "relays", "rotation_table", "thermal"})
+_HAZARDOUS = frozenset({"cycler", "supply", "relays", "rotation_table", "thermal"})
 _CLAMPED = {"supply": ("voltage", "current"), "rotation_table": ("rate", "turns"), "thermal": ("temperature",)}
 """What an output that can do harm must have clamps for."""
 
