@@ -63,6 +63,11 @@ class PacedPort:
         """Throw away what was received and not read."""
         self._port.reset_input_buffer()
 
+    def pulse_dtr(self) -> None:
+        """Let DTR fall and rise, and begin a pause."""
+        self._port.pulse_dtr()
+        self._hold()
+
     def close(self) -> None:
         """Close the stream."""
         self._port.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from hil.instruments.cycler_role import Cycler
 from hil.instruments.marks import drives, reads
 from hil.instruments.sampled import Sampled, Streamed
 from hil.model.figure import Figure
@@ -11,7 +12,6 @@ from hil.model.figure import Figure
 __all__ = [
     "ROLES",
     "STATES",
-    "Cycler",
     "Gyroscope",
     "Magnetometer",
     "Obc",
@@ -217,92 +217,6 @@ class Gyroscope(Streamed, Protocol):
     @reads
     def full_scale(self) -> Figure:
         """Return the largest rate of the chosen range in deg/s."""
-        ...
-
-
-class Cycler(Streamed, Protocol):
-    """A device that runs charge and discharge half-cycles of a battery by itself, and measures while it does.
-
-    Channels: voltage in V, current in A (positive into the battery), energy in W.h since the half-cycle began,
-    temperature in degC, phase (1 charge, -1 discharge, 0 neither) and cycle (counted from 1, 0 before the first).
-    """
-
-    @drives
-    def prepare(  # noqa: PLR0913 - one argument per setting of the device, each by its name there
-        self,
-        cycles: int,
-        rest: float = 0.0,
-        *,
-        vfull: float | None = None,
-        iend: float | None = None,
-        vend: float | None = None,
-        vmax: float | None = None,
-        vmin: float | None = None,
-        imax: float | None = None,
-        tmax: float | None = None,
-        tmin: float | None = None,
-        time: float | None = None,
-        charge: float | None = None,
-    ) -> None:
-        """Acknowledge what ended the last test, and set what the next one is to be.
-
-        What is not given has the device's default. A device that cannot honour a setting refuses it, and says what it
-        does instead.
-
-        Args:
-            cycles: a charge and a discharge each.
-            rest: behind each half-cycle but the last [s].
-            vfull: voltage from which on a small current ends a charge [V].
-            iend: the current that ends a charge [A].
-            vend: the voltage that ends a discharge [V].
-            vmax: limit of the device's own [V].
-            vmin: limit of the device's own [V].
-            imax: limit of the device's own, both directions [A].
-            tmax: limit of the device's own [degC].
-            tmin: limit of the device's own [degC].
-            time: limit of a half-cycle [s].
-            charge: limit of a half-cycle [A.h].
-        """
-        ...
-
-    @drives
-    def start(self) -> None:
-        """Begin the test that was prepared."""
-        ...
-
-    @drives
-    def stop(self) -> None:
-        """Open both relays, whatever runs; it is read back."""
-        ...
-
-    @reads
-    def state(self) -> str:
-        """Return `idle`, `charge`, `rest`, `discharge`, `ended`, `stopped`, or `tripped` and the reason."""
-        ...
-
-    @reads
-    def level(self) -> str:
-        """Return the level of the device's protocol: `1` or `2.0`."""
-        ...
-
-    @reads
-    def voltage(self) -> Figure:
-        """Return the newest voltage of the battery in V; NoReply where there is none that is new."""
-        ...
-
-    @reads
-    def current(self) -> Figure:
-        """Return the newest current into the battery in A; NoReply where there is none that is new."""
-        ...
-
-    @reads
-    def temperature(self) -> Figure:
-        """Return the newest temperature of the battery in degC; NoReply where there is none that is new."""
-        ...
-
-    @reads
-    def time_uncertainty(self) -> Figure:
-        """Return how well the times of the rows are known against the bench's clock at their beginning, in s."""
         ...
 
 

@@ -23,6 +23,10 @@ class Stream(Protocol):
         """Note that the host closed the stream."""
         ...
 
+    def dtr_rose(self) -> None:
+        """Note that the host let DTR rise again, while the stream was open."""
+        ...
+
     def write(self, data: bytes) -> None:
         """Take bytes from the host."""
         ...

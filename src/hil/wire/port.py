@@ -34,6 +34,10 @@ class Port(Protocol):
         """Throw away what was received and not read."""
         ...
 
+    def pulse_dtr(self) -> None:
+        """Let the modem line DTR fall and rise, which resets a board that hangs on it by a capacitor."""
+        ...
+
     def close(self) -> None:
         """Close the stream."""
         ...

@@ -117,6 +117,10 @@ class ReplayedStream:
     def closed(self) -> None:
         """Do nothing: closing is not recorded."""
 
+    def dtr_rose(self) -> None:
+        """Take the recorded pulse."""
+        self._take("pulse_dtr")
+
     def write(self, data: bytes) -> None:
         """Compare the bytes with the record."""
         self._take("write", data)

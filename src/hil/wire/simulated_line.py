@@ -57,6 +57,10 @@ class SimulatedLine:
         """Start with an empty buffer, and let the peer notice where it can."""
         self._received.clear()
         self._open = True
+        self.dtr_rose()
+
+    def dtr_rose(self) -> None:
+        """Let the peer notice where it can, as when the port is opened; what was received stays."""
         if isinstance(self._peer, Openable):
             self._peer.opened()
 

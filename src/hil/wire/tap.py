@@ -20,6 +20,7 @@ __all__ = ["LONGEST_TRANSACTION", "TappedBus", "TappedPort", "message_bytes"]
 LONGEST_TRANSACTION = 0.5
 """Seconds that one operation may take at most: nothing looks at stop flags and monitors in the meantime."""
 
+_DTR_LOW_S = 0.1  # the capacitor behind DTR is charged in a few ms
 _READ_FLAG = 0x0001
 _Result = TypeVar("_Result")
 
@@ -28,6 +29,7 @@ class _Serial(Protocol):
     """The part of a pyserial port that the tap uses; pyserial's classes share no typed base that has it."""
 
     timeout: float | None
+    dtr: bool
 
     @property
     def in_waiting(self) -> int: ...
@@ -146,9 +148,18 @@ class TappedPort(_Tap):
         self._ahead.clear()
         self._guard(lambda: self._operate("discard", self._serial.reset_input_buffer))
 
+    def pulse_dtr(self) -> None:
+        """Let the modem line DTR fall, and rise after 0.1 s."""
+        self._guard(lambda: self._operate("pulse_dtr", self._pulse))
+
     def close(self) -> None:
         """Close the stream."""
         self._serial.close()
+
+    def _pulse(self) -> None:
+        self._serial.dtr = False
+        self._clock.sleep(_DTR_LOW_S)
+        self._serial.dtr = True
 
     def _read(self, size: int) -> bytes:
         return self._guard(lambda: self._operate("read", lambda: self._serial.read(size), received=lambda data: data))

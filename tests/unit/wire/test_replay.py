@@ -22,6 +22,7 @@ def converse(port, bus):
     got = [port.read_line(), port.in_waiting]
     port.write(b"xy")
     port.reset_input_buffer()
+    port.pulse_dtr()
     bus.write_byte_data(0x50, 3, 99)
     bus.write_word_data(0x50, 8, 0x1234)
     bus.write_i2c_block_data(0x50, 10, [1, 2, 3])

@@ -89,6 +89,28 @@ def test_the_stream_is_an_ordinary_pyserial_port():
     withdraw("sim://wire-test/")
 
 
+def test_a_pulse_of_dtr_is_noticed_once_it_rises():
+    """A peer that can notice is told as by opening; what was received stays, and one that cannot is not asked."""
+    clock, at = VirtualClock(), []
+
+    class Board(EchoPeer):
+        def opened(self):
+            """Note when."""
+            at.append(clock.now())
+
+    for peer in (Board(), EchoPeer()):
+        line = SimulatedLine("board", peer, clock)
+        peer.attach(line, clock)
+        publish_stream(URL, line)
+        port = open_port("board", URL, clock, Transcript(None))
+        port.write(b"ab")
+        port.pulse_dtr()
+        assert port.read(2) == b"ab"
+        port.close()
+        withdraw("sim://wire-test/")
+    assert at == [0.0, 0.1]
+
+
 def test_a_url_without_a_world_is_a_dead_port():
     """A port that is not there is a fault that names the device."""
     with pytest.raises(NoReply, match="psu1: sim://nowhere/psu1 cannot be opened"):

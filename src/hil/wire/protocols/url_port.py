@@ -14,7 +14,7 @@ __all__ = ["UrlPort"]
 class UrlPort(SerialBase):
     """What both URL schemes share: the stream is looked up at open, and every operation goes to it.
 
-    The modem lines are constant, because no peer of ours uses them yet. `read_until` reads byte by
+    Of the modem lines the far end learns when DTR rises; the others are constant. `read_until` reads byte by
     byte on the bench's clock; the one of pyserial would look at wall time.
     """
 
@@ -87,7 +87,9 @@ class UrlPort(SerialBase):
         """Accept it; no peer listens to RTS."""
 
     def _update_dtr_state(self) -> None:
-        """Accept it; no peer listens to DTR."""
+        """Tell the far end that DTR rises; nobody listens to its fall."""
+        if self.dtr:
+            self._end.dtr_rose()
 
     def _update_break_state(self) -> None:
         """Accept it; no peer listens to a break."""
