@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from hil.clock.port import Clock
+from hil.evidence.journal.past import Past
 from hil.evidence.journal.writer import Journal
 from hil.executive.run.stop import StopFlags
 from hil.model.errors import EvidenceError
@@ -25,11 +26,17 @@ class Events:
     Args:
         journal: where every event is written before anybody sees it.
         flags: asked to end the run once the disk is full; later events go in as far as space allows.
+        past: the events of a resumed run so far, which come again first and are not written a second time.
+
+    Attributes:
+        at_new: is called once, before the first event that is new in a resumed run.
     """
 
-    def __init__(self, journal: Journal, flags: StopFlags) -> None:
+    def __init__(self, journal: Journal, flags: StopFlags, past: Past | None = None) -> None:
         self._journal = journal
         self._flags = flags
+        self._past = past
+        self.at_new: Callable[[], None] = lambda: None
         self._clock: Clock | None = None
         self._listeners: list[Listener] = []
 
@@ -51,12 +58,24 @@ class Events:
         """
         t = self._clock.now() if self._clock else 0.0
         with self._flags.undisturbed():
-            try:
-                self._journal.write(kind, t, beside=beside, **fields)
-            except EvidenceError:
-                self._flags.request(DISK_FULL)  # told once, see Journal.write
+            if not self._comes_again(kind, t, fields):
+                self._append(kind, t, beside, fields)
             for listener in tuple(self._listeners):
                 try:
                     listener({"kind": kind, "t": t, **fields})
                 except (Exception, SystemExit):  # noqa: BLE001 - a display that is gone must not reach the bench
                     self._listeners.remove(listener)
+
+    def _append(self, kind: str, t: float, beside: Mapping[str, object], fields: Mapping[str, object]) -> None:
+        try:
+            self._journal.write(kind, t, beside=beside, **fields)
+        except EvidenceError:
+            self._flags.request(DISK_FULL)  # told once, see Journal.write
+
+    def _comes_again(self, kind: str, t: float, fields: Mapping[str, object]) -> bool:
+        if self._past is None or self._past.take(kind, t, fields):
+            return self._past is not None
+        if self._past.over:
+            self._past = None
+            self.at_new()
+        return False
