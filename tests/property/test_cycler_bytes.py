@@ -79,6 +79,7 @@ def test_a_restored_cycler_goes_on_alike(before, after, shown, wait, level, open
     first.clock.sleep(wait)
     second.clock.wait_until(first.clock.now_ns())
     second.peer.restore(json.loads(json.dumps(first.peer.state())))
+    second.clock.asked = first.clock.asked
     second.battery.inputs = dict(first.battery.inputs)
     for under in (first, second):
         under.sent.clear()

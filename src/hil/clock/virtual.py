@@ -6,7 +6,6 @@ import heapq
 from collections.abc import Callable
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
-from itertools import count
 from typing import TYPE_CHECKING
 
 from hil.clock.port import NANOSECONDS, ClockError
@@ -29,6 +28,11 @@ class Event:
         self.action = action
         self.cancelled = False
 
+    @property
+    def number(self) -> int:
+        """Its place among the events of one device at one instant."""
+        return self.key[2]
+
     def cancel(self) -> None:
         """Take the event back; it may have happened already."""
         self.cancelled = True
@@ -46,13 +50,16 @@ class VirtualClock:
 
     Args:
         epoch: the bench's epoch in UTC, ISO 8601; simulated UTC is this plus the virtual time.
+
+    Attributes:
+        asked: how many events were asked for; the next one has this number. A restore sets it.
     """
 
     def __init__(self, epoch: str = "2026-01-01T00:00:00Z") -> None:
         self._epoch = datetime.fromisoformat(epoch).astimezone(UTC)
         self._now_ns = 0
         self._events: list[Event] = []
-        self._numbers = count()
+        self.asked = 0
         self._plants: list[Callable[[int], None]] = []
         self._at_this_instant = 0
         self._waiting = "nobody"
@@ -74,9 +81,16 @@ class VirtualClock:
         """Call `plant` with every instant that time reaches, before that instant's events."""
         self._plants.append(plant)
 
-    def at(self, when_ns: int, action: Callable[[], None], *, device: int = 0) -> Event:
-        """Let `action` happen at `when_ns`, at once if that has passed; `device` orders equal instants."""
-        event = Event((max(when_ns, self._now_ns), device, next(self._numbers)), action)
+    def at(self, when_ns: int, action: Callable[[], None], number: int | None = None, *, device: int = 0) -> Event:
+        """Let `action` happen at `when_ns`, at once if that has passed; `device` orders equal instants.
+
+        A `number` is that of an event that was asked for before its peer was restored: it keeps its place, and what is
+        asked for from now on comes behind it.
+        """
+        if number is None:
+            number = self.asked
+        self.asked = max(self.asked, number + 1)
+        event = Event((max(when_ns, self._now_ns), device, number), action)
         heapq.heappush(self._events, event)
         return event
 

@@ -33,9 +33,9 @@ class DeviceClock:
         """Return the nanoseconds since the bench's epoch."""
         return self._clock.now_ns()
 
-    def at(self, when_ns: int, action: Callable[[], None]) -> Event:
-        """Let `action` happen at `when_ns`."""
-        return self._clock.at(when_ns, action, device=self._device)
+    def at(self, when_ns: int, action: Callable[[], None], number: int | None = None) -> Event:
+        """Let `action` happen at `when_ns`; a restored event keeps its `number`."""
+        return self._clock.at(when_ns, action, device=self._device, number=number)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -70,6 +70,7 @@ class World:
         """Return everything that the world needs to go on, as JSON values; the clock stands beside it."""
         return {
             "now_ns": self.clock.now_ns(),
+            "asked": self.clock.asked,
             "plants": {name: dict(plant.state()) for name, plant in self.plants.items()},
             "peers": {name: dict(peer.state()) for name, peer in self.by_device.items()},
         }
@@ -77,8 +78,9 @@ class World:
     def restore(self, state: Mapping[str, object]) -> None:
         """Go on from what `state` returned.
 
-        The world is a fresh one of the same bench file with its serial peers attached, and its clock has reached the
-        instant at which the state was taken. Bytes on their way in a line belong to the line.
+        The world is a fresh one of the same bench file with its serial peers attached, and its clock stands at the
+        instant at which the state was taken, whether it was built at that instant or has lived until then. Bytes on
+        their way in a line belong to the line.
         """
         if state["now_ns"] != self.clock.now_ns():
             raise ValueError(f"the state is of {state['now_ns']} ns, the clock is at {self.clock.now_ns()} ns")
@@ -88,6 +90,7 @@ class World:
         peers = cast("dict[str, dict[str, object]]", state["peers"])
         for name, peer in self.by_device.items():
             peer.restore(peers[name])
+        self.clock.asked = cast("int", state["asked"])
 
 
 def build_world(

@@ -15,6 +15,11 @@ class Nack(Exception):
 class Cancellable(Protocol):
     """An event that can be taken back."""
 
+    @property
+    def number(self) -> int:
+        """Its place among the events of one peer at one instant."""
+        ...
+
     def cancel(self) -> None:
         """Take it back."""
         ...
@@ -27,8 +32,8 @@ class PeerClock(Protocol):
         """Return the nanoseconds since the bench's epoch."""
         ...
 
-    def at(self, when_ns: int, action: Callable[[], None]) -> Cancellable:
-        """Let `action` happen at `when_ns`."""
+    def at(self, when_ns: int, action: Callable[[], None], number: int | None = None) -> Cancellable:
+        """Let `action` happen at `when_ns`; an event that is restored keeps the `number` that it had."""
         ...
 
 

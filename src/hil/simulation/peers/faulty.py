@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import cast
 
 from hil.simulation.faults import Fault, Faults
+from hil.simulation.peers.alarm import Alarm
 from hil.simulation.seeds import Stream
 from hil.wire.peer import BusPeer, BusServer, Line, Nack, Openable, PeerClock, SerialPeer
 
@@ -29,6 +32,7 @@ class FaultySerialPeer:
         self._peer = peer
         self._faults = faults
         self._noise = noise
+        self._chats: list[tuple[Fault, Alarm]] = []
         self._line: Line
         self._clock: PeerClock
 
@@ -42,8 +46,11 @@ class FaultySerialPeer:
         self._line = line
         self._clock = clock
         self._peer.attach(self, clock)
-        for fault in self._faults.of("chatty"):
-            self._chat_after(fault, fault.start_ns)
+        self._chats = [
+            (fault, Alarm(clock, partial(self._chat, place))) for place, fault in enumerate(self._faults.of("chatty"))
+        ]
+        for fault, alarm in self._chats:
+            self._chat_after(fault, alarm, fault.start_ns)
 
     def opened(self) -> None:
         """Let the peer notice that its port was opened, where it can and is not dead."""
@@ -70,24 +77,28 @@ class FaultySerialPeer:
             self._line.send(data, after_ns)
 
     def state(self) -> Mapping[str, object]:
-        """Return the peer's state; the faults follow from the clock."""
-        return self._peer.state()
+        """Return the peer's state, and what it will say unasked; all other faults follow from the clock."""
+        return {"peer": dict(self._peer.state()), "chats": [alarm.state() for _, alarm in self._chats]}
 
     def restore(self, state: Mapping[str, object]) -> None:
         """Go on from what `state` returned."""
-        self._peer.restore(state)
+        self._peer.restore(cast("dict[str, object]", state["peer"]))
+        for (_, alarm), due in zip(self._chats, cast("list[object]", state["chats"]), strict=True):
+            alarm.restore(due)
 
-    def _chat_after(self, fault: Fault, earliest_ns: int) -> None:
+    def _chat_after(self, fault: Fault, alarm: Alarm, earliest_ns: int) -> None:
         late_by_ns = max(0, self._clock.now_ns() - fault.start_ns)
         pauses = -(-late_by_ns // fault.duration_ns)
         when_ns = max(earliest_ns, fault.start_ns + pauses * fault.duration_ns)
         if when_ns < fault.end_ns:
-            self._clock.at(when_ns, lambda: self._chat(fault, when_ns))
+            alarm.set(when_ns)
 
-    def _chat(self, fault: Fault, when_ns: int) -> None:
-        if not self._faults.now("dead", when_ns):
+    def _chat(self, place: int) -> None:
+        fault, alarm = self._chats[place]
+        now_ns = self._clock.now_ns()
+        if not self._faults.now("dead", now_ns):
             self._line.send(fault.text.encode("utf-8"))
-        self._chat_after(fault, when_ns + fault.duration_ns)
+        self._chat_after(fault, alarm, now_ns + fault.duration_ns)
 
 
 class FaultyBusPeer:

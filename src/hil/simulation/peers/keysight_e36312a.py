@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import cast
 
 from hil.clock.port import NANOSECONDS
+from hil.simulation.peers.alarm import Alarm
 from hil.simulation.peers.keysight_commands import CommandSet
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.supply_output import OutputTruth, Rating, SupplyOutput, read_outputs
@@ -41,15 +42,16 @@ class KeysightE36312a:
         self._measure_ns = measure_ns
         self._inbox = b""
         self._lines: list[str] = []
-        self._due_ns = 0
-        self._watch_due_ns = 0
         self._line: Line
         self._clock: PeerClock
+        self._due: Alarm
+        self._watching: Alarm
 
     def attach(self, line: Line, clock: PeerClock) -> None:
         """Connect the line; every output starts off."""
         self._line = line
         self._clock = clock
+        self._due, self._watching = Alarm(clock, self._work), Alarm(clock, self._protect)
         for output in self._outputs.values():
             output.apply()
 
@@ -71,8 +73,8 @@ class KeysightE36312a:
             "commands": dict(self._commands.state()),
             "inbox": self._inbox.hex(),
             "lines": list(self._lines),
-            "due_ns": self._due_ns,
-            "watch_due_ns": self._watch_due_ns,
+            "due": self._due.state(),
+            "watching": self._watching.state(),
         }
 
     def restore(self, state: Mapping[str, object]) -> None:
@@ -82,17 +84,12 @@ class KeysightE36312a:
         self._commands.restore(cast("dict[str, object]", state["commands"]))
         self._inbox = bytes.fromhex(cast("str", state["inbox"]))
         self._lines = list(cast("list[str]", state["lines"]))
-        self._due_ns = cast("int", state["due_ns"])
-        self._watch_due_ns = cast("int", state["watch_due_ns"])
-        if self._lines:
-            self._clock.at(self._due_ns, self._work)
-        if self._watch_due_ns:
-            self._clock.at(self._watch_due_ns, self._watch)
+        self._due.restore(state["due"])
+        self._watching.restore(state["watching"])
 
     def _begin(self) -> None:
         takes_ns = self._measure_ns if "MEAS" in self._lines[0].upper() else self._command_ns
-        self._due_ns = self._clock.now_ns() + takes_ns
-        self._clock.at(self._due_ns, self._work)
+        self._due.set(self._clock.now_ns() + takes_ns)
 
     def _work(self) -> None:
         reply = self._commands.execute(self._lines.pop(0), self._clock.now_ns())
@@ -105,13 +102,8 @@ class KeysightE36312a:
     def _protect(self) -> None:
         for output in self._outputs.values():
             output.protect(self._clock.now_ns())
-        if not self._watch_due_ns and any(output.watched for output in self._outputs.values()):
-            self._watch_due_ns = (self._clock.now_ns() // _WATCH_NS + 1) * _WATCH_NS
-            self._clock.at(self._watch_due_ns, self._watch)
-
-    def _watch(self) -> None:
-        self._watch_due_ns = 0
-        self._protect()
+        if self._watching.due_ns is None and any(output.watched for output in self._outputs.values()):
+            self._watching.set((self._clock.now_ns() // _WATCH_NS + 1) * _WATCH_NS)
 
 
 def build(setup: PeerSetup) -> KeysightE36312a:

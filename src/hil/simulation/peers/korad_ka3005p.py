@@ -18,6 +18,7 @@ from typing import cast
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Faults
+from hil.simulation.peers.alarm import Alarm
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.supply_output import OutputTruth, Rating, SupplyOutput, read_output_truth
 from hil.wire.peer import Line, PeerClock
@@ -93,16 +94,18 @@ class KoradKa3005p:
         self._command_ns = command_ns
         self._inbox = b""
         self._working = b""
-        self._quiet_ns = 0
-        self._due_ns = 0
-        self._watch_due_ns = 0
         self._line: Line
         self._clock: PeerClock
+        self._quiet: Alarm
+        self._due: Alarm
+        self._watching: Alarm
 
     def attach(self, line: Line, clock: PeerClock) -> None:
         """Connect the line; the output starts off."""
         self._line = line
         self._clock = clock
+        self._quiet, self._due = Alarm(clock, self._ended), Alarm(clock, self._work)
+        self._watching = Alarm(clock, self._protect)
         self._output.apply()
 
     def receive(self, data: bytes) -> None:
@@ -110,8 +113,8 @@ class KoradKa3005p:
         if self._working:
             return
         self._inbox = (self._inbox + data)[:_LONGEST_COMMAND]
-        self._quiet_ns = self._clock.now_ns() + _SILENCE_NS
-        self._clock.at(self._quiet_ns, self._ended)
+        if data:
+            self._quiet.set(self._clock.now_ns() + _SILENCE_NS)
 
     def state(self) -> Mapping[str, object]:
         """Return settings and what is being worked on."""
@@ -119,9 +122,9 @@ class KoradKa3005p:
             "output": dict(self._output.state()),
             "inbox": self._inbox.hex(),
             "working": self._working.hex(),
-            "quiet_ns": self._quiet_ns,
-            "due_ns": self._due_ns,
-            "watch_due_ns": self._watch_due_ns,
+            "quiet": self._quiet.state(),
+            "due": self._due.state(),
+            "watching": self._watching.state(),
         }
 
     def restore(self, state: Mapping[str, object]) -> None:
@@ -129,22 +132,14 @@ class KoradKa3005p:
         self._output.restore(cast("dict[str, object]", state["output"]))
         self._inbox = bytes.fromhex(cast("str", state["inbox"]))
         self._working = bytes.fromhex(cast("str", state["working"]))
-        self._quiet_ns = cast("int", state["quiet_ns"])
-        self._due_ns = cast("int", state["due_ns"])
-        self._watch_due_ns = cast("int", state["watch_due_ns"])
-        if self._inbox:
-            self._clock.at(self._quiet_ns, self._ended)
-        if self._working:
-            self._clock.at(self._due_ns, self._work)
-        if self._watch_due_ns:
-            self._clock.at(self._watch_due_ns, self._watch)
+        self._quiet.restore(state["quiet"])
+        self._due.restore(state["due"])
+        self._watching.restore(state["watching"])
 
     def _ended(self) -> None:
-        """Take what came as a command, if the silence was not broken."""
-        if self._inbox and self._clock.now_ns() >= self._quiet_ns:
-            self._working, self._inbox = self._inbox, b""
-            self._due_ns = self._clock.now_ns() + self._command_ns
-            self._clock.at(self._due_ns, self._work)
+        """Take what came as a command."""
+        self._working, self._inbox = self._inbox, b""
+        self._due.set(self._clock.now_ns() + self._command_ns)
 
     def _work(self) -> None:
         command, self._working = self._working.decode("latin-1").strip(), b""
@@ -197,13 +192,8 @@ class KoradKa3005p:
     def _protect(self) -> None:
         now_ns = self._clock.now_ns()
         self._output.protect(now_ns)
-        if not self._watch_due_ns and self._output.watched:
-            self._watch_due_ns = (now_ns // _WATCH_NS + 1) * _WATCH_NS
-            self._clock.at(self._watch_due_ns, self._watch)
-
-    def _watch(self) -> None:
-        self._watch_due_ns = 0
-        self._protect()
+        if self._watching.due_ns is None and self._output.watched:
+            self._watching.set((now_ns // _WATCH_NS + 1) * _WATCH_NS)
 
 
 def build(setup: PeerSetup) -> KoradKa3005p:

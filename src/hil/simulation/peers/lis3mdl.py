@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from typing import cast
 
 from hil.clock.port import NANOSECONDS
+from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.lis3mdl_conversion import AXES, Conversion, Outputs, Sensor, SensorTruth
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.plants.terminal import SignalPoint
@@ -62,6 +63,8 @@ class Lis3mdl:
         self._read = [0, 0, 0]
         self._latched: dict[int, tuple[int, int, int]] = {}
         self._clock: PeerClock
+        self._single: Alarm
+        self._changes: Alarms
 
     @property
     def addresses(self) -> tuple[int, ...]:
@@ -73,9 +76,10 @@ class Lis3mdl:
         self._clock = clock
         if self._power is not None:
             self._power.plant.listen(self._power_changed)
-        for fault in self._sensor.faults.of("stuck"):
-            clock.at(fault.start_ns, self._freeze)
-            clock.at(fault.end_ns, self._thaw)
+        self._single = Alarm(clock, self._take_single)
+        stuck = self._sensor.faults.of("stuck")
+        changes = [((fault.start_ns, self._freeze), (fault.end_ns, self._thaw)) for fault in stuck]
+        self._changes = Alarms(clock, [change for pair in changes for change in pair])
         self._power_changed()
 
     def write(self, address: int, data: bytes) -> None:
@@ -110,6 +114,8 @@ class Lis3mdl:
             "frozen": None if self._frozen is None else self._frozen.state(),
             "read": list(self._read),
             "latched": {str(axis): list(latch) for axis, latch in self._latched.items()},
+            "single": self._single.state(),
+            "changes": self._changes.state(),
         }
 
     def restore(self, state: Mapping[str, object]) -> None:
@@ -124,7 +130,8 @@ class Lis3mdl:
         self._read = list(cast("list[int]", state["read"]))
         latched = cast("dict[str, tuple[int, int, int]]", state["latched"])
         self._latched = {int(axis): (value, count, halves) for axis, (value, count, halves) in latched.items()}
-        self._await_single()
+        self._single.restore(state["single"])
+        self._changes.restore(state["changes"])
 
     def _awake(self) -> None:
         if self._powered_ns is None or self._clock.now_ns() < self._powered_ns + self._boot_ns:
@@ -173,13 +180,13 @@ class Lis3mdl:
             self._await_single()
 
     def _await_single(self) -> None:
-        conversion = self._conversion
-        if conversion.single and not self._count():
-            self._clock.at(conversion.end_ns(1), lambda: self._take_single(conversion))
+        if self._conversion.single and not self._count():
+            self._single.set(self._conversion.end_ns(1))
 
-    def _take_single(self, conversion: Conversion) -> None:
-        if self._conversion == conversion:
-            self._held = self._sensor.outputs(conversion, 1)
+    def _take_single(self) -> None:
+        # After a reset, or in continuous mode by now, nothing is awaited any more.
+        if self._conversion.single:
+            self._held = self._sensor.outputs(self._conversion, 1)
 
     def _load(self, register: int) -> int:
         if register == _WHO_AM_I:

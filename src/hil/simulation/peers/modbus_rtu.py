@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping
 from typing import cast
 
 from hil.clock.port import NANOSECONDS
-from hil.wire.peer import Cancellable, PeerClock
+from hil.simulation.peers.alarm import Alarm
+from hil.wire.peer import PeerClock
 
 __all__ = ["FrameReader", "checked", "seal"]
 
@@ -54,31 +55,27 @@ class FrameReader:
         self._silence_ns = _FAST_SILENCE_NS if baud > _FAST_BAUD else slow_ns
         self._take = take
         self._bytes = b""
-        self._ends_ns = 0
-        self._end: Cancellable | None = None
+        self._end: Alarm | None = None
 
     def receive(self, data: bytes, clock: PeerClock) -> None:
         """Take bytes; the frame ends when nothing follows."""
         # One byte beyond the longest frame is enough to know that it is none.
         self._bytes = (self._bytes + data)[: _LONGEST + 1]
-        self._ends_ns = clock.now_ns() + self._silence_ns
-        self._wait(clock)
+        self._silence(clock).set(clock.now_ns() + self._silence_ns)
 
     def state(self) -> Mapping[str, object]:
         """Return the unfinished frame."""
-        return {"bytes": self._bytes.hex(), "ends_ns": self._ends_ns}
+        return {"bytes": self._bytes.hex(), "end": None if self._end is None else self._end.state()}
 
     def restore(self, state: Mapping[str, object], clock: PeerClock) -> None:
         """Go on from what `state` returned."""
         self._bytes = bytes.fromhex(cast("str", state["bytes"]))
-        self._ends_ns = cast("int", state["ends_ns"])
-        if self._bytes:
-            self._wait(clock)
+        self._silence(clock).restore(state["end"])
 
-    def _wait(self, clock: PeerClock) -> None:
-        if self._end is not None:
-            self._end.cancel()
-        self._end = clock.at(self._ends_ns, self._finish)
+    def _silence(self, clock: PeerClock) -> Alarm:
+        if self._end is None:
+            self._end = Alarm(clock, self._finish)
+        return self._end
 
     def _finish(self) -> None:
         frame, self._bytes = self._bytes, b""

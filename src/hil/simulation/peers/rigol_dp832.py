@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import cast
 
 from hil.clock.port import NANOSECONDS
+from hil.simulation.peers.alarm import Alarm
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.rigol_channel import RigolOutput, RigolRating
 from hil.simulation.peers.rigol_commands import RigolCommands
@@ -45,16 +46,17 @@ class RigolDp832:
         self._pause_ns = pause_ns
         self._inbox = b""
         self._working = ""
-        self._due_ns = 0
         self._ready_ns = 0
-        self._watch_due_ns = 0
         self._line: Line
         self._clock: PeerClock
+        self._due: Alarm
+        self._watching: Alarm
 
     def attach(self, line: Line, clock: PeerClock) -> None:
         """Connect the line; every output starts off."""
         self._line = line
         self._clock = clock
+        self._due, self._watching = Alarm(clock, self._work), Alarm(clock, self._protect)
         for output in self._outputs.values():
             output.apply()
 
@@ -66,8 +68,8 @@ class RigolDp832:
             text = line.decode("latin-1").strip()
             now_ns = self._clock.now_ns()
             if text and not self._working and now_ns >= self._ready_ns:
-                self._working, self._due_ns = text, now_ns + self._command_ns
-                self._clock.at(self._due_ns, self._work)
+                self._working = text
+                self._due.set(now_ns + self._command_ns)
 
     def state(self) -> Mapping[str, object]:
         """Return settings, error queue and what is being worked on."""
@@ -76,9 +78,9 @@ class RigolDp832:
             "commands": dict(self._commands.state()),
             "inbox": self._inbox.hex(),
             "working": self._working,
-            "due_ns": self._due_ns,
+            "due": self._due.state(),
             "ready_ns": self._ready_ns,
-            "watch_due_ns": self._watch_due_ns,
+            "watching": self._watching.state(),
         }
 
     def restore(self, state: Mapping[str, object]) -> None:
@@ -88,13 +90,9 @@ class RigolDp832:
         self._commands.restore(cast("dict[str, object]", state["commands"]))
         self._inbox = bytes.fromhex(cast("str", state["inbox"]))
         self._working = cast("str", state["working"])
-        self._due_ns = cast("int", state["due_ns"])
         self._ready_ns = cast("int", state["ready_ns"])
-        self._watch_due_ns = cast("int", state["watch_due_ns"])
-        if self._working:
-            self._clock.at(self._due_ns, self._work)
-        if self._watch_due_ns:
-            self._clock.at(self._watch_due_ns, self._watch)
+        self._due.restore(state["due"])
+        self._watching.restore(state["watching"])
 
     def _work(self) -> None:
         now_ns = self._clock.now_ns()
@@ -108,13 +106,8 @@ class RigolDp832:
         now_ns = self._clock.now_ns()
         for output in self._outputs.values():
             output.protect(now_ns)
-        if not self._watch_due_ns and any(output.watched for output in self._outputs.values()):
-            self._watch_due_ns = (now_ns // _WATCH_NS + 1) * _WATCH_NS
-            self._clock.at(self._watch_due_ns, self._watch)
-
-    def _watch(self) -> None:
-        self._watch_due_ns = 0
-        self._protect()
+        if self._watching.due_ns is None and any(output.watched for output in self._outputs.values()):
+            self._watching.set((now_ns // _WATCH_NS + 1) * _WATCH_NS)
 
 
 def build(setup: PeerSetup) -> RigolDp832:

@@ -10,10 +10,12 @@ Timed relay commands (0200h, 0400h) are answered with exception 2.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import cast
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Faults
+from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.modbus_rtu import FrameReader, checked, seal
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.plants.terminal import InputPoint
@@ -70,19 +72,22 @@ class WaveshareRelay:
         self._faults = faults
         self._coils = [False] * _CONTACTS
         self._closed: set[int] = set()
-        self._moving: dict[int, int] = {}
         self._reader = FrameReader(baud, self._frame)
         self._line: Line
         self._clock: PeerClock
+        self._moving: dict[int, Alarm]
+        self._freed: Alarms
 
     def attach(self, line: Line, clock: PeerClock) -> None:
         """Connect the line; all coils are released, welded contacts are closed."""
         self._line = line
         self._clock = clock
-        for contact in range(1, _CONTACTS + 1):
+        contacts = range(1, _CONTACTS + 1)
+        self._moving = {contact: Alarm(clock, partial(self._follow, contact)) for contact in contacts}
+        welds = self._faults.of("welded")
+        self._freed = Alarms(clock, [(fault.end_ns, partial(self._follow, fault.number)) for fault in welds])
+        for contact in contacts:
             self._follow(contact)
-        for fault in self._faults.of("welded"):
-            self._follow_at(fault.number, fault.end_ns)
 
     def receive(self, data: bytes) -> None:
         """Take bytes of the line."""
@@ -94,7 +99,8 @@ class WaveshareRelay:
             "address": self._address,
             "coils": list(self._coils),
             "closed": sorted(self._closed),
-            "moving": {str(contact): due_ns for contact, due_ns in self._moving.items()},
+            "moving": [alarm.state() for alarm in self._moving.values()],
+            "freed": self._freed.state(),
             "reader": dict(self._reader.state()),
         }
 
@@ -103,9 +109,9 @@ class WaveshareRelay:
         self._address = cast("int", state["address"])
         self._coils = list(cast("list[bool]", state["coils"]))
         self._closed = set(cast("list[int]", state["closed"]))
-        self._moving = {}
-        for contact, due_ns in cast("dict[str, int]", state["moving"]).items():
-            self._move(int(contact), due_ns)
+        for alarm, due in zip(self._moving.values(), cast("list[object]", state["moving"]), strict=True):
+            alarm.restore(due)
+        self._freed.restore(state["freed"])
         self._reader.restore(cast("dict[str, object]", state["reader"]), self._clock)
 
     def _frame(self, frame: bytes) -> None:
@@ -189,21 +195,14 @@ class WaveshareRelay:
     def _set(self, coil: int, *, on: bool) -> None:
         if self._coils[coil] != on:
             self._coils[coil] = on
-            self._move(coil + 1, self._clock.now_ns() + self._operate_ns)
-
-    def _move(self, contact: int, due_ns: int) -> None:
-        self._moving[contact] = due_ns
-        self._follow_at(contact, due_ns)
-
-    def _follow_at(self, contact: int, when_ns: int) -> None:
-        self._clock.at(when_ns, lambda: self._follow(contact))
+            self._moving[coil + 1].set(self._clock.now_ns() + self._operate_ns)
 
     def _follow(self, contact: int) -> None:
         """Bring a contact to where its coil has it by now; one that still moves stays."""
         now_ns = self._clock.now_ns()
-        if self._moving.get(contact, 0) > now_ns:
+        moves_until_ns = self._moving[contact].due_ns
+        if moves_until_ns is not None and moves_until_ns > now_ns:
             return
-        self._moving.pop(contact, None)
         sticks = contact in self._closed and self._faults.now("welded", now_ns, contact) is not None
         if sticks or contact in self._welded or self._coils[contact - 1]:
             self._closed.add(contact)

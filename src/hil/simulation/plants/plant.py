@@ -190,7 +190,7 @@ class Plant(ABC):
         self._moments = deque(_Moment(at, tuple(row), MappingProxyType(dict(inputs))) for at, row, inputs in rows)
         self._now_ns = cast("int", state["now_ns"])
         self._next_ns = self._end_ns(self._moments[-1])
-        self._ahead = self._past = None
+        self._ahead = self._interpolated = self._past = None
 
     def _moments_between(self, first_ns: int, last_ns: int) -> list[_Moment]:
         """Return the moments whose lines are seen between two instants, before any command of these instants."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import cast
 
 from hil.simulation.faults import Faults
+from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.cycler.article import LINE_S, Article, Reading
 from hil.simulation.peers.cycler.commands import Commands
 from hil.simulation.peers.cycler.framing import Command, LineReader
@@ -13,7 +14,7 @@ from hil.simulation.peers.cycler.output import Output
 from hil.simulation.peers.cycler.relays import Relays
 from hil.simulation.peers.cycler.sequence import RUNNING, Sequence
 from hil.simulation.peers.cycler.settings import Settings
-from hil.simulation.peers.obc_link.timing import Alarm, BoardClock
+from hil.simulation.peers.obc_link.timing import BoardClock
 from hil.wire.peer import Line, PeerClock
 
 __all__ = ["Firmware"]
@@ -56,6 +57,7 @@ class Firmware:
         self._boot: Alarm
         self._tick: Alarm
         self._silence: Alarm
+        self._dips: Alarms
 
     def attach(self, line: Line, clock: PeerClock) -> None:
         """Connect the line, and start what comes unasked."""
@@ -65,8 +67,8 @@ class Firmware:
         self._boot = Alarm(clock, self._booted)
         self._tick = Alarm(clock, self._line)
         self._silence = Alarm(clock, self._silent)
-        for fault in self._faults.of("reset"):
-            clock.at(fault.start_ns, lambda: self._reset("BROWNOUT"))
+        dips = self._faults.of("reset")
+        self._dips = Alarms(clock, [(fault.start_ns, lambda: self._reset("BROWNOUT")) for fault in dips])
         self._wait()
 
     def opened(self) -> None:
@@ -127,9 +129,10 @@ class Firmware:
             "output": dict(self.output.state()),
             "reader": dict(self._reader.state()),
             "clock": dict(self._device_clock.state()),
-            "boot_ns": self._boot.due_ns,
-            "tick_ns": self._tick.due_ns,
-            "silence_ns": self._silence.due_ns,
+            "boot": self._boot.state(),
+            "tick": self._tick.state(),
+            "silence": self._silence.state(),
+            "dips": self._dips.state(),
         }
 
     def restore(self, state: Mapping[str, object]) -> None:
@@ -141,9 +144,10 @@ class Firmware:
             part.restore(cast("dict[str, object]", state[name]))
         self.sequence.restore(cast("dict[str, object]", state["sequence"]))
         self._device_clock.restore(cast("dict[str, object]", state["clock"]))
-        self._boot.restore(state["boot_ns"])
-        self._tick.restore(state["tick_ns"])
-        self._silence.restore(state["silence_ns"])
+        self._boot.restore(state["boot"])
+        self._tick.restore(state["tick"])
+        self._silence.restore(state["silence"])
+        self._dips.restore(state["dips"])
 
     def _now_us(self) -> int:
         return self._device_clock.at(self._clock.now_ns())

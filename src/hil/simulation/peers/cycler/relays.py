@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import cast
 
 from hil.simulation.faults import Faults
-from hil.simulation.peers.obc_link.timing import Alarm
+from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.plants.terminal import InputPoint
 from hil.wire.peer import PeerClock
 
@@ -34,13 +34,13 @@ class Relays:
         self._closed = {CHARGE: False, DISCHARGE: False}
         self._clock: PeerClock
         self._pause: Alarm
+        self._freed: Alarms
 
     def attach(self, clock: PeerClock) -> None:
         """Take the clock; both are open."""
         self._clock = clock
         self._pause = Alarm(clock, self._close)
-        for fault in self._stuck:
-            clock.at(fault.end_ns, self._follow)
+        self._freed = Alarms(clock, [(fault.end_ns, self._follow) for fault in self._stuck])
 
     @property
     def letter(self) -> str:
@@ -65,14 +65,16 @@ class Relays:
             "coil": self._coil,
             "coming": self._coming,
             "closed": dict(self._closed),
-            "pause_ns": self._pause.due_ns,
+            "pause": self._pause.state(),
+            "freed": self._freed.state(),
         }
 
     def restore(self, state: Mapping[str, object]) -> None:
         """Go on from what `state` returned; the plants know their inputs themselves."""
         self._coil, self._coming = cast("str", state["coil"]), cast("str", state["coming"])
         self._closed = dict(cast("dict[str, bool]", state["closed"]))
-        self._pause.restore(state["pause_ns"])
+        self._pause.restore(state["pause"])
+        self._freed.restore(state["freed"])
 
     def _close(self) -> None:
         self._coil, self._coming = self._coming, ""

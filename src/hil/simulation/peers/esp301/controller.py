@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from typing import cast
 
 from hil.clock.port import NANOSECONDS
+from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.esp301.axis import Axis, Drive, StageTruth
 from hil.simulation.peers.esp301.commands import CommandSet
 from hil.simulation.peers.model import PeerModel, PeerSetup
@@ -43,16 +44,19 @@ class Esp301:
         self._command_ns = command_ns
         self._inbox = b""
         self._lines: list[str] = []
-        self._due_ns = 0
         self._line: Line
         self._clock: PeerClock
+        self._due: Alarm
+        self._changes: Alarms
 
     def attach(self, line: Line, clock: PeerClock) -> None:
         """Connect the line; the motor starts off."""
         self._line = line
         self._clock = clock
-        for at_ns in self._axis.changes_ns():
-            clock.at(at_ns, lambda: self._axis.apply(clock.now_ns()))
+        self._due = Alarm(clock, self._work)
+        self._changes = Alarms(
+            clock, [(at_ns, lambda: self._axis.apply(clock.now_ns())) for at_ns in self._axis.changes_ns()]
+        )
         self._axis.apply(clock.now_ns())
 
     def receive(self, data: bytes) -> None:
@@ -71,7 +75,8 @@ class Esp301:
             "commands": dict(self._commands.state()),
             "inbox": self._inbox.hex(),
             "lines": list(self._lines),
-            "due_ns": self._due_ns,
+            "due": self._due.state(),
+            "changes": self._changes.state(),
         }
 
     def restore(self, state: Mapping[str, object]) -> None:
@@ -80,13 +85,11 @@ class Esp301:
         self._commands.restore(cast("dict[str, object]", state["commands"]))
         self._inbox = bytes.fromhex(cast("str", state["inbox"]))
         self._lines = list(cast("list[str]", state["lines"]))
-        self._due_ns = cast("int", state["due_ns"])
-        if self._lines:
-            self._clock.at(self._due_ns, self._work)
+        self._due.restore(state["due"])
+        self._changes.restore(state["changes"])
 
     def _begin(self) -> None:
-        self._due_ns = self._clock.now_ns() + self._command_ns
-        self._clock.at(self._due_ns, self._work)
+        self._due.set(self._clock.now_ns() + self._command_ns)
 
     def _work(self) -> None:
         for answer in self._commands.execute(self._lines.pop(0), self._clock.now_ns()):

@@ -13,6 +13,7 @@ from typing import cast
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Faults
+from hil.simulation.peers.alarm import Alarm
 from hil.simulation.peers.eurotherm import memory as at
 from hil.simulation.peers.eurotherm.memory import Memory
 from hil.simulation.peers.eurotherm.regulation import Regulation, Tuning
@@ -94,6 +95,7 @@ class Eurotherm3216:
         self._remote_ns = -_REMOTE_NS - 1
         self._line: Line
         self._clock: PeerClock
+        self._next_turn: Alarm
 
     @property
     def writes(self) -> Mapping[int, int]:
@@ -104,19 +106,21 @@ class Eurotherm3216:
         """Connect the line; the first turn is taken at once."""
         self._line = line
         self._clock = clock
-        self._turn_at(clock.now_ns())
+        self._next_turn = Alarm(clock, self._turn)
+        self._next_turn.set(clock.now_ns())
 
     def receive(self, data: bytes) -> None:
         """Take bytes of the line."""
         self._reader.receive(data, self._clock)
 
     def state(self) -> Mapping[str, object]:
-        """Return parameters, control terms, and the unfinished frame; turns follow from the clock."""
+        """Return parameters, control terms, the next turn, and the unfinished frame."""
         return {
             "memory": dict(self._memory.state()),
             "regulation": dict(self._regulation.state()),
             "reader": dict(self._reader.state()),
             "remote_ns": self._remote_ns,
+            "turn": self._next_turn.state(),
         }
 
     def restore(self, state: Mapping[str, object]) -> None:
@@ -125,12 +129,11 @@ class Eurotherm3216:
         self._regulation.restore(cast("dict[str, object]", state["regulation"]))
         self._reader.restore(cast("dict[str, object]", state["reader"]), self._clock)
         self._remote_ns = cast("int", state["remote_ns"])
+        self._next_turn.restore(state["turn"])
 
-    def _turn_at(self, when_ns: int) -> None:
-        self._clock.at(when_ns, lambda: self._turn(when_ns))
-
-    def _turn(self, now_ns: int) -> None:
+    def _turn(self) -> None:
         """Convert, regulate, drive the output, and show all of it."""
+        now_ns = self._clock.now_ns()
         number = now_ns // self._make.period_ns
         reading = self._sensor.convert(now_ns, number)
         value = self._make.top if reading is None else self._make.shown(reading)
@@ -147,7 +150,7 @@ class Eurotherm3216:
             }
         )
         self._drive_at(output, now_ns)
-        self._turn_at((number + 1) * self._make.period_ns)
+        self._next_turn.set((number + 1) * self._make.period_ns)
 
     def _setpoint(self, now_ns: int) -> tuple[bool, int]:
         """Return whether the remote setpoint is asked for and stale, and the setpoint that counts."""

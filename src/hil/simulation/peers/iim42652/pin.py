@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import cast
 
+from hil.simulation.peers.alarm import Alarm
 from hil.simulation.peers.iim42652.registers import Register, RegisterFile
 from hil.wire.peer import PeerClock
 
@@ -30,12 +30,13 @@ class Pin:
         self._registers = registers
         self._listeners: list[Callable[[], None]] = []
         self._asserted = False
-        self._rise_ns: int | None = None
         self._clock: PeerClock
+        self._rising: Alarm
 
     def attach(self, clock: PeerClock) -> None:
         """Connect the clock."""
         self._clock = clock
+        self._rising = Alarm(clock, self._rise)
 
     def listen(self, callback: Callable[[], None]) -> None:
         """Call back at every rising edge."""
@@ -50,39 +51,28 @@ class Pin:
         if config & _ACTIVE_HIGH:
             self._rise()
         elif not self._asserted:
-            self._rise_at(self._clock.now_ns() + (_SHORT_PULSE_NS if timing & _SHORT_PULSE else _PULSE_NS))
+            self._rising.set(self._clock.now_ns() + (_SHORT_PULSE_NS if timing & _SHORT_PULSE else _PULSE_NS))
 
     def clear(self) -> None:
         """Let a latched pin go; active low, that is a rising edge."""
         if self._asserted:
             self._asserted = False
             if not self._registers[Register.INT_CONFIG] & _ACTIVE_HIGH:
-                self._rise_at(self._clock.now_ns())
+                self._rising.set(self._clock.now_ns())
 
     def reset(self) -> None:
         """Be as after power-on."""
-        self._asserted, self._rise_ns = False, None
+        self._asserted = False
+        self._rising.clear()
 
     def state(self) -> Mapping[str, object]:
         """Return it as JSON values."""
-        return {"asserted": self._asserted, "rise_ns": self._rise_ns}
+        return {"asserted": self._asserted, "rising": self._rising.state()}
 
     def restore(self, state: Mapping[str, object]) -> None:
         """Go on from what `state` returned."""
         self._asserted = bool(state["asserted"])
-        self._rise_ns = None
-        rise_ns = cast("int | None", state["rise_ns"])
-        if rise_ns is not None:
-            self._rise_at(rise_ns)
-
-    def _rise_at(self, when_ns: int) -> None:
-        self._rise_ns = when_ns
-        self._clock.at(when_ns, lambda: self._rise_if(when_ns))
-
-    def _rise_if(self, when_ns: int) -> None:
-        if self._rise_ns == when_ns:
-            self._rise_ns = None
-            self._rise()
+        self._rising.restore(state["rising"])
 
     def _rise(self) -> None:
         for callback in self._listeners:

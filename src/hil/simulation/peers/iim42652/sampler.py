@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.clock.port import NANOSECONDS
+from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.iim42652.article import INVALID, Article, Samples
 from hil.simulation.peers.iim42652.fifo import Fifo
 from hil.simulation.peers.iim42652.pin import Pin
 from hil.simulation.peers.iim42652.registers import FIFO_FULL, FIFO_WATERMARK, NEW_DATA, Register, RegisterFile
 from hil.simulation.peers.iim42652.sampling import Sampling
-from hil.wire.peer import Cancellable, PeerClock
+from hil.wire.peer import PeerClock
 
 __all__ = ["Sampler"]
 
@@ -50,15 +51,17 @@ class Sampler:
         self._off_ns: int | None = None
         self._reset_ns = 0
         self._held: list[int] | None = None
-        self._event: Cancellable | None = None
         self._clock: PeerClock
+        self._next: Alarm
+        self._stucks: Alarms
 
     def attach(self, clock: PeerClock) -> None:
         """Connect the clock."""
         self._clock = clock
-        for fault in self._article.faults.of("stuck"):
-            # The last healthy sample is one that ended before the fault began.
-            clock.at(max(0, fault.start_ns - 1), self._hold)
+        self._next = Alarm(clock, self._due)
+        # The last healthy sample is one that ended before the fault began.
+        stuck = [(max(0, fault.start_ns - 1), self._hold) for fault in self._article.faults.of("stuck")]
+        self._stucks = Alarms(clock, stuck)
 
     def reset(self) -> None:
         """Be as after power-on: asleep, with nothing sampled."""
@@ -131,6 +134,8 @@ class Sampler:
             "off_ns": self._off_ns,
             "reset_ns": self._reset_ns,
             "held": self._held,
+            "next": self._next.state(),
+            "stucks": self._stucks.state(),
         }
 
     def restore(self, state: Mapping[str, object]) -> None:
@@ -144,7 +149,8 @@ class Sampler:
         self._off_ns = cast("int | None", state["off_ns"])
         self._reset_ns = cast("int", state["reset_ns"])
         self._held = cast("list[int] | None", state["held"])
-        self._schedule()
+        self._next.restore(state["next"])
+        self._stucks.restore(state["stucks"])
 
     def _valid_ns(self, wanted: Sampling, now_ns: int) -> int:
         """Return when the gyroscope gives valid numbers: it takes time to start, and to stop before that."""
@@ -188,12 +194,11 @@ class Sampler:
 
     def _schedule(self) -> None:
         """Let the next sample that somebody waits for be made when it ends, and none be older than a second."""
-        if self._event is not None:
-            self._event.cancel()
-            self._event = None
         when_ns = self._due_ns()
-        if when_ns is not None:
-            self._event = self._clock.at(when_ns, self._due)
+        if when_ns is None:
+            self._next.clear()
+        else:
+            self._next.set(when_ns)
 
     def _due_ns(self) -> int | None:
         if self._edge:

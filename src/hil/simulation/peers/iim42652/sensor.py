@@ -30,6 +30,7 @@ from functools import partial
 from typing import cast
 
 from hil.simulation.faults import Fault
+from hil.simulation.peers.alarm import Alarms
 from hil.simulation.peers.iim42652.article import Article
 from hil.simulation.peers.iim42652.fifo import Fifo
 from hil.simulation.peers.iim42652.pin import Pin
@@ -80,6 +81,7 @@ class Iim42652:
         self._stamp = 0
         self._readers = self._computed()
         self._clock: PeerClock
+        self._naps: Alarms
 
     @property
     def addresses(self) -> tuple[int, ...]:
@@ -98,8 +100,8 @@ class Iim42652:
         if self._power is not None:
             self._power.plant.listen(self._power_changed)
         self._power_changed()
-        for fault in self._faults.of("asleep"):
-            clock.at(fault.start_ns, self._fall_asleep)
+        naps = self._faults.of("asleep")
+        self._naps = Alarms(clock, [(fault.start_ns, self._fall_asleep) for fault in naps])
 
     def write(self, address: int, data: bytes) -> None:
         """Take the register's number and what is written from there on."""
@@ -136,6 +138,7 @@ class Iim42652:
             "fifo": self._fifo.state(),
             "sampler": self._sampler.state(),
             "pin": self._pin.state(),
+            "naps": self._naps.state(),
         }
 
     def restore(self, state: Mapping[str, object]) -> None:
@@ -148,6 +151,7 @@ class Iim42652:
         self._fifo.restore(cast("dict[str, object]", state["fifo"]))
         self._sampler.restore(cast("dict[str, object]", state["sampler"]))
         self._pin.restore(cast("dict[str, object]", state["pin"]))
+        self._naps.restore(state["naps"])
 
     def _acknowledge(self) -> None:
         if self._ready_ns is None or self._clock.now_ns() < self._ready_ns:

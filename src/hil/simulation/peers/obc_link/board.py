@@ -12,13 +12,14 @@ from collections.abc import Mapping, Sequence
 from typing import cast
 
 from hil.simulation.faults import Faults
+from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.obc_link.article import Article
 from hil.simulation.peers.obc_link.bus import BoardBus
 from hil.simulation.peers.obc_link.commands import MINOR, READING, REQUEST_USER, Commands, Tally
 from hil.simulation.peers.obc_link.fields import Code, Refusal
 from hil.simulation.peers.obc_link.framing import VERSION, Frame, FrameReader, seal
 from hil.simulation.peers.obc_link.stream import STREAM_USER, Stream
-from hil.simulation.peers.obc_link.timing import Alarm, BoardClock
+from hil.simulation.peers.obc_link.timing import BoardClock
 from hil.simulation.peers.obc_link.uart import Uart
 from hil.simulation.seeds import Stream as Noise
 from hil.wire.peer import BusPeer, Line, PeerClock
@@ -76,6 +77,7 @@ class ObcBoard:
         self._work: Alarm
         self._dog: Alarm
         self._booting: Alarm
+        self._resets: Alarms
 
     def serve(self, peers: Sequence[BusPeer]) -> None:
         """Put devices on the board's bus."""
@@ -91,8 +93,7 @@ class ObcBoard:
         self._bus.attach(clock, {REQUEST_USER: self._commands, STREAM_USER: self._stream})
         self._stream.attach(clock)
         self._commands.attach(clock)
-        for fault in self._faults.of("reset"):
-            clock.at(fault.start_ns, self._reset)
+        self._resets = Alarms(clock, [(fault.start_ns, self._reset) for fault in self._faults.of("reset")])
 
     def receive(self, data: bytes) -> None:
         """Take bytes of the line; while it boots the board hears nothing."""
@@ -138,7 +139,7 @@ class ObcBoard:
             "watchdog_ms": self.watchdog_ms,
             "requests": [[frame.content, received_us] for frame, received_us in self._requests],
             "last": [self._last[0].content, self._last[1].hex()] if self._last else None,
-            "alarms": [self._work.due_ns, self._dog.due_ns, self._booting.due_ns],
+            "alarms": [self._work.state(), self._dog.state(), self._booting.state(), self._resets.state()],
         }
 
     def restore(self, state: Mapping[str, object]) -> None:
@@ -160,9 +161,9 @@ class ObcBoard:
         self._requests = [(Frame.of(content), received_us) for content, received_us in requests]
         last = cast("tuple[object, str] | None", state["last"])
         self._last = (Frame.of(last[0]), bytes.fromhex(last[1])) if last else None
-        alarms = (self._work, self._dog, self._booting)
-        for alarm, due_ns in zip(alarms, cast("list[object]", state["alarms"]), strict=True):
-            alarm.restore(due_ns)
+        alarms: tuple[Alarm | Alarms, ...] = (self._work, self._dog, self._booting, self._resets)
+        for alarm, due in zip(alarms, cast("list[object]", state["alarms"]), strict=True):
+            alarm.restore(due)
 
     def _take(self, frame: Frame, received_ns: int) -> None:
         self.tally.usable += 1

@@ -7,7 +7,7 @@ from typing import Protocol, cast
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Faults
-from hil.simulation.peers.obc_link.timing import Alarm
+from hil.simulation.peers.alarm import Alarm
 from hil.wire.peer import BusPeer, Nack, PeerClock
 
 __all__ = ["NO_ADDRESS", "OK", "SLOWEST", "BoardBus", "BusUser"]
@@ -112,14 +112,14 @@ class BoardBus:
         return {
             "frequency_hz": self.frequency_hz,
             "line_up": list(self._line_up),
-            "through_ns": self._through.due_ns,
+            "through": self._through.state(),
         }
 
     def restore(self, state: Mapping[str, object]) -> None:
         """Go on from what `state` returned."""
         self.frequency_hz = cast("int", state["frequency_hz"])
         self._line_up = list(cast("list[str]", state["line_up"]))
-        self._through.restore(state["through_ns"])
+        self._through.restore(state["through"])
 
     def _at(self, address: int) -> BusPeer:
         if address not in self._peers or self._faults.now("nack", self._clock.now_ns(), address):

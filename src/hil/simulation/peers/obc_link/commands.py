@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol, cast
 
+from hil.simulation.peers.alarm import Alarm
 from hil.simulation.peers.obc_link.article import CHANNELS, FULL_SCALE, Article
 from hil.simulation.peers.obc_link.bus import BoardBus
 from hil.simulation.peers.obc_link.fields import (
@@ -23,7 +24,7 @@ from hil.simulation.peers.obc_link.fields import (
 )
 from hil.simulation.peers.obc_link.framing import LARGEST, VERSION, Frame
 from hil.simulation.peers.obc_link.stream import Stream
-from hil.simulation.peers.obc_link.timing import Alarm, BoardClock
+from hil.simulation.peers.obc_link.timing import BoardClock
 from hil.simulation.peers.obc_link.uart import Uart
 from hil.simulation.seeds import Stream as Noise
 from hil.wire.peer import PeerClock
@@ -166,7 +167,7 @@ class Commands:
             "messages": [[item.address, item.written.hex(), item.length] for item in self._messages],
             "later": self._later.hex(),
             "stopping": self._stopping,
-            "converted_ns": self._converted.due_ns,
+            "converted": self._converted.state(),
         }
 
     def restore(self, state: Mapping[str, object]) -> None:
@@ -175,7 +176,7 @@ class Commands:
         self._messages = tuple(Message(address, bytes.fromhex(written), length) for address, written, length in rows)
         self._later = bytes.fromhex(cast("str", state["later"]))
         self._stopping = bool(state["stopping"])
-        self._converted.restore(state["converted_ns"])
+        self._converted.restore(state["converted"])
 
     def _give(self) -> None:
         self._board.answer(self._later)

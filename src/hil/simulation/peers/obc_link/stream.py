@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from functools import partial
 from typing import cast
 
+from hil.simulation.peers.alarm import Alarm
 from hil.simulation.peers.obc_link.bus import OK, BoardBus
 from hil.simulation.peers.obc_link.fields import FifoTransfer, Program, RegisterTransfer, program_of
 from hil.simulation.peers.obc_link.framing import seal
-from hil.simulation.peers.obc_link.timing import Alarm, BoardClock
+from hil.simulation.peers.obc_link.timing import BoardClock
 from hil.simulation.peers.obc_link.uart import Uart
 from hil.wire.peer import BusPeer, PeerClock
 
@@ -144,8 +145,8 @@ class Stream:
             "lost": self.lost,
             "turns": [[turn.at_us, turn.number] for turn in (self._turn, self._next) if turn is not None],
             "result": None if self._result is None else self._result.hex(),
-            "timer_ns": self._timer.due_ns,
-            "turning_ns": self._turning.due_ns,
+            "timer": self._timer.state(),
+            "turning": self._turning.state(),
         }
 
     def restore(self, state: Mapping[str, object]) -> None:
@@ -161,8 +162,8 @@ class Stream:
         self._turn, self._next = (*turns, None, None)[:2]
         result = cast("str | None", state["result"])
         self._result = None if result is None else bytes.fromhex(result)
-        self._timer.restore(state["timer_ns"])
-        self._turning.restore(state["turning_ns"])
+        self._timer.restore(state["timer"])
+        self._turning.restore(state["turning"])
 
     def _arm_timer(self) -> None:
         if self._program is not None and self._program.period_us:

@@ -1,53 +1,14 @@
-"""The simulated board's time: alarms that survive a restore, and a clock that is not the bench's."""
+"""The simulated board's time: a clock that is not the bench's."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import cast
 
-from hil.wire.peer import Cancellable, PeerClock
-
-__all__ = ["Alarm", "BoardClock"]
+__all__ = ["BoardClock"]
 
 _PARTS = 10**12
 _NS_PER_US = 1000
-
-
-class Alarm:
-    """One thing that happens later, at most once at a time.
-
-    Args:
-        clock: the bench's clock.
-        action: what happens.
-    """
-
-    def __init__(self, clock: PeerClock, action: Callable[[], None]) -> None:
-        self._clock = clock
-        self._action = action
-        self._event: Cancellable | None = None
-        self.due_ns: int | None = None
-
-    def set(self, when_ns: int) -> None:
-        """Let it happen at `when_ns`, and not when it was due before."""
-        self.clear()
-        self.due_ns = when_ns
-        self._event = self._clock.at(when_ns, self._ring)
-
-    def clear(self) -> None:
-        """Let it not happen."""
-        if self._event is not None:
-            self._event.cancel()
-        self._event, self.due_ns = None, None
-
-    def restore(self, due_ns: object) -> None:
-        """Be due when it was; None is never."""
-        self.clear()
-        if due_ns is not None:
-            self.set(cast("int", due_ns))
-
-    def _ring(self) -> None:
-        self._event, self.due_ns = None, None
-        self._action()
 
 
 class BoardClock:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import cast
 
 from hil.simulation.faults import Faults
-from hil.simulation.peers.obc_link.timing import Alarm
+from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.wire.peer import Line, PeerClock
 
 __all__ = ["Uart"]
@@ -38,14 +38,14 @@ class Uart:
         self._line: Line
         self._clock: PeerClock
         self._free: Alarm
+        self._stalled: Alarms
 
     def attach(self, line: Line, clock: PeerClock) -> None:
         """Connect the line."""
         self._line = line
         self._clock = clock
         self._free = Alarm(clock, self._sent)
-        for fault in self._faults.of("stall"):
-            clock.at(fault.end_ns, self._next)
+        self._stalled = Alarms(clock, [(fault.end_ns, self._next) for fault in self._faults.of("stall")])
 
     @property
     def holds_stream(self) -> bool:
@@ -89,7 +89,8 @@ class Uart:
             "waiting": [frame.hex() for frame in self._waiting],
             "sending": self._sending,
             "swallowed": list(self._swallowed),
-            "free_ns": self._free.due_ns,
+            "free": self._free.state(),
+            "stalled": self._stalled.state(),
         }
 
     def restore(self, state: Mapping[str, object]) -> None:
@@ -98,7 +99,8 @@ class Uart:
         self._waiting = deque(bytes.fromhex(frame) for frame in cast("list[str]", state["waiting"]))
         self._sending = cast("int", state["sending"])
         self._swallowed = list(cast("list[int]", state["swallowed"]))
-        self._free.restore(state["free_ns"])
+        self._free.restore(state["free"])
+        self._stalled.restore(state["stalled"])
 
     def _sent(self) -> None:
         self._sending = 0
