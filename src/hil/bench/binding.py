@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any, cast
 
 from hil.bench.file.places import place_of
 from hil.clock.virtual import VirtualClock
@@ -15,18 +17,20 @@ from hil.instruments.registry import driver_class
 from hil.model.bench import BenchSpec, InstrumentSpec, SimulatedBench
 from hil.model.errors import Refused
 from hil.model.identity import Source
+from hil.simulation.ends import simulated_ends
 from hil.simulation.person import Person
-from hil.simulation.world import World, build_world, truth_errors
+from hil.simulation.world import World, truth_errors
+from hil.wire.checkpoint import Checkpoint
 from hil.wire.exchange import publish_bus, publish_stream, withdraw
+from hil.wire.handover import Handed
 from hil.wire.opening import open_bus, open_port
 from hil.wire.port import I2cBus
-from hil.wire.replay import Playback, ReplayedBus, ReplayedStream
-from hil.wire.simulated_bus import SimulatedBus
+from hil.wire.replay import Handover, Playback, ReplayedBus, ReplayedStream
 from hil.wire.simulated_line import SimulatedLine
 from hil.wire.tap import TappedPort
 from hil.wire.transcript import Transcript
 
-__all__ = ["BoundBench", "bind_replayed", "bind_simulated", "check_twin", "simulated_twin"]
+__all__ = ["BoundBench", "bind_replayed", "bind_resumed", "bind_simulated", "check_twin", "simulated_twin"]
 
 
 @dataclass(kw_only=True)
@@ -42,7 +46,8 @@ class BoundBench:
         ports: the open byte streams.
         buses: those that an instrument serves, by name.
         world: plants, peers and person, on a simulated bench only.
-        playback: the record that answers, on a replayed bench only.
+        lines: the byte streams of a simulated bench, by instrument.
+        playback: the record that answers, on a replayed bench, and on a resumed one until it goes on.
     """
 
     spec: BenchSpec
@@ -51,6 +56,7 @@ class BoundBench:
     transcript: Transcript
     drivers: Mapping[str, Driver]
     world: World | None = None
+    lines: Mapping[str, SimulatedLine] = field(default_factory=dict)
     playback: Playback | None = None
     ports: list[TappedPort] = field(default_factory=list)
     buses: dict[str, I2cBus] = field(default_factory=dict)
@@ -64,6 +70,19 @@ class BoundBench:
     def person(self) -> Person | None:
         """The simulated person, on a simulated bench only."""
         return self.world.person if self.world else None
+
+    def checkpoint(self) -> Checkpoint | None:
+        """Return all that a simulated bench needs to go on from here.
+
+        None while it cannot be told: bytes are on their way, or a record answers for the bench.
+        """
+        if self.world is None or not all(line.quiet for line in self.lines.values()):
+            return None
+        state = {
+            "world": self.world.state(),
+            "lines": {name: line.state() for name, line in self.lines.items()},
+        }
+        return Checkpoint(at_ns=self.clock.now_ns(), operations=self.transcript.operations, state=state)
 
     def close(self) -> None:
         """Close every port and free the bench's URLs."""
@@ -81,17 +100,47 @@ def bind_simulated(spec: BenchSpec, transcript: Transcript) -> BoundBench:
     """
     twin = simulated_twin(spec)
     clock = VirtualClock(twin.epoch)
-    world = build_world(twin, spec.instruments, clock, spec.buses)
-    for number, instrument in enumerate(spec.instruments, start=1):
-        if not instrument.bus:
-            peer = world.serial_peers[instrument.name]
-            line = SimulatedLine(instrument.name, peer, clock, number=number, baud=instrument.baud)
-            peer.attach(line, world.clock_of(instrument.name))
-            publish_stream(_url(Source.SIMULATED, spec, instrument.name), line)
-    for bus in (bus for bus in spec.buses if not bus.instrument):
-        peers = world.bus_peers.get(bus.name, ())
-        publish_bus(_url(Source.SIMULATED, spec, bus.name), SimulatedBus(clock, bus.frequency_hz, peers))
-    return _bound(spec, Source.SIMULATED, clock, transcript, world=world)
+    ends = simulated_ends(spec, twin, clock)
+    for name, line in ends.lines.items():
+        publish_stream(_url(Source.SIMULATED, spec, name), line)
+    for name, bus in ends.buses.items():
+        publish_bus(_url(Source.SIMULATED, spec, name), bus)
+    return _bound(spec, Source.SIMULATED, clock, transcript, world=ends.world, lines=ends.lines)
+
+
+def bind_resumed(
+    spec: BenchSpec, transcript: Transcript, record: Path, checkpoint: Checkpoint, where: Callable[[], str]
+) -> BoundBench:
+    """Build the simulated twin on the record of a run so far; from the checkpoint on its world goes on.
+
+    Args:
+        spec: the bench file.
+        transcript: where every operation is noted.
+        record: the transcript of the run so far.
+        checkpoint: what `BoundBench.checkpoint` returned then.
+        where: tells the present step, for messages.
+    """
+    twin = simulated_twin(spec)
+    clock = VirtualClock(twin.epoch)
+    ends: dict[str, Handed[Any]] = {}
+
+    def go_on() -> None:
+        simulated = simulated_ends(spec, twin, clock)
+        simulated.restore(checkpoint.state)
+        bench.world, bench.lines, bench.playback = simulated.world, simulated.lines, None
+        for name, end in ends.items():
+            end.hand_to(simulated.of(spec.instrument(name)))
+
+    playback = Playback(record, clock, where, Handover(checkpoint.operations, checkpoint.at_ns, go_on))
+    for instrument in spec.instruments:
+        if _server(spec, instrument):
+            continue
+        recorded = ReplayedBus if instrument.bus else ReplayedStream
+        end = ends[instrument.name] = Handed(recorded(instrument.name, playback))
+        publish = publish_bus if instrument.bus else publish_stream
+        publish(_url(Source.SIMULATED, spec, instrument.name), cast("Any", end))
+    bench = _bound(spec, Source.SIMULATED, clock, transcript, playback=playback)
+    return bench
 
 
 def bind_replayed(spec: BenchSpec, transcript: Transcript, record: Path, where: Callable[[], str]) -> BoundBench:
@@ -148,6 +197,7 @@ def _bound(
     transcript: Transcript,
     *,
     world: World | None = None,
+    lines: Mapping[str, SimulatedLine] = MappingProxyType({}),
     playback: Playback | None = None,
 ) -> BoundBench:
     drivers: dict[str, Driver] = {}
@@ -158,6 +208,7 @@ def _bound(
         transcript=transcript,
         drivers=drivers,
         world=world,
+        lines=lines,
         playback=playback,
     )
     try:
@@ -191,8 +242,8 @@ def _port(bench: BoundBench, instrument: InstrumentSpec) -> TappedPort:
 def _bus(bench: BoundBench, instrument: InstrumentSpec) -> I2cBus:
     server = _server(bench.spec, instrument)
     if server is None:
-        # A replayed device has its own record; a simulated one shares its bus with others.
-        end = instrument.name if bench.source is Source.REPLAYED else instrument.bus
+        # A recorded device has its own record; a simulated one shares its bus with others.
+        end = instrument.name if bench.playback is not None else instrument.bus
         return open_bus(instrument.name, _url(bench.source, bench.spec, end), bench.clock, bench.transcript)
     # No tap here: every byte passes the tap of the server's port, and a second record would be replayed twice.
     if instrument.bus not in bench.buses:
