@@ -45,10 +45,19 @@ class BenchKeeper:
         self._write = write
         self._store = store
         self._watched: dict[str, OpenRecording] = {}
-        self.tick = tick
+        self._ticks = [tick]
         self.unsafe = False
         self.touched = False
         self.scheduler = Scheduler(bench, [self._monitor(limit) for limit in bench.spec.envelope], flags, self)
+
+    def tick(self) -> None:
+        """Do what has to be done every fraction of a wall second."""
+        for tick in tuple(self._ticks):
+            tick()
+
+    def beside(self, tick: Callable[[], None]) -> None:
+        """Do this, too, every fraction of a wall second from now on."""
+        self._ticks.append(tick)
 
     def arm(self) -> str:
         """Look, make safe, try every output at reduced level, and begin to watch; return why not, if not."""
