@@ -1,6 +1,8 @@
-"""`hil status`: say how a run stands."""
+"""`hil status`: say how a run stands, once or until it ends."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import click
 
@@ -9,16 +11,39 @@ from hil.cli.folders import find_run
 __all__ = ["command"]
 
 
-@click.command(name="status", epilog="Example: hil status 20261121T093100Z")
+@click.command(name="status", epilog="Example: hil status latest --follow")
 @click.argument("run", metavar="RUN")
-def command(run: str) -> int:
-    """Say how a run stands: what it does, how far it is, or how it ended."""
+@click.option("--follow", is_flag=True, help="Go on telling until the run ends.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document; with --follow, one a line.")
+def command(run: str, follow: bool, as_json: bool) -> int:
+    """Say how a run stands: what it does and reads now, how much bench time is left, or how it ended."""
+    folder = find_run(run)
+    if as_json:
+        return _machine(folder, follow=follow)
+    if follow:
+        from hil.cli.following import follow as go_along  # noqa: PLC0415 - heavy
+
+        return go_along(folder)
+    for line in status_lines(folder):
+        click.echo(line)
+    return 0
+
+
+def status_lines(folder: Path) -> list[str]:
+    """Return how a run stands, in lines."""
     from hil.evidence.package.listing import shown as printable  # noqa: PLC0415 - heavy
     from hil.evidence.runs import status  # noqa: PLC0415 - heavy
+    from hil.report.live.following import Follower  # noqa: PLC0415 - heavy
+    from hil.report.live.lines import reading_lines  # noqa: PLC0415 - heavy
     from hil.report.numbers import bench_time, duration  # noqa: PLC0415 - heavy
     from hil.report.page.happenings import attached, noted  # noqa: PLC0415 - heavy
 
-    found = status(find_run(run))
+    found = status(folder)
+    follower = Follower(folder)
+    if follower.goes_on():
+        follower.read()
+    readings = follower.readings()
+    outlook = follower.outlook
     lines = {
         "run": found.folder.name,
         "state": str(found.state),
@@ -29,16 +54,30 @@ def command(run: str) -> int:
         "cases": f"{found.ended} of {found.planned} ended",
         "case": found.case,
         "step": found.step,
-        "bench time": bench_time(found.t),
+        "turn": ", ".join(str(turns) for turns in outlook.turns),
+        "bench time": bench_time(max(found.t, outlook.t)),
+        "left": str(outlook.left() or ""),
+        "held": "" if outlook.held is None else outlook.held or "yes",
         "last event": "" if found.age is None else f"{duration(found.age)} ago",
         "verdict": found.verdict,
         "problem": found.problem,
     }
-    for label, value in lines.items():
-        if value:
-            click.echo(f"{label:<11} {printable(value)}")
     told = {"note": noted, "attachment": attached}
-    for event in found.added:
-        what = told[event["kind"]](event) if event["kind"] in told else str(event["text"])
-        click.echo(f"{event['kind']:<11} {bench_time(event['t'])}  {printable(what)}")
+    return [
+        *(f"{label:<11} {printable(value)}" for label, value in lines.items() if value),
+        *(["reads now", *map(printable, reading_lines(readings, outlook.t))] if readings else []),
+        *(
+            f"{event['kind']:<11} {bench_time(event['t'])}  "
+            f"{printable(told[event['kind']](event) if event['kind'] in told else str(event['text']))}"
+            for event in found.added
+        ),
+    ]
+
+
+def _machine(folder: Path, *, follow: bool) -> int:
+    from hil.cli.following import documents  # noqa: PLC0415 - heavy
+    from hil.documents.canonical import canonical  # noqa: PLC0415 - heavy
+
+    for document in documents(folder, follow=follow):
+        click.echo(canonical(document).decode())
     return 0

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, TextIO
 
 from rich.console import Console
 from rich.text import Text
 
+from hil.plugin.status_line import StatusLine
+from hil.report.live.lines import one_line
+from hil.report.live.outlook import Outlook
+from hil.report.live.readings import Readings
 from hil.report.numbers import bench_time, duration, limit_text, measured
 from hil.report.page.happenings import attached, noted
 
@@ -37,6 +42,8 @@ class _Console(Console):
 class Progress:
     """Writes events as lines; without a terminal they are the same lines without colour.
 
+    On a terminal a line at its foot tells how far the run is, how long it will take, and what it reads now.
+
     Args:
         stream: where the lines go.
         verbose: whether steps, effects and gates that hold are shown, too.
@@ -46,16 +53,38 @@ class Progress:
         self._console = _Console(file=stream, highlight=False, soft_wrap=True, emoji=False, markup=False)
         self._verbose = verbose
         self._cases: dict[str, Mapping[str, Any]] = {}
-        self._done = 0
         self._begun = False
         self._told: list[str] = []
         self._left_out: Counter[str] = Counter()
+        self._outlook = Outlook()
+        self._readings: Readings | None = None
+        self._status = StatusLine(stream, self._where)
+
+    def follow(self, folder: Path) -> None:
+        """Show from now on what the run in this folder reads."""
+        self._readings = Readings(folder)
+
+    def pass_by(self, event: Mapping[str, Any]) -> None:
+        """Take an event in without a word, for a run that is joined amid it."""
+        self._outlook.take(event)
+        if event["kind"] == "planned":
+            self._planned(event)
+        self._begun = self._begun or event["kind"] == "gate"
+
+    def tick(self) -> None:
+        """Refresh the line at the foot, if that is due."""
+        self._status.tick()
 
     def __call__(self, event: Mapping[str, Any]) -> None:
         """Show one event."""
+        self._outlook.take(event)
         show = getattr(self, f"_{event['kind'].replace('-', '_')}", None)
         if show is not None:
             show(event)
+
+    def _where(self) -> str:
+        readings = self._readings.newest(self._outlook) if self._readings else []
+        return one_line(self._outlook, readings)
 
     def _run(self, event: Mapping[str, Any]) -> None:
         dut = event["dut"]
@@ -82,11 +111,10 @@ class Progress:
         self._line("armed: every readiness gate holds", "green")
 
     def _case(self, event: Mapping[str, Any]) -> None:
-        self._done += 1
         self._told = []
         title = self._cases.get(event["case"], {}).get("title", "")
         self._line("")
-        self._line(f"[{self._done}/{len(self._cases)}] {_short(event['case'])}  {title}", "bold")
+        self._line(f"[{self._outlook.ended + 1}/{len(self._cases)}] {_short(event['case'])}  {title}", "bold")
 
     def _step(self, event: Mapping[str, Any]) -> None:
         depth = len(event["path"]) - 1
@@ -94,9 +122,15 @@ class Progress:
             self._line(f"  {bench_time(event['t'])}  {'  ' * depth}{event['number']} {event['path'][-1]}", "dim")
 
     def _effect(self, event: Mapping[str, Any]) -> None:
+        self._status.quiet = False
         if self._verbose and event["effect"] == "drives":
             arguments = ", ".join(f"{key}={value}" for key, value in event["arguments"].items())
             self._line(f"                {event['name']}({arguments})", "dim")
+
+    def _question(self, _: Mapping[str, Any]) -> None:
+        """Leave the terminal to whoever answers."""
+        self._status.clear()
+        self._status.quiet = True
 
     def _answer(self, event: Mapping[str, Any]) -> None:
         self._line(f"  answered {event['name']}: {event['value']} ({event['by']})")
@@ -111,7 +145,7 @@ class Progress:
         text = Text(f"  {event['requirement']} {event['parameter']}{of} = {value}  {asked}")
         text.append(event["verdict"], _STYLES[event["verdict"]])
         text.append(reason)
-        self._console.print(text)
+        self._print(text)
 
     def _fault(self, event: Mapping[str, Any]) -> None:
         self._line(f"  {'DUT' if event['dut'] else 'bench'} fault, {event['message']}", "bold red")
@@ -125,7 +159,7 @@ class Progress:
         text = Text("  ")
         text.append(event["verdict"], _STYLES[event["verdict"]])
         text.append(f"  {duration(event['duration'])} of bench time")
-        self._console.print(text)
+        self._print(text)
         for reason in event["reasons"]:
             if not reason.startswith(tuple(self._told)):  # it stands beside its check
                 self._line(f"    {reason}")
@@ -162,7 +196,11 @@ class Progress:
         self._line(words, _good(event["ok"]))
 
     def _line(self, text: str, style: str = "") -> None:
-        self._console.print(Text(text, style))
+        self._print(Text(text, style))
+
+    def _print(self, text: Text) -> None:
+        self._status.clear()
+        self._console.print(text)
 
 
 def _short(case: str) -> str:

@@ -90,7 +90,10 @@ def run(request: Request, out: TextIO, *, verbose: bool = False, word: Word | No
 def _open(
     configuration: Configuration, planned: Sequence[PlannedCase], *, out: TextIO, verbose: bool, word: Word
 ) -> Session:
-    session = open_simulated(configuration, planned, listeners=[Progress(out, verbose=verbose)], alone=True)
+    progress = Progress(out, verbose=verbose)
+    session = open_simulated(configuration, planned, listeners=[progress], alone=True)
+    progress.follow(session.folder)
+    session.keeper.beside(progress.tick)
     session.at_last = lambda: word.leave(_close(session, _FAILED, out, word))
     word.begun(session.folder)
     return session

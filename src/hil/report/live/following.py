@@ -1,0 +1,111 @@
+"""Following a run from another process: its journal as it grows, and whether it still goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hil.clock import wall
+from hil.documents.canonical import JsonError, parse_strict
+from hil.evidence.durable import open_plain
+from hil.evidence.folder import JOURNAL, is_held, is_sealed
+from hil.report.live.outlook import Outlook
+from hil.report.live.readings import Reading, Readings
+
+__all__ = ["Follower", "Line"]
+
+_BLOCK = 8_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One event with what stands beside it."""
+
+    body: Mapping[str, Any]
+    wall: Mapping[str, Any]
+
+
+class Follower:
+    """Reads what a run writes, without a lock and without a write; half a line is left until it is whole.
+
+    Args:
+        folder: the run's folder.
+
+    Attributes:
+        outlook: where the run is, as of the last `read`.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.outlook = Outlook()
+        self._readings = Readings(folder)
+        self._offset = 0
+        self._last: Line | None = None
+
+    @property
+    def last_utc(self) -> str:
+        """UTC of the newest event, empty before the first."""
+        return str(self._last.wall.get("utc", "")) if self._last else ""
+
+    @property
+    def age(self) -> float | None:
+        """Seconds since the newest event; None before the first, and where the machine was booted since."""
+        now = wall.stamp()
+        if self._last is None or self._last.wall.get("boot_id") != now.boot_id:
+            return None
+        return now.boot - float(self._last.wall["boot"])
+
+    def read(self) -> list[Line]:
+        """Return the events since the last call."""
+        found: list[Line] = []
+        while block := self._block():
+            for raw in block.splitlines():
+                line = _line(raw)
+                if line is not None:
+                    with suppress(LookupError, TypeError, ValueError):  # `hil verify` tells what is wrong with it
+                        self.outlook.take(line.body)
+                    found.append(line)
+        if found:
+            self._last = found[-1]
+        return found
+
+    def readings(self) -> list[Reading]:
+        """Return the newest values of what is recorded."""
+        return self._readings.newest(self.outlook)
+
+    def goes_on(self) -> bool:
+        """Return whether a process works on the run; it is sealed, or was interrupted, if none does."""
+        return is_held(self.folder) and not is_sealed(self.folder)
+
+    def sealed(self) -> bool:
+        """Return whether the run is sealed."""
+        return is_sealed(self.folder)
+
+    def _block(self) -> bytes:
+        """Return the next whole lines, nothing where there are none yet."""
+        try:
+            with open_plain(self.folder / JOURNAL) as stream:
+                stream.seek(self._offset)
+                read = stream.read(_BLOCK)
+                while b"\n" not in read and (more := stream.read(_BLOCK)):
+                    read += more
+        except OSError:
+            return b""
+        whole = read[: read.rfind(b"\n") + 1]
+        self._offset += len(whole)
+        return whole
+
+
+def _line(raw: bytes) -> Line | None:
+    """Return one event, None for what is no event: `hil verify` tells what is wrong with a journal."""
+    try:
+        value = parse_strict(raw)
+    except JsonError:
+        return None
+    body, beside = (value.get("body"), value.get("wall")) if isinstance(value, dict) else (None, None)
+    if not isinstance(body, dict) or not isinstance(body.get("kind"), str):
+        return None
+    return Line(body, beside if isinstance(beside, dict) else {})

@@ -1,0 +1,131 @@
+"""The newest value of everything that is recorded, from the ends of the row files."""
+
+from __future__ import annotations
+
+import math
+import os
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from hil.documents.canonical import JsonError
+from hil.evidence.durable import open_plain
+from hil.evidence.folder import RECORDINGS
+from hil.model.errors import HilError
+from hil.report.live.outlook import Outlook
+from hil.report.material import inners, text
+from hil.report.numbers import number, with_unit
+from hil.report.page.bench_file import parse
+
+__all__ = ["Reading", "Readings"]
+
+_BENCH = "data/bench/bench.yaml"
+_LONGEST_HEADER = 1_000_000
+_NUMBER = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """The newest value of one channel.
+
+    Attributes:
+        recording: the recording's name; the id of its limit where the envelope watches it.
+        channel: the channel's name.
+        value: the value, NaN where the instrument had none.
+        unit: its unit.
+        t: the row's time in s.
+        watched: whether it is the envelope's.
+        minimum, maximum: limits of the envelope, None where there is none.
+    """
+
+    recording: str
+    channel: str
+    value: float
+    unit: str
+    t: float
+    watched: bool
+    minimum: float | None = None
+    maximum: float | None = None
+
+    def __str__(self) -> str:
+        return with_unit(number(self.value, 5), self.unit)
+
+    @property
+    def limits(self) -> str:
+        """The limits in words, empty where there is none."""
+        low, high = (None if bound is None else number(bound) for bound in (self.minimum, self.maximum))
+        if low and high:
+            return with_unit(f"{low} to {high}", self.unit)
+        return with_unit(f"≥ {low}" if low else f"≤ {high}", self.unit) if low or high else ""
+
+
+class Readings:
+    """Reads row files of a run that goes on, without a lock, and never past their last whole row.
+
+    Args:
+        folder: the run's folder.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def newest(self, outlook: Outlook) -> list[Reading]:
+        """Return the newest value of every channel of the open recordings, and let the outlook know their time."""
+        found: list[Reading] = []
+        for identifier, begun in sorted(outlook.recordings.items(), key=lambda item: item[1]["case"] is None):
+            row = _last_row(self._folder / RECORDINGS / f"{identifier}.rows", len(begun["channels"]) + 1)
+            if row is None:
+                continue
+            outlook.at(row[0])
+            found.extend(self._reading(begun, place, row) for place in range(1, len(row)))
+        return found
+
+    def _reading(self, begun: Mapping[str, Any], place: int, row: tuple[float, ...]) -> Reading:
+        channel, watched = begun["channels"][place - 1], begun["case"] is None
+        limit = self._limits.get(begun["name"], {}) if watched else {}
+        return Reading(
+            recording=begun["name"],
+            channel=channel["name"],
+            value=row[place],
+            unit=channel["unit"],
+            t=row[0],
+            watched=watched,
+            minimum=_bound(limit.get("min")),
+            maximum=_bound(limit.get("max")),
+        )
+
+    @cached_property
+    def _limits(self) -> dict[str, Mapping[str, Any]]:
+        """The limits of the frozen bench file by id; a run goes on without them."""
+        try:
+            bench = parse((self._folder / _BENCH).read_text(encoding="utf-8"), _BENCH)
+            return {text(limit, "id"): limit for limit in inners(bench, "envelope")}
+        except (OSError, ValueError, HilError, JsonError):
+            return {}
+
+
+def _last_row(path: Path, width: int) -> tuple[float, ...] | None:
+    """Return the last whole row of a file that grows, None where there is none or the file is gone."""
+    try:
+        with open_plain(path) as stream:
+            start = len(stream.readline(_LONGEST_HEADER))
+            size = os.fstat(stream.fileno()).st_size
+            rows = (size - start) // (width * _NUMBER)
+            if rows < 1:
+                return None
+            stream.seek(start + (rows - 1) * width * _NUMBER)
+            row = stream.read(width * _NUMBER)
+    except OSError:
+        return None
+    numbers = struct.unpack(f"<{width}d", row) if len(row) == width * _NUMBER else None
+    return numbers if numbers and math.isfinite(numbers[0]) else None
+
+
+def _bound(value: object) -> float | None:
+    try:
+        return float(value) if isinstance(value, int | float | str) else None
+    except ValueError:
+        return None

@@ -1,0 +1,94 @@
+"""Runs that last: followed from another terminal, detached from their own, held, and telling somebody."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+
+import pytest
+from workspaces import finish, kill, make
+
+pytestmark = pytest.mark.system
+
+LONG = """
+@pytest.mark.requirement("T-030")
+@pytest.mark.max_duration(1e9)
+def test_long(field, record, iterations):
+    for part in iterations("part", 100_000):
+        record("field", field, duration=5.0, rate=40.0)
+"""
+
+STARTED: list[subprocess.Popen[str]] = []
+
+
+@pytest.fixture(autouse=True)
+def no_process_is_left():
+    """End what a failed test leaves."""
+    yield
+    while STARTED:
+        process = STARTED.pop()
+        if process.poll() is None:
+            kill(process)
+        if not process.stdout.closed:
+            process.communicate()
+
+
+def until(process, text: str) -> str:
+    """Read standard output until a line holds `text`, and return the line."""
+    STARTED.append(process)
+    for line in process.stdout:
+        if text in line:
+            return line
+    raise AssertionError(f"it ended before it said {text!r}: {process.stderr.read()}")
+
+
+@pytest.fixture
+def running(tmp_path):
+    """Return a workspace and its run, amid its third turn."""
+    workspace = make(tmp_path / "workspace", LONG)
+    process = workspace.start_run()
+    until(process, "part 3 of 100000")
+    return workspace, process
+
+
+def test_a_run_is_followed_to_its_end(running):
+    """Its events are lines, from where it was joined, and the last ones are its verdict; nothing of it is touched."""
+    workspace, run = running
+    follower = workspace.start("status", "latest", "--follow")
+    assert "of this case" not in until(follower, "about ")
+    until(follower, "part ")
+    assert workspace.hil("stop", "latest", "--reason", "enough", "--by", "Ada").code == 0
+    ended = finish(follower)
+    assert finish(run).code == 2
+    assert (ended.code, ended.err) == (0, "")
+    assert "stopped by Ada: enough" in ended.out
+    assert "ABORTED  " in ended.out
+    assert workspace.hil("verify", "latest").out.startswith(workspace.folders()[0].name)
+
+
+def test_a_run_is_told_to_machines(running):
+    """One document: what is left, the loop, and the newest values with the envelope's limits."""
+    workspace, run = running
+    ended = workspace.hil("status", "latest", "--json")
+    kill(run)
+    told = json.loads(ended.out)
+    (turn,) = told["turns"]
+    assert (ended.code, told["state"], told["case"].rpartition("::")[2]) == (0, "RUNNING", "test_long")
+    assert (turn["name"], turn["turns"], turn["turn"] >= 3) == ("part", 100_000, True)
+    assert 0 < told["left"]["run"] < told["left"]["at_most"] <= 1e9
+    watched = [reading for reading in told["readings"] if reading["envelope"]]
+    assert watched
+    assert all(reading["max"] is not None for reading in watched)
+
+
+def test_whoever_follows_a_killed_run_learns_of_it(running):
+    """It says since when nothing goes on, and what to do."""
+    workspace, run = running
+    follower = workspace.start("status", "latest", "--follow")
+    until(follower, "part ")
+    kill(run)
+    ended = finish(follower)
+    name = workspace.folders()[0].name
+    assert ended.code == 0
+    assert f"{name} is not going on since 20" in ended.out
+    assert ended.last_line.endswith(f"hil seal {name} seals it as it is")

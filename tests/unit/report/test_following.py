@@ -1,0 +1,113 @@
+"""A run read from another process while it is written."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+from evidence_runs import begin
+
+from hil.evidence.folder import JOURNAL, RECORDINGS
+from hil.evidence.recordings.rows import Rows
+from hil.report.live.following import Follower
+from hil.report.live.lines import facts, reading_lines
+
+LIMITS = """\
+envelope:
+- {id: coil-current, output: supply.coil, quantity: current, unit: A, min: 0, max: "0.2", period: 1 s, max_age: 5 s}
+"""
+
+
+def recording(identifier, name, case, *channels):
+    """Return the fields of the event with which a recording begins."""
+    told = [{"name": channel, "unit": unit, "instrument": "i"} for channel, unit in channels]
+    return {"recording": identifier, "name": name, "case": case, "duration": None, "channels": told}
+
+
+def test_new_events_are_read_once_and_half_a_line_later(tmp_path):
+    """What the writer has not ended is left; the rest is read where the last look ended."""
+    follower = Follower(tmp_path)
+    assert follower.read() == []
+    with begin(tmp_path) as journal:
+        first = len(follower.read())
+        journal.write("case", 1.0, case="test_rest", attempt=1)
+        whole = (tmp_path / JOURNAL).read_bytes()
+        (tmp_path / JOURNAL).write_bytes(whole[:-5])
+        assert first > 0
+        assert follower.read() == []
+        (tmp_path / JOURNAL).write_bytes(whole)
+        assert [line.body["kind"] for line in follower.read()] == ["case"]
+    assert follower.read() == []
+    assert (follower.outlook.case, follower.goes_on(), follower.sealed()) == ("test_rest", False, False)
+    assert follower.age is None  # of another boot
+    assert follower.last_utc.endswith("Z")
+
+
+def test_what_is_no_event_is_passed_over(tmp_path):
+    """A damaged journal is followed as far as it can be understood."""
+    (tmp_path / "data").mkdir()
+    lines = [b"\xff", b"[1]", b'{"body":{"kind":"planned","t":1},"prev":"","wall":{}}', b'{"body":{"kind":7},"wall":1}']
+    (tmp_path / JOURNAL).write_bytes(b"\n".join([*lines, b""]))
+    assert [line.body["kind"] for line in Follower(tmp_path).read()] == ["planned"]
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """Return the folder of a run with an open recording of a case and one of the envelope, as it grows."""
+    with begin(tmp_path) as journal:
+        journal.write("recording", 1.0, **recording("envelope-c", "coil-current", None, ("current", "A")))
+        journal.write("recording", 2.0, **recording("001-rest", "rest", "test_rest", ("x", "deg/s"), ("y", "deg/s")))
+    (tmp_path / RECORDINGS).mkdir(parents=True, exist_ok=True)
+    (tmp_path / "data/bench").mkdir(exist_ok=True)
+    (tmp_path / "data/bench/bench.yaml").write_text(LIMITS)
+    for identifier, rows in (("001-rest", [(3.0, 1.0, 2.0), (9.0, 4.0, float("nan"))]), ("envelope-c", [(8.0, 0.1)])):
+        names = [("v", "V")] * (len(rows[0]) - 1)
+        file = Rows(
+            tmp_path / RECORDINGS / f"{identifier}.rows", recording="r", channels=names, on_block=lambda *_: None
+        )
+        for row in rows:
+            file.append(row)
+        file.finish()
+    return tmp_path
+
+
+def test_the_newest_value_of_every_channel_is_read(recorded):
+    """Of the envelope with its limits; bench time is as far as the newest row."""
+    follower = Follower(recorded)
+    follower.read()
+    readings = follower.readings()
+    assert [(reading.channel, str(reading), reading.limits) for reading in readings] == [
+        ("x", "4 deg/s", ""),
+        ("y", "not a number", ""),
+        ("current", "0.1 A", "0 to 0.2 A"),
+    ]
+    assert follower.outlook.t == 9.0
+    assert reading_lines(readings, 9.0)[2].split() == [
+        "coil-current",
+        "current",
+        "0.1",
+        "A",
+        "0",
+        "to",
+        "0.2",
+        "A,",
+        "1",
+        "s",
+        "ago",
+    ]
+    told = facts(follower.outlook, readings)["readings"]
+    assert [(item["value"], item["max"], item["envelope"]) for item in told] == [
+        (4.0, None, False),
+        (None, None, False),
+        (0.1, 0.2, True),
+    ]
+
+
+def test_half_a_row_is_not_read(recorded):
+    """A row that is being written, or was torn, hides not the one before; a file that is gone hides nothing else."""
+    with (recorded / RECORDINGS / "001-rest.rows").open("ab") as stream:
+        stream.write(struct.pack("<d", 99.0) + b"\0\0\0")
+    (recorded / RECORDINGS / "envelope-c.rows").unlink()
+    follower = Follower(recorded)
+    follower.read()
+    assert [reading.t for reading in follower.readings()] == [9.0, 9.0]
