@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Dataset", "add_dataset", "describe", "open_dataset", "read_part", "write_part"]
+__all__ = ["Dataset", "add_dataset", "describe", "listed_words", "open_dataset", "read_part", "write_part"]
 
 Dataset = Any
 """An open dataset of one dimension; h5py publishes no types."""
@@ -22,15 +22,10 @@ _SMALL = 1_024
 
 def add_dataset(group: Any, name: str, rows: int) -> Dataset:  # noqa: ANN401 - h5py publishes no types
     """Add a dataset of little-endian float64, shape (rows,), to an open file or group; a large one is compressed."""
-    from h5py import h5d, h5p, h5s, h5t  # noqa: PLC0415 - slow to import
+    from h5py import h5d, h5s, h5t  # noqa: PLC0415 - slow to import
 
-    made = h5p.create(h5p.DATASET_CREATE)
-    made.set_obj_track_times(False)
-    if rows > _SMALL:
-        made.set_chunk((min(rows, _CHUNK),))
-        made.set_shuffle()
-        made.set_deflate(4)
-    return h5d.create(group.id, name.encode(), h5t.IEEE_F64LE, h5s.create_simple((rows,)), made)
+    chunk = min(rows, _CHUNK) if rows > _SMALL else 0
+    return h5d.create(group.id, name.encode(), h5t.IEEE_F64LE, h5s.create_simple((rows,)), _made(chunk))
 
 
 def open_dataset(group: Any, name: str) -> Dataset:  # noqa: ANN401 - h5py publishes no types
@@ -47,58 +42,97 @@ def open_dataset(group: Any, name: str) -> Dataset:  # noqa: ANN401 - h5py publi
 def write_part(dataset: Dataset, start: int, values: NDArray[np.float64]) -> None:
     """Write values of shape (n,) into a dataset, the first of them at row `start`."""
     import numpy as np  # noqa: PLC0415 - slow to import
+    from h5py import h5t  # noqa: PLC0415 - slow to import
 
     if len(values):
-        dataset.write(*_spaces(dataset, start, len(values)), np.ascontiguousarray(values, "<f8"))
+        dataset.write(*_spaces(dataset, start, len(values)), np.ascontiguousarray(values, "<f8"), h5t.IEEE_F64LE)
 
 
 def read_part(dataset: Dataset, start: int, stop: int) -> NDArray[np.float64]:
     """Return the rows from `start` to before `stop` of a dataset, shape (stop - start,)."""
     import numpy as np  # noqa: PLC0415 - slow to import
+    from h5py import h5t  # noqa: PLC0415 - slow to import
 
     values = np.empty(stop - start, "<f8")
     if len(values):
-        dataset.read(*_spaces(dataset, start, len(values)), values)
+        dataset.read(*_spaces(dataset, start, len(values)), values, h5t.IEEE_F64LE)
     return values
 
 
 def describe(thing: Any, facts: Mapping[str, Any]) -> None:  # noqa: ANN401 - h5py publishes no types
-    """Give an open file or dataset attributes: words, numbers or flags; what is None is left out.
+    """Give an open file or dataset attributes: words, numbers, flags, lists of words; None is left out.
 
     Args:
         thing: the lower identifier of h5py.
         facts: the attributes by name.
     """
+    import numpy as np  # noqa: PLC0415 - slow to import
     from h5py import h5a, h5s  # noqa: PLC0415 - slow to import
 
-    one = h5s.create(h5s.SCALAR)
+    one, words = _one(), _words()
     for name, value in facts.items():
         if value is not None:
-            array, kind = _array(value)
-            h5a.create(thing, name.encode(), kind, one).write(array)
+            array = np.array(value, dtype=words if isinstance(value, str | list) else None)
+            stored, held = _kinds(array.dtype)
+            space = h5s.create_simple(array.shape) if array.shape else one
+            h5a.create(thing, name.encode(), stored, space).write(array, held)
 
 
-def _array(value: object) -> tuple[NDArray[Any], Any]:
-    """Return a fact as an array without dimension, and its type in HDF5; words are UTF-8 of any length."""
+def listed_words(thing: Any, name: str) -> list[str]:  # noqa: ANN401 - h5py publishes no types
+    """Return the words of an attribute that lists some.
+
+    Args:
+        thing: the lower identifier of h5py.
+        name: the attribute's name.
+
+    Raises:
+        KeyError: where there is no such attribute.
+        OSError: where it holds something else.
+    """
     import numpy as np  # noqa: PLC0415 - slow to import
+    from h5py import h5a  # noqa: PLC0415 - slow to import
 
-    words, word = _words()
-    array = np.array(value, dtype=words if isinstance(value, str) else None)
-    return array, word if isinstance(value, str) else _kind(array.dtype)
+    attribute = h5a.open(thing, name.encode())
+    array = np.empty(attribute.shape, dtype=_words())
+    attribute.read(array, _kinds(array.dtype)[1])
+    return [word.decode() for word in array]
 
 
 @cache
-def _words() -> tuple[Any, Any]:
+def _made(chunk: int) -> Any:  # noqa: ANN401 - h5py publishes no types
+    """Return how a dataset is stored: in compressed chunks of so many rows, or as it is where that is 0."""
+    from h5py import h5p  # noqa: PLC0415 - slow to import
+
+    made = h5p.create(h5p.DATASET_CREATE)
+    made.set_obj_track_times(False)
+    if chunk:
+        made.set_chunk((chunk,))
+        made.set_shuffle()
+        made.set_deflate(4)
+    return made
+
+
+@cache
+def _one() -> Any:  # noqa: ANN401 - h5py publishes no types
+    from h5py import h5s  # noqa: PLC0415 - slow to import
+
+    return h5s.create(h5s.SCALAR)
+
+
+@cache
+def _words() -> Any:  # noqa: ANN401 - h5py publishes no types
+    """Return the type of UTF-8 words of any length."""
     import h5py  # noqa: PLC0415 - slow to import
 
-    return h5py.string_dtype(), _kind(h5py.string_dtype())
+    return h5py.string_dtype()
 
 
 @cache
-def _kind(dtype: Any) -> Any:  # noqa: ANN401 - h5py publishes no types
+def _kinds(dtype: Any) -> tuple[Any, Any]:  # noqa: ANN401 - h5py publishes no types
+    """Return the types of an attribute in the file and in memory; looking them up takes longer than writing it."""
     from h5py import h5t  # noqa: PLC0415 - slow to import
 
-    return h5t.py_create(dtype, logical=True)
+    return h5t.py_create(dtype, logical=True), h5t.py_create(dtype)
 
 
 def _spaces(dataset: Dataset, start: int, rows: int) -> tuple[Any, Any]:

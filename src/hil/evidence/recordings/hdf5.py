@@ -14,6 +14,7 @@ from hil.evidence.recordings.datasets import (
     Dataset,
     add_dataset,
     describe,
+    listed_words,
     open_dataset,
     read_part,
     write_part,
@@ -116,14 +117,13 @@ def write_hdf5(found: RowsFile, path: Path, *, begun: Mapping[str, Any], ended: 
 
     names = [channel["name"] for channel in begun["channels"]]
     with h5py.File(path, "w", libver=("v110", "v110")) as file:
-        describe(file.id, _facts(begun, ended))
-        file.attrs["order"] = names or [""]
+        describe(file.id, {**_facts(begun, ended), "order": names or [""]})
         group = file.create_group("channels")
         sets = [add_dataset(file, "time", found.rows), *(add_dataset(group, name, found.rows) for name in names)]
         for dataset, facts in zip(sets, [_TIME, *begun["channels"]], strict=True):
             describe(dataset, {key: value for key, value in facts.items() if key != "name"})
         for place, block in enumerate(row_blocks(found)):
-            for dataset, column in zip(sets, table(block, found.width).T, strict=True):
+            for dataset, column in zip(sets, table(block, found.width).T.copy(), strict=True):
                 write_part(dataset, place * BLOCK, column)
     sync_file(path)
 
@@ -239,7 +239,7 @@ def _hashes(sets: Sequence[Dataset], at: Sequence[int]) -> Iterator[tuple[int, s
 def _sets(file: Any) -> dict[str, Dataset]:  # noqa: ANN401 - h5py publishes no types
     """Return `time` and the channels in their order, open."""
     group = file["channels"]
-    channels = {str(name): open_dataset(group, str(name)) for name in file.attrs["order"] if name}
+    channels = {name: open_dataset(group, name) for name in listed_words(file.id, "order") if name}
     return {"time": open_dataset(file, "time"), **channels}
 
 
