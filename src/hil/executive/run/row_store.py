@@ -126,6 +126,10 @@ class RowStore:
         self._open.append(recording)
         return recording
 
+    def holds(self, recording: OpenRecording) -> bool:
+        """Return whether a recording is open still."""
+        return recording in self._open
+
     def end_of_case(self, case: str) -> None:
         """Finish what a case left open, as incomplete."""
         for recording in [each for each in self._open if each.facts.case == case]:
