@@ -67,18 +67,17 @@ def test_a_run_is_followed_to_its_end(running):
 
 
 def test_a_run_is_told_to_machines(running):
-    """One document: what is left, the loop, and the newest values with the envelope's limits."""
+    """A document a second: what is left, the loop, and the newest values with the envelope's limits."""
     workspace, run = running
-    ended = workspace.hil("status", "latest", "--json")
+    follower = workspace.start("status", "latest", "--follow", "--json")
+    told = json.loads(until(follower, '"envelope":true'))
     kill(run)
-    told = json.loads(ended.out)
+    assert json.loads(finish(follower).out.splitlines()[-1])["state"] == "INTERRUPTED"
     (turn,) = told["turns"]
-    assert (ended.code, told["state"], told["case"].rpartition("::")[2]) == (0, "RUNNING", "test_long")
+    assert (told["state"], told["case"].rpartition("::")[2]) == ("RUNNING", "test_long")
     assert (turn["name"], turn["turns"], turn["turn"] >= 3) == ("part", 100_000, True)
     assert 0 < told["left"]["run"] < told["left"]["at_most"] <= 1e9
-    watched = [reading for reading in told["readings"] if reading["envelope"]]
-    assert watched
-    assert all(reading["max"] is not None for reading in watched)
+    assert all(reading["max"] is not None for reading in told["readings"] if reading["envelope"])
 
 
 def test_whoever_follows_a_killed_run_learns_of_it(running):
@@ -92,3 +91,39 @@ def test_whoever_follows_a_killed_run_learns_of_it(running):
     assert ended.code == 0
     assert f"{name} is not going on since 20" in ended.out
     assert ended.last_line.endswith(f"hil seal {name} seals it as it is")
+
+
+def packages(workspace):
+    """Return the folders of the runs; logs lie beside them."""
+    return [folder for folder in workspace.folders() if folder.is_dir()]
+
+
+def test_a_detached_run_goes_on_alone(tmp_path):
+    """It returns with the folder of a run that goes on, and can be stopped; the log tells its end."""
+    workspace = make(tmp_path / "workspace", LONG)
+    ended = workspace.hil(*workspace.run_arguments, "--detach")
+    (folder,) = packages(workspace)
+    log = folder.with_name(f"{folder.name}.log")
+    try:
+        assert (ended.code, ended.err) == (0, "")
+        assert ended.out.splitlines() == [f"log  reports/{log.name}", f"reports/{folder.name}"]
+        assert json.loads(workspace.hil("status", "latest", "--json").out)["state"] == "RUNNING"
+    finally:
+        assert workspace.hil("stop", "latest", "--by", "Ada").code == 0
+    followed = workspace.hil("status", "latest", "--follow")
+    assert "ABORTED  " in followed.out
+    assert "plan small on bench adcs" in log.read_text()
+    assert sorted(path.name for path in workspace.reports.iterdir()) == sorted([folder.name, log.name])
+
+
+def test_a_detached_run_that_cannot_begin_says_so(tmp_path):
+    """Wrong usage has its sentence and its exit code, and nothing is left behind."""
+    workspace = make(tmp_path / "workspace", LONG)
+    wrong = [*workspace.run_arguments, "--detach"]
+    wrong[wrong.index("--dut") + 1] = "NOBODY"
+    ended = workspace.hil(*wrong)
+    assert (ended.code, ended.out) == (4, "")
+    assert "NOBODY" in ended.err
+    assert not workspace.reports.exists()
+    asking = workspace.hil(*workspace.run_arguments, "--detach", "--ask")
+    assert (asking.code, "--answers FILE" in asking.err) == (4, True)

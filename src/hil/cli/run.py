@@ -11,7 +11,8 @@ import click
 
 from hil.cli.deviating import deviation_options, overrides_of, skips_of
 from hil.cli.display import Display
-from hil.cli.supervision import Invocation, supervise
+from hil.cli.folders import reports_folder
+from hil.cli.supervision import ONLOOKER, Invocation, supervise
 from hil.model.errors import Refused
 from hil.model.identity import Purpose, Source
 
@@ -41,6 +42,7 @@ class Place(click.Path):
 @click.option("--answers", type=click.Path(path_type=Path, exists=True, dir_okay=False), help="Answers to questions.")
 @click.option("--ask", is_flag=True, help="Ask at the terminal, also on a simulated bench.")
 @click.option("--output", type=Place(path_type=Path, file_okay=False), help="Where the package goes.")
+@click.option("--detach", is_flag=True, help="Go on without this terminal; return once the run has begun.")
 @click.option("-v", "--verbose", is_flag=True, help="Show every step, every driving call, every gate.")
 @click.pass_obj
 def command(  # noqa: PLR0913 - one argument per option
@@ -58,6 +60,7 @@ def command(  # noqa: PLR0913 - one argument per option
     answers: Path | None,
     ask: bool,
     output: Path | None,
+    detach: bool,
     verbose: bool,
 ) -> int:
     """Run plans on a bench and seal the evidence.
@@ -69,9 +72,7 @@ def command(  # noqa: PLR0913 - one argument per option
     given = skips_of(skips, reasons), overrides_of(overrides)
     _require_text(bench=bench, dut=dut, operator=operator, reason="".join(reasons), parameter="".join(overrides))
     if invocation.word is None:
-        from hil.executive.setup.pins import pinned_environment  # noqa: PLC0415 - the process that waits stays light
-
-        return supervise(invocation.arguments, pinned_environment())
+        return _in_another_process(invocation, output, detach=detach, ask=ask)
     from hil.executive.setup.configuration import Request  # noqa: PLC0415 - after the pins
     from hil.plugin.running import run  # noqa: PLC0415 - after the pins
 
@@ -94,6 +95,19 @@ def command(  # noqa: PLR0913 - one argument per option
     if isinstance(sys.stdout, Display) and not sys.stdout.finish() and invocation.word.folder:
         click.echo(f"hil: standard output could not be written; the package is {invocation.word.folder}", err=True)
     return code
+
+
+def _in_another_process(invocation: Invocation, output: Path | None, *, detach: bool, ask: bool) -> int:
+    """Wait for the process that runs, or let it go; the one that waits stays light."""
+    if detach and ask:
+        raise Refused("--ask needs the terminal that --detach leaves", "give answers with --answers FILE")
+    if detach and ONLOOKER not in os.environ:
+        from hil.cli.detaching import detach as start  # noqa: PLC0415 - only where it is asked for
+
+        return start(invocation.arguments, output.resolve() if output else reports_folder())
+    from hil.executive.setup.pins import pinned_environment  # noqa: PLC0415 - not where a run is let go
+
+    return supervise(invocation.arguments, pinned_environment())
 
 
 def _require_text(**options: str) -> None:

@@ -12,7 +12,10 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
-__all__ = ["Invocation", "Word", "supervise"]
+__all__ = ["ONLOOKER", "Invocation", "Word", "supervise"]
+
+ONLOOKER = "HIL_ONLOOKER"
+"""Holds the descriptor at which somebody waits for a run's folder, and does not wait for its end."""
 
 _VARIABLE = "HIL_SUPERVISED"
 _ASKS = frozenset(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
@@ -29,8 +32,9 @@ class Word:
         folder: the run's folder, None before there is one.
     """
 
-    def __init__(self, descriptor: int) -> None:
+    def __init__(self, descriptor: int, onlooker: int | None = None) -> None:
         self._descriptor = descriptor
+        self._onlooker = onlooker
         self._process = os.getpid()
         self.folder: Path | None = None
 
@@ -47,7 +51,7 @@ class Word:
         supervisor, descriptor = (int(number) for number in variable.split())
         os.set_inheritable(descriptor, False)
         _end_with(supervisor)
-        return cls(descriptor)
+        return cls(descriptor, _onlooker())
 
     def listen(self) -> None:
         """Let signals through, as KeyboardInterrupt until the run has handlers of its own."""
@@ -60,6 +64,11 @@ class Word:
         """Tell where the run writes."""
         self.folder = folder
         self._tell("begun", 0)
+        if self._onlooker is not None:
+            with suppress(OSError):  # it may have gone
+                os.write(self._onlooker, os.fsencode(folder))
+            os.close(self._onlooker)
+            self._onlooker = None
 
     def sealed(self, code: int) -> None:
         """Tell that the package is sealed, and the exit code; from here on nothing changes them."""
@@ -111,11 +120,22 @@ def supervise(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
             setsigdef=awaited,
         )
         os.close(writer)
+        if (onlooker := _onlooker()) is not None:  # the process that runs tells it, or nobody does
+            os.close(onlooker)
         status = _wait(child, {*awaited, signal.SIGCHLD})
         return _believed(status, _heard(reader))
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
         os.close(reader)
+
+
+def _onlooker() -> int | None:
+    """Return where somebody waits for the run's folder, once; what is started from here on does not have it."""
+    variable = os.environ.pop(ONLOOKER, "")
+    if not variable:
+        return None
+    os.set_inheritable(int(variable), False)
+    return int(variable)
 
 
 def _wait(child: int, awaited: set[signal.Signals]) -> int:

@@ -1,0 +1,81 @@
+"""Detached runs: free of the terminal that started them, with a log beside their package."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+import click
+
+from hil.cli.folders import shown
+from hil.cli.supervision import ONLOOKER
+
+__all__ = ["detach"]
+
+_INTERNAL = 3
+
+
+def detach(arguments: Sequence[str], place: Path) -> int:
+    """Start `hil` with these arguments in a session of its own, and return once its run has begun.
+
+    What it says goes into a log in `place`, named as the run's folder. A run that does not begin is waited for; what it
+    said is said here, and its exit code returned.
+
+    Args:
+        arguments: the command line behind `hil`.
+        place: where the package goes.
+    """
+    new = not place.exists()
+    place.mkdir(parents=True, exist_ok=True)
+    log = place / f".detached-{secrets.token_hex(6)}.log"
+    process, reader = _started(arguments, log)
+    folder = _begun(process, reader)
+    if folder is not None:
+        named = folder.with_name(f"{folder.name}.log")
+        log.replace(named)
+        click.echo(f"log  {shown(named)}")
+        click.echo(shown(folder))
+        return 0
+    code = process.wait()
+    with suppress(OSError, ValueError):
+        sys.stderr.write(log.read_text(encoding="utf-8", errors="replace"))
+    log.unlink(missing_ok=True)
+    with suppress(OSError):  # it is not empty where something else came in the meantime
+        if new:
+            place.rmdir()
+    return code if code >= 0 else _INTERNAL
+
+
+def _started(arguments: Sequence[str], log: Path) -> tuple[subprocess.Popen[bytes], int]:
+    """Return the process, and the end of a pipe at which it tells where its run writes."""
+    reader, writer = os.pipe()
+    with log.open("xb") as output:
+        process = subprocess.Popen(  # noqa: S603 - ourselves
+            [sys.executable, "-P", "-m", "hil.cli", *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=output,
+            env={**os.environ, ONLOOKER: str(writer)},
+            pass_fds=[writer],
+            start_new_session=True,
+        )
+    os.close(writer)
+    return process, reader
+
+
+def _begun(process: subprocess.Popen[bytes], reader: int) -> Path | None:
+    """Return the run's folder, None where the run ended before there was one; Ctrl-C asks it to stop."""
+    told = b""
+    with os.fdopen(reader, "rb") as stream:
+        while True:
+            try:
+                told += stream.read()
+                return Path(os.fsdecode(told)) if told else None
+            except KeyboardInterrupt:
+                process.send_signal(signal.SIGTERM)
