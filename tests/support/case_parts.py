@@ -108,10 +108,15 @@ class Watch:
         self.lates: list[tuple[str, float]] = []
         self.ticks = 0
         self.told: list[str] = []
+        self.feeds: list[tuple[str, str]] = []
 
     def reading(self, limit: str, t: float, figure: Figure) -> None:
         """Take a reading."""
         self.readings.append((limit, t, figure.value))
+
+    def fed(self, limit: str, recording: str) -> None:
+        """Take a limit that a recording feeds."""
+        self.feeds.append((limit, recording))
 
     def late(self, limit: str, seconds: float) -> None:
         """Take a late turn."""
@@ -192,11 +197,11 @@ class Magnetometer:
         return float(number), -40.0
 
 
-def limit(name="v", *, maximum=10.0, period=1.0, max_age=5.0, debounce=1):
+def limit(name="v", *, maximum=10.0, period=1.0, max_age=5.0, debounce=1, output="supply"):
     """Return a limit of the envelope."""
     return EnvelopeLimit(
         id=name,
-        output="supply",
+        output=output,
         quantity="voltage",
         unit="V",
         minimum=None,

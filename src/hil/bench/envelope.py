@@ -142,17 +142,19 @@ class Monitor:
         trip = self.judge_row(int(when_ns[found]), float(values[found]))
         return (found, trip) if trip else None
 
-    def feed(self, until_ns: int) -> None:
-        """Put the next reading off until `until_ns`: rows of a stream are expected to make it needless."""
-        self.due_ns = until_ns
+    def fed(self, by_ns: int, until_ns: int) -> None:
+        """Take it that rows came in time: no reading until `until_ns`, unless the last good row grows too old before.
 
-    def unfeed(self, now_ns: int) -> None:
+        Args:
+            by_ns: moves the instant of the last good row: another clock than the bench's counts rows.
+            until_ns: when a reading is due if no rows come until then.
+        """
+        self.good_ns += by_ns
+        self.due_ns = min(until_ns, self.good_ns + self._max_age_ns - self._period_ns)
+
+    def unfed(self, now_ns: int) -> None:
         """Take readings again: no more rows will come."""
         self.due_ns = min(self.due_ns, max(now_ns, self.good_ns + self._period_ns))
-
-    def shift(self, by_ns: int) -> None:
-        """Move the instant of the last good row: the clock that counts a stream's rows goes otherwise than the bench's."""
-        self.good_ns += by_ns
 
     def stale(self, now_ns: int) -> Trip | None:
         """Return a trip if the last good reading is older than allowed."""

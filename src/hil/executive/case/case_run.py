@@ -132,6 +132,7 @@ class CaseRun:
     def close(self) -> None:
         """Take in what shows only when nothing of the case is left to run, whatever it let through."""
         self.steps.close()
+        self.record.close()
         deadline_ns = self.scheduler.deadline_ns
         if deadline_ns is not None and self.scheduler.now_ns() > deadline_ns:
             self._took_too_long()

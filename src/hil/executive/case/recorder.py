@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from hil.bench.calibration import standard_uncertainty
 from hil.clock.port import NANOSECONDS
 from hil.evidence.recordings.hdf5 import Recorded, read_recording
+from hil.executive.case.during import During
 from hil.executive.case.effects import Effects
 from hil.executive.case.facade import Facade, RoleSet
 from hil.executive.case.given import Misused
 from hil.executive.case.steps import Steps, file_part
-from hil.executive.case.streaming import take_stream
-from hil.executive.run.row_store import OpenRecording, RecordedChannel, RecordingFacts, RowStore
+from hil.executive.case.streaming import FOREVER_NS, SampledTurns, StreamTurns
+from hil.executive.case.taking import Taking
+from hil.executive.run.row_store import RecordedChannel, RecordingFacts, RowStore
 from hil.executive.run.scheduler import Scheduler
 from hil.instruments.sampled import StreamReport
 
@@ -93,6 +94,7 @@ class Recorder:
         self._source = source
         self._ids = ids
         self._taken: list[Mapping[str, object]] = []
+        self._beside: list[Taking] = []
 
     @property
     def taken(self) -> tuple[Mapping[str, object], ...]:
@@ -111,7 +113,48 @@ class Recorder:
             Misused: for something that is no role of this case, or a streamed role beside another.
             DeviceFault: if a device falls silent; what was recorded is kept as incomplete.
         """
-        if not sources or not (duration > 0 and rate > 0 and math.isfinite(duration * rate)):
+        self._require(name, sources, duration > 0 and math.isfinite(duration * rate), rate)
+        facts = self._facts(name, sources, rate, duration)
+        arguments = {"duration": duration, "rate": rate, "channels": [channel.name for channel in facts.channels]}
+        if not (role := sources[0].streamed):
+            self._effects.perform(f"record.{name}", "records", arguments, lambda: self._sample(facts, sources))
+            return self._finished(facts, sources, None)
+        turns = StreamTurns(sources[0], role, self._scheduler.clock, rate, duration + 0.5 / rate)
+        taking = Taking(facts, sources, turns, self._scheduler, self._store)
+        self._effects.perform(f"record.{name}", "records", arguments, lambda: self._stream(taking, turns))
+        return self.keep(taking)
+
+    def during(self, name: str, *sources: Facade, rate: float) -> During:
+        """Record roles at `rate` [Hz] beside what the case does in a `with` block.
+
+        A role that can sample by itself is streamed; others are sampled k / rate after the beginning, where the case
+        lets time pass, and a sample that was missed because it did not is a gap.
+
+        Raises:
+            ValueError: for no role, or a rate that is not above zero.
+            Misused: as above, and for a role that is recorded already.
+        """
+        self._require(name, sources, True, rate)
+        facts = self._facts(name, sources, rate, None)
+        role = sources[0].streamed
+        clock = self._scheduler.clock
+        turns = StreamTurns(sources[0], role, clock, rate) if role else SampledTurns(sources, clock, rate)
+        taking = Taking(facts, sources, turns, self._scheduler, self._store)
+        self._beside.append(taking)
+        return During(taking, self._effects, self._scheduler, self)
+
+    def keep(self, taking: Taking) -> Recording:
+        """Keep a recording that is whole, for the requirements that ask for it, and return it."""
+        return self._finished(taking.facts, taking.sources, taking.report)
+
+    def close(self) -> None:
+        """End what a case left running, as incomplete."""
+        for taking in self._beside:
+            taking.end(complete=False)
+        self._beside.clear()
+
+    def _require(self, name: str, sources: tuple[Facade, ...], lasts: bool, rate: float) -> None:
+        if not sources or not (lasts and rate > 0 and math.isfinite(rate)):
             raise ValueError(f"record '{name}': needs a role, and a duration and rate above zero")
         for source in sources:
             self._require_own(name, source)
@@ -120,9 +163,11 @@ class Recorder:
         if len(sources) > 1 and any(source.streamed for source in sources):
             raise Misused(
                 f"record '{name}': a role that samples by itself is recorded alone",
-                "record the others by themselves, before or after it",
+                "record the others by themselves, before, after or beside it",
             )
-        facts = RecordingFacts(
+
+    def _facts(self, name: str, sources: tuple[Facade, ...], rate: float, duration: float | None) -> RecordingFacts:
+        return RecordingFacts(
             id=f"{self._ids():03d}-{file_part(self._steps.case)}-{file_part(name)}",
             name=name,
             case=self._steps.case,
@@ -132,44 +177,44 @@ class Recorder:
             duration=duration,
             source=self._source,
         )
-        arguments = {"duration": duration, "rate": rate, "channels": [channel.name for channel in facts.channels]}
-        report: list[StreamReport] = []
-        self._effects.perform(f"record.{name}", "records", arguments, lambda: self._take(facts, sources, report))
-        return self._finished(facts, sources, report[0] if report else None)
 
     def _require_own(self, name: str, source: object) -> None:
-        """Refuse what is no role of this case: its numbers would come from nowhere."""
+        """Refuse what is no role of this case, or is recorded already: its numbers would come from nowhere."""
         if isinstance(source, RoleSet):
             raise Misused(f"record '{name}': {source!r} is a set of roles", "name one, as in supply.coil")
         if not isinstance(source, Facade) or not source.serves(self._effects):
             what = "belongs to another case" if isinstance(source, Facade) else f"is a {type(source).__name__}"
             raise Misused(f"record '{name}': only roles of this case can be recorded, this {what}", "give its fixture")
+        if source.streamed and any(taking.running and source in taking.sources for taking in self._beside):
+            raise Misused(
+                f"record '{name}': {source.wire.name} is recorded already", "take its rows from that recording"
+            )
 
-    def _take(
-        self, facts: RecordingFacts, sources: tuple[Facade, ...], report: list[StreamReport]
-    ) -> str | Mapping[str, object]:
-        """Return the hash of the rows; of a stream besides how it went."""
+    def _stream(self, taking: Taking, turns: StreamTurns) -> str | Mapping[str, object]:
+        """Let a role run by itself until its rows cover the duration; return their hash, and how it went."""
+        taking.begin()
+        try:
+            self._scheduler.wait_until(FOREVER_NS, lambda: turns.full)
+        except BaseException:
+            taking.end(complete=False)
+            raise
+        return taking.end(complete=True)
+
+    def _sample(self, facts: RecordingFacts, sources: tuple[Facade, ...]) -> str:
+        """Take one sample after the other; return the hash of the rows."""
         recording = self._store.begin(facts)
         complete = False
         try:
-            if role := sources[0].streamed:
-                duration = facts.duration or 0.0
-                stream = take_stream(sources[0], role, self._scheduler, recording, duration=duration, rate=facts.rate)
-                report.append(stream)
-            else:
-                self._sample(recording, facts, sources)
+            count = max(1, round((facts.duration or 0) * facts.rate))
+            start_ns = self._scheduler.now_ns()
+            for index in range(count):
+                self._scheduler.wait_until(start_ns + round(index * NANOSECONDS / facts.rate))
+                row = [number for source in sources for number in source.sample()]
+                recording.append((self._scheduler.now_ns() / NANOSECONDS, *row))
             complete = True
         finally:
             digest = recording.finish(complete=complete)
-        return {"sha256": digest, **asdict(report[0])} if report else digest
-
-    def _sample(self, recording: OpenRecording, facts: RecordingFacts, sources: tuple[Facade, ...]) -> None:
-        count = max(1, round((facts.duration or 0) * facts.rate))
-        start_ns = self._scheduler.now_ns()
-        for index in range(count):
-            self._scheduler.wait_until(start_ns + round(index * NANOSECONDS / facts.rate))
-            row = [number for source in sources for number in source.sample()]
-            recording.append((self._scheduler.now_ns() / NANOSECONDS, *row))
+        return digest
 
     def _finished(self, facts: RecordingFacts, sources: tuple[Facade, ...], report: StreamReport | None) -> Recording:
         begun = {

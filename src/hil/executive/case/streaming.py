@@ -1,57 +1,187 @@
-"""A role that samples by itself: begun, emptied in time, ended."""
+"""Roles that are recorded in turns beside a case: a device that samples by itself is emptied, another one sampled."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
+from typing import TYPE_CHECKING, Protocol
 
 from hil.clock.port import NANOSECONDS
 from hil.executive.case.facade import Facade
-from hil.executive.run.row_store import OpenRecording
-from hil.executive.run.scheduler import Scheduler
+from hil.executive.case.intake import Intake
+from hil.executive.run.watch import Beside
 from hil.instruments.sampled import Streamed, StreamReport
 from hil.model.errors import DeviceFault
 
-__all__ = ["take_stream"]
+if TYPE_CHECKING:
+    from hil.clock.port import Clock
+
+__all__ = ["FOREVER_NS", "SampledTurns", "StreamTurns", "Turns"]
+
+FOREVER_NS = 2**62
+"""No bench lives that long."""
 
 
-def take_stream(
-    source: Facade, role: Streamed, scheduler: Scheduler, recording: OpenRecording, *, duration: float, rate: float
-) -> StreamReport:
-    """Let a role run by itself until its samples cover `duration` [s], and store them as they come.
+class Turns(Beside, Protocol):
+    """How the rows of one recording are fetched, turn by turn.
+
+    Attributes:
+        every_s: how far apart rows may come.
+        failed: whether a device fell silent; nothing more is fetched then.
+    """
+
+    every_s: float
+    failed: bool
+
+    def begin(self, intake: Intake) -> None:
+        """Begin; rows go to `intake` from now on.
+
+        Raises:
+            DeviceFault: the device, or one on the way to it, does not answer.
+        """
+        ...
+
+    def end(self) -> StreamReport | None:
+        """Fetch what is there still, end, and return how the stream went, None where there was none.
+
+        Raises:
+            DeviceFault: as above; what can be ended is.
+        """
+        ...
+
+    def give_up(self) -> None:
+        """End as far as that is possible, and fetch nothing more."""
+        ...
+
+
+class StreamTurns:
+    """A role that samples by itself, emptied at least every `longest_pause`.
 
     The time of a row is the bench time at the beginning plus the time that the device counted since. What the
     device's clock does against the bench's is told in the report, and changes no row.
 
-    Raises:
-        DeviceFault: if the device, or one on the way to it, falls silent; the stream is ended where that is possible.
+    Args:
+        source: the role's façade.
+        role: the role.
+        clock: the bench's clock.
+        rate: samples per second.
+        enough: seconds after the first row from which on no row is wanted, None where the case ends the stream.
+
+    Attributes:
+        full: whether a row came that was not wanted any more.
     """
-    source.guarded(lambda: role.begin(rate))
-    try:
-        _empty(source, role, scheduler, recording, duration + 0.5 / rate)
-    except BaseException:
+
+    def __init__(self, source: Facade, role: Streamed, clock: Clock, rate: float, enough: float | None = None) -> None:
+        self._source = source
+        self._role = role
+        self._clock = clock
+        self._rate = rate
+        self._enough = enough
+        self._first: float | None = None
+        self.every_s = 1 / rate
+        self.due_ns = FOREVER_NS
+        self.failed = False
+        self.full = False
+
+    def begin(self, intake: Intake) -> None:
+        """Let the device sample. See `Turns`."""
+        try:
+            self._source.guarded(lambda: self._role.begin(self._rate))
+        except BaseException:
+            self.failed = True
+            raise
+        self._intake = intake
+        pause_s = self._role.longest_pause
+        self._pause_ns = max(1, round(pause_s * NANOSECONDS))
+        self.every_s = pause_s + 1 / self._rate
+        self._start_ns = self._clock.now_ns()
+        self._start_s = self._start_ns / NANOSECONDS
+        self.due_ns = self._start_ns + self._pause_ns
+
+    def take(self) -> None:
+        """Fetch what has come."""
+        self.due_ns += self._pause_ns
+        try:
+            block = self._source.guarded(self._role.drain)
+        except BaseException:
+            self.failed = True
+            self.due_ns = FOREVER_NS
+            raise
+        if self.due_ns <= (now_ns := self._clock.now_ns()):
+            self.due_ns += ((now_ns - self.due_ns) // self._pause_ns + 1) * self._pause_ns
+        if self._enough is not None and len(block):
+            self._first = float(block[0, 0]) if self._first is None else self._first
+            wanted = block[block[:, 0] - self._first <= self._enough]
+            self.full = len(wanted) < len(block)
+            block = wanted
+        if len(block):
+            self._intake.take(block, self._start_s)
+
+    def end(self) -> StreamReport:
+        """Fetch what is there still, and let the device stop. See `Turns`."""
+        try:
+            if not self.full:
+                self.take()
+        except BaseException:
+            self.give_up()
+            raise
+        return self._source.guarded(self._role.end)
+
+    def give_up(self) -> None:
+        """Let the device stop, if it listens."""
         with suppress(DeviceFault):
-            role.end()
-        raise
-    return source.guarded(role.end)
+            self._role.end()
+
+    @property
+    def over(self) -> bool:
+        """Whether the device says that its test has ended; False for one that does not speak of it."""
+        return bool(getattr(self._role, "over", False))
 
 
-def _empty(source: Facade, role: Streamed, scheduler: Scheduler, recording: OpenRecording, enough: float) -> None:
-    """Take block after block until the last sample stands for the time up to `enough` after the first."""
-    start_ns = scheduler.now_ns()
-    pause_ns = round(role.longest_pause * NANOSECONDS)
-    first: float | None = None
-    turn = 0
-    while True:
-        turn += 1
-        scheduler.wait_until(start_ns + turn * pause_ns)
-        block = source.guarded(role.drain)
-        if not len(block):
-            continue
-        if first is None:
-            first = float(block[0, 0])
-        wanted = block[block[:, 0] - first <= enough]
-        rows = wanted.copy()
-        rows[:, 0] += start_ns / NANOSECONDS
-        recording.rows.append_rows(rows)
-        if len(wanted) < len(block):
-            return
+class SampledTurns:
+    """Roles that are asked for one sample after another, k / rate after the first; a turn that was missed is a gap.
+
+    Args:
+        sources: the roles' façades.
+        clock: the bench's clock.
+        rate: samples per second.
+    """
+
+    def __init__(self, sources: Sequence[Facade], clock: Clock, rate: float) -> None:
+        self._sources = sources
+        self._clock = clock
+        self._rate = rate
+        self._turn = 0
+        self.every_s = 1 / rate
+        self.due_ns = FOREVER_NS
+        self.failed = False
+
+    def begin(self, intake: Intake) -> None:
+        """Take the first sample. See `Turns`."""
+        self._intake = intake
+        self._start_ns = self._clock.now_ns()
+        self.take()
+
+    def take(self) -> None:
+        """Take a sample."""
+        try:
+            row = [number for source in self._sources for number in source.sample()]
+        except BaseException:
+            self.failed = True
+            self.due_ns = FOREVER_NS
+            raise
+        now_ns = self._clock.now_ns()
+        self._turn = max(self._turn + 1, int((now_ns - self._start_ns) * self._rate / NANOSECONDS) + 1)
+        self.due_ns = self._start_ns + round(self._turn * NANOSECONDS / self._rate)
+        self._intake.take_row([now_ns / NANOSECONDS, *row])
+
+    def end(self) -> None:
+        """Do nothing: nothing runs by itself."""
+
+    def give_up(self) -> None:
+        """Do nothing, as above."""
+
+    @property
+    def over(self) -> bool:
+        """False: a role that is asked for samples has no test of its own."""
+        return False

@@ -76,6 +76,10 @@ class BenchKeeper:
         if limit in self._watched:
             self._watched[limit].append((t, figure.value))
 
+    def fed(self, limit: str, recording: str) -> None:
+        """Write down that every row of a recording is judged against a limit."""
+        self._write("fed", limit=limit, recording=recording)
+
     def late(self, limit: str, seconds: float) -> None:
         """Write down that a monitor came late."""
         period = next(item.period_s for item in self._bench.spec.envelope if item.id == limit)

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Protocol
+from collections.abc import Callable, Mapping, Sequence
+from operator import attrgetter
+from typing import TYPE_CHECKING, NoReturn
 
 from hil.bench.binding import BoundBench
 from hil.bench.envelope import Monitor, Trip
 from hil.clock import wall
 from hil.clock.port import NANOSECONDS
+from hil.executive.run.feeding import Feed, monitors_of
 from hil.executive.run.stop import StopFlags, Stopped
+from hil.executive.run.watch import Beside, Watch
 from hil.model.bench import InstrumentSpec
 from hil.model.errors import DeviceFault, NoReply, Tripped
 from hil.model.figure import Figure
 from hil.wire.replay import MONITOR
 from hil.wire.tap import LONGEST_TRANSACTION
 
-__all__ = ["CaseTimeout", "Scheduler", "Watch"]
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["CaseTimeout", "Scheduler"]
 
 _TICK_S = 0.2
 _SWALLOWED = 10
@@ -30,41 +37,14 @@ class CaseTimeout(BaseException):
     """The case is past its `max_duration`. Not an Exception, for the reason of `Stopped`."""
 
 
-class Watch(Protocol):
-    """What a scheduler reports to."""
-
-    def reading(self, limit: str, t: float, figure: Figure) -> None:
-        """Take one reading of a monitor."""
-        ...
-
-    def late(self, limit: str, seconds: float) -> None:
-        """Note a monitor that took its turn so long after it was due."""
-        ...
-
-    def trip(self, trip: Trip) -> None:
-        """Make the bench safe; called once, before the case learns of it."""
-        ...
-
-    def safe(self) -> None:
-        """Make the bench safe."""
-        ...
-
-    def give_up(self) -> None:
-        """End the run here: the present case never will."""
-        ...
-
-    def tick(self) -> None:
-        """Do what has to be done every fraction of a wall second: flush, look into the inbox."""
-        ...
-
-
 class Scheduler:
     """Runs due monitors and reads stop flags wherever a case lets time pass or calls a role.
 
     A due monitor runs in a wait that has room for its reading, so that the wait ends at its instant. Commands
     then happen at the same bench time whether or not there is one more monitor, and so does the physics that
-    follows from them. Only a monitor that is a whole period late, or whose reading would grow too old, does not
-    wait for its place: safety goes first.
+    follows from them. What takes turns beside the case takes them at their instants, and a wait is over for the
+    monitors' room at each of them. Only a monitor that is a whole period late, or whose reading would grow too old,
+    does not wait for its place: safety goes first.
 
     Args:
         bench: the bench, whose clock it drives.
@@ -73,6 +53,7 @@ class Scheduler:
         watch: what it reports to.
 
     Attributes:
+        clock: the bench's clock.
         deadline_ns: the instant at which the present case has taken too long.
         refused: how often the present case was told to end.
         faulted: is told when a monitor's device is silent or talks nonsense; the present case, if there is one.
@@ -80,13 +61,15 @@ class Scheduler:
 
     def __init__(self, bench: BoundBench, monitors: Sequence[Monitor], flags: StopFlags, watch: Watch) -> None:
         self._bench = bench
-        self._clock = bench.clock
+        self.clock = bench.clock
         self._monitors = list(monitors)
         self._flags = flags
         self._watch = watch
         self._ticked = wall.monotonic()
         self._trip: Trip | None = None
         self._watching = False
+        self._beside: list[Beside] = []
+        self._soonest_ns = 0
         self.deadline_ns: int | None = None
         self.refused = 0
         self.faulted: Callable[[InstrumentSpec, DeviceFault], None] | None = None
@@ -104,7 +87,8 @@ class Scheduler:
     def watch_from_now(self) -> None:
         """Begin to run the monitors."""
         for monitor in self._monitors:
-            monitor.restart(self._clock.now_ns())
+            monitor.restart(self.clock.now_ns())
+        self._soonest_ns = 0
         self._watching = True
 
     def rest(self) -> None:
@@ -113,7 +97,7 @@ class Scheduler:
 
     def now_ns(self) -> int:
         """Return the bench's time."""
-        return self._clock.now_ns()
+        return self.clock.now_ns()
 
     def point(self) -> None:
         """Be a scheduling point in which no time passes.
@@ -123,25 +107,96 @@ class Scheduler:
         """
         with self._flags.undisturbed():
             self._look()
-            self._run_monitors(self._clock.now_ns())
+            now_ns = self.clock.now_ns()
+            if self._beside:
+                self._take_turns(now_ns, None)
+                now_ns = self.clock.now_ns()
+            self._run_monitors(now_ns)
 
     def sleep(self, seconds: float) -> None:
         """Let `seconds` of bench time pass."""
         if not seconds >= 0:
             raise ValueError(f"a wait cannot last {seconds} s")
-        self.wait_until(self._clock.now_ns() + round(seconds * NANOSECONDS))
+        self.wait_until(self.clock.now_ns() + round(seconds * NANOSECONDS))
 
-    def wait_until(self, when_ns: int) -> None:
-        """Let bench time pass until `when_ns`, with every monitor that is due on the way."""
+    def wait_until(self, when_ns: int, done: Callable[[], bool] | None = None) -> None:
+        """Let bench time pass until `when_ns`, with every monitor and every turn that is due on the way.
+
+        Args:
+            when_ns: the bench time at which the wait ends.
+            done: asked after each turn beside the case; ends the wait at once.
+        """
         self._look()
-        while self._clock.now_ns() < when_ns:
-            self._run_monitors(when_ns)
-            self._clock.wait_until(self._next_turn_ns(when_ns))
-            self._look()
+        if not self._take_turns(when_ns, done):
+            self._pass(when_ns)
+
+    def begin_beside(self, beside: Beside) -> None:
+        """Let something take turns beside the case."""
+        self._beside.append(beside)
+
+    def end_beside(self, beside: Beside) -> None:
+        """Give it no more turns; it may be ended again."""
+        if beside in self._beside:
+            self._beside.remove(beside)
+
+    def feed(self, output: str, columns: Mapping[tuple[str, str], int], every_s: float, recording: str) -> Feed | None:
+        """Return what judges the rows of a stream against the envelope, None where no limit watches any of it.
+
+        Args:
+            output: the role instance that streams.
+            columns: which place of a row holds what, by quantity and unit.
+            every_s: how far apart rows may come.
+            recording: the recording's id.
+        """
+        fed = monitors_of(output, columns, every_s, self._monitors)
+        for _, monitor in fed:
+            self._watch.fed(monitor.limit.id, recording)
+        return Feed(fed, every_s, recording) if fed else None
+
+    def judge(self, feed: Feed, rows: list[list[float]] | NDArray[np.float64]) -> None:
+        """Judge rows that were just fetched.
+
+        Raises:
+            Tripped: a row is outside for the last time that the limit allows; the bench was made safe.
+        """
+        if self._watching and (trip := feed.judge(rows, self.clock.now_ns())):
+            self._make_safe(trip)
+
+    def unfeed(self, feed: Feed) -> None:
+        """Let the monitors take readings again."""
+        feed.end(self.clock.now_ns())
+        self._soonest_ns = 0
 
     def idle(self) -> None:
         """Be a scheduling point while a person is awaited; monitors take their turn as in any other wait."""
         self.point()
+
+    def _take_turns(self, until_ns: int, done: Callable[[], bool] | None) -> bool:
+        """Let time pass from turn to turn, in order of time, up to the last one before `until_ns`; tell if `done`."""
+        while self._beside:
+            beside = min(self._beside, key=attrgetter("due_ns")) if len(self._beside) > 1 else self._beside[0]
+            due_ns = beside.due_ns
+            if due_ns > until_ns:
+                return False
+            if self._pass(due_ns):
+                beside.take()
+            else:
+                self._look()
+                beside.take()  # first of all: what waits there may be what a monitor misses
+                self._run_monitors(self.clock.now_ns())
+            if done is not None and done():
+                return True
+        return False
+
+    def _pass(self, when_ns: int) -> bool:
+        """Let time pass without a turn beside the case; return whether any did."""
+        passed = False
+        while self.clock.now_ns() < when_ns:
+            passed = True
+            self._run_monitors(when_ns)
+            self.clock.wait_until(self._next_turn_ns(when_ns))
+            self._look()
+        return passed
 
     def _look(self) -> None:
         now = wall.monotonic()
@@ -158,7 +213,7 @@ class Scheduler:
         self._flags.check()
         if self._trip:
             raise Tripped(self._trip.text, "the bench was made safe and stays so for the rest of the run")
-        if self.deadline_ns is not None and self._clock.now_ns() > self.deadline_ns:
+        if self.deadline_ns is not None and self.clock.now_ns() > self.deadline_ns:
             raise CaseTimeout
 
     def _refuse(self, ending: BaseException) -> None:
@@ -175,52 +230,58 @@ class Scheduler:
 
     def _next_turn_ns(self, when_ns: int) -> int:
         """Return when this wait has to look up again: at a monitor's turn, or at its end."""
-        if not self._watching or self._bench.playback is not None:
+        if self._bench.playback is not None:
+            return self._bench.playback.look_up_ns(when_ns)
+        if self._soonest_ns > when_ns or not self._watching:
             return when_ns
-        now_ns = self._clock.now_ns()
+        now_ns = self.clock.now_ns()
         turns = [monitor.due_ns for monitor in self._monitors if now_ns < monitor.due_ns <= when_ns - monitor.room_ns]
         return min(turns, default=when_ns)
 
     def _run_monitors(self, until_ns: int) -> None:
         """Run the monitors that are due and have room before `until_ns`, and those that are overdue in any case."""
-        if not self._watching:
+        if self._soonest_ns > until_ns or not self._watching:
             return
         if self._bench.playback is not None:
             self._replay_monitors(self._bench.playback.due_monitor, until_ns)
             return
         for monitor in self._monitors:
-            now_ns = self._clock.now_ns()
+            now_ns = self.clock.now_ns()
             room = until_ns - now_ns >= monitor.room_ns
             if now_ns >= monitor.due_ns and (room or now_ns >= monitor.overdue_ns):
                 self._take(monitor)
+        self._soonest_ns = min((monitor.due_ns for monitor in self._monitors), default=0)
 
     def _replay_monitors(self, due_monitor: Callable[[int], str], until_ns: int) -> None:
         """Run the monitors that the record holds here; those of a later wait are left for that one."""
-        while name := due_monitor(max(until_ns - 1, self._clock.now_ns())):
+        while name := due_monitor(max(until_ns - 1, self.clock.now_ns())):
             self._take(next(monitor for monitor in self._monitors if monitor.limit.id == name))
 
     def _take(self, monitor: Monitor) -> None:
         if self._bench.playback is not None:
             self._bench.playback.take(monitor.limit.id, MONITOR)
-        now_ns = self._clock.now_ns()
+        now_ns = self.clock.now_ns()
         self._bench.transcript.note(monitor.limit.id, MONITOR, now_ns, now_ns)
         try:
             if late_s := monitor.late_s(now_ns):
                 self._watch.late(monitor.limit.id, late_s)
-            figure, trip = monitor.take(self._clock.now_ns)
+            figure, trip = monitor.take(self.clock.now_ns)
         except DeviceFault as fault:
             self._tell(monitor, fault)
-            trip = monitor.stale(self._clock.now_ns())
+            trip = monitor.stale(self.clock.now_ns())
             figure = Figure(value=float("nan"), unit=monitor.limit.unit)
             if trip:
                 trip = Trip(trip.limit, trip.value, trip.unit, f"{trip.text} ({fault})")
         else:
-            self._tell_of_silence(monitor, self._clock.now_ns() - now_ns)
-        self._watch.reading(monitor.limit.id, self._clock.now(), figure)
+            self._tell_of_silence(monitor, self.clock.now_ns() - now_ns)
+        self._watch.reading(monitor.limit.id, self.clock.now(), figure)
         if trip and self._trip is None:
-            self._trip = trip
-            self._watch.trip(trip)
-            raise Tripped(trip.text, "the bench was made safe and stays so for the rest of the run")
+            self._make_safe(trip)
+
+    def _make_safe(self, trip: Trip) -> NoReturn:
+        self._trip = trip
+        self._watch.trip(trip)
+        raise Tripped(trip.text, "the bench was made safe and stays so for the rest of the run")
 
     def _tell_of_silence(self, monitor: Monitor, lasted_ns: int) -> None:
         """Tell of a reading that came in the end, but held the case up: a driver asks again after a silence."""

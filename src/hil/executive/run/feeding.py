@@ -1,0 +1,93 @@
+"""Limits of the envelope that a stream feeds: every row of it is judged, so that nobody has to ask."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from hil.bench.envelope import Monitor, Trip
+from hil.clock.port import NANOSECONDS
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["Feed", "monitors_of"]
+
+
+def monitors_of(
+    output: str, columns: Mapping[tuple[str, str], int], every_s: float, monitors: Sequence[Monitor]
+) -> list[tuple[int, Monitor]]:
+    """Return the monitors that a stream can feed, each with the column of a row that holds its quantity.
+
+    Rows have to come often enough for the maximum age, with time left to take a reading where none do any more.
+
+    Args:
+        output: the role instance that streams.
+        columns: which place of a row holds what, by quantity and unit.
+        every_s: how far apart rows may come.
+        monitors: those to choose from.
+    """
+    return [
+        (columns[limit.quantity, limit.unit], monitor)
+        for monitor in monitors
+        if (limit := monitor.limit).output == output
+        and (limit.quantity, limit.unit) in columns
+        and every_s <= limit.max_age_s - limit.period_s
+    ]
+
+
+class Feed:
+    """The monitors that the rows of one stream feed.
+
+    The age between two rows is that by the stream's own clock; the age of the last one counts from the moment at
+    which it was fetched. So a clock that goes otherwise than the bench's makes no row older than it is.
+
+    Args:
+        monitors: each with the column of a row that holds its quantity.
+        every_s: how far apart rows may come.
+        recording: the recording's id, for the words of a trip.
+    """
+
+    def __init__(self, monitors: Sequence[tuple[int, Monitor]], every_s: float, recording: str) -> None:
+        self._every_ns = round(every_s * NANOSECONDS)
+        self._recording = recording
+        self._fed = [
+            (column, monitor, round(monitor.limit.period_s * NANOSECONDS) + self._every_ns)
+            for column, monitor in monitors
+        ]
+        self._ahead_ns = 0
+
+    def judge(self, rows: list[list[float]] | NDArray[np.float64], now_ns: int) -> Trip | None:
+        """Judge rows that were fetched now, at least one; return the trip of the first one that trips, if any."""
+        found = self._few(rows) if isinstance(rows, list) else self._many(rows)
+        if found:
+            place, trip = found
+            return replace(trip, text=f"{trip.text}, at {rows[place][0]:.9g} s of recording {self._recording}")
+        ahead_ns = now_ns - round(rows[-1][0] * NANOSECONDS)
+        by_ns = ahead_ns - self._ahead_ns
+        self._ahead_ns = ahead_ns
+        for _, monitor, patience_ns in self._fed:
+            monitor.fed(by_ns, now_ns + patience_ns)
+        return None
+
+    def end(self, now_ns: int) -> None:
+        """Let the monitors take readings again."""
+        for _, monitor, _ in self._fed:
+            monitor.unfed(now_ns)
+
+    def _few(self, rows: list[list[float]]) -> tuple[int, Trip] | None:
+        for place, row in enumerate(rows):
+            when_ns = round(row[0] * NANOSECONDS) + self._ahead_ns
+            for column, monitor, _ in self._fed:
+                if trip := monitor.judge_row(when_ns, row[column]):
+                    return place, trip
+        return None
+
+    def _many(self, rows: NDArray[np.float64]) -> tuple[int, Trip] | None:
+        import numpy as np  # noqa: PLC0415 - slow to import
+
+        when_ns = np.rint(rows[:, 0] * NANOSECONDS).astype(np.int64) + self._ahead_ns
+        found = [monitor.judge_rows(when_ns, rows[:, column]) for column, monitor, _ in self._fed]
+        return min((each for each in found if each), key=lambda each: each[0], default=None)

@@ -1,0 +1,55 @@
+"""What a scheduler lets take turns, and what it reports to."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from hil.bench.envelope import Trip
+from hil.model.figure import Figure
+
+__all__ = ["Beside", "Watch"]
+
+
+class Watch(Protocol):
+    """What a scheduler reports to."""
+
+    def reading(self, limit: str, t: float, figure: Figure) -> None:
+        """Take one reading of a monitor."""
+        ...
+
+    def fed(self, limit: str, recording: str) -> None:
+        """Note that every row of a recording is judged against a limit from now on."""
+        ...
+
+    def late(self, limit: str, seconds: float) -> None:
+        """Note a monitor that took its turn so long after it was due."""
+        ...
+
+    def trip(self, trip: Trip) -> None:
+        """Make the bench safe; called once, before the case learns of it."""
+        ...
+
+    def safe(self) -> None:
+        """Make the bench safe."""
+        ...
+
+    def give_up(self) -> None:
+        """End the run here: the present case never will."""
+        ...
+
+    def tick(self) -> None:
+        """Do what has to be done every fraction of a wall second: flush, look into the inbox."""
+        ...
+
+
+class Beside(Protocol):
+    """Something that takes turns beside a case: a stream that has to be emptied, a role that is sampled."""
+
+    @property
+    def due_ns(self) -> int:
+        """The bench time of the next turn."""
+        ...
+
+    def take(self) -> None:
+        """Take the turn; the next one is due later."""
+        ...
