@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections import Counter
 
 import rfc8785
 
@@ -13,6 +14,7 @@ from hil.model.errors import HilError
 __all__ = ["JsonError", "canonical", "digest", "parse_strict"]
 
 _LARGEST = 2**53 - 1
+_DIGITS = len(str(_LARGEST))
 
 
 class JsonError(HilError, ValueError):
@@ -45,13 +47,7 @@ def parse_strict(data: bytes) -> object:
         JsonError: for anything but UTF-8 JSON with unique keys and finite numbers.
     """
     try:
-        return json.loads(
-            data.decode("utf-8"),
-            object_pairs_hook=_unique,
-            parse_constant=_refuse_constant,
-            parse_float=_finite,
-            parse_int=_exact,
-        )
+        return _parse(data.decode("utf-8"))
     except JsonError:
         raise
     except UnicodeDecodeError as error:
@@ -65,11 +61,10 @@ def parse_strict(data: bytes) -> object:
 
 
 def _unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    unique: dict[str, object] = {}
-    for key, value in pairs:
-        if key in unique:
-            raise JsonError(f"duplicate key {key!r}")
-        unique[key] = value
+    unique = dict(pairs)
+    if len(unique) < len(pairs):
+        counted = Counter(key for key, _ in pairs)
+        raise JsonError(f"duplicate key {next(key for key in counted if counted[key] > 1)!r}")
     return unique
 
 
@@ -78,7 +73,7 @@ def _refuse_constant(name: str) -> object:
 
 
 def _exact(text: str) -> int | float:
-    if len(text) <= len(str(_LARGEST)) + 1 and abs(int(text)) <= _LARGEST:
+    if len(text) < _DIGITS or (len(text) <= _DIGITS + 1 and abs(int(text)) <= _LARGEST):
         return int(text)
     # Canonical JSON writes large floats without point or exponent; any other integer would lose digits.
     number = _finite(text)
@@ -92,3 +87,8 @@ def _finite(text: str) -> float:
     if not math.isfinite(number):
         raise JsonError(f"{text[:40]} is too large for a number")
     return number
+
+
+_parse = json.JSONDecoder(
+    object_pairs_hook=_unique, parse_constant=_refuse_constant, parse_float=_finite, parse_int=_exact
+).decode
