@@ -59,6 +59,7 @@ class Monitor:
         self._start_ns = start_ns
         self._outside = 0
         self._lasts_ns = _UNKNOWN_NS
+        self._hold_ns = self._period_ns
         self.due_ns = start_ns
         self.good_ns = start_ns
 
@@ -107,21 +108,30 @@ class Monitor:
             return self.stale(now_ns)
         return Trip(self.limit.id, _or_none(figure.value), self.limit.unit, f"{self.limit.output}: {problem}")
 
-    def judge_row(self, when_ns: int, value: float) -> Trip | None:
-        """Count one row of a stream, of which it was seen at `when_ns`, as a reading that is taken then."""
+    def judge_row(self, when_ns: int, value: float, by_ns: int = 0) -> Trip | None:
+        """Count one row of a stream as a reading that is taken at `when_ns`; then set its instant `by_ns` later.
+
+        The clock that counts the rows may go otherwise than the bench's; from row to row it is the one that counts.
+        """
         if self._lowest <= value <= self._highest and when_ns - self.good_ns <= self._max_age_ns:
             self._outside = 0
-            self.good_ns = when_ns
+            self.good_ns = good_ns = when_ns + by_ns
+            self.due_ns = good_ns + self._hold_ns
             return None
         unwatched = self.stale(when_ns)
-        return self.judge(Figure(value=value, unit=self.limit.unit), when_ns) or unwatched
+        trip = self.judge(Figure(value=value, unit=self.limit.unit), when_ns) or unwatched
+        self.good_ns += by_ns
+        return trip
 
-    def judge_rows(self, when_ns: NDArray[np.int64], values: NDArray[np.float64]) -> tuple[int, Trip] | None:
+    def judge_rows(
+        self, when_ns: NDArray[np.int64], values: NDArray[np.float64], by_ns: int = 0
+    ) -> tuple[int, Trip] | None:
         """Count a block of rows as `judge_row` would one by one; return the first that trips, and its trip.
 
         Args:
             when_ns: the instants of the rows in ns of the bench's time, shape (n,), in order.
             values: the rows' numbers in the limit's unit, shape (n,).
+            by_ns: how much later the instant of the last good row is set when all are counted.
         """
         import numpy as np  # noqa: PLC0415 - slow to import
 
@@ -137,22 +147,20 @@ class Monitor:
         self.good_ns = int(when_ns[seen]) if seen >= 0 else self.good_ns
         if found is None:
             self._outside = int(outside[-1])
+            self.good_ns += by_ns
+            self.due_ns = self.good_ns + self._hold_ns
             return None
         self._outside = int(outside[found - 1]) if found else self._outside
         trip = self.judge_row(int(when_ns[found]), float(values[found]))
         return (found, trip) if trip else None
 
-    def fed(self, by_ns: int, until_ns: int) -> None:
-        """Take it that rows came in time: no reading until `until_ns`, unless the last good row grows too old before.
+    def feed(self, every_s: float) -> None:
+        """Take rows in place of readings: one is due only where no good row came for longer than rows are apart."""
+        most_ns = self._max_age_ns - self._period_ns
+        self._hold_ns = min(self._period_ns + round(every_s * NANOSECONDS), most_ns)
+        self.due_ns = max(self.due_ns, self.good_ns + self._hold_ns)
 
-        Args:
-            by_ns: moves the instant of the last good row: another clock than the bench's counts rows.
-            until_ns: when a reading is due if no rows come until then.
-        """
-        self.good_ns += by_ns
-        self.due_ns = min(until_ns, self.good_ns + self._max_age_ns - self._period_ns)
-
-    def unfed(self, now_ns: int) -> None:
+    def unfeed(self, now_ns: int) -> None:
         """Take readings again: no more rows will come."""
         self.due_ns = min(self.due_ns, max(now_ns, self.good_ns + self._period_ns))
 

@@ -98,7 +98,7 @@ class Intake:
 
     def _pass_on(self, rows: list[list[float]] | NDArray[np.float64], last: list[float]) -> None:
         self.last = last
-        self._unseen = rows[-1:]
+        self._unseen = [last]
         if self.feed is not None:
             self._scheduler.judge(self.feed, rows)
         if self._condition is not None and self.found is None:

@@ -51,43 +51,41 @@ class Feed:
     """
 
     def __init__(self, monitors: Sequence[tuple[int, Monitor]], every_s: float, recording: str) -> None:
-        self._every_ns = round(every_s * NANOSECONDS)
         self._recording = recording
-        self._fed = [
-            (column, monitor, round(monitor.limit.period_s * NANOSECONDS) + self._every_ns)
-            for column, monitor in monitors
-        ]
+        self._fed = list(monitors)
         self._ahead_ns = 0
+        for _, monitor in self._fed:
+            monitor.feed(every_s)
 
     def judge(self, rows: list[list[float]] | NDArray[np.float64], now_ns: int) -> Trip | None:
         """Judge rows that were fetched now, at least one; return the trip of the first one that trips, if any."""
-        found = self._few(rows) if isinstance(rows, list) else self._many(rows)
-        if found:
-            place, trip = found
-            return replace(trip, text=f"{trip.text}, at {rows[place][0]:.9g} s of recording {self._recording}")
         ahead_ns = now_ns - round(rows[-1][0] * NANOSECONDS)
         by_ns = ahead_ns - self._ahead_ns
+        found = self._few(rows, by_ns) if isinstance(rows, list) else self._many(rows, by_ns)
         self._ahead_ns = ahead_ns
-        for _, monitor, patience_ns in self._fed:
-            monitor.fed(by_ns, now_ns + patience_ns)
-        return None
+        if found is None:
+            return None
+        place, trip = found
+        return replace(trip, text=f"{trip.text}, at {rows[place][0]:.9g} s of recording {self._recording}")
 
     def end(self, now_ns: int) -> None:
         """Let the monitors take readings again."""
-        for _, monitor, _ in self._fed:
-            monitor.unfed(now_ns)
+        for _, monitor in self._fed:
+            monitor.unfeed(now_ns)
 
-    def _few(self, rows: list[list[float]]) -> tuple[int, Trip] | None:
+    def _few(self, rows: list[list[float]], by_ns: int) -> tuple[int, Trip] | None:
+        last = len(rows) - 1
         for place, row in enumerate(rows):
             when_ns = round(row[0] * NANOSECONDS) + self._ahead_ns
-            for column, monitor, _ in self._fed:
-                if trip := monitor.judge_row(when_ns, row[column]):
+            then_ns = by_ns if place == last else 0
+            for column, monitor in self._fed:
+                if trip := monitor.judge_row(when_ns, row[column], then_ns):
                     return place, trip
         return None
 
-    def _many(self, rows: NDArray[np.float64]) -> tuple[int, Trip] | None:
+    def _many(self, rows: NDArray[np.float64], by_ns: int) -> tuple[int, Trip] | None:
         import numpy as np  # noqa: PLC0415 - slow to import
 
         when_ns = np.rint(rows[:, 0] * NANOSECONDS).astype(np.int64) + self._ahead_ns
-        found = [monitor.judge_rows(when_ns, rows[:, column]) for column, monitor, _ in self._fed]
+        found = [monitor.judge_rows(when_ns, rows[:, column], by_ns) for column, monitor in self._fed]
         return min((each for each in found if each), key=lambda each: each[0], default=None)

@@ -120,12 +120,7 @@ class Scheduler:
         self.wait_until(self.clock.now_ns() + round(seconds * NANOSECONDS))
 
     def wait_until(self, when_ns: int, done: Callable[[], bool] | None = None) -> None:
-        """Let bench time pass until `when_ns`, with every monitor and every turn that is due on the way.
-
-        Args:
-            when_ns: the bench time at which the wait ends.
-            done: asked after each turn beside the case; ends the wait at once.
-        """
+        """Let bench time pass until `when_ns`, or until `done` says so after a turn beside the case."""
         self._look()
         if not self._take_turns(when_ns, done):
             self._pass(when_ns)
@@ -140,14 +135,7 @@ class Scheduler:
             self._beside.remove(beside)
 
     def feed(self, output: str, columns: Mapping[tuple[str, str], int], every_s: float, recording: str) -> Feed | None:
-        """Return what judges the rows of a stream against the envelope, None where no limit watches any of it.
-
-        Args:
-            output: the role instance that streams.
-            columns: which place of a row holds what, by quantity and unit.
-            every_s: how far apart rows may come.
-            recording: the recording's id.
-        """
+        """Return what judges a recording's rows, None where no limit watches any of it. See `monitors_of`."""
         fed = monitors_of(output, columns, every_s, self._monitors)
         for _, monitor in fed:
             self._watch.fed(monitor.limit.id, recording)
@@ -190,13 +178,17 @@ class Scheduler:
 
     def _pass(self, when_ns: int) -> bool:
         """Let time pass without a turn beside the case; return whether any did."""
-        passed = False
-        while self.clock.now_ns() < when_ns:
-            passed = True
-            self._run_monitors(when_ns)
-            self.clock.wait_until(self._next_turn_ns(when_ns))
+        if self.clock.now_ns() >= when_ns:
+            return False
+        while True:
+            turn_ns = when_ns
+            if self._soonest_ns <= when_ns:
+                self._run_monitors(when_ns)
+                turn_ns = self._next_turn_ns(when_ns)
+            self.clock.wait_until(turn_ns)
             self._look()
-        return passed
+            if self.clock.now_ns() >= when_ns:
+                return True
 
     def _look(self) -> None:
         now = wall.monotonic()

@@ -81,7 +81,8 @@ class StopFlags:
 
     def check(self) -> None:
         """Raise Stopped if the run is to end and nothing is shielded."""
-        self.stay_home()
+        if (os.getpid(), threading.get_ident()) != self._home:
+            self.stay_home()
         if self.reason and not self._shielded:
             raise Stopped(self.reason)
 
