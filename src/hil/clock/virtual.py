@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Callable
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
+from heapq import heappop, heappush
 from typing import TYPE_CHECKING
 
 from hil.clock.port import NANOSECONDS, ClockError
@@ -19,26 +19,28 @@ _MOST_EVENTS_AT_ONE_INSTANT = 100_000
 
 
 class Event:
-    """Something that will happen; `cancel` takes it back."""
+    """Something that will happen; `cancel` takes it back.
 
-    __slots__ = ("action", "cancelled", "key")
+    Attributes:
+        number: its place among the events of one device at one instant.
+        action: what happens.
+        cancelled: whether it was taken back.
+    """
 
-    def __init__(self, key: tuple[int, int, int], action: Callable[[], None]) -> None:
-        self.key = key
+    __slots__ = ("action", "cancelled", "number")
+
+    def __init__(self, number: int, action: Callable[[], None]) -> None:
+        self.number = number
         self.action = action
         self.cancelled = False
-
-    @property
-    def number(self) -> int:
-        """Its place among the events of one device at one instant."""
-        return self.key[2]
 
     def cancel(self) -> None:
         """Take the event back; it may have happened already."""
         self.cancelled = True
 
     def __lt__(self, other: Event) -> bool:
-        return self.key < other.key
+        """Return an order for the heap; of two events of one number all but one were taken back."""
+        return other.cancelled and not self.cancelled
 
 
 class VirtualClock:
@@ -58,7 +60,7 @@ class VirtualClock:
     def __init__(self, epoch: str = "2026-01-01T00:00:00Z") -> None:
         self._epoch = datetime.fromisoformat(epoch).astimezone(UTC)
         self._now_ns = 0
-        self._events: list[Event] = []
+        self._events: list[tuple[int, int, int, Event]] = []
         self.asked = 0
         self._plants: list[Callable[[int], None]] = []
         self._at_this_instant = 0
@@ -89,9 +91,11 @@ class VirtualClock:
         """
         if number is None:
             number = self.asked
-        self.asked = max(self.asked, number + 1)
-        event = Event((max(when_ns, self._now_ns), device, number), action)
-        heapq.heappush(self._events, event)
+            self.asked = number + 1
+        else:
+            self.asked = max(self.asked, number + 1)
+        event = Event(number, action)
+        heappush(self._events, (max(when_ns, self._now_ns), device, number, event))
         return event
 
     def sleep(self, seconds: float) -> None:
@@ -102,9 +106,9 @@ class VirtualClock:
 
     def wait_until(self, when_ns: int) -> None:
         """Let time pass until `when_ns`, with everything that is due on the way."""
-        while event := self._next(when_ns):
-            self._move(event.key[0])
-            self._happen(event)
+        events = self._events
+        while events and events[0][0] <= when_ns:
+            self._happen(heappop(events))
         self._move(when_ns)
 
     def run(self, deadline_ns: int, done: Callable[[], bool]) -> bool:
@@ -113,13 +117,14 @@ class VirtualClock:
         This is how a read waits: time stops at the event that brought the last byte, and goes on to
         the deadline only if none did.
         """
+        events = self._events
         while not done():
-            event = self._next(deadline_ns)
-            if event is None:
+            while events and events[0][3].cancelled:
+                heappop(events)
+            if not events or events[0][0] > deadline_ns:
                 self._move(deadline_ns)
                 return done()
-            self._move(event.key[0])
-            self._happen(event)
+            self._happen(heappop(events))
         return True
 
     @contextmanager
@@ -131,13 +136,6 @@ class VirtualClock:
         finally:
             self._waiting = before
 
-    def _next(self, deadline_ns: int) -> Event | None:
-        while self._events and self._events[0].cancelled:
-            heapq.heappop(self._events)
-        if self._events and self._events[0].key[0] <= deadline_ns:
-            return heapq.heappop(self._events)
-        return None
-
     def _move(self, when_ns: int) -> None:
         if when_ns <= self._now_ns:
             return
@@ -146,7 +144,12 @@ class VirtualClock:
         for plant in self._plants:
             plant(when_ns)
 
-    def _happen(self, event: Event) -> None:
+    def _happen(self, entry: tuple[int, int, int, Event]) -> None:
+        when_ns, _, _, event = entry
+        if event.cancelled:
+            return
+        if when_ns > self._now_ns:
+            self._move(when_ns)
         self._at_this_instant += 1
         if self._at_this_instant > _MOST_EVENTS_AT_ONE_INSTANT:
             raise ClockError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import cast
 
 from hil.clock.port import NANOSECONDS
@@ -23,19 +24,18 @@ __all__ = ["DeviceClock", "World", "build_world", "truth_errors"]
 
 
 class DeviceClock:
-    """The bench's clock as one peer sees it: its events come in the order of its place in the bench file."""
+    """The bench's clock as one peer sees it: its events come in the order of its place in the bench file.
+
+    Both functions are the clock's own; peers call them for every byte.
+
+    Args:
+        clock: the bench's clock.
+        device: the peer's place in the bench file.
+    """
 
     def __init__(self, clock: VirtualClock, device: int) -> None:
-        self._clock = clock
-        self._device = device
-
-    def now_ns(self) -> int:
-        """Return the nanoseconds since the bench's epoch."""
-        return self._clock.now_ns()
-
-    def at(self, when_ns: int, action: Callable[[], None], number: int | None = None) -> Event:
-        """Let `action` happen at `when_ns`; a restored event keeps its `number`."""
-        return self._clock.at(when_ns, action, device=self._device, number=number)
+        self.now_ns = clock.now_ns
+        self.at: Callable[..., Event] = partial(clock.at, device=device)
 
 
 @dataclass(slots=True, kw_only=True)

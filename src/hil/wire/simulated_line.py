@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from typing import cast
 
@@ -35,7 +36,7 @@ class SimulatedLine:
         self, device: str, peer: SerialPeer, clock: VirtualClock, *, number: int = 0, baud: int = 0, buffer: int = 4096
     ) -> None:
         self.device = device
-        self.lost = 0
+        self._lost = 0
         self._peer = peer
         self._clock = clock
         self._number = number
@@ -45,17 +46,25 @@ class SimulatedLine:
         self._free_at_ns = 0
         self._last_look_ns = -1
         self._looks = 0
-        self._on_the_way = 0
+        self._on_the_way: deque[tuple[int, bytes]] = deque()
+        self._awaited = False
         self._open = False
 
     @property
+    def lost(self) -> int:
+        """How many bytes overflowed."""
+        self._arrive()
+        return self._lost
+
+    @property
     def quiet(self) -> bool:
-        """Whether no byte is on its way to the host; only then is `state` all there is."""
+        """Whether no byte is on its way to the host."""
+        self._arrive()
         return not self._on_the_way
 
     def opened(self) -> None:
         """Start with an empty buffer, and let the peer notice where it can."""
-        self._received.clear()
+        self.discard()
         self._open = True
         self.dtr_rose()
 
@@ -66,6 +75,7 @@ class SimulatedLine:
 
     def closed(self) -> None:
         """Drop what comes from now on."""
+        self._arrive()
         self._open = False
 
     def write(self, data: bytes) -> None:
@@ -76,9 +86,9 @@ class SimulatedLine:
 
     def read(self, size: int, timeout: float) -> bytes:
         """Let time pass until `size` bytes are here, or until the timeout."""
-        deadline_ns = self._clock.now_ns() + round(timeout * NANOSECONDS)
-        with self._clock.waiting(self.device):
-            self._clock.run(deadline_ns, lambda: len(self._received) >= size)
+        self._arrive()
+        if len(self._received) < size:
+            self._wait(size, self._clock.now_ns() + round(timeout * NANOSECONDS))
         data = bytes(self._received[:size])
         del self._received[:size]
         return data
@@ -90,39 +100,63 @@ class SimulatedLine:
         self._last_look_ns = now_ns
         if self._looks > _MOST_LOOKS_AT_ONE_INSTANT:
             raise ClockError(f"{self.device} is polled for ever at {self._clock.now():.9f} s without letting time pass")
+        self._arrive()
         return len(self._received)
 
     def discard(self) -> None:
         """Throw received bytes away."""
+        self._arrive()
         self._received.clear()
 
     def send(self, data: bytes, after_ns: int = 0) -> None:
         """Take bytes from the peer; the first leaves after `after_ns`, behind what is still being sent."""
         start_ns = max(self._clock.now_ns() + after_ns, self._free_at_ns)
-        self._free_at_ns = start_ns + len(data) * self._ns_per_byte
-        self._on_the_way += 1
-        self._clock.at(self._free_at_ns, lambda: self._arrive(data), device=self._number)
+        self._free_at_ns = arrives_ns = start_ns + len(data) * self._ns_per_byte
+        self._on_the_way.append((arrives_ns, data))
+        if self._awaited:
+            self._clock.at(arrives_ns, self._arrive, device=self._number)
 
     def state(self) -> Mapping[str, object]:
-        """Return everything that a quiet line needs to go on, as JSON values."""
+        """Return everything that the line needs to go on, as JSON values."""
+        self._arrive()
         return {
             "received": self._received.hex(),
+            "on_the_way": [[arrives_ns, data.hex()] for arrives_ns, data in self._on_the_way],
             "free_at_ns": self._free_at_ns,
-            "lost": self.lost,
+            "lost": self._lost,
             "open": self._open,
         }
 
     def restore(self, state: Mapping[str, object]) -> None:
         """Go on from what `state` returned; the peer does not notice."""
         self._received[:] = bytes.fromhex(str(state["received"]))
+        way = cast("list[tuple[int, str]]", state["on_the_way"])
+        self._on_the_way = deque((arrives_ns, bytes.fromhex(data)) for arrives_ns, data in way)
         self._free_at_ns = cast("int", state["free_at_ns"])
-        self.lost = cast("int", state["lost"])
+        self._lost = cast("int", state["lost"])
         self._open = bool(state["open"])
 
-    def _arrive(self, data: bytes) -> None:
-        self._on_the_way -= 1
-        if not self._open:
+    def _wait(self, size: int, deadline_ns: int) -> None:
+        """Let time pass until so many bytes are here, with an event wherever some arrive."""
+        for arrives_ns, _ in self._on_the_way:
+            self._clock.at(arrives_ns, self._arrive, device=self._number)
+        self._awaited = True
+        try:
+            with self._clock.waiting(self.device):
+                self._clock.run(deadline_ns, lambda: len(self._received) >= size)
+        finally:
+            self._awaited = False
+        self._arrive()
+
+    def _arrive(self) -> None:
+        """Take the bytes that have come by now; while nobody looks, nothing has to happen for them."""
+        way = self._on_the_way
+        if not way:
             return
-        room = self._buffer - len(self._received)
-        self.lost += max(0, len(data) - room)
-        self._received += data[:room]
+        now_ns = self._clock.now_ns()
+        while way and way[0][0] <= now_ns:
+            _, data = way.popleft()
+            if self._open:
+                room = self._buffer - len(self._received)
+                self._lost += max(0, len(data) - room)
+                self._received += data[:room]

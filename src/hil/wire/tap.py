@@ -63,8 +63,7 @@ class _Tap:
         try:
             result = operation()
         except (OSError, SerialException) as error:
-            number = getattr(error, "errno", None) or 0
-            self._transcript.note(self.device, name, start_ns, self._clock.now_ns(), sent=sent, error=f"{number}")
+            self._failed(name, start_ns, error, sent)
             raise
         self._transcript.note(
             self.device,
@@ -75,6 +74,10 @@ class _Tap:
             received=received(result) if received else b"",
         )
         return result
+
+    def _failed(self, name: str, start_ns: int, error: Exception, sent: bytes = b"") -> None:
+        number = getattr(error, "errno", None) or 0
+        self._transcript.note(self.device, name, start_ns, self._clock.now_ns(), sent=sent, error=f"{number}")
 
 
 class TappedPort(_Tap):
@@ -99,6 +102,7 @@ class TappedPort(_Tap):
         super().__init__(device, clock, transcript)
         self._serial = serial
         self._ahead = bytearray()
+        self._timeout = -1.0
         self.timeout = timeout
 
     @property
@@ -108,6 +112,8 @@ class TappedPort(_Tap):
 
     @timeout.setter
     def timeout(self, seconds: float) -> None:
+        if seconds == self._timeout:
+            return
         if not 0 <= seconds <= LONGEST_TRANSACTION:
             raise ValueError(f"{self.device}: a timeout is 0 to {LONGEST_TRANSACTION} s, not {seconds}")
         self._timeout = seconds
@@ -116,17 +122,31 @@ class TappedPort(_Tap):
     @property
     def in_waiting(self) -> int:
         """The number of bytes that can be read without waiting."""
-        return len(self._ahead) + self._guard(
-            lambda: self._operate("waiting", lambda: self._serial.in_waiting, received=lambda n: n.to_bytes(4))
-        )
+        start_ns = self._clock.now_ns()
+        try:
+            waiting = self._serial.in_waiting
+        except (OSError, SerialException) as error:
+            self._failed("waiting", start_ns, error)
+            raise self._gone(error) from error
+        now_ns = self._clock.now_ns()
+        self._transcript.note(self.device, "waiting", start_ns, now_ns, received=waiting.to_bytes(4))
+        return len(self._ahead) + waiting
 
     def write(self, data: bytes) -> int:
         """Write all bytes and return their number."""
-        self._guard(lambda: self._operate("write", lambda: self._serial.write(data), sent=data))
+        start_ns = self._clock.now_ns()
+        try:
+            self._serial.write(data)
+        except (OSError, SerialException) as error:
+            self._failed("write", start_ns, error, data)
+            raise self._gone(error) from error
+        self._transcript.note(self.device, "write", start_ns, self._clock.now_ns(), sent=data)
         return len(data)
 
     def read(self, size: int = 1) -> bytes:
         """Return `size` bytes, or what came until the timeout."""
+        if not self._ahead:
+            return self._read(size) if size else b""
         ahead = bytes(self._ahead[:size])
         del self._ahead[:size]
         missing = size - len(ahead)
@@ -162,13 +182,23 @@ class TappedPort(_Tap):
         self._serial.dtr = True
 
     def _read(self, size: int) -> bytes:
-        return self._guard(lambda: self._operate("read", lambda: self._serial.read(size), received=lambda data: data))
-
-    def _guard(self, operation: Callable[[], _Result]) -> _Result:
+        start_ns = self._clock.now_ns()
         try:
-            return operation()
-        except (SerialException, OSError) as error:
-            raise NoReply(self.device, f"its port is gone ({error})", "check cable, power and hub") from error
+            data = self._serial.read(size)
+        except (OSError, SerialException) as error:
+            self._failed("read", start_ns, error)
+            raise self._gone(error) from error
+        self._transcript.note(self.device, "read", start_ns, self._clock.now_ns(), received=data)
+        return data
+
+    def _guard(self, operation: Callable[[], None]) -> None:
+        try:
+            operation()
+        except (OSError, SerialException) as error:
+            raise self._gone(error) from error
+
+    def _gone(self, error: Exception) -> NoReply:
+        return NoReply(self.device, f"its port is gone ({error})", "check cable, power and hub")
 
 
 class TappedBus(_Tap):

@@ -45,7 +45,8 @@ class FaultySerialPeer:
         """Connect the peer behind the faults, and start what comes unasked."""
         self._line = line
         self._clock = clock
-        self._peer.attach(self, clock)
+        # A peer that nothing is wrong with talks to the line itself.
+        self._peer.attach(self if self._faults.faults else line, clock)
         self._chats = [
             (fault, Alarm(clock, partial(self._chat, place))) for place, fault in enumerate(self._faults.of("chatty"))
         ]
@@ -59,7 +60,7 @@ class FaultySerialPeer:
 
     def receive(self, data: bytes) -> None:
         """Pass bytes on, unless the peer is dead."""
-        if not self._faults.now("dead", self._clock.now_ns()):
+        if not (self._faults.faults and self._faults.now("dead", self._clock.now_ns())):
             self._peer.receive(data)
 
     def send(self, data: bytes, after_ns: int = 0) -> None:

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import ClassVar, cast
+from typing import ClassVar, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +36,7 @@ class Port:
     current_signal: str
 
 
-@dataclass(frozen=True, slots=True)
-class _Moment:
+class _Moment(NamedTuple):
     """A break point: from here on these inputs hold, and the state was this."""
 
     at_ns: int
@@ -71,7 +70,7 @@ class Plant(ABC):
         self._next_ns = grid_ns
         self._moments = deque([_Moment(0, state, MappingProxyType(dict(inputs)))])
         self._ahead: tuple[_Moment, Vector] | None = None
-        self._interpolated: tuple[_Moment, int, Vector] | None = None  # what was seen last between grid points
+        self._present: tuple[Vector, Inputs, float] | None = None  # what `observe` sees until time or inputs change
         self._past: tuple[int, Vector, Inputs] | None = None  # what `observe_at` saw last; no command changes the past
         self._listeners: list[Callable[[], None]] = []
 
@@ -104,7 +103,7 @@ class Plant(ABC):
 
     def advance(self, when_ns: int) -> None:
         """Commit every grid point up to `when_ns`; the clock calls this before an instant's events."""
-        self._now_ns = when_ns
+        self._now_ns, self._present = when_ns, None
         while self._next_ns <= when_ns:
             last = self._moments[-1]
             ahead = self._state_ahead(last)
@@ -119,25 +118,28 @@ class Plant(ABC):
     def command(self, **values: Value) -> None:
         """Set inputs at the present instant; what changes nothing is no break point."""
         last = self._moments[-1]
-        unknown = values.keys() - last.inputs.keys()
-        if unknown:
-            raise ValueError(f"plant {self.name} has no input {', '.join(sorted(unknown))}")
-        if all(last.inputs[name] == value for name, value in values.items()):
-            return
         inputs = MappingProxyType({**last.inputs, **values})
+        if len(inputs) > len(last.inputs):
+            unknown = values.keys() - last.inputs.keys()
+            raise ValueError(f"plant {self.name} has no input {', '.join(sorted(unknown))}")
+        if inputs == last.inputs:
+            return
         state = last.state
         if last.at_ns == self._now_ns:
             self._moments.pop()
         else:
             state = self.step(state, last.inputs, (self._now_ns - last.at_ns) / NANOSECONDS)
         self._moments.append(_Moment(self._now_ns, self.commanded(state, last.inputs, inputs), inputs))
+        self._present = None
         for callback in self._listeners:
             callback()
 
     def observe(self, signal: str) -> float:
         """Return a signal at the present instant, commands of this instant included."""
-        last = self._moments[-1]
-        return self.signal(signal, self._state_at(last, self._now_ns), last.inputs, self._now_ns / NANOSECONDS)
+        if self._present is None:
+            last = self._moments[-1]
+            self._present = self._state_at(last, self._now_ns), last.inputs, self._now_ns / NANOSECONDS
+        return self.signal(signal, *self._present)
 
     def observe_at(self, signal: str, at_ns: int) -> float:
         """Return a signal at an instant of the last two seconds, before any command of that instant.
@@ -190,7 +192,7 @@ class Plant(ABC):
         self._moments = deque(_Moment(at, tuple(row), MappingProxyType(dict(inputs))) for at, row, inputs in rows)
         self._now_ns = cast("int", state["now_ns"])
         self._next_ns = self._end_ns(self._moments[-1])
-        self._ahead = self._interpolated = self._past = None
+        self._ahead = self._present = self._past = None
 
     def _moments_between(self, first_ns: int, last_ns: int) -> list[_Moment]:
         """Return the moments whose lines are seen between two instants, before any command of these instants."""
@@ -215,12 +217,9 @@ class Plant(ABC):
     def _state_at(self, moment: _Moment, at_ns: int) -> Vector:
         if at_ns <= moment.at_ns:
             return moment.state
-        if self._interpolated is None or self._interpolated[0] is not moment or self._interpolated[1] != at_ns:
-            share = (at_ns - moment.at_ns) / (self._end_ns(moment) - moment.at_ns)
-            ahead = self._state_ahead(moment)
-            state = tuple([a + (b - a) * share for a, b in zip(moment.state, ahead, strict=True)])
-            self._interpolated = (moment, at_ns, state)
-        return self._interpolated[2]
+        share = (at_ns - moment.at_ns) / (self._end_ns(moment) - moment.at_ns)
+        ahead = self._state_ahead(moment)
+        return tuple([a + (b - a) * share for a, b in zip(moment.state, ahead, strict=True)])
 
     def _end_ns(self, moment: _Moment) -> int:
         return (moment.at_ns // self._grid_ns + 1) * self._grid_ns
@@ -232,5 +231,6 @@ class Plant(ABC):
         return self._ahead[1]
 
     def _forget(self) -> None:
-        while len(self._moments) > 2 and self._moments[1].at_ns < self._now_ns - _KEPT_NS:
-            self._moments.popleft()
+        moments, oldest_ns = self._moments, self._now_ns - _KEPT_NS
+        while len(moments) > 2 and moments[1].at_ns < oldest_ns:
+            moments.popleft()

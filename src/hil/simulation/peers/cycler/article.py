@@ -39,7 +39,8 @@ class Gauge:
 
     def read(self, now_ns: int) -> int:
         """Return what is measured now, in units of the last digit."""
-        value = self.unconnected if self.signal is None else self.signal.observe()
+        point = self.signal
+        value = self.unconnected if point is None else point.plant.observe(point.name)
         value = value * self.factor + self.shift
         if self.noise:
             value += self.noise * self.stream.normal(now_ns // (LINE_S * NANOSECONDS))

@@ -21,6 +21,7 @@ __all__ = ["Firmware"]
 
 _US = 1_000_000
 _LINE_US = LINE_S * _US
+_FIELDS = "%.3f;%.3f;%.4f;%.1f"
 _LETTERS = {"CHARGE": ";C", "DISCHARGE": ";D", "REST": ";R"}
 
 
@@ -190,13 +191,11 @@ class Firmware:
         at_us = self._next_us
         self._next_us += _LINE_US
         self._tick.set(self._device_clock.instant(self._next_us))
-        reading = self.article.measure(self._clock.now_ns())
-        self.sequence.take(reading)
-        energy = self.sequence.energy
-        if not self.sequence.calm(reading):
+        volts, amperes, degrees = reading = self.article.measure(self._clock.now_ns())
+        calm = self.sequence.take(reading)
+        fields = _FIELDS % (volts / 1000, amperes / 1000, self.sequence.energy / 10_000, degrees / 10)
+        if not calm:
             self._marks += self.sequence.judge(reading)
-        volts, amperes, degrees = reading
-        fields = f"{volts / 1000:.3f};{amperes / 1000:.3f};{energy / 10000:.4f};{degrees / 10:.1f}"
         self.output.numbered(fields, _LETTERS[state], at_us)
         if self._marks:
             self._tell()

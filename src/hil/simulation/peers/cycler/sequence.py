@@ -74,17 +74,16 @@ class Sequence:
         """Be ready for another test."""
         self.state, self.reason = "IDLE", ""
 
-    def take(self, reading: Reading) -> None:
-        """Add a data line to the sums; `judge` tells what follows from it."""
+    def take(self, reading: Reading) -> bool:
+        """Add a data line to the sums; return whether nothing can follow from it.
+
+        Nearly all of them are like that. `judge` tells what follows from the others.
+        """
+        volts, amperes, degrees = reading
         self._lines += 1
         if self.state != "REST":
-            volts, amperes, _ = reading
             self._power += abs(volts * amperes)
             self._flow += abs(amperes)
-
-    def calm(self, reading: Reading) -> bool:
-        """Return whether nothing can follow from a data line; nearly all of them are, so `judge` need not look."""
-        volts, amperes, degrees = reading
         low_volts, high_volts, low_amperes, high_amperes, low_degrees, high_degrees, lines, flow = self._calm
         if (
             low_volts <= volts <= high_volts

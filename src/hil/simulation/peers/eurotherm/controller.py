@@ -90,6 +90,7 @@ class Eurotherm3216:
         self._drive = drive
         self._faults = faults
         self._regulation = Regulation()
+        self._tuned: Tuning | None = None  # until a parameter is written
         self._requests = Requests(self._read, self._write)
         self._reader = FrameReader(make.baud, self._frame)
         self._remote_ns = -_REMOTE_NS - 1
@@ -126,6 +127,7 @@ class Eurotherm3216:
     def restore(self, state: Mapping[str, object]) -> None:
         """Go on from what `state` returned."""
         self._memory.restore(cast("dict[str, object]", state["memory"]))
+        self._tuned = None
         self._regulation.restore(cast("dict[str, object]", state["regulation"]))
         self._reader.restore(cast("dict[str, object]", state["reader"]), self._clock)
         self._remote_ns = cast("int", state["remote_ns"])
@@ -160,7 +162,9 @@ class Eurotherm3216:
         return asked and not fresh, self._memory[source]
 
     def _output(self, setpoint: float, value: float | None) -> float:
-        tuning = self._tuning()
+        tuning = self._tuned
+        if tuning is None:
+            tuning = self._tuned = self._tuning()
         if self._memory[at.INSTRUMENT_MODE] != at.OPERATING:
             self._regulation.clear()
             return 0.0
@@ -183,10 +187,11 @@ class Eurotherm3216:
         )
 
     def _drive_at(self, output: float, now_ns: int) -> None:
-        if self._faults.now("stuck", now_ns):
-            output = 0.0
-        elif self._faults.now("runaway", now_ns):
-            output = _ALL
+        if self._faults.faults:
+            if self._faults.now("stuck", now_ns):
+                output = 0.0
+            elif self._faults.now("runaway", now_ns):
+                output = _ALL
         if self._drive is not None:
             self._drive.command(output / _ALL)
 
@@ -208,5 +213,6 @@ class Eurotherm3216:
 
     def _write(self, address: int, value: int) -> None:
         self._memory.write(address, value)
+        self._tuned = None
         if address == at.COMMS_SETPOINT:
             self._remote_ns = self._clock.now_ns()

@@ -98,9 +98,12 @@ class Memory:
         self.writes: Counter[int] = Counter()
 
     def __getitem__(self, address: int) -> int:
-        if self._real(address) not in self._values:
-            raise NoSuchParameter
-        return self._values[self._real(address)]
+        if address == TARGET_SETPOINT:
+            address = self._real(address)
+        try:
+            return self._values[address]
+        except KeyError:
+            raise NoSuchParameter from None
 
     def show(self, values: Mapping[int, int]) -> None:
         """Let the instrument itself set what it shows."""
