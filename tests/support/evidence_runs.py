@@ -11,6 +11,7 @@ from hil.evidence.folder import CALIBRATION as CALIBRATION_FILE
 from hil.evidence.folder import CATALOGUE as CATALOGUE_FILE
 from hil.evidence.folder import JOURNAL, PARAMETERS, RECORDINGS, RESERVE, RESULTS, TRANSCRIPT
 from hil.evidence.journal.writer import Journal
+from hil.evidence.package.contents import Package
 from hil.evidence.package.inventory import inventory
 from hil.evidence.package.sealing import seal
 from hil.evidence.recordings.rows import Rows
@@ -171,10 +172,10 @@ def whole_case(folder: Path, journal: Journal) -> None:
     journal.write("safe-end", 5.0, ok=True)
 
 
-def write_report(folder: Path) -> None:
+def write_report(package: Package) -> None:
     """Write a report of one line."""
-    (folder / "data/report").mkdir(exist_ok=True)
-    (folder / "data/report/report.html").write_text("<p>report</p>\n", encoding="utf-8")
+    (package.folder / "data/report").mkdir(exist_ok=True)
+    (package.folder / "data/report/report.html").write_text("<p>report</p>\n", encoding="utf-8")
 
 
 def sealed_run(folder: Path, **changes) -> str:

@@ -53,7 +53,7 @@ def procedure(request: Request) -> list[str]:
     """Return the procedure of plans: whole cases, run on the simulated bench."""
     with tempfile.TemporaryDirectory(prefix="hil-plan-") as folder:
         configuration = configure(replace(request, output=Path(folder)))
-        material = PackageMaterial(_rehearsed(configuration, open_simulated).folder)
+        material = PackageMaterial(Package(_rehearsed(configuration, open_simulated).folder))
         return procedure_lines(material.events(), requirement_entries(material))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from hil.evidence.package.bag import INFO
 from hil.evidence.package.contents import Package
@@ -19,12 +18,12 @@ class PackageMaterial:
     """The folder of a run, sealed or about to be.
 
     Args:
-        folder: the run's folder.
+        package: the run.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._package = Package(folder)
-        self._data = folder / "data"
+    def __init__(self, package: Package) -> None:
+        self._package = package
+        self._data = package.folder / "data"
 
     def run(self) -> str:
         """Return the name that the folder had at its seal; a copy under another name gives the same report."""

@@ -27,22 +27,25 @@ def make_reports(folder: Path) -> dict[str, bytes]:
     Raises:
         EvidenceError: where journal or results cannot be read.
     """
-    digest = Package(folder).evidence_digest
-    material = PackageMaterial(folder)
-    view = assemble(material, digest)
-    return {
-        HTML: render(view).encode("utf-8", errors="replace"),
-        JUNIT: junit(material.results(), run=material.run(), began=material.stamps()[0], evidence_digest=digest),
-    }
+    return _reports(Package(folder))
 
 
-def write_reports(folder: Path) -> None:
+def write_reports(package: Package) -> None:
     """Write `data/report/` of a run whose other files are final.
 
     Raises:
         EvidenceError: where journal or results cannot be read.
     """
-    place = folder / REPORT
+    place = package.folder / REPORT
     place.mkdir(parents=True, exist_ok=True)
-    for name, content in make_reports(folder).items():
+    for name, content in _reports(package).items():
         write_whole(place / name, content)
+
+
+def _reports(package: Package) -> dict[str, bytes]:
+    digest, material = package.evidence_digest, PackageMaterial(package)
+    view = assemble(material, digest)
+    return {
+        HTML: render(view).encode("utf-8", errors="replace"),
+        JUNIT: junit(material.results(), run=material.run(), began=material.stamps()[0], evidence_digest=digest),
+    }

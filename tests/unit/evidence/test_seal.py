@@ -107,10 +107,10 @@ def test_the_digest_is_over_the_evidence_and_not_the_report(tmp_path):
     """Another report leaves the evidence digest as it is, and what is sealed is what the report was told."""
     told = []
 
-    def other(folder):
-        told.append(evidence_digest(folder))
-        write_report(folder)
-        (folder / "data/report/junit.xml").write_text("<other/>")
+    def other(package):
+        told.append(evidence_digest(package.folder))
+        write_report(package)
+        (package.folder / "data/report/junit.xml").write_text("<other/>")
 
     digests = []
     for name, report in (("a", write_report), ("b", other)):

@@ -453,7 +453,7 @@ def test_incidents_are_told(tmp_path):
 
 def test_recordings_with_the_same_channels_share_a_drawing(folder):
     """Three recordings of one case are one drawing over bench time, with holes in between."""
-    material = PackageMaterial(folder)
+    material = PackageMaterial(Package(folder))
     (event,) = Package(folder).events("recording")
     (graphic,) = recording_graphics(material, [event] * 3, [], [])[event["case"]]
     assert graphic.title == "test_noise_at_rest · rest (3 recordings)"
@@ -466,7 +466,7 @@ def test_what_the_envelope_watched_has_its_limits(folder):
     (event,) = Package(folder).events("recording")
     watched = event | {"case": "", "name": "board"}
     limits = [{"id": "board", "unit": "deg/s", "min": "-1", "max": "1"}, {"id": "other", "unit": "degC", "max": "99"}]
-    (graphic,) = recording_graphics(PackageMaterial(folder), [watched], [], limits)[""]
+    (graphic,) = recording_graphics(PackageMaterial(Package(folder)), [watched], [], limits)[""]
     assert graphic.title == "board"
     assert graphic.svg.count('class="band"') == 1
 

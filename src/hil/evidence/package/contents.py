@@ -23,10 +23,12 @@ class Package:
 
     Args:
         folder: the run's folder.
+        reading: its journal, where that has been read already.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, reading: JournalReading | None = None) -> None:
         self.folder = folder
+        self._read = reading
 
     @property
     def name(self) -> str:
@@ -57,7 +59,7 @@ class Package:
 
     @cached_property
     def _reading(self) -> JournalReading:
-        reading = read_journal(self.folder / JOURNAL)
+        reading = self._read or read_journal(self.folder / JOURNAL)
         require_known_format(reading)
         return reading
 

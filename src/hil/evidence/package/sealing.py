@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from hil.evidence.package.bag import (
     put_seal,
     write_manifests,
 )
+from hil.evidence.package.contents import Package
 from hil.evidence.package.inventory import inventory, remove_halves
 from hil.evidence.package.listing import list_folder
 from hil.evidence.recordings.hdf5 import convert
@@ -30,7 +31,7 @@ from hil.model.errors import EvidenceError
 
 __all__ = ["ReportWriter", "event_of", "finish", "info_of", "seal", "write_end"]
 
-ReportWriter = Callable[[Path], None]
+ReportWriter = Callable[[Package], None]
 """Writes `data/report/*` into the run's folder; everything else in `data` is final by then."""
 
 
@@ -64,8 +65,12 @@ def _write_results(folder: Path, journal: Journal) -> None:
     for message in poll(folder):
         kind, fields = event_of(message)
         journal.write(kind, journal.last_t, **fields)
-    _convert_all(folder, journal)
-    results = results_of(folder, read_journal(folder / JOURNAL))
+    reading = read_journal(folder / JOURNAL)
+    if wrong := _convert_all(folder, reading.events):
+        for text in wrong:
+            journal.write("anomaly", journal.last_t, text=text)
+        reading = read_journal(folder / JOURNAL)
+    results = results_of(folder, reading)
     data = canonical(results)
     write_whole(folder / RESULTS, data)
     journal.write("results", journal.last_t, sha256=hashlib.sha256(data).hexdigest(), verdict=results["verdict"])
@@ -82,10 +87,10 @@ def write_end(folder: Path, journal: Journal, *, exit_code: int) -> None:
 def finish(folder: Path, write_reports: ReportWriter) -> str:
     """Write the reports, remove what a package does not hold, and seal; the journal has its `end`."""
     _tidy(folder)
+    reading = read_journal(folder / JOURNAL)
     try:
-        write_reports(folder)
+        write_reports(Package(folder, reading))
     finally:  # the evidence does not wait for a report, which can be written again
-        reading = read_journal(folder / JOURNAL)
         _tidy(folder)
         write_manifests(folder, info_of(folder, folder.name, reading))
         put_seal(folder)
@@ -117,16 +122,16 @@ def event_of(message: Message) -> tuple[str, dict[str, Any]]:
             return "anomaly", {"text": f"inbox, {message.kind} by {message.by or 'nobody'}: {message.text}"}
 
 
-def _convert_all(folder: Path, journal: Journal) -> None:
-    events = read_journal(folder / JOURNAL).events
+def _convert_all(folder: Path, events: Sequence[Body]) -> list[str]:
+    """Convert every recording; return what is wrong with some, a sentence each."""
     ends = {event["recording"]: event for event in events if event["kind"] == "recording-end"}
-    for begun in events:
-        if begun["kind"] == "recording":
-            _convert_one(folder / RECORDINGS, begun, ends.get(begun["recording"]), journal)
+    begun = [event for event in events if event["kind"] == "recording"]
+    wrong = [_convert_one(folder / RECORDINGS, event, ends.get(event["recording"])) for event in begun]
     sync_folder(folder / RECORDINGS)
+    return [text for text in wrong if text]
 
 
-def _convert_one(place: Path, begun: Body, ended: Mapping[str, Any] | None, journal: Journal) -> None:
+def _convert_one(place: Path, begun: Body, ended: Mapping[str, Any] | None) -> str:
     identifier = begun["recording"]
     rows, hdf5 = place / f"{identifier}.rows", place / f"{identifier}.h5"
     if ended is None:
@@ -135,10 +140,10 @@ def _convert_one(place: Path, begun: Body, ended: Mapping[str, Any] | None, jour
         try:
             convert(rows, hdf5, begun=begun, ended=ended)
         except EvidenceError:
-            text = f"recording {identifier}: its rows are not those that the journal names; the row file is kept"
-            journal.write("anomaly", journal.last_t, text=text)
+            return f"recording {identifier}: its rows are not those that the journal names; the row file is kept"
     elif not hdf5.exists():
-        journal.write("anomaly", journal.last_t, text=f"recording {identifier}: its rows are gone")
+        return f"recording {identifier}: its rows are gone"
+    return ""
 
 
 def _tidy(folder: Path) -> None:

@@ -38,7 +38,7 @@ def facts_of(package: Package, verified: Verification, begun: Mapping[str, Any])
     return {
         "format": 1,
         "mark": _mark({run.get("source"), begun["source"]}),
-        "run": PackageMaterial(package.folder).run(),
+        "run": PackageMaterial(package).run(),
         "evidence_digest": verified.evidence_digest,
         "run_complete": verified.complete,
         **{key: run.get(key) for key in _OF_RUN},
