@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn, Protocol, TextIO
 
-from hil.evidence.folder import JOURNAL, is_sealed
+from hil.evidence.folder import JOURNAL, RESULTS, is_sealed
 from hil.executive.case.case_run import PlannedCase
 from hil.executive.run.session import EXIT_INTERRUPTED, Session
 from hil.executive.setup.configuration import Configuration, Request, configure
@@ -141,10 +141,10 @@ def _findings(folder: Path, digest: str) -> tuple[str, ...]:
 
 
 def _tell(session: Session, digest: str, out: TextIO) -> None:
-    from hil.evidence.package.contents import Package  # noqa: PLC0415 - not before the run
+    from hil.evidence.results.facts import read_json  # noqa: PLC0415 - not before the run
 
     out.write("\n")
-    out.writelines(f"{line}\n" for line in closing_lines(Package(session.folder).results()))
+    out.writelines(f"{line}\n" for line in closing_lines(read_json(session.folder / RESULTS)))
     out.write(f"\nevidence digest {digest}\n")
     out.write(f"report  {_shown(session.folder / 'data/report/report.html')}\n")
     out.write(f"{_shown(session.folder)}\n")
