@@ -11,7 +11,7 @@ from hil.report.material import Body, flag, inner, inners, text, texts, verdict
 from hil.report.numbers import bench_time, duration, limit_text, measured, number, with_unit
 from hil.report.page.view import CaseName, CheckRow, Exchange, RecordingRow, StepRow
 
-__all__ = ["attributed", "check_row", "checks_of", "recording_rows", "step_rows"]
+__all__ = ["attributed", "check_row", "checks_of", "fed_limits", "recording_rows", "step_rows"]
 
 _EFFECTS = {"reads": "read", "waits": "wait", "asks": "question"}
 _OUTSIDE = frozenset({"effect", "question", "answer", "recording"})
@@ -89,6 +89,19 @@ def recording_rows(events: Sequence[Body]) -> tuple[RecordingRow, ...]:
         same = (text(event, "case"), row.name, row.channels, row.rate, row.duration, row.rows, row.whole, row.source)
         alike.setdefault(same, []).append(row)
     return tuple(_merged(rows, ends) for rows in alike.values())
+
+
+def fed_limits(events: Sequence[Body]) -> tuple[str, ...]:
+    """Return a sentence for each limit of the envelope that recordings fed: it was judged on rows, not by readings."""
+    fed: dict[str, list[str]] = {}
+    for event in events:
+        if event["kind"] == "fed":
+            fed.setdefault(text(event, "limit"), []).append(text(event, "recording"))
+    return tuple(
+        f"{limit} was judged on every row of recording{'s' * (len(names) > 1)} {_ids(names)}; no readings of its own"
+        " were taken while rows came in time."
+        for limit, names in fed.items()
+    )
 
 
 def _merged(rows: Sequence[RecordingRow], ends: Mapping[str, Body]) -> RecordingRow:

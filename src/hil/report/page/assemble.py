@@ -12,7 +12,7 @@ from hil.model.verdict import Verdict
 from hil.report.catalogue import demands, documents, plan_files, requirement_entries
 from hil.report.material import Body, Material, flat, inner, inners, text, texts, verdict
 from hil.report.numbers import duration, with_unit
-from hil.report.page.as_run import attributed, checks_of, recording_rows, step_rows
+from hil.report.page.as_run import attributed, checks_of, fed_limits, recording_rows, step_rows
 from hil.report.page.bench_file import instruments, parse, wiring
 from hil.report.page.drawings import charts, recording_graphics
 from hil.report.page.happenings import deviations, gates, happenings, people, safe_off
@@ -89,6 +89,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         cases=_cases(events, results, drawn),
         watched=recording_rows(outside),
         watched_graphics=drawn.get("", ()),
+        fed=fed_limits(events),
         not_run=_not_run(events, results),
         orphans=tuple(case for event in events if event["kind"] == "orphan" for case in texts(event, "cases")),
         gates=gates(events),

@@ -286,6 +286,7 @@ class RunView:
     gates: tuple[GateRow, ...]
     watched: tuple[RecordingRow, ...]
     watched_graphics: tuple[Graphic, ...]
+    fed: tuple[str, ...]
     safe: tuple[SafeRow, ...]
     safe_word: str
     instruments: tuple[InstrumentRow, ...]
