@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
 
 from hil.simulation.peers import keysight_e36312a, korad_ka3005p, lis3mdl, rigol_dp832, waveshare_relay
+from hil.simulation.peers.cycler import model as cycler
 from hil.simulation.peers.esp301 import controller as newport_esp301
 from hil.simulation.peers.eurotherm import article as eurotherm_3216
 from hil.simulation.peers.iim42652 import model as iim42652
@@ -29,6 +30,7 @@ PLANTS: Mapping[str, Callable[[str, int, Truth], Plant]] = {
 """Plant models by the name that bench files use."""
 
 PEERS: Mapping[str, PeerModel] = {
+    "cycler": cycler.MODEL,
     "eurotherm-3216": eurotherm_3216.MODEL,
     "iim42652": iim42652.MODEL,
     "keysight-e36300": keysight_e36312a.MODEL,

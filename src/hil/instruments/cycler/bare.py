@@ -1,0 +1,104 @@
+"""Level 1: bare lines without number, time or seal, dated by their arrival."""
+
+from __future__ import annotations
+
+from hil.instruments.cycler.arrivals import Arrivals
+from hil.instruments.cycler.lines import BANNER, opened, plain_numbers
+from hil.instruments.cycler.told import Told
+
+__all__ = ["BareLines"]
+
+_CAPITAL = frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZ")
+_ITERATION = b"TEST ITERATION "
+_CLEAR_A = 0.02
+"""A current beyond this tells the half-cycle: marks may be missing, and the procedure does not know them all."""
+
+
+class BareLines(Told):
+    """What a device of level 1 has told.
+
+    Attributes:
+        waiting: whether it has started, and no byte was sent to it since.
+        sealed: whether lines of level 2 come: it is no device of level 1.
+        uncertainty: largest standard uncertainty of the times of the rows in s, None before the first row.
+        begun_s: bench time from which rows count.
+    """
+
+    level = "1"
+
+    def __init__(self, now: float) -> None:
+        super().__init__(now)
+        self.waiting = False
+        self.sealed = False
+        self.uncertainty: float | None = None
+        self.begun_s = now
+        self._arrivals = Arrivals()
+        self._looked_s = now
+
+    def take(self, lines: list[bytes], now: float) -> None:
+        """Take whole lines without their ends, in their order; the port was looked at `now`."""
+        behind = sum(map(_is_data, lines))
+        for line in lines:
+            if _is_data(line):
+                behind -= 1
+                self._data(line, now, behind)
+            elif line:
+                self._mark(line, now)
+
+    def looked(self, now: float) -> None:
+        """Note that nothing more was at hand."""
+        self._looked_s = now
+
+    def begin_test(self, low: float, high: float) -> None:
+        """Note that the one byte was sent, and between which instants."""
+        self.waiting = False
+        self.charging(1.0)
+        self.reading, self.heard_s = None, high
+        self._arrivals.begin(low, high)
+
+    def _data(self, line: bytes, now: float, behind: int) -> None:
+        at_s, lost = self._arrivals.place(self._looked_s, now, behind)
+        numbers = plain_numbers(line)
+        if numbers is None:
+            self.sealed = self.sealed or opened(line) is not None
+            self.damaged += 1
+        if self.recording:
+            self.lost += lost + (numbers is None)
+        if numbers is None:
+            return
+        self.heard_s = now
+        self.waiting = False
+        self._judge_phase(numbers[1])
+        self.reading, self.read_s = numbers, now
+        if self.recording:
+            self.frames += 1
+            self.uncertainty = max(self.uncertainty or 0.0, self._arrivals.uncertainty or 0.0)
+            self.rows += (at_s - self.begun_s, *numbers, self.phase, self.cycle)
+
+    def _judge_phase(self, current: float) -> None:
+        """Tell the half-cycle by the current, where it is clear or nothing else tells it."""
+        least = _CLEAR_A if self.running else 0.0
+        if current >= least and self.state != "charge":
+            self.charging(self.cycle + 1)
+        elif current < -least:
+            self.state, self.phase = "discharge", -1.0
+
+    def _mark(self, line: bytes, now: float) -> None:
+        if line == BANNER:
+            self.begin_anew(None)
+            self.waiting = True
+            self._arrivals = Arrivals()
+        elif opened(line) is not None:
+            self.sealed = True
+        elif line.startswith(_ITERATION) and line[len(_ITERATION) :].isdigit():
+            self.charging(float(line[len(_ITERATION) :]))
+        elif line == b"CHARGE END":
+            self.state, self.phase = "discharge", -1.0
+        elif line == b"TEST END":
+            self.over("ended")
+        self.heard_s = now
+
+
+def _is_data(line: bytes) -> bool:
+    """Return whether a line is a data line, or what is left of one: no mark begins like that."""
+    return bool(line) and line[0] not in _CAPITAL

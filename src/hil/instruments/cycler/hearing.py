@@ -1,0 +1,192 @@
+"""The line of a cycler: it is met, listened to, and reset.
+
+A level 1 device starts its test at any byte. So nothing is written before a line has told the level, and to a device of
+level 1 nothing but the one byte that starts it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+
+from hil.clock.port import Clock
+from hil.instruments.cycler.bare import BareLines
+from hil.instruments.cycler.lines import BANNER, Banner, opened, plain_numbers
+from hil.instruments.cycler.numbered import NumberedLines
+from hil.model.errors import DeviceFault, Garbled, NoReply
+from hil.wire.port import Port
+
+__all__ = ["BANNER_S", "FIRMWARE", "Hearing"]
+
+BANNER_S = 2.5
+"""The longest time from a reset to its banner; the bootloader takes 1.6 s."""
+
+_STATUS_S = 5.5
+_PIECE_S = 0.5
+_MOST_BYTES = 4096
+_NEARLY_FULL = _MOST_BYTES - 128
+
+FIRMWARE = "compare its firmware with the protocol's page"
+"""What to do where it speaks otherwise than the page."""
+
+
+class Hearing:
+    """The host's end of the line.
+
+    Args:
+        device: the instrument's name, for messages.
+        port: the open byte stream.
+        clock: the bench's clock.
+
+    Attributes:
+        told: what its lines have told, None before the level is known.
+        banner: what it says of itself, None where it was not told.
+        starts: how often it was seen to start.
+        fault: why a test that ran, or a stream, is over: it has started anew.
+        in_step: whether what it has of the host's line ends with a whole one.
+    """
+
+    def __init__(self, device: str, port: Port, clock: Clock) -> None:
+        self.device = device
+        self.clock = clock
+        self.told: NumberedLines | BareLines | None = None
+        self.banner: Banner | None = None
+        self.starts = 0
+        self.fault: DeviceFault | None = None
+        self._port = port
+        self._rest = b""
+        self.in_step = False
+        self._resetting = False
+
+    def meet(self) -> NumberedLines | BareLines:
+        """Return what it has told; listen until a line tells the level, where none has yet.
+
+        Raises:
+            NoReply: none did.
+        """
+        if self.told is None:
+            self.poll()
+        if self.told is None:
+            self.listen(BANNER_S + _STATUS_S, lambda: self.told is not None)
+        if self.told is None:
+            raise NoReply(
+                self.device,
+                f"no banner and no line of level 2 within {BANNER_S + _STATUS_S:g} s, and any byte may start it",
+                "look at its power and its baud, 9600; if opening does not reset it, press its reset button meanwhile",
+            )
+        return self.told
+
+    def poll(self) -> float:
+        """Take what is at hand, without waiting; return the bench's time.
+
+        Raises:
+            Garbled: a sealed line means nothing.
+        """
+        port = self._port
+        if port.timeout:
+            port.timeout = 0.0
+        data = port.read(_MOST_BYTES)
+        now = self.clock.now()
+        self._take(data, now)
+        if len(data) >= _NEARLY_FULL and self.told is not None:
+            self.told.reading = None  # newer lines found no room: nobody knows how old the newest one is
+        return now
+
+    def reset(self) -> None:
+        """Reset it by DTR, which opens both relays, and wait for the banner.
+
+        Raises:
+            NoReply: none came; it was not reset.
+        """
+        with suppress(Garbled):
+            self.poll()
+        before = self.starts
+        self._resetting, self._rest = True, b""
+        try:
+            self._port.pulse_dtr()
+            self.listen(BANNER_S, lambda: self.starts > before)
+        finally:
+            self._resetting = False
+        if self.starts == before:
+            raise NoReply(
+                self.device,
+                f"DTR was pulsed, and no banner came within {BANNER_S:g} s: it was not reset",
+                "cut its supply and its load by hand; look at the capacitor between DTR and its reset pin",
+            )
+
+    def write(self, data: bytes) -> None:
+        """Write bytes."""
+        self._port.write(data)
+
+    def nonsense(self, words: str) -> Garbled:
+        """Return the fault of something sealed that means nothing."""
+        return Garbled(self.device, f"it sent '{words}', which means nothing", FIRMWARE)
+
+    def went_back(self, told: NumberedLines) -> None:
+        """Note that its clock or its counters went back: it has started, and the banner was lost."""
+        running = told.running
+        told.forget()
+        self._has_started(told, None, running=running)
+
+    def _has_started(self, told: NumberedLines | BareLines, banner: Banner | None, *, running: bool) -> None:
+        """Note that it has started: a test is over, and so are rows with the device's time, which begins again."""
+        self.starts += 1
+        self.banner = banner
+        self.in_step = False
+        timed = told.recording and isinstance(told, NumberedLines)
+        if timed or (running and not self._resetting):
+            told.recording = False
+            reason = f" (boot {banner.boots}, {banner.reset})" if banner else ""
+            self.fault = DeviceFault(
+                self.device,
+                f"it has started anew{reason}: its relays are open, and its test is over",
+                "look at its power and its USB cable, and begin the test anew",
+            )
+
+    def listen(self, seconds: float, done: Callable[[], bool]) -> None:
+        """Take what comes until it is done, or the time is over."""
+        until = self.clock.now() + seconds
+        while not done() and (left := until - self.clock.now()) > 0:
+            self._port.timeout = min(left, _PIECE_S)
+            data = self._port.read(1)
+            if data and (more := self._port.in_waiting):
+                data += self._port.read(more)
+            self._take(data, self.clock.now())
+
+    def _take(self, data: bytes, now: float) -> None:
+        if data:
+            lines = (self._rest + data).split(b"\r\n") if self._rest else data.split(b"\r\n")
+            self._rest = lines.pop()[-_MOST_BYTES:]
+            if self.told is None:
+                lines = self._learn(lines, now)
+            if (told := self.told) is not None:
+                running = told.running
+                told.take(lines, now)
+                self._look_at(told, now, running=running)
+        if isinstance(self.told, BareLines):
+            self.told.looked(now)
+
+    def _look_at(self, told: NumberedLines | BareLines, now: float, *, running: bool) -> None:
+        """See to what lines told besides readings."""
+        if told.started:
+            self._has_started(told, told.started[-1], running=running)
+            told.started.clear()
+        if isinstance(told, BareLines):
+            if told.sealed:
+                self.told = NumberedLines(now)
+        elif told.went_back:
+            self.went_back(told)
+        elif told.nonsense:
+            nonsense, told.nonsense = told.nonsense, b""
+            raise self.nonsense(nonsense.decode("ascii", "replace"))
+
+    def _learn(self, lines: list[bytes], now: float) -> list[bytes]:
+        """Learn the level from the first line that tells it, and return the lines from there on."""
+        for place, line in enumerate(lines):
+            if opened(line) is not None:
+                self.told = NumberedLines(now)
+            elif line == BANNER or plain_numbers(line) is not None:
+                self.told = BareLines(now)
+            if self.told is not None:
+                return lines[place:]
+        return []

@@ -1,0 +1,103 @@
+"""Lines of a cycler: their seal, and what a banner says."""
+
+from __future__ import annotations
+
+from binascii import crc_hqx
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+__all__ = ["BANNER", "LINE_S", "Banner", "fields_of", "opened", "plain_numbers", "seal"]
+
+BANNER = b"START ARDUINO"
+"""What a device sends first; level 2 adds fields."""
+
+LINE_S = 5.0
+"""Seconds of device time from one data line to the next."""
+
+_INITIAL = 0xFFFF
+_BANNER_FIELDS = 9
+_PLAIN = frozenset(b"0123456789")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Banner:
+    """What a device of level 2 says of itself.
+
+    Attributes:
+        level: of its protocol.
+        name: what it calls itself.
+        firmware: version of its firmware.
+        serial: serial number.
+        boots: boot counter.
+        reset: reason of its last reset.
+    """
+
+    level: str
+    name: str
+    firmware: str
+    serial: str
+    boots: int
+    reset: str
+
+    @classmethod
+    def of_mark(cls, body: bytes) -> Banner:
+        """Read the mark; ValueError where it is none."""
+        told = body.decode("ascii").split(";")
+        if len(told) != _BANNER_FIELDS:
+            raise ValueError(f"{len(told)} fields of a banner, {_BANNER_FIELDS} expected")
+        level, name, firmware, serial, boots, reset = told[3:]
+        return cls(level=level, name=name, firmware=firmware, serial=serial, boots=int(boots), reset=reset)
+
+    @classmethod
+    def of_reply(cls, told: Mapping[str, str]) -> Banner:
+        """Read the reply to ID; ValueError or KeyError where it is none."""
+        return cls(
+            level=told["level"],
+            name=told["name"],
+            firmware=told["firmware"],
+            serial=told["serial"],
+            boots=int(told["boots"]),
+            reset=told["reset"],
+        )
+
+
+def seal(text: str) -> bytes:
+    """Return a line of the host with its CRC-16/IBM-3740, which the standard library calls CRC-CCITT, and its end."""
+    data = text.encode("ascii")
+    return b"%b*%04X\n" % (data, crc_hqx(data, _INITIAL))
+
+
+def opened(line: bytes) -> bytes | None:
+    """Return what stands before the seal of a line of level 2, None where it has none or a wrong one."""
+    body = line[:-5]
+    if body and line[-5:-4] == b"*" and b"%04X" % crc_hqx(body, _INITIAL) == line[-4:]:
+        return body
+    return None
+
+
+def fields_of(words: str) -> dict[str, str]:
+    """Return the fields `name=value` of a reply; ValueError where a word is none."""
+    fields = {}
+    for word in words.split():
+        name, separator, value = word.partition("=")
+        if not separator:
+            raise ValueError(f"'{word}' is no field")
+        fields[name] = value
+    return fields
+
+
+def plain_numbers(line: bytes) -> tuple[float, float, float, float] | None:
+    """Return the four numbers of a data line of level 1, None where something else stands there.
+
+    Every field is digits with one point among them, and may begin with `-`; how many stand behind the point is left
+    open. A line that a loss has shortened can still look like one.
+    """
+    fields = line.split(b";")
+    if len(fields) != 4:
+        return None
+    for field in fields:
+        whole, _, part = field.removeprefix(b"-").partition(b".")
+        if not whole or not part or not _PLAIN.issuperset(whole + part):
+            return None
+    first, second, third, fourth = map(float, fields)
+    return first, second, third, fourth

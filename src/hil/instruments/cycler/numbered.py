@@ -1,0 +1,164 @@
+"""Level 2: sealed lines, numbered and timed by the device."""
+
+from __future__ import annotations
+
+from binascii import crc_hqx
+
+from hil.instruments.cycler.lines import BANNER, Banner
+from hil.instruments.cycler.told import Told
+
+__all__ = ["NumberedLines"]
+
+_DATA = frozenset(b"-0123456789")
+_REPLY = ord(":")
+_WRAP = 1 << 32
+_HALF = _WRAP >> 1
+_MS = 0.001
+_PHASES = {b"C": ("charge", 1.0), b"D": ("discharge", -1.0), b"R": ("rest", 0.0)}
+_OVER = {b"IDLE": "idle", b"ENDED": "ended", b"STOPPED": "stopped", b"TEST END": "ended", b"TEST STOPPED": "stopped"}
+_FEW = 16
+_ITERATION, _TRIPPED, _STATE_TRIPPED = b"TEST ITERATION ", b"TEST TRIPPED ", b"TRIPPED "
+
+
+class NumberedLines(Told):
+    """What a device of level 2 has told.
+
+    Attributes:
+        replies: what stood before the seal of replies that nobody has looked at.
+        unsure: whether a line was lost that may have told of the state.
+        went_back: whether number or time went back, though no banner came.
+        nonsense: a line whose seal is right, and that means nothing.
+        rests: whether rests were set, so that one follows a half-cycle.
+        zero_ms: device time from which rows count.
+        number: of the newest numbered line, None before the first.
+    """
+
+    level = "2.0"
+
+    def __init__(self, now: float) -> None:
+        super().__init__(now)
+        self.replies: list[bytes] = []
+        self.unsure = False
+        self.went_back = False
+        self.nonsense = b""
+        self.rests = False
+        self.zero_ms = 0.0
+        self.number: int | None = None
+        self._ms = 0
+        self._wrapped_ms = 0  # what the wraps of the counter add
+
+    def take(self, lines: list[bytes], now: float) -> None:
+        """Take whole lines without their ends, in their order; the bench's time is `now`."""
+        for line in lines:
+            body = line[:-5]
+            if not body or line[-5:-4] != b"*" or b"%04X" % crc_hqx(body, 0xFFFF) != line[-4:]:
+                self.damaged += bool(line)
+                continue
+            self.heard_s = now
+            try:
+                if body[0] in _DATA:
+                    self._data(body, now)
+                elif body[0] == _REPLY:
+                    self.replies.append(body)
+                else:
+                    self._mark(body)
+            except (ValueError, KeyError):
+                self.nonsense = line
+
+    def device_ms(self, ms: int) -> int:
+        """Return device time in ms without wraps, from what a line shows; lines come in the order of their time."""
+        if ms < self._ms:
+            if self._ms - ms > _HALF:
+                self._wrapped_ms += _WRAP
+            else:
+                self.went_back = True
+        self._ms = ms
+        return ms + self._wrapped_ms
+
+    def near_ms(self, ms: int) -> int:
+        """Return device time in ms without wraps, from a reply: it may be a little older than the newest line."""
+        ahead = (ms - self._ms) % _WRAP
+        return self._ms + self._wrapped_ms + (ahead - _WRAP if ahead >= _HALF else ahead)
+
+    def resume(self, number: int, state: str, cycle: float) -> None:
+        """Go on from the reply to STATE: the number of the last line, the state and the cycle.
+
+        A reply that is older than the newest line tells nothing new; one that is much older, that it has started.
+        """
+        behind = 0 if self.number is None else self.number - number
+        if behind > 0:
+            self.went_back = behind > _FEW
+            return
+        self._count_missing(-behind)
+        self.number = number
+        self.unsure = False
+        if state in _STATES:
+            self.state, self.phase, self.cycle = state, _STATES[state], cycle
+        elif self.state.partition(" ")[0] != state:
+            self.over(state)
+            self.cycle = cycle
+
+    def forget(self) -> None:
+        """Forget numbers and time, and what ran: it has started without a banner."""
+        self.over("idle")
+        self.cycle = 0.0
+        self.unsure = self.went_back = False
+        self.number, self._ms, self._wrapped_ms = None, 0, 0
+
+    def _data(self, body: bytes, now: float) -> None:
+        voltage, current, energy, temperature, number, ms, code = body.split(b";")
+        self._follow(int(number))
+        at_ms = self.device_ms(int(ms))
+        reading = (float(voltage), float(current), float(energy), float(temperature))
+        self.state, self.phase = _PHASES[code]
+        self.reading, self.read_s = reading, now
+        if self.recording:
+            self.frames += 1
+            self.rows += ((at_ms - self.zero_ms) * _MS, *reading, self.phase, self.cycle)
+
+    def _mark(self, body: bytes) -> None:
+        text, number, ms, *_more = body.split(b";")
+        if text == BANNER:
+            self._begin_anew(Banner.of_mark(body), int(number), int(ms))
+            return
+        self._follow(int(number))
+        self.device_ms(int(ms))
+        self.frames += self.recording
+        if text in _OVER:
+            self._is_over(_OVER[text])
+        elif text.startswith(_ITERATION):
+            self.charging(float(text[len(_ITERATION) :]))
+        elif text.startswith((_TRIPPED, _STATE_TRIPPED)):
+            self._is_over(f"tripped {text.rpartition(b' ')[2].decode('ascii')}")
+        elif text == b"CHARGE END":
+            self.state, self.phase = ("rest", 0.0) if self.rests else ("discharge", -1.0)
+        elif text == b"DISCHARGE END" and self.rests:
+            self.state, self.phase = "rest", 0.0
+
+    def _is_over(self, state: str) -> None:
+        """Note a state in which no test runs; what STATE measured in it stays."""
+        if self.state != state:
+            self.over(state)
+
+    def _begin_anew(self, banner: Banner, number: int, ms: int) -> None:
+        self.begin_anew(banner)
+        self.number, self._ms, self._wrapped_ms = number, ms, 0
+        self.unsure = self.went_back = False
+
+    def _follow(self, number: int) -> None:
+        """Take the number of the next line, and count those between."""
+        if self.number is not None and number != self.number + 1:
+            self._count_missing(number - self.number - 1)
+        self.number = number
+
+    def _count_missing(self, missing: int) -> None:
+        missing %= _WRAP
+        if missing >= _HALF:
+            self.went_back = True
+        elif missing:
+            self.unsure = True
+            if self.recording:
+                self.lost += missing
+
+
+_STATES = dict(_PHASES.values())

@@ -1,0 +1,181 @@
+"""How a test of a cycler is set, begun and stopped, in both levels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+
+from hil.instruments.cycler.attendance import Attendance
+from hil.instruments.cycler.bare import BareLines
+from hil.instruments.cycler.numbered import NumberedLines
+from hil.instruments.cycler.session import Session
+from hil.instruments.cycler.settings import SETTINGS, checked, crc_of
+from hil.instruments.cycler.status import Status
+from hil.instruments.cycler.wiring import Wiring
+from hil.model.errors import DeviceFault, Garbled, NoReply, Refused, Rejected, WrongIdentity
+
+__all__ = ["Preparing"]
+
+_START = b"\n"  # the one byte for level 1; to a level 2 device it is an empty line, which is nothing
+_LEVEL_1 = {"rest": 0.0, "iend": 0.05, "vend": 2.7}
+_DIGITS = 4
+
+
+class Preparing:
+    """Drives one device.
+
+    Args:
+        session: the session.
+        attendance: keeps a test alive.
+        wiring: what the wire says.
+    """
+
+    def __init__(self, session: Session, attendance: Attendance, wiring: Wiring) -> None:
+        self._session = session
+        self._attendance = attendance
+        self._wiring = wiring
+        self._settings = ""  # the CRC of what was prepared,
+        self._prepared_at = -1  # and how often the device had started then
+
+    def prepare(self, given: Mapping[str, float]) -> None:
+        """Set a test.
+
+        Args:
+            given: settings by name; those that are missing have their defaults.
+
+        Raises:
+            Refused, WrongIdentity, Rejected, DeviceFault: see `BatteryTester.prepare`.
+        """
+        session = self._session
+        settings = checked(session.device, {**given, "beat": self._wiring.beat_s})
+        session.fault = None
+        self._prepared_at = -1
+        told = self._expected()
+        if isinstance(told, BareLines):
+            self._must_be_what_it_does(given)
+            if told.running:
+                raise Rejected(session.device, "its test runs, and a level 1 device has one only", "stop() it first")
+            if not told.waiting:
+                session.reset()
+        else:
+            session.ask("CLEAR")
+            self._set(settings)
+            told.rests = settings["rest"] != "0"
+        self._settings = crc_of(settings)
+        self._prepared_at = session.starts
+
+    def start(self) -> None:
+        """Begin the test that was prepared.
+
+        Raises:
+            Refused, Rejected, DeviceFault: see `BatteryTester.start`.
+        """
+        session = self._session
+        told = self._expected()
+        self._attendance.attend()
+        if self._prepared_at != session.starts:
+            raise Refused(
+                f"{session.device}: no test is prepared, or it has started anew since then", "call prepare() first"
+            )
+        self._prepared_at = -1
+        before = session.clock.now()
+        if isinstance(told, BareLines):
+            session.write(_START)
+            told.begin_test(before, session.clock.now())
+            return
+        run = self._next_run()
+        before = session.clock.now()
+        told.reading = None
+        session.ask(f"START run={run} settings={self._settings}")
+        told.charging(1.0)
+        self._attendance.begin(run, self._wiring.beat_s, before)
+
+    def stop(self) -> None:
+        """Open both relays.
+
+        Raises:
+            NoReply, DeviceFault: see `BatteryTester.stop`.
+        """
+        session = self._session
+        session.fault = None
+        self._prepared_at = -1
+        with suppress(Garbled):
+            session.poll()
+        told = session.told
+        if isinstance(told, NumberedLines):
+            try:
+                self._stop_by_command()
+            except (NoReply, Garbled):
+                session.reset()
+            return
+        running = told is not None and told.running
+        try:
+            session.reset()
+        except NoReply:
+            if told is not None or not isinstance(session.meet(), NumberedLines):
+                raise
+            self._stop_by_command()
+        if running and session.told is not None:
+            session.told.state = "stopped"
+
+    def _stop_by_command(self) -> None:
+        """Ask for it, and ask what came of it.
+
+        Raises:
+            DeviceFault: a relay is said to be closed.
+        """
+        self._session.ask("STOP")
+        status = Status.ask(self._session)
+        if status.relays != "-":
+            raise DeviceFault(
+                self._session.device,
+                f"STOP was answered, and its relays are {status.relays}",
+                "cut its supply and its load by hand",
+            )
+
+    def _expected(self) -> NumberedLines | BareLines:
+        told = self._session.meet()
+        if told.level != self._wiring.level:
+            raise WrongIdentity(
+                self._session.device,
+                f"it speaks level {told.level}, the wiring says level {self._wiring.level}",
+                "compare its firmware with `level` in the wiring",
+            )
+        return told
+
+    def _must_be_what_it_does(self, given: Mapping[str, float]) -> None:
+        does = {"cycles": float(self._wiring.cycles), **_LEVEL_1}
+        for name, value in given.items():
+            if name not in does:
+                raise Rejected(
+                    self._session.device,
+                    f"a level 1 device has no {name}: its charge ends at 0.050 A, its discharge at 2.700 V,"
+                    " and it knows no limits",
+                    f"leave {name} out, and give the envelope limits",
+                )
+            if value != does[name]:
+                raise Rejected(
+                    self._session.device,
+                    f"a level 1 device has {name} {does[name]:g}, not {value:g}, and cannot be told",
+                    f"prepare it with {name} {does[name]:g}" + ("" if name != "cycles" else ", or mend the wiring"),
+                )
+
+    def _set(self, settings: Mapping[str, str]) -> None:
+        """Set every setting; what was not set before it began anew would be a default."""
+        for setting in SETTINGS:
+            wanted = f"{setting.name}={settings[setting.name]}"
+            found = self._session.ask(f"SET {wanted}")
+            if found != wanted:
+                raise Rejected(self._session.device, f"{wanted} was set, it reads {found}", "look at its firmware")
+
+    def _next_run(self) -> str:
+        """Return a run that the device has not had: its boot counter, and a count since then, four digits each.
+
+        The count goes on from the device's last run, so that another session of this boot repeats none.
+        """
+        session = self._session
+        last = Status.ask(session).run
+        banner = session.banner or session.identify()
+        boot = f"{banner.boots % 16**_DIGITS:04X}"
+        count = int(last[_DIGITS:], 16) if last.startswith(boot) else 0
+        return f"{boot}{(count + 1) % 16**_DIGITS:04X}"

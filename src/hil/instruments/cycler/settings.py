@@ -1,0 +1,72 @@
+"""The settings of a level 2 device: how they are written, and the CRC that START names."""
+
+from __future__ import annotations
+
+import math
+from binascii import crc_hqx
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from hil.model.errors import Refused
+
+__all__ = ["SETTINGS", "Setting", "checked", "crc_of"]
+
+_NEGLIGIBLE = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """One setting: its name, unit, decimals and default, as the page's table has them."""
+
+    name: str
+    unit: str
+    decimals: int
+    default: str
+
+
+SETTINGS = (
+    Setting("cycles", "", 0, "10"),
+    Setting("rest", "s", 0, "0"),
+    Setting("beat", "s", 0, "60"),
+    Setting("vfull", "V", 3, "4.150"),
+    Setting("iend", "A", 3, "0.050"),
+    Setting("vend", "V", 3, "2.700"),
+    Setting("vmax", "V", 3, "4.250"),
+    Setting("vmin", "V", 3, "2.600"),
+    Setting("imax", "A", 3, "1.000"),
+    Setting("tmax", "degC", 1, "45.0"),
+    Setting("tmin", "degC", 1, "0.0"),
+    Setting("time", "s", 0, "28800"),
+    Setting("charge", "Ah", 3, "3.000"),
+)
+"""Every setting, in the order of the page's table, which is that of the CRC."""
+
+
+def checked(device: str, given: Mapping[str, float]) -> dict[str, str]:
+    """Return every setting as it is written, those that are not given with their defaults.
+
+    Raises:
+        Refused: a value is no number, or has more decimals than can be written.
+    """
+    return {setting.name: _written(device, setting, given.get(setting.name)) for setting in SETTINGS}
+
+
+def crc_of(settings: Mapping[str, str]) -> str:
+    """Return the CRC of all settings, four hexadecimal digits."""
+    text = ";".join(f"{setting.name}={settings[setting.name]}" for setting in SETTINGS)
+    return f"{crc_hqx(text.encode('ascii'), 0xFFFF):04X}"
+
+
+def _written(device: str, setting: Setting, value: float | None) -> str:
+    if value is None:
+        return setting.default
+    shown = f"{value:g} {setting.unit}".rstrip()
+    if not math.isfinite(value):
+        raise Refused(f"{device}: {setting.name} cannot be {shown}", "give a number")
+    rounded = round(value, setting.decimals) + 0.0  # never -0.0
+    if abs(rounded - value) > _NEGLIGIBLE:
+        raise Refused(
+            f"{device}: {setting.name} cannot be {value} {setting.unit}".rstrip(),
+            f"it has {setting.decimals} decimals" if setting.decimals else "it is a whole number",
+        )
+    return f"{rounded:.{setting.decimals}f}"

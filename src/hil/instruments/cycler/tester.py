@@ -1,0 +1,214 @@
+"""The role of a cycler: a test is prepared, started, followed and stopped."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.instruments.cycler.attendance import SILENT_S, Attendance
+from hil.instruments.cycler.lines import LINE_S
+from hil.instruments.cycler.numbered import NumberedLines
+from hil.instruments.cycler.preparing import Preparing
+from hil.instruments.cycler.session import Session
+from hil.instruments.cycler.status import Status
+from hil.instruments.cycler.stream import CHANNELS, Stream
+from hil.instruments.cycler.told import Reading, Told
+from hil.instruments.cycler.wiring import Wiring
+from hil.instruments.marks import drives, reads
+from hil.instruments.sampled import Channel, StreamReport
+from hil.model.errors import NoReply, Refused
+from hil.model.figure import Figure
+
+__all__ = ["BatteryTester"]
+
+_RATE_HZ = 1 / LINE_S
+_FRESH_S = 1.5 * LINE_S
+_JUST_READ_S = 0.5
+
+
+class BatteryTester:
+    """One device; fills the role `cycler`.
+
+    Args:
+        session: the session.
+        wiring: level, heartbeat, and the cycles of a level 1 device.
+    """
+
+    def __init__(self, session: Session, wiring: Wiring) -> None:
+        self._session = session
+        self._attendance = Attendance(session)
+        self._preparing = Preparing(session, self._attendance, wiring)
+        self._stream: Stream | None = None
+
+    @drives
+    def prepare(  # noqa: PLR0913 - see hil.instruments.cycler_role
+        self,
+        cycles: int,
+        rest: float = 0.0,
+        *,
+        vfull: float | None = None,
+        iend: float | None = None,
+        vend: float | None = None,
+        vmax: float | None = None,
+        vmin: float | None = None,
+        imax: float | None = None,
+        tmax: float | None = None,
+        tmin: float | None = None,
+        time: float | None = None,
+        charge: float | None = None,
+    ) -> None:
+        """Acknowledge what ended the last test, and set what the next one is to be; every setting is read back.
+
+        A device of level 1 that does not wait is reset.
+
+        Raises:
+            Refused: a number cannot be written.
+            WrongIdentity: it speaks another level than the wiring says.
+            Rejected: it runs a test, or cannot do what is asked.
+            DeviceFault: it does not answer, or nonsense.
+        """
+        limits = {"vfull": vfull, "iend": iend, "vend": vend, "vmax": vmax, "vmin": vmin, "imax": imax}
+        limits |= {"tmax": tmax, "tmin": tmin, "time": time, "charge": charge}
+        given = {name: value for name, value in limits.items() if value is not None}
+        self._preparing.prepare({"cycles": cycles, "rest": rest, **given})
+
+    @drives
+    def start(self) -> None:
+        """Begin the test that was prepared.
+
+        Raises:
+            Refused: none was.
+            Rejected: it refuses, as for a measured value beyond a limit.
+            DeviceFault: it does not answer, or nonsense.
+        """
+        self._preparing.start()
+
+    @drives
+    def stop(self) -> None:
+        """Open both relays: by STOP, which is read back; by a reset through DTR where that is not possible.
+
+        Raises:
+            NoReply: neither worked.
+            DeviceFault: it says that a relay is closed.
+        """
+        self._preparing.stop()
+
+    @reads
+    def state(self) -> str:
+        """Return `idle`, `charge`, `rest`, `discharge`, `ended`, `stopped`, or `tripped` and the reason.
+
+        Raises:
+            DeviceFault: it has started anew while its test ran, is silent, or talks nonsense.
+        """
+        told = self._followed()
+        if isinstance(told, NumberedLines):
+            if self._session.clock.now() - told.heard_s > _FRESH_S:
+                Status.ask(self._session)
+            if told.state == "tripped":
+                self._session.listen(SILENT_S, lambda: told.state != "tripped")  # the reason is in the next line
+        return told.state
+
+    @reads
+    def level(self) -> str:
+        """Return `1` or `2.0`."""
+        return self._session.meet().level
+
+    @reads
+    def voltage(self) -> Figure:
+        """Return the newest voltage in V; its uncertainty is not known.
+
+        Raises:
+            NoReply: there is none that is new, as on a level 1 device that runs no test.
+            DeviceFault: as `state`.
+        """
+        return Figure(value=self._reading()[0], unit="V")
+
+    @reads
+    def current(self) -> Figure:
+        """Return the newest current into the battery in A; see `voltage`."""
+        return Figure(value=self._reading()[1], unit="A")
+
+    @reads
+    def temperature(self) -> Figure:
+        """Return the newest temperature in degC; see `voltage`."""
+        return Figure(value=self._reading()[3], unit="degC")
+
+    @reads
+    def time_uncertainty(self) -> Figure:
+        """Return the standard uncertainty of the rows' times in s; NaN while nothing is streamed.
+
+        Level 2: how well the device's time was known at `begin`; what its clock does afterwards is the drift. Level 1:
+        the worst of what arrivals have told so far.
+        """
+        known = self._stream.uncertainty if self._stream else None
+        return Figure(value=float("nan") if known is None else known, unit="s")
+
+    def channels(self) -> tuple[Channel, ...]:
+        """Return voltage, current, energy, temperature, phase and cycle."""
+        return tuple(Channel(name, unit) for name, unit in CHANNELS)
+
+    @reads
+    def sample(self) -> tuple[float, ...]:
+        """Return the newest numbers of every channel."""
+        reading = self._reading()
+        told = self._session.meet()
+        return (*reading, told.phase, told.cycle)
+
+    def begin(self, rate: float) -> None:
+        """Keep rows from now on; the device measures every 5 s, whoever listens.
+
+        Raises:
+            Refused: another rate than 0.2 Hz, or a stream runs.
+            DeviceFault: it is silent or talks nonsense.
+        """
+        if self._stream is not None:
+            raise Refused(f"{self._session.device} streams already", "end the stream first")
+        if rate != _RATE_HZ:
+            raise Refused(f"{self._session.device} measures at {_RATE_HZ:g} Hz, not at {rate:g} Hz", "record at that")
+        self._followed()
+        self._stream = Stream(self._session, self._attendance.attend)
+
+    def drain(self) -> NDArray[np.float64]:
+        """Return the rows since the last call, shape (n, 7): time in s since `begin`, and the channels.
+
+        Raises:
+            DeviceFault: it has started anew, is silent, or talks nonsense; what came before it has been returned.
+        """
+        return self._streaming().drain()
+
+    def end(self) -> StreamReport:
+        """Keep no more rows, and return how it went; the test goes on."""
+        stream = self._streaming()
+        self._stream = None
+        return stream.end()
+
+    @property
+    def longest_pause(self) -> float:
+        """Seconds from line to line: whoever drains as often sees every line when it comes."""
+        return LINE_S
+
+    def _streaming(self) -> Stream:
+        if self._stream is None:
+            raise Refused(f"{self._session.device} does not stream", "call begin() first")
+        return self._stream
+
+    def _followed(self) -> Told:
+        """Return what it has told up to now; a test that was lost is a fault until the next one is prepared."""
+        self._session.meet()
+        self._attendance.attend()
+        if self._session.fault is not None:
+            raise self._session.fault
+        return self._session.meet()
+
+    def _reading(self) -> Reading:
+        told = self._followed()
+        age = self._session.clock.now() - told.read_s
+        if told.reading is not None and age <= (_FRESH_S if told.running else _JUST_READ_S):
+            return told.reading
+        if isinstance(told, NumberedLines):
+            return Status.ask(self._session).reading
+        raise NoReply(
+            self._session.device,
+            f"no data line for {age:.0f} s" if told.running else "it measures while its test runs only",
+            "a device of level 1 cannot be asked; let other instruments watch the battery when it waits",
+        )
