@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
+from functools import cache
 from types import MappingProxyType
 from typing import Any, Protocol, TypeVar
 
@@ -58,7 +59,7 @@ class Facade:
     _effects: Effects
     _host: Host
     _instruments: Mapping[str, InstrumentSpec]
-    _operations: dict[str, Callable[..., Any]]
+    _operations: Mapping[str, Callable[..., Any]]
 
     def __init__(
         self,
@@ -69,11 +70,6 @@ class Facade:
         host: Host,
         instruments: Mapping[str, InstrumentSpec] = MappingProxyType({}),
     ) -> None:
-        operations = {
-            name: operation
-            for name, operation in inspect.getmembers(ROLES[wire.role], callable)
-            if hasattr(operation, "effect")
-        }
         self.__dict__.update(
             wire=wire,
             instrument=instrument,
@@ -81,11 +77,11 @@ class Facade:
             _effects=effects,
             _host=host,
             _instruments=instruments,
-            _operations=operations,
+            _operations=_operations_of(ROLES[wire.role]),
         )
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
-        operations: dict[str, Callable[..., Any]] = self.__dict__.get("_operations", {})
+        operations: Mapping[str, Callable[..., Any]] = self.__dict__.get("_operations", {})
         if name not in operations:
             hint = did_you_mean(name, operations)
             raise AttributeError(f"{self.__dict__['wire'].name} has no operation '{name}'{hint}")
@@ -118,7 +114,7 @@ class Facade:
         return self.guarded(self.sampled.sample)
 
     def _bound(self, name: str, operation: Callable[..., Any]) -> Callable[..., Any]:
-        signature = inspect.signature(operation)
+        signature = _signature_of(operation)
 
         def call(*args: object, **kwargs: object) -> object:
             arguments = signature.bind(self, *args, **kwargs).arguments
@@ -144,6 +140,17 @@ class Facade:
         except DeviceFault as fault:
             self._host.fault(self._instruments.get(fault.device, self.instrument), fault)
             raise
+
+
+@cache
+def _operations_of(role: type) -> Mapping[str, Callable[..., Any]]:
+    members = inspect.getmembers(role, callable)
+    return MappingProxyType({name: operation for name, operation in members if hasattr(operation, "effect")})
+
+
+@cache  # of functions of roles, of which there are few
+def _signature_of(operation: Callable[..., Any]) -> inspect.Signature:
+    return inspect.signature(operation)
 
 
 class RoleSet:
