@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Channel", "Sampled", "StreamReport", "Streamed"]
+__all__ = ["Channel", "Ending", "Sampled", "StreamReport", "Streamed"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,4 +77,13 @@ class Streamed(Sampled, Protocol):
     @property
     def longest_pause(self) -> float:
         """Seconds after which a buffer on the way overflows at the present rate, with a margin."""
+        ...
+
+
+class Ending(Protocol):
+    """What a streamed role can do beside: say that the test that its device runs by itself has ended."""
+
+    @property
+    def over(self) -> bool:
+        """Whether the device told the end of its test, as far as is known; it is not asked."""
         ...

@@ -113,6 +113,11 @@ def test_what_cannot_be_awaited_is_refused(tmp_path):
             test.until("voltage", above=1.0, within=0.0)
         with pytest.raises(Misused, match="not finished"):
             _ = test.recording
+        with (
+            case.run.record.during("field", case.field, rate=1.0) as field,
+            pytest.raises(Misused, match="does not say when"),
+        ):
+            field.until_over(within=1.0)
         with pytest.raises(Misused, match="recorded already"):
             case.run.record.during("other", facade, rate=0.2)
     with pytest.raises(Misused, match="begun before"), test:

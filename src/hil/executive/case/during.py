@@ -130,7 +130,11 @@ class During:
 
         Raises:
             NotInTime: it did not in time.
+            Misused: it never says so.
         """
+        self._require_running()
+        if self._taking.turns.over is None:
+            raise Misused(f"record '{self._name}': its device does not say when a test is over", "wait with until")
         return self._wait(f"record.{self._name}.until_over", {"within": within}, lambda: self._until_over(within))
 
     def latest(self, channel: str) -> Figure:
@@ -177,7 +181,7 @@ class During:
     def _until_over(self, within: float) -> float:
         turns = self._taking.turns
         if not turns.over:
-            self._scheduler.wait_until(self._deadline_ns(within), lambda: turns.over)
+            self._scheduler.wait_until(self._deadline_ns(within), lambda: bool(turns.over))
         if not turns.over:
             last = self._taking.intake.last
             names = [channel.name for channel in self._taking.facts.channels]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, cast
 
 from hil.clock.port import NANOSECONDS
 from hil.executive.case.facade import Facade
 from hil.executive.case.intake import Intake
 from hil.executive.run.watch import Beside
-from hil.instruments.sampled import Streamed, StreamReport
+from hil.instruments.sampled import Ending, Streamed, StreamReport
 from hil.model.errors import DeviceFault
 
 if TYPE_CHECKING:
@@ -133,9 +133,9 @@ class StreamTurns:
             self._role.end()
 
     @property
-    def over(self) -> bool:
-        """Whether the device says that its test has ended; False for one that does not speak of it."""
-        return bool(getattr(self._role, "over", False))
+    def over(self) -> bool | None:
+        """Whether the device says that its test has ended; None for one that does not speak of it."""
+        return cast("Ending", self._role).over if hasattr(self._role, "over") else None
 
 
 class SampledTurns:
@@ -182,6 +182,6 @@ class SampledTurns:
         """Do nothing, as above."""
 
     @property
-    def over(self) -> bool:
-        """False: a role that is asked for samples has no test of its own."""
-        return False
+    def over(self) -> None:
+        """None: a role that is asked for samples has no test of its own."""
+        return None
