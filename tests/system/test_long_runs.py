@@ -127,3 +127,28 @@ def test_a_detached_run_that_cannot_begin_says_so(tmp_path):
     assert not workspace.reports.exists()
     asking = workspace.hil(*workspace.run_arguments, "--detach", "--ask")
     assert (asking.code, "--answers FILE" in asking.err) == (4, True)
+
+
+HOLD = 'hold:\n- {output: supply.coil, state: "off", within: 2 s}\n'
+
+
+def test_a_run_is_held_released_and_stopped_from_another_terminal(tmp_path):
+    """Whoever asks learns what became of it: held, held already, released, not held; a stop ends a hold."""
+    workspace = make(tmp_path / "workspace", LONG)
+    workspace.change_bench({"\nrest:\n": f"\n{HOLD}\nrest:\n"})
+    run = workspace.start_run()
+    until(run, "part 3 of 100000")
+    held = workspace.hil("hold", "latest", "--reason", "door", "--by", "Ada")
+    assert (held.code, held.out) == (0, "supply.coil off, read back\n"), held.err
+    assert "held        door" in workspace.hil("status", "latest").out
+    again = workspace.hil("hold", "latest")
+    assert (again.code, again.err) == (1, "refused: the bench is held already\n")
+    assert workspace.hil("hold", "latest", "--release").code == 0
+    free = workspace.hil("hold", "latest", "--release")
+    assert (free.code, free.err) == (1, "refused: the bench is not held\n")
+    assert workspace.hil("hold", "latest").code == 0
+    assert workspace.hil("stop", "latest", "--by", "Ada").code == 0
+    assert finish(run).code == 2
+    assert workspace.hil("verify", "latest").err == ""
+    sealed = workspace.hil("hold", "latest")
+    assert (sealed.code, "is sealed" in sealed.err) == (4, True)

@@ -24,6 +24,7 @@ COMMANDS: Mapping[str, str] = {
     "attach": "Attach a file to a run that is going on.",
     "bench": "Check a bench, or make it safe.",
     "export": "Write the recordings of a package for other programs.",
+    "hold": "Hold a run where it is, and let it go on.",
     "note": "Write a note into a run that is going on.",
     "plan": "Print the procedure of plans: what they do, drive and take.",
     "replay": "Run the cases of a package again on its recorded bytes.",

@@ -262,6 +262,7 @@ class BenchSpec:
     envelope: tuple[EnvelopeLimit, ...]
     safe_off: tuple[SafeStep, ...]
     rest: tuple[SafeStep, ...]
+    hold: tuple[SafeStep, ...] = ()
     simulated: SimulatedBench | None
 
     def instrument(self, name: str) -> InstrumentSpec:

@@ -175,6 +175,15 @@ class Progress:
     def _stop(self, event: Mapping[str, Any]) -> None:
         self._line(f"stopped by {event['reason']}", "bold magenta")
 
+    def _hold(self, event: Mapping[str, Any]) -> None:
+        self._line(f"  HELD: {noted(event)}", "bold yellow")
+
+    def _hold_end(self, event: Mapping[str, Any]) -> None:
+        self._line(f"  hold {event['how']}: {noted(event)}" if event["how"] == "released" else "  hold ended", "yellow")
+
+    def _hold_refused(self, event: Mapping[str, Any]) -> None:
+        self._line(f"  hold refused: {noted(event)}", "yellow")
+
     def _note(self, event: Mapping[str, Any]) -> None:
         self._line(f"  note: {noted(event)}")
 

@@ -18,7 +18,13 @@ from hil.wire.transcript import Operation, read_transcript
 if TYPE_CHECKING:
     from smbus2 import i2c_msg
 
-__all__ = ["MONITOR", "Handover", "Playback", "ReplayedBus", "ReplayedStream"]
+__all__ = ["HOLD", "HOLD_END", "MONITOR", "Handover", "Playback", "ReplayedBus", "ReplayedStream"]
+
+HOLD = "hold"
+"""The operation that marks where the bench was brought to its hold state."""
+
+HOLD_END = "hold-end"
+"""The operation that marks where it was released."""
 
 MONITOR = "monitor"
 """The operation that marks the turn of a monitor; its device is the monitor's limit."""
@@ -80,6 +86,11 @@ class Playback:
         """Return the limit whose monitor comes next in the record, at `latest_ns` or before, or nothing."""
         found = self._next
         return found.device if found and found.name == MONITOR and found.start_ns <= latest_ns else ""
+
+    def comes(self, name: str, latest_ns: int) -> bool:
+        """Return whether this operation comes next in the record, at `latest_ns` or before."""
+        found = self._next
+        return found is not None and found.name == name and found.start_ns <= latest_ns
 
     def take(self, device: str, name: str, sent: bytes = b"") -> Operation:
         """Return the next operation if it is this one, and set the clock to its end.

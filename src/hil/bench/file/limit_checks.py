@@ -135,8 +135,8 @@ def _bound_problems(limit: EnvelopeLimit) -> Iterator[str]:
 
 
 def safe_steps(spec: BenchSpec) -> Complaints:
-    """Check that every line of safe-off and rest can be taken, and its proof be read."""
-    for step in (*spec.safe_off, *spec.rest):
+    """Check that every line of safe-off, rest and hold can be taken, and its proof be read."""
+    for step in (*spec.safe_off, *spec.rest, *spec.hold):
         yield from known(step, "output", step.output, _outputs(spec))
         role = step.output.partition(".")[0]
         if role in STATES:

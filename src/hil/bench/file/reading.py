@@ -76,6 +76,7 @@ def read_bench(path: Path, shown: str, findings: Findings) -> BenchSpec | None:
         envelope=tuple(places.keep(read_envelope_limit(item), item.place()) for item in document.children("envelope")),
         safe_off=_steps(document, "safe_off", places),
         rest=_steps(document, "rest", places),
+        hold=_steps(document, "hold", places, required=False),
         simulated=read_twin(document, places),
     )
     if head:
@@ -87,8 +88,8 @@ def read_bench(path: Path, shown: str, findings: Findings) -> BenchSpec | None:
     return spec
 
 
-def _steps(document: MappingReader, key: str, places: Located) -> tuple[SafeStep, ...]:
-    return tuple(places.keep(read_safe_step(item), item.place()) for item in document.children(key, required=True))
+def _steps(document: MappingReader, key: str, places: Located, *, required: bool = True) -> tuple[SafeStep, ...]:
+    return tuple(places.keep(read_safe_step(item), item.place()) for item in document.children(key, required=required))
 
 
 def _check_name(name: str, path: Path, place: Place, findings: Findings) -> None:

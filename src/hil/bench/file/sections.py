@@ -108,7 +108,7 @@ def read_envelope_limit(reader: MappingReader) -> EnvelopeLimit:
 
 
 def read_safe_step(reader: MappingReader) -> SafeStep:
-    """Read one line of safe-off or rest."""
+    """Read one line of safe-off, rest or hold."""
     proof = reader.child("proof")
     step = SafeStep(
         output=reader.text("output"),

@@ -118,6 +118,8 @@ def event_of(message: Message) -> tuple[str, dict[str, Any]]:
             return "attachment", {"file": message.file, "sha256": message.sha256, **said}
         case "note":
             return "note", said
+        case "hold" | "release":
+            return "hold-asked", {"release": message.kind == "release", **said}
         case _:
             return "anomaly", {"text": f"inbox, {message.kind} by {message.by or 'nobody'}: {message.text}"}
 

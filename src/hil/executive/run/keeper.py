@@ -8,6 +8,7 @@ from hil.bench.binding import BoundBench
 from hil.bench.envelope import Monitor, Trip
 from hil.bench.readiness import Gate, energised_gates, unpowered_gates
 from hil.bench.safe_off import SafeResult, make_safe
+from hil.executive.run.holding import Holding
 from hil.executive.run.row_store import OpenRecording, RecordedChannel, RecordingFacts, RowStore
 from hil.executive.run.scheduler import Scheduler
 from hil.executive.run.stop import StopFlags
@@ -28,6 +29,9 @@ class BenchKeeper:
         write: writes an event.
         store: opens recordings, one per monitor.
         tick: what else has to be done every fraction of a wall second.
+
+    Attributes:
+        holding: holds the bench when it is asked for; it has to be shown every event.
     """
 
     def __init__(
@@ -45,10 +49,12 @@ class BenchKeeper:
         self._write = write
         self._store = store
         self._watched: dict[str, OpenRecording] = {}
-        self._ticks = [tick]
         self.unsafe = False
         self.touched = False
         self.scheduler = Scheduler(bench, [self._monitor(limit) for limit in bench.spec.envelope], flags, self)
+        self.holding = Holding(bench, flags, write, self.scheduler)
+        self._ticks = [tick, self.holding.tick]
+        self.scheduler.again = self.holding.again
 
     def tick(self) -> None:
         """Do what has to be done every fraction of a wall second."""

@@ -57,6 +57,7 @@ class Scheduler:
         deadline_ns: the instant at which the present case has taken too long.
         refused: how often the present case was told to end.
         faulted: is told when a monitor's device is silent or talks nonsense; the present case, if there is one.
+        again: does what the record of a replayed bench holds here, and people asked for.
     """
 
     def __init__(self, bench: BoundBench, monitors: Sequence[Monitor], flags: StopFlags, watch: Watch) -> None:
@@ -73,6 +74,7 @@ class Scheduler:
         self.deadline_ns: int | None = None
         self.refused = 0
         self.faulted: Callable[[InstrumentSpec, DeviceFault], None] | None = None
+        self.again: Callable[[], None] = lambda: None
 
     @property
     def tripped(self) -> Trip | None:
@@ -191,6 +193,7 @@ class Scheduler:
                 return True
 
     def _look(self) -> None:
+        self.again()
         now = wall.monotonic()
         if now - self._ticked >= _TICK_S:
             self._ticked = now

@@ -121,6 +121,7 @@ class Session:
         self.keeper = BenchKeeper(
             self.bench, configuration.dut, self.flags, self._events.write, self._store, self._upkeep.tick
         )
+        self._events.listen(self.keeper.holding)
         self.flags.make_safe, self.flags.give_up = self.keeper.safe, self.give_up
         self._answers = answers(self.bench, self.keeper.scheduler.idle)
 

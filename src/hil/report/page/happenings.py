@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from hil.report.material import Body, flag, text, texts
+from hil.report.material import Body, flag, inners, text, texts
 from hil.report.numbers import bench_time, duration, number, with_unit
 from hil.report.page.view import CaseName, GateRow, Happening, SafeRow
 
@@ -42,9 +42,7 @@ def people(run: Body, events: Sequence[Body]) -> tuple[tuple[str, str], ...]:
     if text(run, "operator"):
         parts.setdefault(text(run, "operator"), {})["operator"] = None
     for event in events:
-        did = {"answer": "answered questions", "note": "wrote notes", "attachment": "attached files"}.get(
-            text(event, "kind")
-        )
+        did = _DID.get(text(event, "kind"))
         if did and text(event, "by"):
             parts.setdefault(text(event, "by"), {})[did] = None
     return tuple((name, ", ".join(done)) for name, done in sorted(parts.items()))
@@ -121,12 +119,34 @@ def _attachment(event: Body) -> str:
     return f"{attached(event)}, sha256 {text(event, 'sha256')}"
 
 
+def _hold(event: Body) -> str:
+    lines = (
+        f"{text(line, 'output')} {'' if flag(line, 'ok') else 'NOT '}{text(line, 'state')}, {text(line, 'detail')}"
+        for line in inners(event, "outputs")
+    )
+    return f"{noted(event)}: {'; '.join(lines)}".removeprefix(" ")
+
+
+def _hold_end(event: Body) -> str:
+    lasted = f"{text(event, 'how')} after {duration(event.get('duration'))} of bench time"
+    return f"{lasted}: {noted(event)}" if text(event, "how") == "released" else lasted
+
+
 def _recovered(event: Body) -> str:
     torn = event.get("torn_bytes")
     return text(event, "text") + (f" ({torn} torn bytes were cut and kept)" if torn else "")
 
 
+_DID = {
+    "answer": "answered questions",
+    "attachment": "attached files",
+    "hold-asked": "held or released the bench",
+    "note": "wrote notes",
+}
 _WORDS = {
+    "hold": "hold",
+    "hold-end": "hold",
+    "hold-refused": "hold refused",
     "anomaly": "anomaly",
     "trip": "trip",
     "monitor-late": "late monitor",
@@ -148,5 +168,8 @@ _TOLD: Mapping[str, Callable[[Body], str]] = {
     "rest": _rest,
     "note": noted,
     "attachment": _attachment,
+    "hold": _hold,
+    "hold-end": _hold_end,
+    "hold-refused": noted,
     "recovered": _recovered,
 }

@@ -1,0 +1,65 @@
+"""`hil hold`: bring the bench of a run to its hold state, and let it go on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hil.cli.folders import find_running
+
+if TYPE_CHECKING:
+    from hil.report.live.following import Follower
+
+__all__ = ["command"]
+
+_PATIENCE_S = 10.0
+_LOOK_S = 0.1
+
+
+@click.command(name="hold", epilog='Example: hil hold 20261121T093100Z --reason "open the door" --by "A. Engineer"')
+@click.argument("run", metavar="RUN")
+@click.option("--release", is_flag=True, help="Bring back what was, and go on.")
+@click.option("--reason", default="", metavar="TEXT", help="Why.")
+@click.option("--by", default="", metavar="NAME", help="Who asks.")
+def command(run: str, *, release: bool, reason: str, by: str) -> int:
+    """Hold a run at its next scheduling point: the bench goes to its hold state and stays there.
+
+    Exit codes: 0 once the bench is held or released, or if the run does not answer in time; 1 where it refuses.
+    """
+    from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
+    from hil.evidence.package.listing import shown  # noqa: PLC0415 - only when it is used
+    from hil.report.live.following import Follower  # noqa: PLC0415 - only when it is used
+
+    folder = find_running(run)
+    follower = Follower(folder)
+    follower.read()
+    post(folder, "release" if release else "hold", by=by, text=reason)
+    answer = _answer(follower, "hold-end" if release else "hold")
+    if answer is None:
+        click.echo(f"the run will {'go on' if release else 'hold'} at its next scheduling point; hil status tells")
+        return 0
+    if answer["kind"] == "hold-refused":
+        click.echo(f"refused: {shown(str(answer['text']))}", err=True)
+        return 1
+    if release:
+        click.echo("the bench is as it was, and the run goes on" if answer["how"] == "released" else "the hold ended")
+        return 0 if answer["how"] == "released" else 1
+    for line in answer["outputs"]:
+        word = "" if line["ok"] else "NOT "
+        click.echo(shown(f"{line['output']} {word}{line['state']}, {line['detail']}"))
+    return 0 if all(line["ok"] for line in answer["outputs"]) else 1
+
+
+def _answer(follower: Follower, awaited: str) -> Mapping[str, Any] | None:
+    """Return the event with which the run answers, None where none comes in time or the run ends."""
+    from hil.clock import wall  # noqa: PLC0415 - only when it is used
+
+    end = wall.monotonic() + _PATIENCE_S
+    while wall.monotonic() < end and follower.goes_on():
+        for line in follower.read():
+            if line.body["kind"] in {awaited, "hold-refused"}:
+                return line.body
+        wall.pause(_LOOK_S)
+    return None

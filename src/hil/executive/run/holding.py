@@ -1,0 +1,180 @@
+"""Holding: the bench waits in its hold state until somebody releases it, and then is as it was."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+from hil.bench.binding import BoundBench
+from hil.bench.safe_off import SafeResult, make_safe
+from hil.clock import wall
+from hil.clock.port import NANOSECONDS
+from hil.executive.case.effects import decoded
+from hil.executive.run.driven import Driven
+from hil.executive.run.scheduler import Scheduler
+from hil.executive.run.stop import StopFlags
+from hil.model.bench import Wire
+from hil.model.errors import DeviceFault
+from hil.wire.replay import HOLD, HOLD_END
+
+__all__ = ["Holding"]
+
+_BENCH = "bench"
+_PATIENCE_S = 0.05
+
+Event = Mapping[str, Any]
+
+
+class Holding:
+    """Holds the bench when somebody asks for it; a listener of the run's events.
+
+    Bench time of a simulated bench stands still meanwhile, as it does while a person is asked. That of hardware
+    goes on, with monitors and recordings. Neither counts for the case's `max_duration`.
+
+    Args:
+        bench: the bench.
+        flags: stop requests; they end a hold.
+        write: writes an event.
+        scheduler: the scheduling points to pass meanwhile.
+    """
+
+    def __init__(self, bench: BoundBench, flags: StopFlags, write: Callable[..., None], scheduler: Scheduler) -> None:
+        self._bench = bench
+        self._flags = flags
+        self._write = write
+        self._scheduler = scheduler
+        self._driven = Driven()
+        self._wanted: Event | None = None
+        self._released: Event | None = None
+        self._held = False
+
+    def __call__(self, event: Event) -> None:
+        """Learn from an event what is driven, and who asks for what."""
+        if event["kind"] == "hold-asked":
+            self._asked(event)
+        else:
+            self._driven.take(event)
+
+    def tick(self) -> None:
+        """Hold the bench, if somebody asked for it, until it is released.
+
+        Raises:
+            Stopped, Tripped: the hold ended so.
+            DeviceFault: an output could not be brought back to what it was.
+        """
+        if self._wanted is None or self._held:
+            return
+        asked, self._wanted = self._wanted, None
+        now_ns = self._scheduler.now_ns()
+        self._bench.transcript.note(_BENCH, HOLD, now_ns, now_ns)
+        self._hold(asked)
+
+    def again(self) -> None:
+        """Hold the bench where its record does; a resumed run that was killed while it was held is held again."""
+        playback = self._bench.playback
+        if playback is None or self._held or not playback.comes(HOLD, self._scheduler.now_ns()):
+            return
+        self._held = True
+        try:
+            self._mark(HOLD)
+            self._take()
+            self._scheduler.watch_from_now()
+            while not playback.comes(HOLD_END, self._scheduler.now_ns()):
+                if not playback.due_monitor(self._scheduler.now_ns()) and self._bench.playback is not None:
+                    return
+                self._scheduler.point()
+                if self._bench.playback is None:
+                    break
+            else:
+                self._mark(HOLD_END)
+                self._as_before()
+                return
+        finally:
+            self._held = False
+        self._hold({"by": "", "text": "it was held when the run was interrupted"})
+
+    def _asked(self, event: Event) -> None:
+        problem = self._against(release=event["release"])
+        if problem:
+            self._write("hold-refused", by=event["by"], text=problem)
+        elif event["release"]:
+            self._released = event
+        else:
+            self._wanted = event
+
+    def _against(self, *, release: bool) -> str:
+        """Return why that cannot be done, empty where it can."""
+        held = self._held or self._wanted is not None
+        if release:
+            return "" if held and self._released is None else "the bench is not held"
+        if held:
+            return "the bench is held already"
+        if not self._bench.spec.hold:
+            return f"the bench {self._bench.spec.name} has no hold state: its bench file has no 'hold'"
+        return "" if self._scheduler.watching else "the bench is in its safe state already"
+
+    def _hold(self, asked: Event) -> None:
+        began_ns, began = self._scheduler.now_ns(), wall.monotonic()
+        deadline_ns, self._scheduler.deadline_ns = self._scheduler.deadline_ns, None
+        self._held, how = True, "ended"
+        try:
+            results = self._take()
+            self._write("hold", by=asked["by"], text=asked["text"], outputs=[asdict(each) for each in results])
+            self._end_unless_held(results)
+            self._scheduler.watch_from_now()
+            while self._released is None:
+                wall.pause(_PATIENCE_S)
+                self._scheduler.point()
+            now_ns = self._scheduler.now_ns()
+            self._bench.transcript.note(_BENCH, HOLD_END, now_ns, now_ns)
+            self._as_before()
+            how = "released"
+        finally:
+            lasted_ns = self._scheduler.now_ns() - began_ns
+            released, self._released, self._held = self._released or {"by": "", "text": ""}, None, False
+            self._scheduler.deadline_ns = None if deadline_ns is None else deadline_ns + lasted_ns
+            self._write(
+                "hold-end",
+                how=how,
+                by=released["by"],
+                text=released["text"],
+                duration=round(lasted_ns / NANOSECONDS, 9),
+                beside={"held": round(wall.monotonic() - began, 3)},
+            )
+
+    def _take(self) -> list[SafeResult]:
+        """Bring the outputs to their hold state, in the order of the bench file, uninterrupted."""
+        results: list[SafeResult] = []
+        with self._flags.shielded():
+            make_safe(self._bench.spec.hold, self._bench.roles, self._bench.clock, results.append)
+        return results
+
+    def _end_unless_held(self, results: list[SafeResult]) -> None:
+        """End the run if the hold state was not reached: whoever asked for it may rely on it."""
+        wrong = [f"{each.output} is not {each.state}: {each.detail}" for each in results if not each.ok]
+        if wrong:
+            self._flags.request(f"the bench, which did not reach its hold state: {wrong[0]}")
+
+    def _mark(self, name: str) -> None:
+        if self._bench.playback is not None:
+            self._bench.playback.take(_BENCH, name)
+        now_ns = self._scheduler.now_ns()
+        self._bench.transcript.note(_BENCH, name, now_ns, now_ns)
+
+    def _as_before(self) -> None:
+        """Issue again what had been driven on the outputs of the hold state, in the order of the wiring."""
+        outputs = {step.output for step in self._bench.spec.hold}
+        with self._flags.undisturbed():
+            for wire in self._bench.spec.wiring:
+                for operation, arguments in self._driven.of(wire.name) if wire.name in outputs else ():
+                    self._issue(wire, operation, arguments)
+
+    def _issue(self, wire: Wire, operation: str, arguments: Mapping[str, object]) -> None:
+        given = {name: decoded(value) for name, value in arguments.items()}
+        try:
+            getattr(self._bench.roles[wire.name], operation)(**given)
+        except DeviceFault as fault:
+            if self._scheduler.faulted is not None:
+                self._scheduler.faulted(self._bench.spec.instrument(wire.instrument), fault)
+            raise

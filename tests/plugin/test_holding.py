@@ -1,0 +1,105 @@
+"""A bench that is held amid a case, and released."""
+
+from __future__ import annotations
+
+import pytest
+from workspaces import Workspace, make
+
+from hil.evidence.package.verification import verify
+
+HOLD = """
+hold:
+- {output: supply.coil, state: "off", within: 2 s,
+   proof: {output: supply.coil, quantity: current, unit: A, min: "-0.001", max: "0.001"}}
+"""
+
+DRIVING = """
+from pathlib import Path
+
+from hil.evidence.inbox import post
+
+
+def asked(*kinds):
+    for folder in (Path(__file__).parents[2] / "reports").glob("*"):  # there is none in a replay
+        for kind in kinds:
+            post(folder, kind, by="Ada", text="door")
+
+
+@pytest.mark.requirement("T-050")
+def test_driving(supply, relays, field, record, check, clock):
+    supply.sensor.configure(3.3, 0.05)
+    supply.sensor.enable()
+    field.start()
+    supply.coil.configure(0.2, 0.015)
+    supply.coil.enable()
+    supply.coil.configure(0.4, 0.015)
+    asked(KINDS)
+    record("field", field, duration=60.0, rate=40.0)
+    clock.sleep(1.0)
+    check("T-050", "voltage", supply.coil.voltage())
+"""
+
+
+def held(tmp_path, *kinds, hold=HOLD):
+    """Return the run whose case asks for these, with a bench that has this hold state."""
+    cases = DRIVING.replace("KINDS", ", ".join(repr(kind) for kind in kinds))
+    workspace = make(tmp_path / "workspace", cases)
+    workspace.change_bench({"\nrest:\n": f"{hold}\nrest:\n"})
+    return workspace.run()
+
+
+def events(ran, *kinds):
+    """Return the events of these kinds in order."""
+    return [event for event in ran.package.events() if event["kind"] in kinds]
+
+
+def test_a_hold_ends_with_what_was_driven_before(tmp_path):
+    """Amid a recording the coil is switched off and on again, at the voltage that was set last; the run is whole."""
+    ran = held(tmp_path, "hold", "release")
+    hold, end = events(ran, "hold", "hold-end")
+    assert ran.verdicts() == {"test_driving": "PASS"}, ran.out
+    (check,) = ran.package.events("check")
+    assert check["value"] == pytest.approx(0.4, abs=0.05)
+    assert [(line["output"], line["state"], line["ok"]) for line in hold["outputs"]] == [("supply.coil", "off", True)]
+    assert (hold["by"], hold["text"], end["how"], end["by"]) == ("Ada", "door", "released", "Ada")
+    assert all(recording["complete"] for recording in ran.package.events("recording-end"))
+    assert verify(ran.package.folder).findings == ()
+    assert "door (Ada): supply.coil off" in ran.page()
+    assert "held or released the bench" in ran.page()
+    assert "HELD: door (Ada)" in ran.out
+
+
+def test_a_run_with_a_hold_is_replayed(tmp_path):
+    """The record holds where the bench was held, and what was driven then."""
+    ran = held(tmp_path, "hold", "release")
+    root = ran.package.folder.parents[1]
+    ended = Workspace(root, root / "testplans/small").hil("replay", str(ran.package.folder))
+    assert ended.code == 0, ended.out + ended.err
+
+
+def test_what_cannot_be_held_is_refused_in_words(tmp_path):
+    """A bench without a hold state, a hold within a hold, and a release of nothing change nothing."""
+    ran = held(tmp_path / "1", "release", "hold", "hold", "release", "release")
+    assert [event["text"] for event in events(ran, "hold-refused")] == [
+        "the bench is not held",
+        "the bench is held already",
+        "the bench is not held",
+    ]
+    assert len(events(ran, "hold", "hold-end")) == 2
+    assert ran.verdicts() == {"test_driving": "PASS"}
+    ran = held(tmp_path / "2", "hold", hold="")
+    (refused,) = events(ran, "hold-refused")
+    assert refused["text"] == "the bench adcs has no hold state: its bench file has no 'hold'"
+    assert events(ran, "hold", "hold-end") == []
+    assert "hold refused" in ran.page()
+
+
+def test_a_bench_that_does_not_reach_its_hold_state_ends_the_run(tmp_path):
+    """Whoever asked may rely on it; so the bench is made safe instead."""
+    ran = held(tmp_path, "hold", hold=HOLD.replace('min: "-0.001", max: "0.001"', 'min: "1", max: "2"'))
+    hold, end = events(ran, "hold", "hold-end")
+    assert (hold["outputs"][0]["ok"], end["how"]) == (False, "ended")
+    (stop,) = events(ran, "stop")
+    assert "did not reach its hold state: supply.coil is not off" in stop["reason"]
+    assert (ran.code, ran.verdicts()) == (2, {"test_driving": "ABORTED"})
+    assert ran.package.results()["safe"] is True
