@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from math import exp
@@ -10,18 +12,18 @@ from hil.simulation.plants.battery.ageing import Ageing
 from hil.simulation.plants.battery.open_circuit import OpenCircuit
 from hil.simulation.plants.plant import Vector
 
-__all__ = ["Cell", "CellTruth", "Span", "Tabs"]
+__all__ = ["Cell", "CellTruth", "Moved", "Tabs"]
 
 _ZERO_CELSIUS = 273.15
 _REFERENCE = 25.0
 _RESTING_VOLTS = 1e-9
-_KEPT_STEPS = 4096
-
-Span = tuple[float, float, float, float, float, float]
-"""Seconds, decay of the fast and of the slow link [1], what each gains [ohm], resistance at the end [ohm]."""
+_KEPT_STEPS = 256
 
 Tabs = tuple[float, float, float, float]
 """Base [V] and resistance [ohm] of the tabs' voltage over the current, capacity [A.s], factor of resistances [1]."""
+
+Moved = tuple[float, float, float, float, float]
+"""Charge, both links and throughput after a step, and the mean heat during it [W]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,53 +88,67 @@ class Cell:
         self._truth = truth
         self.table = OpenCircuit(truth.charge, truth.open_circuit)
         self.ageing = Ageing(capacity=truth.capacity * 3600, fade=truth.fade, growth=truth.growth)
-        self._activation = truth.activation / (_REFERENCE + _ZERO_CELSIUS)
-        self._entropic = truth.entropic
-        self.span = lru_cache(maxsize=_KEPT_STEPS)(self._span)
 
-    def _span(self, dt: float) -> Span:
-        """Return what steps of `dt` seconds have in common."""
-        truth = self._truth
-        fast, slow = exp(-dt / truth.fast_time), exp(-dt / truth.slow_time)
-        fast_gain, slow_gain = (1 - fast) * truth.fast_resistance, (1 - slow) * truth.slow_resistance
-        return dt, fast, slow, fast_gain, slow_gain, truth.resistance + fast_gain + slow_gain
+        # Few steps are of other lengths than the grid's and its parts.
+        self.tabs = lru_cache(maxsize=_KEPT_STEPS)(self._tabs)
+        self.moved = lru_cache(maxsize=_KEPT_STEPS)(self._moved)
 
-    def tabs(self, state: Vector, span: Span) -> Tabs:
-        """Return what the tabs will have after a step with any one current, and what that follows from.
+    def _decays(self, dt: float) -> tuple[float, float]:
+        """Return by what the voltages of fast and slow link are multiplied in a step of `dt` seconds."""
+        return exp(-dt / self._truth.fast_time), exp(-dt / self._truth.slow_time)
+
+    def _tabs(self, dt: float) -> Callable[[Vector], Tabs]:
+        """Return a function of the state: what the tabs will have after a step with any one current.
 
         Under constant current both links relax exactly, v' = v*a + (1 - a)*R*I with a = exp(-dt/tau), and charge grows
         by I*dt, so that the voltage at the end is affine in I. A step of 0 s tells the voltage of this instant.
         """
-        charge, fast, slow, passed, celsius, _, _ = state
-        dt, fast_decay, slow_decay, _, _, ohms = span
-        capacity, grown = self.ageing.aged(passed)
-        off = celsius - _REFERENCE
-        factor = grown * exp(-self._activation * off / (celsius + _ZERO_CELSIUS))
-        start, rise = self.table.line(charge)
-        base = start + rise * charge + self._entropic * off + fast * fast_decay + slow * slow_decay
-        return base, rise * dt / capacity + factor * ohms, capacity, factor
+        truth, ageing, table = self._truth, self.ageing, self.table
+        fast_decay, slow_decay = self._decays(dt)
+        ohms = truth.resistance + (1 - fast_decay) * truth.fast_resistance + (1 - slow_decay) * truth.slow_resistance
+        activation, entropic = truth.activation / (_REFERENCE + _ZERO_CELSIUS), truth.entropic
+        # Nothing of another object is looked up in a step: there are hundreds of thousands of them.
+        new, fade, growth, whole = ageing.capacity, ageing.fade, ageing.growth, 2 * ageing.capacity
+        inner, lines = table.inner, table.lines
 
-    def moved(self, state: Vector, span: Span, tabs: Tabs, current: float) -> tuple[float, float, float, float, float]:
-        """Return charge, links and throughput after a step with a current into the cell [A], and the mean heat [W].
+        def tabs(state: Vector) -> Tabs:
+            charge, fast, slow, passed, celsius, _, _ = state
+            cycles = passed / whole
+            off = celsius - _REFERENCE
+            factor = (1 + growth * cycles) * exp(-activation * off / (celsius + _ZERO_CELSIUS))
+            capacity = new * exp(-fade * cycles)
+            start, rise = lines[bisect_right(inner, charge)]
+            base = start + rise * charge + entropic * off + fast * fast_decay + slow * slow_decay
+            return base, rise * dt / capacity + factor * ohms, capacity, factor
+
+        return tabs
+
+    def _moved(self, dt: float) -> Callable[[Vector, Tabs, float], Moved]:
+        """Return a function of state, tabs and a current into the cell [A]: what a step of `dt` seconds leaves.
 
         Heat is that of the resistances, and I*T*dU/dT, the reversible part of Bernardi's balance (1985, equation 20).
         Links whose voltages have decayed below a nanovolt without current are at rest.
         """
-        charge, fast, slow, passed, celsius, _, _ = state
-        dt, fast_decay, slow_decay, fast_gain, slow_gain, _ = span
-        _, _, capacity, factor = tabs
         truth = self._truth
-        driven = factor * current
-        fast_after = fast * fast_decay + fast_gain * driven
-        slow_after = slow * slow_decay + slow_gain * driven
-        fast_mean, slow_mean = fast + fast_after, slow + slow_after
-        heat = (fast_mean * fast_mean / truth.fast_resistance + slow_mean * slow_mean / truth.slow_resistance) / (
-            4 * factor
-        )
-        if not current:
-            if abs(fast_after) + abs(slow_after) < _RESTING_VOLTS:
-                return charge, 0.0, 0.0, passed, 0.0
-            return charge, fast_after, slow_after, passed, heat
-        heat += current * (truth.resistance * driven + (celsius + _ZERO_CELSIUS) * truth.entropic)
-        moved = current * dt
-        return charge + moved / capacity, fast_after, slow_after, passed + abs(moved), heat
+        fast_decay, slow_decay = self._decays(dt)
+        resistance, fast_ohms, slow_ohms = truth.resistance, truth.fast_resistance, truth.slow_resistance
+        fast_gain, slow_gain = (1 - fast_decay) * fast_ohms, (1 - slow_decay) * slow_ohms
+        entropic = truth.entropic
+
+        def moved(state: Vector, tabs: Tabs, current: float) -> Moved:
+            charge, fast, slow, passed, celsius, _, _ = state
+            _, _, capacity, factor = tabs
+            driven = factor * current
+            fast_after = fast * fast_decay + fast_gain * driven
+            slow_after = slow * slow_decay + slow_gain * driven
+            fast_mean, slow_mean = fast + fast_after, slow + slow_after
+            heat = (fast_mean * fast_mean / fast_ohms + slow_mean * slow_mean / slow_ohms) / (4 * factor)
+            if not current:
+                if abs(fast_after) + abs(slow_after) < _RESTING_VOLTS:
+                    return charge, 0.0, 0.0, passed, 0.0
+                return charge, fast_after, slow_after, passed, heat
+            heat += current * (resistance * driven + (celsius + _ZERO_CELSIUS) * entropic)
+            way = current * dt
+            return charge + way / capacity, fast_after, slow_after, passed + abs(way), heat
+
+        return moved

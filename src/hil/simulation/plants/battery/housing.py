@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -67,17 +68,25 @@ class Housing:
         self._roots = np.sqrt((truth.cell_capacity, truth.plate_capacity, truth.box_capacity))
         self.response = lru_cache(maxsize=_KEPT_STEPS)(self._response)
 
-    def step(self, state: Vector, watts: float, room: float, response: Response) -> Warmth:
-        """Return the temperatures after a step with heat in the cell; a nanokelvin from the room is at rest."""
-        _, _, _, _, cell, plate, box = state
-        cell, plate, box = cell - room, plate - room, box - room
+    @staticmethod
+    def step(room: float, response: Response) -> Callable[[Vector, float], Warmth]:
+        """Return a function of state and heat in the cell [W]: the temperatures after a step.
+
+        A nanokelvin from the room [degC] is at rest.
+        """
         a, b, c, d, e, f, g, h, i, p, q, r, u, v, w = response
-        after = a * cell + b * plate + c * box + p + u * watts
-        plates = d * cell + e * plate + f * box + q + v * watts
-        boxed = g * cell + h * plate + i * box + r + w * watts
-        if not watts and abs(after) + abs(plates) + abs(boxed) < _RESTING_KELVIN:
-            return (room, room, room)
-        return (room + after, room + plates, room + boxed)
+
+        def step(state: Vector, watts: float) -> Warmth:
+            _, _, _, _, cell, plate, box = state
+            cell, plate, box = cell - room, plate - room, box - room
+            after = a * cell + b * plate + c * box + p + u * watts
+            plates = d * cell + e * plate + f * box + q + v * watts
+            boxed = g * cell + h * plate + i * box + r + w * watts
+            if not watts and abs(after) + abs(plates) + abs(boxed) < _RESTING_KELVIN:
+                return (room, room, room)
+            return (room + after, room + plates, room + boxed)
+
+        return step
 
     def _response(self, share: float, room: float, dt: float, *, assembled: bool) -> Response:
         """Return the step of C x' = S x + w under constant inputs.

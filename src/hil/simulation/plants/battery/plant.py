@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
 from types import MappingProxyType
 from typing import ClassVar
 
-from hil.simulation.plants.battery.cell import Cell, CellTruth, Span
-from hil.simulation.plants.battery.housing import Housing, HousingTruth, Response
+from hil.simulation.plants.battery.cell import Cell, CellTruth
+from hil.simulation.plants.battery.housing import Housing, HousingTruth
 from hil.simulation.plants.battery.network import Network
 from hil.simulation.plants.battery.sensor import STATES, Thermistor
-from hil.simulation.plants.plant import Inputs, Plant, Port, Vector
+from hil.simulation.plants.plant import Inputs, Plant, Port, Value, Vector
 
 __all__ = ["PLACES", "Battery", "WiringTruth"]
 
@@ -42,6 +43,7 @@ _SIGNALS = frozenset(
 )
 _OPEN_OHMS = 1e9
 _METER_SIEMENS = 1e-6
+_KEPT_SETTINGS, _KEPT_STEPS = 8192, 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +69,7 @@ class WiringTruth:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Setting:
-    """What follows from inputs alone; read once for all steps under the same inputs."""
+    """What follows from inputs alone, and the steps under them by their seconds."""
 
     inputs: Inputs
     network: Network
@@ -76,6 +78,7 @@ class _Setting:
     share: float
     room: float
     assembled: bool
+    steps: dict[float, Callable[[Vector], Vector]] = field(default_factory=dict)
 
 
 class Battery(Plant):
@@ -131,12 +134,13 @@ class Battery(Plant):
         }
         super().__init__(name, grid_ns, (cell.start, 0.0, 0.0, 0.0, ambient, ambient, ambient), inputs, _SIGNALS)
         self._cell = Cell(cell)
-        self._still = self._cell.span(0.0)
+        self._still = self._cell.tabs(0.0)
         self._wiring = wiring
         self._housing = Housing(housing)
         self._thermistor = thermistor
-        self._set = self._setting(self.inputs)
-        self._steps: tuple[_Setting, Span, Response] | None = None
+        self._names = tuple(inputs)
+        self._known = lru_cache(maxsize=_KEPT_SETTINGS)(self._setting)
+        self._set = (self.inputs, self._known(tuple(inputs.values())))
         self._flowed: tuple[Vector, _Setting, Vector] | None = None
 
     def choices(self, name: str) -> tuple[str, ...]:
@@ -146,15 +150,12 @@ class Battery(Plant):
     def step(self, state: Vector, inputs: Inputs, dt: float) -> Vector:
         """Step cell and temperatures; age, temperature and the table's line are those of the step's start."""
         here = self._of(inputs)
-        known = self._steps
-        if known is None or known[0] is not here or known[1][0] != dt:
-            known = self._steps = (here, self._cell.span(dt), self._response(here, dt))
-        _, span, response = known
-        tabs = self._cell.tabs(state, span)
-        current = here.network.solve(tabs[0], tabs[1] + here.ohms)[2] if here.live else 0.0
-        charge, fast, slow, passed, watts = self._cell.moved(state, span, tabs, current)
-        cell, plate, box = self._housing.step(state, watts, here.room, response)
-        return charge, fast, slow, passed, cell, plate, box
+        step = here.steps.get(dt)
+        if step is None:
+            if len(here.steps) > _KEPT_STEPS:
+                here.steps.clear()
+            step = here.steps[dt] = self._step(here, dt)
+        return step(state)
 
     def signal(self, name: str, state: Vector, inputs: Inputs, at: float) -> float:
         """Return one of the signals of this plant."""
@@ -173,7 +174,7 @@ class Battery(Plant):
             "ntc_temperature": lambda: self._thermistor.read(str(inputs["ntc"]), state[4], state[6]),
             "ntc_box": lambda: self._thermistor.ohms(state[6]),
             "open_circuit": lambda: self._cell.table.volts(state[0]),
-            "resistance": lambda: self._cell.tabs(state, self._still)[1],
+            "resistance": lambda: self._still(state)[1],
         }
         return readers[name]()
 
@@ -181,7 +182,7 @@ class Battery(Plant):
         """Return the signals of `_FLOWS`; those of one instant are solved once."""
         here = self._of(inputs)
         if self._flowed is None or self._flowed[0] is not state or self._flowed[1] is not here:
-            base, ohms, _, _ = self._cell.tabs(state, self._still)
+            base, ohms, _, _ = self._still(state)
             supply, volts, current = here.network.solve(base, ohms + here.ohms)
             current = current if here.live else 0.0
             held = self._supply_voltage(here, supply, volts)
@@ -199,14 +200,26 @@ class Battery(Plant):
         return max(held, volts)
 
     def _of(self, inputs: Inputs) -> _Setting:
-        if self._set.inputs is not inputs:
-            self._set = self._setting(inputs)
-        return self._set
+        if self._set[0] is not inputs:
+            self._set = (inputs, self._known(tuple(inputs.values())))
+        return self._set[1]
 
-    def _response(self, here: _Setting, dt: float) -> Response:
-        return self._housing.response(here.share, here.room, dt, assembled=here.assembled)
+    def _step(self, here: _Setting, dt: float) -> Callable[[Vector], Vector]:
+        """Return a step of `dt` seconds as a function of the state alone."""
+        response = self._housing.response(here.share, here.room, dt, assembled=here.assembled)
+        tabs_of, moved, warmed = self._cell.tabs(dt), self._cell.moved(dt), self._housing.step(here.room, response)
+        solve, live, wires = here.network.solve, here.live, here.ohms
 
-    def _setting(self, inputs: Inputs) -> _Setting:
+        def step(state: Vector) -> Vector:
+            tabs = tabs_of(state)
+            current = solve(tabs[0], tabs[1] + wires)[2] if live else 0.0
+            charge, fast, slow, passed, watts = moved(state, tabs, current)
+            return (charge, fast, slow, passed, *warmed(state, watts))
+
+        return step
+
+    def _setting(self, values: tuple[Value, ...]) -> _Setting:
+        inputs = dict(zip(self._names, values, strict=True))
         wiring = self._wiring
         charging, discharging, fitted = (
             inputs["charge_contact"],
