@@ -187,6 +187,12 @@ class BatteryTester:
         """Seconds from line to line: whoever drains as often sees every line when it comes."""
         return LINE_S
 
+    @property
+    def over(self) -> bool:
+        """Whether the lines that were read so far told the end of a test. See `hil.instruments.sampled.Ending`."""
+        told = self._session.told
+        return told is not None and not told.running and told.state != "idle"
+
     def _streaming(self) -> Stream:
         if self._stream is None:
             raise Refused(f"{self._session.device} does not stream", "call begin() first")
