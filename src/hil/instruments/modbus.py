@@ -1,19 +1,21 @@
 """A Modbus RTU session on a port: pymodbus frames and decodes, the bench's clock bounds.
 
-pymodbus' own serial client reads and sleeps on the wall clock. Here it is given our port instead of
-one that it opens, `send` and `recv` wait on the port alone, and its deadline is infinite, so that no
-wall time decides anything; what ends an exchange is the port's timeout and the bench's clock.
+pymodbus' own serial client opens ports, sleeps and keeps deadlines on the wall clock, so only its framer and its PDUs
+are used: no wall time decides anything here. What ends an exchange is the port's timeout and the bench's clock.
 """
 
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Protocol, TypeVar
 
-from pymodbus.client import ModbusSerialClient
 from pymodbus.exceptions import ModbusException
+from pymodbus.framer import FramerRTU
+from pymodbus.pdu import DecodePDU
+from pymodbus.pdu.bit_message import ReadCoilsRequest, WriteMultipleCoilsRequest, WriteSingleCoilRequest
+from pymodbus.pdu.register_message import ReadHoldingRegistersRequest, WriteSingleRegisterRequest
 
 from hil.clock.port import Clock
 from hil.model.errors import DeviceFault, Garbled, NoReply, Rejected
@@ -47,6 +49,14 @@ _LOGGER.addHandler(logging.NullHandler())
 _LOGGER.propagate = False
 
 _T = TypeVar("_T")
+_FRAMER = FramerRTU(DecodePDU(is_server=False))
+_READS = {1: ReadCoilsRequest, 3: ReadHoldingRegistersRequest}
+
+
+@lru_cache(maxsize=256)
+def _question(function: int, address: int, count: int, unit: int) -> bytes:
+    """Return the frame of a read; a bench asks the same ones for weeks."""
+    return bytes(_FRAMER.buildFrame(_READS[function](address=address, count=count, dev_id=unit)))
 
 
 class _Reply(Protocol):
@@ -60,36 +70,47 @@ class _Reply(Protocol):
     registers: list[int]
 
 
-class _Client(ModbusSerialClient):  # type: ignore[misc]  # pymodbus is followed as untyped
-    """pymodbus' serial client on a port that is already open."""
+class _Client:
+    """Frames out, frames in, on a port that is already open."""
 
-    def __init__(self, port: Port, clock: Clock, timeout: float) -> None:
-        super().__init__("a port of the bench", timeout=math.inf, retries=0)
+    def __init__(self, port: Port, clock: Clock, unit: int, timeout: float) -> None:
         self._port = port
         self._clock = clock
+        self._unit = unit
         self._timeout = timeout
         self._deadline = 0.0
         self.sent = b""
         self.received = b""
         self.discarded = 0
 
-    def connect(self) -> bool:
-        """Say that there is a connection: the port was open before the session."""
-        return True
+    def ask(self, request: bytes) -> _Reply | None:
+        """Send a frame; return the first reply of the unit, None if none came in time.
 
-    def send(self, request: bytes, addr: tuple[str, int] | None = None) -> int:
+        Raises:
+            ModbusException: what came cannot be decoded.
+        """
+        self._send(request)
+        waiting = b""
+        while data := self._receive():
+            waiting += data
+            used, reply = _FRAMER.handleFrame(waiting, self._unit, 0)
+            if reply is not None:
+                found: _Reply = reply
+                return found
+            waiting = waiting[used:]
+        return None
+
+    def _send(self, request: bytes) -> None:
         """Throw away what nobody asked for, then write the request."""
-        del addr
         if waiting := self._port.in_waiting:
             self.discarded += waiting
             self._port.reset_input_buffer()
         self.sent, self.received = request, b""
         self._deadline = self._clock.now() + self._timeout
-        return self._port.write(request)
+        self._port.write(request)
 
-    def recv(self, size: int | None) -> bytes:
+    def _receive(self) -> bytes:
         """Return what has come, or wait for the first byte until the deadline; empty ends the exchange."""
-        del size
         left = self._deadline - self._clock.now()
         if left <= 0:
             return b""
@@ -136,7 +157,7 @@ class ModbusSession:
         self._device = device
         self._unit = unit
         self._timeout = min(timeout, LONGEST_S)
-        self._client = _Client(port, clock, self._timeout)
+        self._client = _Client(port, clock, unit, self._timeout)
         self._settled = True
 
     @property
@@ -175,7 +196,7 @@ class ModbusSession:
             return tuple(bool(bit) for bit in reply.bits[:count])
 
         asked = f"coils {address} to {address + count - 1}"
-        return self._read(asked, 1, lambda: self._client.read_coils(address, count=count, device_id=self._unit), parse)
+        return self._read(asked, 1, lambda: _question(1, address, count, self._unit), parse)
 
     def read_holding(self, address: int, count: int) -> tuple[int, ...]:
         """Read `count` holding registers from `address` on (function 03)."""
@@ -185,14 +206,13 @@ class ModbusSession:
             return tuple(int(register) for register in reply.registers)
 
         asked = f"holding register {address:#06x}, {count} long"
-        return self._read(
-            asked, 3, lambda: self._client.read_holding_registers(address, count=count, device_id=self._unit), parse
-        )
+        return self._read(asked, 3, lambda: _question(3, address, count, self._unit), parse)
 
     def write_coil(self, address: int, on: bool) -> None:
         """Switch one coil (function 05); the unit echoes the request byte by byte."""
         asked = f"coil {address} {'on' if on else 'off'}"
-        self._exchange(asked, 5, lambda: self._client.write_coil(address, on, device_id=self._unit), self._must_echo)
+        request = WriteSingleCoilRequest(address=address, bits=[on], dev_id=self._unit)
+        self._exchange(asked, 5, lambda: _FRAMER.buildFrame(request), self._must_echo)
 
     def write_coils(self, address: int, values: Sequence[bool]) -> None:
         """Switch coils from `address` on (function 0F); the unit repeats address and count."""
@@ -202,14 +222,14 @@ class ModbusSession:
                 raise ValueError("address and count of the request")
 
         asked = f"coils {address} to {address + len(values) - 1} switched"
-        self._exchange(asked, 15, lambda: self._client.write_coils(address, list(values), device_id=self._unit), parse)
+        request = WriteMultipleCoilsRequest(address=address, bits=list(values), dev_id=self._unit)
+        self._exchange(asked, 15, lambda: _FRAMER.buildFrame(request), parse)
 
     def write_holding(self, address: int, value: int) -> None:
         """Write one holding register (function 06), 0 to 65535; the unit echoes the request byte by byte."""
         asked = f"holding register {address:#06x} set to {value}"
-        self._exchange(
-            asked, 6, lambda: self._client.write_register(address, value, device_id=self._unit), self._must_echo
-        )
+        request = WriteSingleRegisterRequest(address=address, registers=[value], dev_id=self._unit)
+        self._exchange(asked, 6, lambda: _FRAMER.buildFrame(request), self._must_echo)
 
     def _must_echo(self, _reply: _Reply) -> None:
         if self._client.received != self._client.sent:
@@ -220,7 +240,7 @@ class ModbusSession:
         if len(self._client.received) != size:
             raise ValueError(f"one frame of {size} bytes")
 
-    def _read(self, asked: str, function: int, request: Callable[[], _Reply], parse: Callable[[_Reply], _T]) -> _T:
+    def _read(self, asked: str, function: int, request: Callable[[], bytes], parse: Callable[[_Reply], _T]) -> _T:
         faults: list[DeviceFault] = []
         self.must_be_quiet()
         while len(faults) < _ATTEMPTS:
@@ -230,7 +250,7 @@ class ModbusSession:
                 faults.append(fault)
         raise faults[0]
 
-    def _exchange(self, asked: str, function: int, request: Callable[[], _Reply], parse: Callable[[_Reply], _T]) -> _T:
+    def _exchange(self, asked: str, function: int, request: Callable[[], bytes], parse: Callable[[_Reply], _T]) -> _T:
         """Make one request and judge its reply.
 
         Raises:
@@ -242,11 +262,13 @@ class ModbusSession:
             if not self._settled:
                 self._client.settle()
             self._settled = False
-            reply = request()
+            reply = self._client.ask(request())
         except OSError as error:
             raise NoReply(self._device, f"the port failed at {asked}: {error}", "look at cable and power") from error
         except ModbusException:
             raise self._silence(asked) from None
+        if reply is None:
+            raise self._silence(asked)
         if reply.function_code == function | _IS_EXCEPTION:
             self._settled = True
             raise self._rejected(asked, reply.exception_code)

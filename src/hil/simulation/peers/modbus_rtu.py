@@ -20,13 +20,20 @@ _FAST_SILENCE_NS = 1_750_000
 _SHORTEST, _LONGEST = 4, 256
 
 
+def _table_entry(byte: int) -> int:
+    for _ in range(8):
+        byte = (byte >> 1) ^ (0xA001 if byte & 1 else 0)
+    return byte
+
+
+_TABLE = tuple(map(_table_entry, range(256)))
+
+
 def _crc(data: bytes) -> int:
     """Return the CRC-16 of Modbus: polynomial 0xA001 reflected, start 0xFFFF."""
     register = 0xFFFF
     for byte in data:
-        register ^= byte
-        for _ in range(8):
-            register = (register >> 1) ^ (0xA001 if register & 1 else 0)
+        register = register >> 8 ^ _TABLE[(register ^ byte) & 0xFF]
     return register
 
 

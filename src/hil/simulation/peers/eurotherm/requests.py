@@ -28,10 +28,17 @@ class Requests:
     def __init__(self, read: Callable[[int], int], write: Callable[[int, int], None]) -> None:
         self._read = read
         self._write = write
+        self._known: Mapping[int, Callable[[bytes], bytes]] = {
+            0x03: self._read_many,
+            0x04: self._read_many,
+            0x06: self._write_one,
+            0x08: self._loop_back,
+            0x10: self._write_many,
+        }
 
     def answer(self, function: int, data: bytes) -> bytes:
         """Return function and data of the reply, an exception included."""
-        action = self._functions.get(function)
+        action = self._known.get(function)
         if action is None:
             return bytes((function | _EXCEPTION, _UNKNOWN_FUNCTION))
         try:
@@ -40,16 +47,6 @@ class Requests:
             return bytes((function | _EXCEPTION, _UNKNOWN_ADDRESS))
         except ValueError:
             return bytes((function | _EXCEPTION, _BAD_VALUE))
-
-    @property
-    def _functions(self) -> Mapping[int, Callable[[bytes], bytes]]:
-        return {
-            0x03: self._read_many,
-            0x04: self._read_many,
-            0x06: self._write_one,
-            0x08: self._loop_back,
-            0x10: self._write_many,
-        }
 
     def _read_many(self, data: bytes) -> bytes:
         start, count = _words(data, 2)
