@@ -29,6 +29,7 @@ def render(view: RunView) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
         finalize=_visible,
+        optimized=False,  # the template is rendered once; folding its constants takes longer than it saves
     )
     page = environment.get_template("report.html").render(run=view, most_failed=_MOST_FAILED)
     return re.sub(r"\n\s*\n+", "\n", page)
