@@ -66,7 +66,7 @@ def wire(**settings):
 
 
 @contextmanager
-def cycler(*, truth=None, faults=(), settings=None, lines=0, baud=9600):
+def cycler(*, truth=None, faults=(), settings=None, lines=0, baud=9600, transcript=None):
     """Yield a `Bench`; the port was opened at 0 s."""
     cell = Cell()
     cell.lines = lines
@@ -78,6 +78,7 @@ def cycler(*, truth=None, faults=(), settings=None, lines=0, baud=9600):
         connects=_CONNECTS,
         plants={"battery": cell},
         baud=baud,
+        transcript=transcript,
     ) as (driver, clock):
         cell.clock = clock
         yield Bench(driver.role(wire(**(settings or {}))), driver, clock, cell)

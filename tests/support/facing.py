@@ -24,7 +24,9 @@ _WORLD = "sim://contract/"
 
 
 @contextmanager
-def facing(model, *, driver, truth=None, faults=(), clamps=None, connects=None, plants=None, baud=0, address=0):
+def facing(
+    model, *, driver, truth=None, faults=(), clamps=None, connects=None, plants=None, baud=0, address=0, transcript=None
+):
     """Yield a driver whose connection ends at a peer of `model`, and the clock.
 
     Args:
@@ -37,6 +39,7 @@ def facing(model, *, driver, truth=None, faults=(), clamps=None, connects=None, 
         plants: plants by name, advanced by the clock.
         baud: speed of the line; 0 is a network.
         address: unit or bus address.
+        transcript: where the operations of a port are noted; None notes none.
     """
     clock = VirtualClock()
     plants = plants or {}
@@ -62,7 +65,7 @@ def facing(model, *, driver, truth=None, faults=(), clamps=None, connects=None, 
         line = SimulatedLine("device", faulty, clock, baud=baud)
         faulty.attach(line, clock)
         publish_stream(f"{_WORLD}device", line)
-        port = open_port("device", f"{_WORLD}device", clock, Transcript(None), baud=baud)
+        port = open_port("device", f"{_WORLD}device", clock, transcript or Transcript(None), baud=baud)
     else:
         faulty = FaultyBusPeer(peer, wrong, noise)
         faulty.attach(clock)

@@ -17,8 +17,7 @@ class Arrivals:
     """Bounds of the instants at which the newest line was sent, in s of the bench's clock.
 
     A line came between two looks at the port, and 5 s after the line before it by a clock that is right within 0.5 %.
-    Both bounds hold, so that the narrower ones count; where they leave open whether lines were lost in between, as
-    many were lost as make the two agree best.
+    Both bounds hold, so that the narrower ones count. Lines are missing where the two cannot agree otherwise.
 
     Attributes:
         uncertainty: standard uncertainty of the newest instant, that of an even distribution between its bounds.
@@ -37,29 +36,23 @@ class Arrivals:
         """Count from the start of a test, which was between these instants."""
         self._low, self._high = low, high
 
-    def place(self, since: float, until: float, behind: int) -> tuple[float, int]:
+    def place(self, since: float, until: float, behind: int, lost: int) -> tuple[float, int]:
         """Return when a line was sent, and how many before it cannot have come.
 
         Args:
             since: when the port was looked at without finding it.
             until: when it was found.
             behind: how many lines were found with it that were sent later.
+            lost: how many before it are missing at least, by what it tells.
         """
         since, until = since - _ON_THE_LINE_S, until - behind * _SHORTEST_S
         since = min(since, until)
         if self._low is None:
             self._low, self._high = since, until
             return (since + until) / 2, 0
-        low, high, lost = self._low + _SHORTEST_S, self._high + _LONGEST_S, 0
-        while high < since or _overlap(low, high, since, until) < _overlap(
-            low + _SHORTEST_S, high + _LONGEST_S, since, until
-        ):
+        low, high = self._low + (1 + lost) * _SHORTEST_S, self._high + (1 + lost) * _LONGEST_S
+        while high < since:
             low, high, lost = low + _SHORTEST_S, high + _LONGEST_S, lost + 1
         low, high = (max(low, since), min(high, until)) if low <= until else (since, until)
         self._low, self._high = low, high
         return (low + high) / 2, lost
-
-
-def _overlap(low: float, high: float, since: float, until: float) -> float:
-    """Return how long both spans last together, 0 where they do not meet."""
-    return max(0.0, min(high, until) - max(low, since))

@@ -12,6 +12,7 @@ __all__ = ["SILENT_S", "Attendance"]
 SILENT_S = 12.0
 """Two lines and a bit: then something is wrong."""
 
+_SILENT_UNASKED_S = 22.0  # a level 1 device cannot be asked; three lines in a row may be lost
 _AGAIN_S = 1.0
 _SHARE = 3
 
@@ -53,7 +54,7 @@ class Attendance:
                 self._keep_alive(told, now)
             if told.unsure or now - told.heard_s > SILENT_S:
                 Status.ask(session)
-        elif told is not None and told.running and now - told.heard_s > SILENT_S:
+        elif told is not None and told.running and now - told.heard_s > _SILENT_UNASKED_S:
             raise NoReply(
                 session.device,
                 f"no line for {now - told.heard_s:.0f} s, and its test has not ended",

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from hil.instruments.cycler.arrivals import Arrivals
-from hil.instruments.cycler.lines import BANNER, opened, plain_numbers
-from hil.instruments.cycler.told import Told
+from hil.instruments.cycler.lines import BANNER, LINE_S, opened, plain_numbers
+from hil.instruments.cycler.told import Reading, Told
 
 __all__ = ["BareLines"]
 
 _CAPITAL = frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZ")
 _ITERATION = b"TEST ITERATION "
+_LEAST_SHARE = 0.0004
+"""Energy of one line in W.h from which on its rounding to 0.0001 does not hide how many lines it stands for."""
+
 _CLEAR_A = 0.02
 """A current beyond this tells the half-cycle: marks may be missing, and the procedure does not know them all."""
 
@@ -34,6 +37,8 @@ class BareLines(Told):
         self.begun_s = now
         self._arrivals = Arrivals()
         self._looked_s = now
+        self._energy: float | None = None  # of the last line
+        self._torn = 0  # lines since then that told nothing
 
     def take(self, lines: list[bytes], now: float) -> None:
         """Take whole lines without their ends, in their order; the port was looked at `now`."""
@@ -53,12 +58,13 @@ class BareLines(Told):
         """Note that the one byte was sent, and between which instants."""
         self.waiting = False
         self.charging(1.0)
-        self.reading, self.heard_s = None, high
+        self.reading, self.heard_s, self._energy = None, high, None
         self._arrivals.begin(low, high)
 
     def _data(self, line: bytes, now: float, behind: int) -> None:
-        at_s, lost = self._arrivals.place(self._looked_s, now, behind)
         numbers = plain_numbers(line)
+        missing = self._missing(numbers)
+        at_s, lost = self._arrivals.place(self._looked_s, now, behind, missing)
         if numbers is None:
             self.sealed = self.sealed or opened(line) is not None
             self.damaged += 1
@@ -74,6 +80,19 @@ class BareLines(Told):
             self.frames += 1
             self.uncertainty = max(self.uncertainty or 0.0, self._arrivals.uncertainty or 0.0)
             self.rows += (at_s - self.begun_s, *numbers, self.phase, self.cycle)
+
+    def _missing(self, numbers: Reading | None) -> int:
+        """Return how many lines are missing before one, by its energy: every line adds what it shows for 5 s."""
+        if numbers is None:
+            self._torn += 1
+            return 0
+        voltage, current, energy, _ = numbers
+        last, self._energy = self._energy, energy
+        torn, self._torn = self._torn, 0
+        share = abs(voltage * current) * LINE_S / 3600
+        if last is None or share < _LEAST_SHARE:
+            return 0
+        return max(0, round((energy - last if energy >= last else energy) / share) - 1 - torn)
 
     def _judge_phase(self, current: float) -> None:
         """Tell the half-cycle by the current, where it is clear or nothing else tells it."""

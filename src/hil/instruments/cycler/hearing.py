@@ -122,9 +122,13 @@ class Hearing:
         """Return the fault of something sealed that means nothing."""
         return Garbled(self.device, f"it sent '{words}', which means nothing", FIRMWARE)
 
-    def went_back(self, told: NumberedLines) -> None:
-        """Note that its clock or its counters went back: it has started, and the banner was lost."""
-        running = told.running
+    def went_back(self, told: NumberedLines, *, running: bool) -> None:
+        """Note that its clock or its counters went back: it has started, and the banner was lost.
+
+        Args:
+            told: what it has told.
+            running: whether a test ran before.
+        """
         told.forget()
         self._has_started(told, None, running=running)
 
@@ -175,7 +179,7 @@ class Hearing:
             if told.sealed:
                 self.told = NumberedLines(now)
         elif told.went_back:
-            self.went_back(told)
+            self.went_back(told, running=running)
         elif told.nonsense:
             nonsense, told.nonsense = told.nonsense, b""
             raise self.nonsense(nonsense.decode("ascii", "replace"))

@@ -75,20 +75,15 @@ class NumberedLines(Told):
         self._ms = ms
         return ms + self._wrapped_ms
 
-    def near_ms(self, ms: int) -> int:
-        """Return device time in ms without wraps, from a reply: it may be a little older than the newest line."""
-        ahead = (ms - self._ms) % _WRAP
-        return self._ms + self._wrapped_ms + (ahead - _WRAP if ahead >= _HALF else ahead)
-
-    def resume(self, number: int, state: str, cycle: float) -> None:
-        """Go on from the reply to STATE: the number of the last line, the state and the cycle.
+    def resume(self, number: int, ms: int, state: str, cycle: float) -> int:
+        """Go on from the reply to STATE: number of the last line, time, state and cycle; return the time without wraps.
 
         A reply that is older than the newest line tells nothing new; one that is much older, that it has started.
         """
         behind = 0 if self.number is None else self.number - number
         if behind > 0:
             self.went_back = behind > _FEW
-            return
+            return self._ms + self._wrapped_ms - (self._ms - ms) % _WRAP
         self._count_missing(-behind)
         self.number = number
         self.unsure = False
@@ -97,6 +92,7 @@ class NumberedLines(Told):
         elif self.state.partition(" ")[0] != state:
             self.over(state)
             self.cycle = cycle
+        return self.device_ms(ms)
 
     def forget(self) -> None:
         """Forget numbers and time, and what ran: it has started without a banner."""

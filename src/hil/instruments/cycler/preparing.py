@@ -111,12 +111,19 @@ class Preparing:
         running = told is not None and told.running
         try:
             session.reset()
-        except NoReply:
-            if told is not None or not isinstance(session.meet(), NumberedLines):
-                raise
+        except NoReply as no_banner:
+            if told is not None or not self._has_a_level():
+                raise no_banner from None
             self._stop_by_command()
         if running and session.told is not None:
             session.told.state = "stopped"
+
+    def _has_a_level(self) -> bool:
+        """Return whether it turns out to be a device that can be told to stop."""
+        try:
+            return isinstance(self._session.meet(), NumberedLines)
+        except NoReply:
+            return False
 
     def _stop_by_command(self) -> None:
         """Ask for it, and ask what came of it.

@@ -115,7 +115,7 @@ class Session(Hearing):
         except (KeyError, ValueError) as error:
             raise self.nonsense(str(dict(told))) from error
         if self.banner is not None and self.banner.boots != found.boots:
-            self.went_back(self.numbered())
+            self.went_back(self.numbered(), running=self.numbered().running)
         self.banner = found
         return found
 

@@ -44,27 +44,26 @@ class Status:
             DeviceFault: it does not answer, or nonsense.
         """
         told = session.numbered()
-        starts, sent_s = session.starts, session.clock.now()
+        running, sent_s = told.running, session.clock.now()
         words = session.fields("STATE")
         received_s = session.clock.now()
         try:
             voltage, current, energy, temperature = (float(words[name]) for name in "viet")
             state, cycle, lines = words["state"].lower(), float(words["cycle"]), int(words["lines"])
+            device_ms = told.resume(lines, int(words["ms"]), state, cycle)
             found = cls(
                 run=words["run"],
                 relays=words["relays"],
                 reading=(voltage, current, energy, temperature),
-                device_ms=told.near_ms(int(words["ms"])),
+                device_ms=device_ms,
                 low_s=min(sent_s + session.sent_bytes * _BYTE_S, received_s),
                 high_s=max(received_s - session.reply_bytes * _BYTE_S, sent_s),
             )
         except (KeyError, ValueError) as error:
             raise session.nonsense(" ".join(f"{name}={value}" for name, value in words.items())) from error
-        if session.starts == starts:
-            told.resume(lines, state, cycle)
-            if told.went_back:
-                session.went_back(told)
-            told.reading, told.read_s, told.heard_s = found.reading, received_s, received_s
+        if told.went_back:
+            session.went_back(told, running=running)
+        told.reading, told.read_s, told.heard_s = found.reading, received_s, received_s
         return found
 
     @classmethod
