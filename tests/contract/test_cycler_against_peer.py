@@ -295,7 +295,9 @@ def test_stop_opens_both_relays(level):
         assert bench.role.state() == "stopped"
         bench.role.drain()
         assert bench.drained(20) == []
+        assert bench.role.over
         bench.role.prepare(10)
+        assert (bench.role.state(), bench.role.over) == ("idle", False)
         bench.role.start()
         assert len(bench.drained(20)) == 3
         assert bench.role.end().lost == 0

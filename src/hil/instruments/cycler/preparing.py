@@ -61,6 +61,7 @@ class Preparing:
             session.ask("CLEAR")
             self._set(settings)
             told.rests = settings["rest"] != "0"
+        told.over("idle")
         self._settings = crc_of(settings)
         self._prepared_at = session.starts
 
