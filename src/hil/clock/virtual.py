@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from heapq import heappop, heappush
-from typing import TYPE_CHECKING
 
 from hil.clock.port import NANOSECONDS, ClockError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 __all__ = ["Event", "VirtualClock"]
 
@@ -106,18 +101,18 @@ class VirtualClock:
 
     def wait_until(self, when_ns: int) -> None:
         """Let time pass until `when_ns`, with everything that is due on the way."""
-        events = self._events
+        events, self._waiting = self._events, "nobody"
         while events and events[0][0] <= when_ns:
             self._happen(heappop(events))
         self._move(when_ns)
 
-    def run(self, deadline_ns: int, done: Callable[[], bool]) -> bool:
+    def run(self, deadline_ns: int, done: Callable[[], bool], who: str = "nobody") -> bool:
         """Let time pass until `done()` or the deadline; return whether it was done.
 
         This is how a read waits: time stops at the event that brought the last byte, and goes on to
-        the deadline only if none did.
+        the deadline only if none did. `who` waits is told by the error if time does not move any more.
         """
-        events = self._events
+        events, self._waiting = self._events, who
         while not done():
             while events and events[0][3].cancelled:
                 heappop(events)
@@ -126,15 +121,6 @@ class VirtualClock:
                 return done()
             self._happen(heappop(events))
         return True
-
-    @contextmanager
-    def waiting(self, who: str) -> Iterator[None]:
-        """Name the port that waits, for the error if time does not move any more."""
-        before, self._waiting = self._waiting, who
-        try:
-            yield
-        finally:
-            self._waiting = before
 
     def _move(self, when_ns: int) -> None:
         if when_ns <= self._now_ns:

@@ -1,33 +1,18 @@
-"""A Modbus RTU session on a port: pymodbus frames and decodes, the bench's clock bounds.
-
-pymodbus' own serial client opens ports, sleeps and keeps deadlines on the wall clock, so only its framer and its PDUs
-are used: no wall time decides anything here. What ends an exchange is the port's timeout and the bench's clock.
-"""
+"""A Modbus RTU session on a port: what is asked again, what is not, and what became of every failure."""
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Sequence
-from functools import lru_cache
-from typing import Protocol, TypeVar
-
-from pymodbus.exceptions import ModbusException
-from pymodbus.framer import FramerRTU
-from pymodbus.pdu import DecodePDU
-from pymodbus.pdu.bit_message import ReadCoilsRequest, WriteMultipleCoilsRequest, WriteSingleCoilRequest
-from pymodbus.pdu.register_message import ReadHoldingRegistersRequest, WriteSingleRegisterRequest
+from typing import TypeVar
 
 from hil.clock.port import Clock
+from hil.instruments.modbus_line import LONGEST_S, ModbusLine, Reply, coil, coils, question, register
 from hil.model.errors import DeviceFault, Garbled, NoReply, Rejected
 from hil.wire.port import Port
 
 __all__ = ["LONGEST_S", "ModbusSession"]
 
-LONGEST_S = 0.5
-"""The longest that one exchange may take, in seconds."""
-
 _ATTEMPTS = 3
-_QUIET_S = 0.05
 _IS_EXCEPTION = 0x80
 _MOST_SHOWN = 32
 _ENVELOPE = 5  # unit, function, byte count, and two bytes of checksum
@@ -44,98 +29,7 @@ _EXCEPTIONS = {
     11: "the gateway got no reply from it",
 }
 
-_LOGGER = logging.getLogger("pymodbus")
-_LOGGER.addHandler(logging.NullHandler())
-_LOGGER.propagate = False
-
 _T = TypeVar("_T")
-_FRAMER = FramerRTU(DecodePDU(is_server=False))
-_READS = {1: ReadCoilsRequest, 3: ReadHoldingRegistersRequest}
-
-
-@lru_cache(maxsize=256)
-def _question(function: int, address: int, count: int, unit: int) -> bytes:
-    """Return the frame of a read; a bench asks the same ones for weeks."""
-    return bytes(_FRAMER.buildFrame(_READS[function](address=address, count=count, dev_id=unit)))
-
-
-class _Reply(Protocol):
-    """What is read of pymodbus' decoded replies; each kind has some of it."""
-
-    function_code: int
-    exception_code: int
-    address: int
-    count: int
-    bits: list[bool]
-    registers: list[int]
-
-
-class _Client:
-    """Frames out, frames in, on a port that is already open."""
-
-    def __init__(self, port: Port, clock: Clock, unit: int, timeout: float) -> None:
-        self._port = port
-        self._clock = clock
-        self._unit = unit
-        self._timeout = timeout
-        self._deadline = 0.0
-        self.sent = b""
-        self.received = b""
-        self.discarded = 0
-
-    def ask(self, request: bytes) -> _Reply | None:
-        """Send a frame; return the first reply of the unit, None if none came in time.
-
-        Raises:
-            ModbusException: what came cannot be decoded.
-        """
-        self._send(request)
-        waiting = b""
-        while data := self._receive():
-            waiting += data
-            used, reply = _FRAMER.handleFrame(waiting, self._unit, 0)
-            if reply is not None:
-                found: _Reply = reply
-                return found
-            waiting = waiting[used:]
-        return None
-
-    def _send(self, request: bytes) -> None:
-        """Throw away what nobody asked for, then write the request."""
-        if waiting := self._port.in_waiting:
-            self.discarded += waiting
-            self._port.reset_input_buffer()
-        self.sent, self.received = request, b""
-        self._deadline = self._clock.now() + self._timeout
-        self._port.write(request)
-
-    def _receive(self) -> bytes:
-        """Return what has come, or wait for the first byte until the deadline; empty ends the exchange."""
-        left = self._deadline - self._clock.now()
-        if left <= 0:
-            return b""
-        self._port.timeout = min(left, self._timeout)  # a difference of clock readings can be longer by rounding
-        first = self._port.read(1)
-        data = first + self._port.read(self._port.in_waiting) if first else b""
-        self.received += data
-        return data
-
-    def unasked(self, gap: float) -> bytes:
-        """Return what waits, or comes within `gap` seconds."""
-        self._port.timeout = min(gap, LONGEST_S)
-        stray = self._port.read(1) if gap or self._port.in_waiting else b""
-        if stray:
-            stray += self._port.read(self._port.in_waiting)
-        self.discarded += len(stray)
-        return stray
-
-    def settle(self) -> None:
-        """Let a late reply come and throw it away, so that it answers no later request."""
-        self._port.timeout = _QUIET_S
-        deadline = self._clock.now() + LONGEST_S
-        while self._clock.now() < deadline and self._port.read(1):
-            self.discarded += 1 + self._port.in_waiting
-            self._port.reset_input_buffer()
 
 
 class ModbusSession:
@@ -157,7 +51,7 @@ class ModbusSession:
         self._device = device
         self._unit = unit
         self._timeout = min(timeout, LONGEST_S)
-        self._client = _Client(port, clock, unit, self._timeout)
+        self._client = ModbusLine(port, clock, unit, self._timeout)
         self._settled = True
 
     @property
@@ -191,47 +85,44 @@ class ModbusSession:
     def read_coils(self, address: int, count: int) -> tuple[bool, ...]:
         """Read `count` coils from `address` on (function 01)."""
 
-        def parse(reply: _Reply) -> tuple[bool, ...]:
+        def parse(reply: Reply) -> tuple[bool, ...]:
             self._must_measure(_ENVELOPE + (count + 7) // 8)
             return tuple(bool(bit) for bit in reply.bits[:count])
 
         asked = f"coils {address} to {address + count - 1}"
-        return self._read(asked, 1, lambda: _question(1, address, count, self._unit), parse)
+        return self._read(asked, 1, question(1, address, count, self._unit), parse)
 
     def read_holding(self, address: int, count: int) -> tuple[int, ...]:
         """Read `count` holding registers from `address` on (function 03)."""
 
-        def parse(reply: _Reply) -> tuple[int, ...]:
+        def parse(reply: Reply) -> tuple[int, ...]:
             self._must_measure(_ENVELOPE + 2 * count)
             return tuple(int(register) for register in reply.registers)
 
         asked = f"holding register {address:#06x}, {count} long"
-        return self._read(asked, 3, lambda: _question(3, address, count, self._unit), parse)
+        return self._read(asked, 3, question(3, address, count, self._unit), parse)
 
     def write_coil(self, address: int, on: bool) -> None:
         """Switch one coil (function 05); the unit echoes the request byte by byte."""
         asked = f"coil {address} {'on' if on else 'off'}"
-        request = WriteSingleCoilRequest(address=address, bits=[on], dev_id=self._unit)
-        self._exchange(asked, 5, lambda: _FRAMER.buildFrame(request), self._must_echo)
+        self._exchange(asked, 5, coil(address, on, self._unit), self._must_echo)
 
     def write_coils(self, address: int, values: Sequence[bool]) -> None:
         """Switch coils from `address` on (function 0F); the unit repeats address and count."""
 
-        def parse(reply: _Reply) -> None:
+        def parse(reply: Reply) -> None:
             if (reply.address, reply.count) != (address, len(values)):
                 raise ValueError("address and count of the request")
 
         asked = f"coils {address} to {address + len(values) - 1} switched"
-        request = WriteMultipleCoilsRequest(address=address, bits=list(values), dev_id=self._unit)
-        self._exchange(asked, 15, lambda: _FRAMER.buildFrame(request), parse)
+        self._exchange(asked, 15, coils(address, values, self._unit), parse)
 
     def write_holding(self, address: int, value: int) -> None:
         """Write one holding register (function 06), 0 to 65535; the unit echoes the request byte by byte."""
         asked = f"holding register {address:#06x} set to {value}"
-        request = WriteSingleRegisterRequest(address=address, registers=[value], dev_id=self._unit)
-        self._exchange(asked, 6, lambda: _FRAMER.buildFrame(request), self._must_echo)
+        self._exchange(asked, 6, register(address, value, self._unit), self._must_echo)
 
-    def _must_echo(self, _reply: _Reply) -> None:
+    def _must_echo(self, _reply: Reply) -> None:
         if self._client.received != self._client.sent:
             raise ValueError(f"the echo {self._client.sent.hex(' ')}")
 
@@ -240,7 +131,7 @@ class ModbusSession:
         if len(self._client.received) != size:
             raise ValueError(f"one frame of {size} bytes")
 
-    def _read(self, asked: str, function: int, request: Callable[[], bytes], parse: Callable[[_Reply], _T]) -> _T:
+    def _read(self, asked: str, function: int, request: bytes, parse: Callable[[Reply], _T]) -> _T:
         faults: list[DeviceFault] = []
         self.must_be_quiet()
         while len(faults) < _ATTEMPTS:
@@ -250,7 +141,7 @@ class ModbusSession:
                 faults.append(fault)
         raise faults[0]
 
-    def _exchange(self, asked: str, function: int, request: Callable[[], bytes], parse: Callable[[_Reply], _T]) -> _T:
+    def _exchange(self, asked: str, function: int, request: bytes, parse: Callable[[Reply], _T]) -> _T:
         """Make one request and judge its reply.
 
         Raises:
@@ -262,11 +153,9 @@ class ModbusSession:
             if not self._settled:
                 self._client.settle()
             self._settled = False
-            reply = self._client.ask(request())
+            reply = self._client.ask(request)
         except OSError as error:
             raise NoReply(self._device, f"the port failed at {asked}: {error}", "look at cable and power") from error
-        except ModbusException:
-            raise self._silence(asked) from None
         if reply is None:
             raise self._silence(asked)
         if reply.function_code == function | _IS_EXCEPTION:

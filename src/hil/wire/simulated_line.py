@@ -142,8 +142,7 @@ class SimulatedLine:
             self._clock.at(arrives_ns, self._arrive, device=self._number)
         self._awaited = True
         try:
-            with self._clock.waiting(self.device):
-                self._clock.run(deadline_ns, lambda: len(self._received) >= size)
+            self._clock.run(deadline_ns, lambda: len(self._received) >= size, self.device)
         finally:
             self._awaited = False
         self._arrive()

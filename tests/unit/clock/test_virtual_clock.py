@@ -61,8 +61,11 @@ def test_a_storm_of_events_at_one_instant_names_who_waits():
         clock.at(clock.now_ns(), again)
 
     again()
-    with clock.waiting("psu1"), pytest.raises(ClockError, match="psu1 waits"):
-        clock.wait_until(1)
+    with pytest.raises(ClockError, match="psu1 waits"):
+        clock.run(1, lambda: False, "psu1")
+    again()
+    with pytest.raises(ClockError, match="nobody waits"):
+        clock.sleep(1)
 
 
 def test_negative_and_nan_sleeps_are_refused():

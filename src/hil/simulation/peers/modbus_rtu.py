@@ -6,6 +6,7 @@ Modbus over Serial Line V1.02, sections 2.5.1.1 (silence of 3.5 characters ends 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import cast
 
 from hil.clock.port import NANOSECONDS
@@ -29,6 +30,7 @@ def _table_entry(byte: int) -> int:
 _TABLE = tuple(map(_table_entry, range(256)))
 
 
+@lru_cache(maxsize=1024)
 def _crc(data: bytes) -> int:
     """Return the CRC-16 of Modbus: polynomial 0xA001 reflected, start 0xFFFF."""
     register = 0xFFFF

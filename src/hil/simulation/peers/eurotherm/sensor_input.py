@@ -42,8 +42,10 @@ class SensorInput:
 
     def convert(self, now_ns: int, number: int) -> float | None:
         """Return what conversion `number` reads in degC, or None for a broken sensor."""
-        if self.faults.now("sensor-open", now_ns):
-            return None
-        point = self.room if self.faults.now("sensor-detached", now_ns) else self.place
-        there = point.observe() if point else self.truth.ambient
-        return there + self.truth.offset + self.truth.noise * self.noise.normal(number)
+        point, truth = self.place, self.truth
+        if self.faults.faults:
+            if self.faults.now("sensor-open", now_ns):
+                return None
+            point = self.room if self.faults.now("sensor-detached", now_ns) else self.place
+        there = (point.observe() if point else truth.ambient) + truth.offset
+        return there + truth.noise * self.noise.normal(number) if truth.noise else there

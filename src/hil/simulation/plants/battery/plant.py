@@ -142,6 +142,16 @@ class Battery(Plant):
         self._known = lru_cache(maxsize=_KEPT_SETTINGS)(self._setting)
         self._set = (self.inputs, self._known(tuple(inputs.values())))
         self._flowed: tuple[Vector, _Setting, Vector] | None = None
+        self._readers: Mapping[str, Callable[[Vector, Inputs], float]] = {
+            "ambient": lambda _, inputs: float(inputs["ambient"]),
+            "capacity": lambda state, _: self._cell.ageing.aged(state[3])[0] / 3600,
+            "cycles": lambda state, _: self._cell.ageing.cycles(state[3]),
+            "ntc": lambda state, inputs: self._thermistor.seen(str(inputs["ntc"]), state[4], state[6]),
+            "ntc_temperature": lambda state, inputs: self._thermistor.read(str(inputs["ntc"]), state[4], state[6]),
+            "ntc_box": lambda state, _: self._thermistor.ohms(state[6]),
+            "open_circuit": lambda state, _: self._cell.table.volts(state[0]),
+            "resistance": lambda state, _: self._still(state)[1],
+        }
 
     def choices(self, name: str) -> tuple[str, ...]:
         """Return the values of the inputs that are texts."""
@@ -166,17 +176,7 @@ class Battery(Plant):
         place = _FLOWS.get(name)
         if place is not None:
             return self._flows(state, inputs)[place]
-        readers: Mapping[str, Callable[[], float]] = {
-            "ambient": lambda: float(inputs["ambient"]),
-            "capacity": lambda: self._cell.ageing.aged(state[3])[0] / 3600,
-            "cycles": lambda: self._cell.ageing.cycles(state[3]),
-            "ntc": lambda: self._thermistor.seen(str(inputs["ntc"]), state[4], state[6]),
-            "ntc_temperature": lambda: self._thermistor.read(str(inputs["ntc"]), state[4], state[6]),
-            "ntc_box": lambda: self._thermistor.ohms(state[6]),
-            "open_circuit": lambda: self._cell.table.volts(state[0]),
-            "resistance": lambda: self._still(state)[1],
-        }
-        return readers[name]()
+        return self._readers[name](state, inputs)
 
     def _flows(self, state: Vector, inputs: Inputs) -> Vector:
         """Return the signals of `_FLOWS`; those of one instant are solved once."""

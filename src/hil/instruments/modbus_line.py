@@ -1,0 +1,152 @@
+"""The host's end of a Modbus RTU line: pymodbus frames and decodes, the bench's clock bounds.
+
+pymodbus' own serial client opens ports, sleeps and keeps deadlines on the wall clock, so only its framer and its PDUs
+are used, and in this module alone: no wall time decides anything. What ends an exchange is the port's timeout and the
+bench's clock.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Protocol
+
+from pymodbus.exceptions import ModbusException
+from pymodbus.framer import FramerRTU
+from pymodbus.pdu import DecodePDU
+from pymodbus.pdu.bit_message import ReadCoilsRequest, WriteMultipleCoilsRequest, WriteSingleCoilRequest
+from pymodbus.pdu.register_message import ReadHoldingRegistersRequest, WriteSingleRegisterRequest
+
+from hil.clock.port import Clock
+from hil.wire.port import Port
+
+__all__ = ["LONGEST_S", "ModbusLine", "Reply", "coil", "coils", "question", "register"]
+
+LONGEST_S = 0.5
+"""The longest that one exchange may take, in seconds."""
+
+_QUIET_S = 0.05
+_FRAMER = FramerRTU(DecodePDU(is_server=False))
+_READS = {1: ReadCoilsRequest, 3: ReadHoldingRegistersRequest}
+
+_LOGGER = logging.getLogger("pymodbus")
+_LOGGER.addHandler(logging.NullHandler())
+_LOGGER.propagate = False
+
+
+class Reply(Protocol):
+    """What is read of pymodbus' decoded replies; each kind has some of it."""
+
+    function_code: int
+    exception_code: int
+    address: int
+    count: int
+    bits: list[bool]
+    registers: list[int]
+
+
+@lru_cache(maxsize=256)
+def question(function: int, address: int, count: int, unit: int) -> bytes:
+    """Return the frame of a read (functions 01 and 03); a bench asks the same ones for weeks."""
+    return bytes(_FRAMER.buildFrame(_READS[function](address=address, count=count, dev_id=unit)))
+
+
+def coil(address: int, on: bool, unit: int) -> bytes:
+    """Return the frame that switches one coil (function 05)."""
+    return bytes(_FRAMER.buildFrame(WriteSingleCoilRequest(address=address, bits=[on], dev_id=unit)))
+
+
+def coils(address: int, values: Sequence[bool], unit: int) -> bytes:
+    """Return the frame that switches coils from `address` on (function 0F)."""
+    return bytes(_FRAMER.buildFrame(WriteMultipleCoilsRequest(address=address, bits=list(values), dev_id=unit)))
+
+
+def register(address: int, value: int, unit: int) -> bytes:
+    """Return the frame that writes one holding register (function 06)."""
+    return bytes(_FRAMER.buildFrame(WriteSingleRegisterRequest(address=address, registers=[value], dev_id=unit)))
+
+
+class ModbusLine:
+    """Frames out, frames in, on a port that is already open.
+
+    Args:
+        port: the open byte stream.
+        clock: the bench's clock.
+        unit: whose replies count.
+        timeout: longest wait for one reply in seconds.
+
+    Attributes:
+        sent: the last request.
+        received: every byte that came after it.
+        discarded: how many bytes came that nobody had asked for.
+    """
+
+    def __init__(self, port: Port, clock: Clock, unit: int, timeout: float) -> None:
+        self._port = port
+        self._clock = clock
+        self._unit = unit
+        self._timeout = timeout
+        self._deadline = 0.0
+        self.sent = b""
+        self.received = b""
+        self.discarded = 0
+
+    def ask(self, request: bytes) -> Reply | None:
+        """Send a frame; return the first reply of the unit, None if none came in time that can be decoded."""
+        self._send(request)
+        waiting = b""
+        while data := self._receive():
+            waiting += data
+            try:
+                used, reply = _understood(waiting, self._unit)
+            except ModbusException:
+                return None
+            if reply is not None:
+                return reply
+            waiting = waiting[used:]
+        return None
+
+    def _send(self, request: bytes) -> None:
+        """Throw away what nobody asked for, then write the request."""
+        if waiting := self._port.in_waiting:
+            self.discarded += waiting
+            self._port.reset_input_buffer()
+        self.sent, self.received = request, b""
+        self._deadline = self._clock.now() + self._timeout
+        self._port.write(request)
+
+    def _receive(self) -> bytes:
+        """Return what has come, or wait for the first byte until the deadline; empty ends the exchange."""
+        left = self._deadline - self._clock.now()
+        if left <= 0:
+            return b""
+        self._port.timeout = min(left, self._timeout)  # a difference of clock readings can be longer by rounding
+        first = self._port.read(1)
+        data = first + self._port.read(self._port.in_waiting) if first else b""
+        self.received += data
+        return data
+
+    def unasked(self, gap: float) -> bytes:
+        """Return what waits, or comes within `gap` seconds."""
+        self._port.timeout = min(gap, LONGEST_S)
+        stray = self._port.read(1) if gap or self._port.in_waiting else b""
+        if stray:
+            stray += self._port.read(self._port.in_waiting)
+        self.discarded += len(stray)
+        return stray
+
+    def settle(self) -> None:
+        """Let a late reply come and throw it away, so that it answers no later request."""
+        self._port.timeout = _QUIET_S
+        deadline = self._clock.now() + LONGEST_S
+        while self._clock.now() < deadline and self._port.read(1):
+            self.discarded += 1 + self._port.in_waiting
+            self._port.reset_input_buffer()
+
+
+@lru_cache(maxsize=1024)
+def _understood(data: bytes, unit: int) -> tuple[int, Reply | None]:
+    """Return how many bytes are done with, and the reply in them; what a bench is told for weeks is told often."""
+    used, reply = _FRAMER.handleFrame(data, unit, 0)
+    return used, reply
