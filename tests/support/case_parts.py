@@ -257,7 +257,7 @@ class Case:
             effects=effects,
             check=Checks(chosen, steps, self.written, used),
             record=Recorder(steps, self.scheduler, effects, self.store, "simulated", lambda: next(ids)),
-            artifact=Artifacts(steps, effects, self.written, folder / "data/attachments"),
+            artifact=Artifacts(steps, effects, self.written, folder / "data/attachments", set()),
             operator=Operator(answers or Nobody(), effects, steps, self.written, self.scheduler.point),
             scheduler=self.scheduler,
             write=self.written,

@@ -67,9 +67,20 @@ class BoundBench:
         return {wire.name: self.drivers[wire.instrument].role(wire) for wire in self.spec.wiring}
 
     @property
-    def person(self) -> Person | None:
-        """The simulated person, on a simulated bench only."""
-        return self.world.person if self.world else None
+    def has_person(self) -> bool:
+        """Whether there is a simulated person: on simulated benches only."""
+        return self.source is Source.SIMULATED
+
+    @property
+    def person(self) -> Person:
+        """The simulated person.
+
+        Raises:
+            Refused: while there is none.
+        """
+        if self.world is None:
+            raise Refused(f"bench '{self.spec.name}' has no simulated person", "answer with --answers or --ask")
+        return self.world.person
 
     def checkpoint(self) -> Checkpoint | None:
         """Return all that a simulated bench needs to go on from here.

@@ -30,6 +30,7 @@ COMMANDS: Mapping[str, str] = {
     "replay": "Run the cases of a package again on its recorded bytes.",
     "report": "Derive the report of a package again.",
     "requirements": "Lock requirements, and compare them with their lock.",
+    "resume": "Go on with a run that was interrupted.",
     "run": "Run plans on a bench and seal the evidence.",
     "runs": "List the runs of the workspace.",
     "seal": "Seal an interrupted run as it is.",

@@ -8,7 +8,18 @@ from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 
-__all__ = ["WallStamp", "compact_utc", "monotonic", "pause", "stamp", "today", "utc_now"]
+__all__ = [
+    "Clocks",
+    "WallStamp",
+    "clocks",
+    "compact_utc",
+    "monotonic",
+    "pause",
+    "seconds_since",
+    "stamp",
+    "today",
+    "utc_now",
+]
 
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 
@@ -22,6 +33,20 @@ class WallStamp:
     boot_id: str
 
 
+@dataclass(frozen=True, slots=True)
+class Clocks:
+    """This machine's clocks, all in seconds: time of day, since boot, and since boot without suspends."""
+
+    day: float
+    boot: float
+    awake: float
+
+
+def clocks() -> Clocks:
+    """Return what the clocks of this machine say now."""
+    return Clocks(day=time.time(), boot=_since_boot(), awake=time.monotonic())
+
+
 def stamp() -> WallStamp:
     """Return this moment."""
     return WallStamp(utc=utc_now(), boot=round(_since_boot(), 6), boot_id=_boot_id())
@@ -30,6 +55,11 @@ def stamp() -> WallStamp:
 def utc_now() -> str:
     """Return the wall's UTC as ISO 8601 with microseconds and `Z`."""
     return datetime.now(UTC).isoformat(timespec="microseconds").replace("+00:00", "Z")
+
+
+def seconds_since(utc: str) -> float:
+    """Return the seconds from a moment, ISO 8601, until now by the time of day."""
+    return round((datetime.now(UTC) - datetime.fromisoformat(utc)).total_seconds(), 3)
 
 
 def compact_utc() -> str:

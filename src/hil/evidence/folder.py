@@ -18,6 +18,7 @@ __all__ = [
     "ATTACHMENTS",
     "CALIBRATION",
     "CATALOGUE",
+    "CHECKPOINT",
     "INBOX",
     "INBOX_FILES",
     "JOURNAL",
@@ -51,6 +52,7 @@ REPORT = "data/report"
 INBOX = "inbox"
 INBOX_FILES = "inbox/files"
 RESERVE = "reserve.bin"
+CHECKPOINT = "checkpoint.json"
 SEAL = "bagit.txt"
 
 _RESERVED_BYTES = 8_000_000

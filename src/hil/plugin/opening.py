@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
-from hil.bench.binding import BoundBench, bind_simulated
+from hil.bench.binding import BoundBench, bind_resumed, bind_simulated
+from hil.evidence.folder import TRANSCRIPT
 from hil.executive.case.case_run import PlannedCase
 from hil.executive.case.operator import AnswerSource
 from hil.executive.run.answers import AnswersFile, FirstOf, Nobody, SimulatedPerson, TerminalPerson, load_answers
+from hil.executive.run.earlier import Answered, Earlier
 from hil.executive.run.events import Listener
 from hil.executive.run.session import Session
 from hil.executive.setup.configuration import Configuration, Request
+from hil.executive.setup.resuming import require_same_cases
 from hil.plugin.prompt import Terminal
+from hil.wire.transcript import Transcript
 
-__all__ = ["open_simulated"]
+__all__ = ["open_resumed", "open_simulated"]
 
 
 def open_simulated(
@@ -33,16 +38,48 @@ def open_simulated(
         listeners: are shown every event.
         alone: whether no other run may be on the bench; a rehearsal disturbs nobody.
     """
-    bench = configuration.workspace.benches / configuration.bench.name
     answers = _answers_of(configuration.request, configuration.workspace.shown)
     return Session(
         configuration,
         planned,
         binder=lambda transcript, _where: bind_simulated(configuration.bench, transcript),
         answers=answers,
-        leases=[f"simulated bench {bench}"] if alone else [],
+        leases=_leases(configuration) if alone else [],
         listeners=listeners,
     )
+
+
+def open_resumed(
+    configuration: Configuration, planned: Sequence[PlannedCase], listeners: Sequence[Listener], earlier: Earlier
+) -> Session:
+    """Open the session of an interrupted run again, on its record first, and from its checkpoint on on its bench.
+
+    Raises:
+        Refused: if other cases were collected than before.
+    """
+    require_same_cases(earlier, planned)
+    fresh = _answers_of(configuration.request, configuration.workspace.shown)
+    return Session(
+        configuration,
+        planned,
+        binder=partial(_bind_again, configuration, earlier),
+        answers=lambda bench, idle: Answered(earlier.lines, fresh(bench, idle), lambda: bench.world is not None),
+        leases=_leases(configuration),
+        listeners=listeners,
+        earlier=earlier,
+    )
+
+
+def _bind_again(
+    configuration: Configuration, earlier: Earlier, transcript: Transcript, where: Callable[[], str]
+) -> BoundBench:
+    if earlier.checkpoint is None:
+        return bind_simulated(configuration.bench, transcript)
+    return bind_resumed(configuration.bench, transcript, earlier.folder / TRANSCRIPT, earlier.checkpoint, where)
+
+
+def _leases(configuration: Configuration) -> list[str]:
+    return [f"simulated bench {configuration.workspace.benches / configuration.bench.name}"]
 
 
 def _answers_of(
@@ -61,8 +98,8 @@ def _answers_of(
 
 
 def _person(request: Request, bench: BoundBench, idle: Callable[[], None]) -> AnswerSource:
-    if not request.person and bench.person is not None:
-        return SimulatedPerson(bench.person)
+    if not request.person and bench.has_person:
+        return SimulatedPerson(lambda: bench.person)
     if sys.stdin.isatty():
         return TerminalPerson(Terminal(), request.operator or "person at the terminal", idle)
     return Nobody()

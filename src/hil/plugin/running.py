@@ -4,24 +4,28 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NoReturn, Protocol, TextIO
 
 from hil.evidence.folder import JOURNAL, RESULTS, is_sealed
 from hil.executive.case.case_run import PlannedCase
+from hil.executive.run.earlier import Earlier, find_earlier
+from hil.executive.run.notifying import Notifier
 from hil.executive.run.session import EXIT_INTERRUPTED, Session
 from hil.executive.setup.configuration import Configuration, Request, configure
-from hil.model.errors import EvidenceError
+from hil.executive.setup.resuming import changes, deviation_of
+from hil.model.errors import Diverged, EvidenceError, Refused
 from hil.plugin.launch import launch
-from hil.plugin.opening import open_simulated
+from hil.plugin.opening import open_resumed, open_simulated
 from hil.plugin.progress import Progress
 from hil.report.summary import closing_lines
 from hil.report.write import write_reports
 
-__all__ = ["Word", "run"]
+__all__ = ["Word", "resume", "run"]
 
 _WITHOUT = {
     2: "interrupted before the first case, nothing was recorded",
@@ -76,27 +80,86 @@ def run(request: Request, out: TextIO, *, verbose: bool = False, word: Word | No
         verbose: whether everything is shown.
         word: whoever waits for the run's end.
     """
-    told = word or _Unheard()
-    opener = partial(_open, out=out, verbose=verbose, word=told)
+    return _run(lambda: configure(request), partial(open_simulated, alone=True), out, word or _Unheard(), verbose)
+
+
+def resume(
+    folder: Path,
+    request: Callable[[Earlier], Request],
+    out: TextIO,
+    *,
+    other_software: str = "",
+    verbose: bool = False,
+    word: Word | None = None,
+) -> int:
+    """Go on with an interrupted run, seal its package, tell how it ended, and return the exit code.
+
+    Args:
+        folder: the run's folder.
+        request: makes the request that it began with.
+        out: as of `run`.
+        other_software: why it goes on though the software is not that which began it.
+        verbose: whether everything is shown.
+        word: whoever waits for the run's end.
+
+    Raises:
+        Refused: if there is nothing to go on with, or what the run is made of has changed.
+    """
+    earlier = find_earlier(folder)
+    configuration = configure(request(earlier))
+    if changed := changes(earlier, configuration):
+        raise Refused(
+            f"{folder.name}: what the run is made of has changed since it began: {'; '.join(changed)}",
+            "put it back as it was (the run's own copy is in its data/), or seal the run as it is with hil seal",
+        )
+    earlier = replace(earlier, deviation=deviation_of(earlier, configuration, other_software))
+    opener = partial(open_resumed, earlier=earlier)
+    return _run(lambda: configuration, opener, out, word or _Unheard(), verbose)
+
+
+def _run(
+    configured: Callable[[], Configuration], opener: Callable[..., Session], out: TextIO, word: Word, verbose: bool
+) -> int:
+    opened = partial(_open, opener=opener, out=out, verbose=verbose, word=word)
     try:
-        launched = launch(configure(request), opener)
+        launched = launch(configured(), opened)
     except KeyboardInterrupt:
         return _nothing(out, EXIT_INTERRUPTED)
     if launched.session is None:
         return _nothing(out, launched.code)
-    return _close(launched.session, launched.code, out, told)
+    return _close(launched.session, launched.code, out, word)
 
 
 def _open(
-    configuration: Configuration, planned: Sequence[PlannedCase], *, out: TextIO, verbose: bool, word: Word
+    configuration: Configuration,
+    planned: Sequence[PlannedCase],
+    *,
+    opener: Callable[..., Session],
+    out: TextIO,
+    verbose: bool,
+    word: Word,
 ) -> Session:
     progress = Progress(out, verbose=verbose)
-    session = open_simulated(configuration, planned, listeners=[progress], alone=True)
+    notifier = Notifier(configuration.workspace.notify, configuration.workspace.root)
+    session = opener(configuration, planned, listeners=[progress, notifier])
     progress.follow(session.folder)
     session.keeper.beside(progress.tick)
+    session.keeper.beside(notifier.tick)
+    notifier.attach(session.folder.name, session.keeper.write)
+    session.keeper.last = notifier.finish
+    session.record.if_diverged(partial(_leave_as_it_is, session.folder, word))
     session.at_last = lambda: word.leave(_close(session, _FAILED, out, word))
     word.begun(session.folder)
     return session
+
+
+def _leave_as_it_is(folder: Path, word: Word, error: Diverged) -> NoReturn:
+    """End the process of a resumed run that does not come to its past again; nothing of it has been driven."""
+    cause: BaseException = error
+    while isinstance(cause.__context__, Diverged):
+        cause = cause.__context__
+    _complain(f"hil: {folder.name} cannot be gone on with: {cause}", "     it is as it was; seal it with hil seal")
+    word.leave(_INTERNAL)
 
 
 def _nothing(out: TextIO, code: int) -> int:
@@ -109,6 +172,7 @@ def _nothing(out: TextIO, code: int) -> int:
 def _close(session: Session, pytest_code: int, out: TextIO, word: Word) -> int:
     """Seal, tell, and return the exit code; what cannot be told changes nothing."""
     code = session.exit_code(pytest_code)
+    session.keeper.last(code)
     try:
         digest = session.seal(code, write_reports)
     except EvidenceError as error:

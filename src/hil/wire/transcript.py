@@ -115,12 +115,14 @@ class Transcript:
         return bool(held)
 
 
-def past_lines(path: Path) -> Iterator[str]:
-    """Cut a torn last line off a transcript, and give its lines below the header.
+def past_lines(path: Path) -> Iterator[str] | None:
+    """Cut a torn last line off a transcript, and return its lines below the header; None where there is no header yet.
 
     Raises:
         EvidenceError: as `read_transcript`.
     """
+    if not path.exists() or path.stat().st_size < len(HEADER):
+        return None
     size = sum(len(line) for line in _lines(path) if line.endswith("\n"))
     if size < path.stat().st_size:  # the lines are ASCII
         os.truncate(path, size)

@@ -115,7 +115,7 @@ def test_the_file_goes_before_whoever_is_there():
         def answer(self, form, name, text, options):
             return f"{form} {name}"
 
-    both = FirstOf(AnswersFile({"phone": "inward"}, "a"), SimulatedPerson(Person()), frozenset({"phone"}))
+    both = FirstOf(AnswersFile({"phone": "inward"}, "a"), SimulatedPerson(Person), frozenset({"phone"}))
     assert both.answer(CHOOSE) == Answer("inward", "answers file")
     assert both.answer(MEASURE) == Answer("measure meter", "simulated person")
 

@@ -18,7 +18,7 @@ def artifacts_of(folder, **options):
     case = Case(folder, **options)
     kept = folder / "attachments"
     kept.mkdir(parents=True)
-    return case, Artifacts(case.run.steps, case.run.effects, case.written, kept)
+    return case, Artifacts(case.run.steps, case.run.effects, case.written, kept, set())
 
 
 def test_a_file_is_kept_and_named_in_the_journal(tmp_path):

@@ -10,7 +10,7 @@ from typing import Any
 
 from hil.documents.canonical import canonical
 from hil.evidence.durable import DISK_FULL, sync_folder, write_whole
-from hil.evidence.folder import INBOX, JOURNAL, RECORDINGS, RESERVE, RESULTS, free_reserve
+from hil.evidence.folder import CHECKPOINT, INBOX, JOURNAL, RECORDINGS, RESERVE, RESULTS, free_reserve
 from hil.evidence.inbox import Message, poll
 from hil.evidence.journal.reader import Body, JournalReading, read_journal
 from hil.evidence.journal.writer import Journal
@@ -149,8 +149,9 @@ def _convert_one(place: Path, begun: Body, ended: Mapping[str, Any] | None) -> s
 
 
 def _tidy(folder: Path) -> None:
-    """Remove the reserve, the inbox, empty folders, and files that a killed process left half written."""
+    """Remove reserve, checkpoint, inbox, empty folders, and files that a killed process left half written."""
     free_reserve(folder / RESERVE)
+    (folder / CHECKPOINT).unlink(missing_ok=True)
     if (folder / INBOX).exists():
         shutil.rmtree(folder / INBOX)
     remove_halves(folder)

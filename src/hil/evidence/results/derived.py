@@ -133,7 +133,7 @@ def derive(events: Sequence[Body], facts: Facts, *, content_digest: str) -> Deri
     safe_ends = [bool(event["ok"]) for event in events if event["kind"] == "safe-end"]
     results: Derived = {
         "format": 1,
-        "run": {key: value for key, value in run.items() if key not in {"seq", "t", "kind"}},
+        "run": _facts_of_run(run, events),
         "interrupted": bool(kinds & {"recovered", "stop"}) or not run,
         "tripped": "trip" in kinds,
         "safe": all(safe_ends) if safe_ends else None,
@@ -148,6 +148,13 @@ def derive(events: Sequence[Body], facts: Facts, *, content_digest: str) -> Deri
     results["counts"] = dict(Counter(case["verdict"] for case in cases))
     results["verdict"] = _verdict_of_run(results, armed="armed" in kinds)
     return results
+
+
+def _facts_of_run(run: Body, events: Sequence[Body]) -> dict[str, Any]:
+    """Return what the run was asked for, with what deviated in the course of it."""
+    facts = {key: value for key, value in run.items() if key not in {"seq", "t", "kind"}}
+    resumed = [event["deviation"] for event in events if event["kind"] == "resumed" and event["deviation"]]
+    return {**facts, "deviations": [*facts["deviations"], *resumed]} if resumed else facts
 
 
 def _cases(events: Sequence[Body]) -> list[_Case]:

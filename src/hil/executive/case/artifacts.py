@@ -8,7 +8,7 @@ from collections.abc import Callable
 from itertools import chain, count
 from pathlib import Path
 
-from hil.evidence.durable import write_whole
+from hil.evidence.durable import read_plain, write_whole
 from hil.executive.case.effects import Effects
 from hil.executive.case.given import Misused
 from hil.executive.case.steps import Steps, file_part
@@ -29,13 +29,17 @@ class Artifacts:
         effects: where it is noted.
         write: writes an event.
         folder: where attachments lie.
+        made: the files that cases of this run have made; what is made here is added.
     """
 
-    def __init__(self, steps: Steps, effects: Effects, write: Callable[..., None], folder: Path) -> None:
+    def __init__(
+        self, steps: Steps, effects: Effects, write: Callable[..., None], folder: Path, made: set[Path]
+    ) -> None:
         self._steps = steps
         self._effects = effects
         self._write = write
         self._folder = folder
+        self._made = made
         self._kept: set[str] = set()
 
     def __call__(self, name: str, content: str | bytes) -> None:
@@ -65,13 +69,21 @@ class Artifacts:
         if name in self._kept:
             raise Misused(f"artifact '{name}': this case has kept a file of that name", "take another name")
         self._kept.add(name)
-        path = self._free(name)
+        path = self._free(name, data)
         write_whole(path, data)
         self._write("attachment", file=path.name, sha256=digest, by=self._steps.case, text="made by the case")
         return path.name
 
-    def _free(self, name: str) -> Path:
-        """Return a path that no earlier attempt and no case with a similar name has taken."""
+    def _free(self, name: str, data: bytes) -> Path:
+        """Return a path that no earlier attempt and no case with a similar name has taken.
+
+        A resumed run comes again to the files that it made before it was interrupted.
+        """
         stem = file_part(self._steps.case)
         names = chain([f"{stem}-{name}"], (f"{stem}-{number}-{name}" for number in count(2)))
-        return next(path for path in map(self._folder.joinpath, names) if not path.exists())
+        path = next(path for path in map(self._folder.joinpath, names) if self._is_free(path, data))
+        self._made.add(path)
+        return path
+
+    def _is_free(self, path: Path, data: bytes) -> bool:
+        return path not in self._made and (not path.exists() or read_plain(path) == data)

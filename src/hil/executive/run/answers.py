@@ -12,7 +12,19 @@ from hil.documents.reader import read_document
 from hil.documents.suggest import did_you_mean, nearest
 from hil.executive.case.operator import Answer, AnswerSource, Declined, Question
 
-__all__ = ["AnswersFile", "FirstOf", "Nobody", "Prompt", "SimulatedPerson", "TerminalPerson", "load_answers"]
+__all__ = [
+    "SIMULATED_PERSON",
+    "AnswersFile",
+    "FirstOf",
+    "Nobody",
+    "Prompt",
+    "SimulatedPerson",
+    "TerminalPerson",
+    "load_answers",
+]
+
+SIMULATED_PERSON = "simulated person"
+"""The name under which the simulated bench's own person answers."""
 
 _SCHEMA = "hil/answers/1"
 _YES = frozenset({"true", "y", "yes"})
@@ -69,15 +81,19 @@ class AnswersFile:
 
 
 class SimulatedPerson:
-    """The simulated bench's own person."""
+    """The simulated bench's own person.
 
-    def __init__(self, person: Person) -> None:
+    Args:
+        person: returns it; on a resumed bench there is none before the bench goes on.
+    """
+
+    def __init__(self, person: Callable[[], Person]) -> None:
         self._person = person
 
     def answer(self, question: Question) -> Answer:
         """Answer from what is true in the simulated world."""
-        value = self._person.answer(question.form, question.name, question.text, question.options)
-        return Answer(value, "simulated person")
+        value = self._person().answer(question.form, question.name, question.text, question.options)
+        return Answer(value, SIMULATED_PERSON)
 
 
 class TerminalPerson:

@@ -9,7 +9,7 @@ from hil.clock.port import Clock
 from hil.evidence.journal.past import Past
 from hil.evidence.journal.writer import Journal
 from hil.executive.run.stop import StopFlags
-from hil.model.errors import EvidenceError
+from hil.model.errors import Diverged, EvidenceError
 
 __all__ = ["DISK_FULL", "Events", "Listener"]
 
@@ -30,6 +30,7 @@ class Events:
 
     Attributes:
         at_new: is called once, before the first event that is new in a resumed run.
+        at_divergence: hears why a resumed run does not come to its past again; nothing is to be written any more.
     """
 
     def __init__(self, journal: Journal, flags: StopFlags, past: Past | None = None) -> None:
@@ -37,6 +38,7 @@ class Events:
         self._flags = flags
         self._past = past
         self.at_new: Callable[[], None] = lambda: None
+        self.at_divergence: Callable[[Diverged], object] = lambda _: None
         self._clock: Clock | None = None
         self._listeners: list[Listener] = []
 
@@ -66,6 +68,12 @@ class Events:
                 except (Exception, SystemExit):  # noqa: BLE001 - a display that is gone must not reach the bench
                     self._listeners.remove(listener)
 
+    def end_of_past(self) -> None:
+        """Note that everything has come again, if it has."""
+        if self._past is not None and self._past.over:
+            self._past = None
+            self.at_new()
+
     def _append(self, kind: str, t: float, beside: Mapping[str, object], fields: Mapping[str, object]) -> None:
         try:
             self._journal.write(kind, t, beside=beside, **fields)
@@ -73,9 +81,13 @@ class Events:
             self._flags.request(DISK_FULL)  # told once, see Journal.write
 
     def _comes_again(self, kind: str, t: float, fields: Mapping[str, object]) -> bool:
-        if self._past is None or self._past.take(kind, t, fields):
-            return self._past is not None
-        if self._past.over:
-            self._past = None
-            self.at_new()
-        return False
+        if self._past is None:
+            return False
+        try:
+            again = self._past.take(kind, t, fields)
+        except Diverged as error:
+            self.at_divergence(error)
+            raise
+        if not again:
+            self.end_of_past()
+        return again

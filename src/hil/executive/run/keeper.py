@@ -32,6 +32,8 @@ class BenchKeeper:
 
     Attributes:
         holding: holds the bench when it is asked for; it has to be shown every event.
+        write: writes an event.
+        last: gets the exit code of the run before it is sealed.
     """
 
     def __init__(
@@ -46,7 +48,8 @@ class BenchKeeper:
         self._bench = bench
         self._dut = dut
         self._flags = flags
-        self._write = write
+        self.write = self._write = write
+        self.last: Callable[[int], None] = lambda _: None
         self._store = store
         self._watched: dict[str, OpenRecording] = {}
         self.unsafe = False

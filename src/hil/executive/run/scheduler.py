@@ -193,6 +193,8 @@ class Scheduler:
                 return True
 
     def _look(self) -> None:
+        if self._bench.playback is not None:
+            self._bench.playback.hand_over_if_due()
         self.again()
         now = wall.monotonic()
         if now - self._ticked >= _TICK_S:

@@ -5,15 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from io import FileIO
 from itertools import count
 from pathlib import Path
 
 from hil.bench.binding import BoundBench
-from hil.bench.lease import Lease
-from hil.evidence.folder import ATTACHMENTS, JOURNAL, RESERVE, TRANSCRIPT, create, hold, require_space
-from hil.evidence.journal.writer import Journal
-from hil.evidence.package.sealing import ReportWriter, seal
+from hil.evidence.folder import ATTACHMENTS
+from hil.evidence.package.sealing import ReportWriter
 from hil.executive.case.artifacts import Artifacts
 from hil.executive.case.case_run import CaseRun, PlannedCase
 from hil.executive.case.checks import Checks
@@ -22,13 +19,12 @@ from hil.executive.case.facade import Facade, RoleSet
 from hil.executive.case.operator import AnswerSource, Operator
 from hil.executive.case.recorder import Recorder
 from hil.executive.case.steps import Steps
-from hil.executive.run.events import Events, Listener
+from hil.executive.run.earlier import Earlier
+from hil.executive.run.events import Listener
 from hil.executive.run.keeper import BenchKeeper
-from hil.executive.run.row_store import RowStore
+from hil.executive.run.record import Record
 from hil.executive.run.stop import Astray, StopFlags, Stopped, Turn, handle_signals, leave_unsealed
-from hil.executive.run.upkeep import Upkeep
 from hil.executive.setup.configuration import Configuration
-from hil.executive.setup.head import write_head
 from hil.model.verdict import Verdict
 from hil.wire.transcript import Transcript
 
@@ -37,8 +33,6 @@ __all__ = ["EXIT_INTERRUPTED", "EXIT_TRIPPED", "EXIT_UNSAFE", "Session"]
 EXIT_INTERRUPTED = 2
 EXIT_TRIPPED = 6
 EXIT_UNSAFE = 7
-
-_LEAST_SPACE = 50_000_000
 
 Binder = Callable[[Transcript, Callable[[], str]], BoundBench]
 """Makes the bench; gets the transcript, and what tells the present step."""
@@ -56,8 +50,10 @@ class Session:
         leases: what this run must hold alone, such as the ports of its instruments.
         listeners: are shown every event.
         recall: the effects that this run must agree with, in a replay.
+        earlier: the interrupted run that this one goes on with.
 
     Attributes:
+        record: what it writes down.
         at_last: seals and ends the process, for a case that never comes to its end; nothing of the run is left then.
     """
 
@@ -71,12 +67,15 @@ class Session:
         leases: Sequence[str] = (),
         listeners: Sequence[Listener] = (),
         recall: Recall | None = None,
+        earlier: Earlier | None = None,
     ) -> None:
         self.configuration = configuration
         self.flags = StopFlags()
         self.poison = ""
         self.current: CaseRun | None = None
         self._recall = recall
+        self._earlier = earlier
+        self._made: set[Path] = set()
         self._ids = count(1)
         self._verdicts: list[Verdict] = []
         self._attempts: dict[str, int] = {}
@@ -104,26 +103,28 @@ class Session:
         """
         configuration = self.configuration
         self._closing.enter_context(handle_signals(self.flags))
-        self.folder = self._open_folder(leases)
-        self._closing.enter_context(hold(self.folder))
-        self._journal = Journal(self.folder / JOURNAL, reserve=self.folder / RESERVE)
-        self._events = Events(self._journal, self.flags)
-        for listener in listeners:
-            self._events.listen(listener)
-        self._store = RowStore(self.folder, self._events.write)
-        self._sink = FileIO(self.folder / TRANSCRIPT, "w")
-        self._transcript = Transcript(self._sink)
-        self._upkeep = Upkeep(self.folder, self._events, self._store, self._transcript, self.flags)
-        write_head(configuration, planned, self.folder, self._events.write)
-        self.bench = binder(self._transcript, self._where)
+        self.record = Record(configuration, self.flags, leases, listeners, self._earlier, self._closing)
+        self.record.begin(planned)
+        self._events = self.record.events
+        self.bench = binder(self.record.transcript, self._where)
         self._closing.callback(self.bench.close)
-        self._events.follow(self.bench.clock)
+        self.record.follow(self.bench, checkpoints=bool(leases))  # nobody resumes a rehearsal
         self.keeper = BenchKeeper(
-            self.bench, configuration.dut, self.flags, self._events.write, self._store, self._upkeep.tick
+            self.bench,
+            configuration.dut,
+            self.flags,
+            self._events.write,
+            self.record.store,
+            self.record.upkeep.tick,
         )
         self._events.listen(self.keeper.holding)
         self.flags.make_safe, self.flags.give_up = self.keeper.safe, self.give_up
         self._answers = answers(self.bench, self.keeper.scheduler.idle)
+
+    @property
+    def folder(self) -> Path:
+        """The run's folder."""
+        return self.record.folder
 
     def arm(self) -> None:
         """Arm the bench; where it cannot be, every case is NOT_RUN for that reason, and so they are after a stop."""
@@ -157,9 +158,11 @@ class Session:
             steps=steps,
             effects=effects,
             check=Checks(requirements, steps, write, used),
-            record=Recorder(steps, scheduler, effects, self._store, self.bench.source.value, lambda: next(self._ids)),
+            record=Recorder(
+                steps, scheduler, effects, self.record.store, self.bench.source.value, lambda: next(self._ids)
+            ),
             operator=Operator(self._answers, effects, steps, write, scheduler.point),
-            artifact=Artifacts(steps, effects, write, self.folder / ATTACHMENTS),
+            artifact=Artifacts(steps, effects, write, self.folder / ATTACHMENTS, self._made),
             scheduler=scheduler,
             write=write,
             source=self.bench.source.value,
@@ -196,7 +199,7 @@ class Session:
         )
         self._verdicts.append(outcome.verdict)
         self.current = None
-        self._transcript.flush()
+        self.record.transcript.flush()
         return outcome.verdict
 
     def not_run(self, case: str, reason: str) -> None:
@@ -233,7 +236,7 @@ class Session:
         with self.flags.shielded():
             try:
                 if run := self.current:
-                    self._store.end_of_case(run.planned.id)
+                    self.record.store.end_of_case(run.planned.id)
                     self._conclude(run)
                 for case in tuple(self._open_cases):
                     self.not_run(case, "the run was ended amid a case that nothing else ended")
@@ -256,25 +259,12 @@ class Session:
     def seal(self, exit_code: int, write_reports: ReportWriter) -> str:
         """Seal the package and return its evidence digest."""
         with self.flags.shielded(), self._closing:
-            self._upkeep.flush()
-            self._sink.close()
-            return seal(self.folder, self._journal, exit_code=exit_code, write_reports=write_reports)
+            return self.record.seal(exit_code, write_reports)
 
     def abandon(self) -> None:
         """Close everything without a seal: for runs whose folder nobody keeps."""
         with self._closing:
-            self._upkeep.flush()
-            self._sink.close()
-            self._journal.close()
-
-    def _open_folder(self, leases: Sequence[str]) -> Path:
-        configuration = self.configuration
-        require_space(configuration.reports, _LEAST_SPACE)
-        lease = Lease(leases, f"a run of {', '.join(plan.name for plan in configuration.plans)}")
-        self._closing.callback(lease.release)
-        folder = create(configuration.reports, bench=configuration.bench.name, dut=configuration.dut.serial)
-        lease.name(folder.name)
-        return folder
+            self.record.abandon()
 
     def _now(self) -> float:
         self.flags.stay_home()

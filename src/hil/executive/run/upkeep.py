@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from hil.evidence.folder import RESERVE, free_reserve
@@ -10,6 +11,7 @@ from hil.evidence.package.sealing import event_of
 from hil.executive.run.events import DISK_FULL, Events
 from hil.executive.run.row_store import RowStore
 from hil.executive.run.stop import StopFlags
+from hil.executive.run.timekeeping import Timekeeping
 from hil.model.errors import EvidenceError
 from hil.wire.transcript import Transcript
 
@@ -25,9 +27,14 @@ class Upkeep:
         store: the open recordings.
         transcript: what went over the wire.
         flags: asked to end the run when somebody says so, or the disk is full.
+
+    Attributes:
+        checkpoint: writes down where the bench is, if it is time.
     """
 
     def __init__(self, folder: Path, events: Events, store: RowStore, transcript: Transcript, flags: StopFlags) -> None:
+        self.checkpoint: Callable[[], None] = lambda: None
+        self._timekeeping = Timekeeping(events.write)
         self._folder = folder
         self._events = events
         self._store = store
@@ -36,7 +43,8 @@ class Upkeep:
 
     def tick(self) -> None:
         """Do it all."""
-        self.flush()
+        self._timekeeping.tick()
+        self._flush(self.checkpoint)
         if not (self._folder / RESERVE).exists():
             self._disk_is_full()
         for message in poll(self._folder):
@@ -48,9 +56,13 @@ class Upkeep:
 
     def flush(self) -> None:
         """Bring what waits to the disk."""
+        self._flush(lambda: None)
+
+    def _flush(self, then: Callable[[], None]) -> None:
         try:
             self._transcript.flush()
             self._store.tick()
+            then()
         except (OSError, EvidenceError):
             self._disk_is_full()
             if free_reserve(self._folder / RESERVE):

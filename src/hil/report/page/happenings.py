@@ -137,6 +137,17 @@ def _recovered(event: Body) -> str:
     return text(event, "text") + (f" ({torn} torn bytes were cut and kept)" if torn else "")
 
 
+def _for_seconds(event: Body) -> str:
+    """Return what happened to the machine, and how long it was."""
+    return f"{text(event, 'text')} ({duration(event.get('seconds'))})"
+
+
+def _resumed(event: Body) -> str:
+    """Return that the run was interrupted, and from where it went on."""
+    told = f"{_for_seconds(event)}; bench made again from {bench_time(event.get('checkpoint'))} on"
+    return f"{told}; {text(event, 'deviation')}" if text(event, "deviation") else told
+
+
 _DID = {
     "answer": "answered questions",
     "attachment": "attached files",
@@ -147,6 +158,7 @@ _WORDS = {
     "hold": "hold",
     "hold-end": "hold",
     "hold-refused": "hold refused",
+    "notify-failed": "nobody notified",
     "anomaly": "anomaly",
     "trip": "trip",
     "monitor-late": "late monitor",
@@ -157,6 +169,10 @@ _WORDS = {
     "note": "note",
     "attachment": "attachment",
     "recovered": "recovery",
+    "resumed": "resumed",
+    "reboot": "reboot",
+    "suspended": "suspended",
+    "clock-jump": "clock jump",
 }
 _TOLD: Mapping[str, Callable[[Body], str]] = {
     "anomaly": lambda event: text(event, "text"),
@@ -171,5 +187,10 @@ _TOLD: Mapping[str, Callable[[Body], str]] = {
     "hold": _hold,
     "hold-end": _hold_end,
     "hold-refused": noted,
+    "notify-failed": lambda event: f"of '{text(event, 'event')}': {text(event, 'reason')}",
     "recovered": _recovered,
+    "resumed": _resumed,
+    "reboot": _for_seconds,
+    "suspended": _for_seconds,
+    "clock-jump": _for_seconds,
 }

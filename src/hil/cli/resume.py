@@ -1,0 +1,48 @@
+"""`hil resume`: go on with a run that was interrupted."""
+
+from __future__ import annotations
+
+import sys
+from functools import partial
+from pathlib import Path
+
+import click
+
+from hil.cli.folders import find_run
+from hil.cli.supervision import Invocation, supervise
+
+__all__ = ["command"]
+
+
+@click.command(name="resume", epilog="Example: hil resume latest")
+@click.argument("run", metavar="RUN")
+@click.option("--answers", type=click.Path(path_type=Path, exists=True, dir_okay=False), help="Answers to questions.")
+@click.option("--ask", is_flag=True, help="Ask at the terminal, also on a simulated bench.")
+@click.option(
+    "--other-software",
+    default="",
+    metavar="REASON",
+    help="Why it goes on with other software than it began with; it then closes nothing.",
+)
+@click.option("-v", "--verbose", is_flag=True, help="Show every step, every driving call, every gate.")
+@click.pass_obj
+def command(
+    invocation: Invocation, *, run: str, answers: Path | None, ask: bool, other_software: str, verbose: bool
+) -> int:
+    """Go on with a run whose process was killed, or whose machine lost power.
+
+    Its cases are run again from their first line on the bytes that were recorded, and have to come to what was
+    written down; from the last checkpoint on the bench itself goes on. Nobody is asked a second time. The run keeps
+    its folder, and says when it was resumed. Exit codes and last line of standard output are those of hil run.
+    """
+    folder = find_run(run)
+    if invocation.word is None:
+        from hil.executive.setup.pins import pinned_environment  # noqa: PLC0415 - the process that waits stays light
+
+        return supervise(invocation.arguments, pinned_environment())
+    from hil.executive.setup.resuming import resumed_request  # noqa: PLC0415 - after the pins
+    from hil.plugin.running import resume  # noqa: PLC0415 - after the pins
+
+    invocation.word.listen()
+    request = partial(resumed_request, start=Path.cwd(), answers=answers.resolve() if answers else None, person=ask)
+    return resume(folder, request, sys.stdout, other_software=other_software, verbose=verbose, word=invocation.word)

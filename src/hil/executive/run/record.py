@@ -1,0 +1,111 @@
+"""The record of one run while it goes on: its folder, journal, row files and transcript."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from functools import partial
+from io import FileIO
+from pathlib import Path
+
+from hil.bench.binding import BoundBench
+from hil.bench.lease import Lease
+from hil.evidence.folder import JOURNAL, RESERVE, TRANSCRIPT, create, hold, require_space
+from hil.evidence.journal.past import Past
+from hil.evidence.journal.writer import Journal
+from hil.evidence.package.sealing import ReportWriter, seal
+from hil.executive.case.case_run import PlannedCase
+from hil.executive.run.checkpoints import Checkpoints
+from hil.executive.run.earlier import Earlier, go_on_with
+from hil.executive.run.events import Events, Listener
+from hil.executive.run.row_store import RowStore
+from hil.executive.run.stop import StopFlags
+from hil.executive.run.upkeep import Upkeep
+from hil.executive.setup.configuration import Configuration
+from hil.executive.setup.head import write_head
+from hil.model.errors import Diverged
+from hil.wire.transcript import Transcript, past_lines
+
+__all__ = ["Record"]
+
+_LEAST_SPACE = 50_000_000
+
+
+class Record:
+    """What a run writes down, and what of an interrupted run comes again before anything new is written.
+
+    Args:
+        configuration: what the run is made of.
+        flags: stop requests.
+        leases: what the run must hold alone.
+        listeners: are shown every event.
+        earlier: the interrupted run that goes on, None for a new one.
+        closing: lets go of folder and leases when the run is over.
+    """
+
+    def __init__(
+        self,
+        configuration: Configuration,
+        flags: StopFlags,
+        leases: Sequence[str],
+        listeners: Sequence[Listener],
+        earlier: Earlier | None,
+        closing: ExitStack,
+    ) -> None:
+        self._configuration = configuration
+        self._earlier = earlier
+        self.folder = self._open_folder(leases, closing)
+        closing.enter_context(hold(self.folder))
+        self._journal = Journal(self.folder / JOURNAL, reserve=self.folder / RESERVE)
+        self.events = Events(self._journal, flags, Past(earlier.lines) if earlier else None)
+        for listener in listeners:
+            self.events.listen(listener)
+        self.store = RowStore(self.folder, self.events.write, again=earlier is not None)
+        past = past_lines(self.folder / TRANSCRIPT) if earlier else None
+        self._sink = FileIO(self.folder / TRANSCRIPT, "a" if past else "w")
+        self.transcript = Transcript(self._sink, past)
+        self.upkeep = Upkeep(self.folder, self.events, self.store, self.transcript, flags)
+
+    def begin(self, planned: Sequence[PlannedCase]) -> None:
+        """Write the head of a new run; that of an interrupted one stands there already."""
+        if self._earlier is None:
+            write_head(self._configuration, planned, self.folder, self.events.write)
+
+    def follow(self, bench: BoundBench, *, checkpoints: bool) -> None:
+        """Stamp events with the bench's time, and write down where it is if `checkpoints`."""
+        self.events.follow(bench.clock)
+        if self._earlier is not None:
+            self.events.at_new = partial(go_on_with, self._earlier, self._journal, bench.clock.now)
+        if checkpoints:
+            self.upkeep.checkpoint = Checkpoints(self.folder, bench).tick
+
+    def if_diverged(self, tell: Callable[[Diverged], object]) -> None:
+        """Let `tell` hear why a resumed run does not come to its past again."""
+        self.events.at_divergence = tell
+
+    def seal(self, exit_code: int, write_reports: ReportWriter) -> str:
+        """Seal the package and return its evidence digest."""
+        self.events.end_of_past()
+        self._flush()
+        return seal(self.folder, self._journal, exit_code=exit_code, write_reports=write_reports)
+
+    def abandon(self) -> None:
+        """Close everything without a seal."""
+        self._flush()
+        self._journal.close()
+
+    def _flush(self) -> None:
+        self.upkeep.flush()
+        self._sink.close()
+
+    def _open_folder(self, leases: Sequence[str], closing: ExitStack) -> Path:
+        configuration = self._configuration
+        require_space(configuration.reports, _LEAST_SPACE)
+        lease = Lease(leases, f"a run of {', '.join(plan.name for plan in configuration.plans)}")
+        closing.callback(lease.release)
+        if self._earlier is not None:
+            folder = self._earlier.folder
+        else:
+            folder = create(configuration.reports, bench=configuration.bench.name, dut=configuration.dut.serial)
+        lease.name(folder.name)
+        return folder
