@@ -152,3 +152,17 @@ def test_a_run_is_held_released_and_stopped_from_another_terminal(tmp_path):
     assert workspace.hil("verify", "latest").err == ""
     sealed = workspace.hil("hold", "latest")
     assert (sealed.code, "is sealed" in sealed.err) == (4, True)
+
+
+def test_a_run_that_ends_tells_somebody(tmp_path):
+    """The command of the workspace hears of the end, whatever became of its own output, and the run is sealed."""
+    workspace = make(tmp_path / "workspace", LONG)
+    (workspace.root / "hil.toml").write_text('notify = ["/bin/cp", "/dev/stdin", "told.json"]\n')
+    run = workspace.start_run()
+    until(run, "part 3 of 100000")
+    assert workspace.hil("stop", "latest", "--by", "Ada").code == 0
+    ended = finish(run)
+    told = json.loads((workspace.root / "told.json").read_text())
+    assert (ended.code, ended.err) == (2, "")
+    assert (told["event"], told["run"], told["text"]) == ("end", packages(workspace)[0].name, "the run was stopped")
+    assert workspace.hil("verify", "latest").err == ""

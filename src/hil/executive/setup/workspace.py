@@ -17,13 +17,14 @@ _FOLDERS = {"testplans": "testplans", "fixtures": "fixtures", "reports": "report
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Workspace:
-    """A workspace's folders, absolute."""
+    """A workspace's folders, absolute, and the command that notifies people of what happens to runs."""
 
     root: Path
     name: str
     testplans: Path
     fixtures: Path
     reports: Path
+    notify: tuple[str, ...] = ()
 
     @property
     def benches(self) -> Path:
@@ -101,16 +102,24 @@ def _toml(path: Path) -> dict[str, Any]:
 
 
 def _workspace(root: Path, settings: dict[str, Any], file: str) -> Workspace:
-    known = ["name", *_FOLDERS]
+    known = ["name", "notify", *_FOLDERS]
     findings = [
         Finding(file, 0, 0, f"unknown key '{key}'{did_you_mean(key, known)}") for key in settings if key not in known
     ]
     findings += [
         Finding(file, 0, 0, f"'{key}' must be a text that can be a name of a file")
         for key, value in settings.items()
+        if key != "notify"
         if not isinstance(value, str) or not value.strip() or "\0" in value
     ]
+    notify = settings.get("notify", [])
+    if not isinstance(notify, list) or not all(_is_argument(part) for part in notify) or notify[:1] == [""]:
+        findings.append(Finding(file, 0, 0, "'notify' must be a list of texts: a program and its arguments"))
     if findings:
         raise ConfigurationError(tuple(findings))
     folders = {key: (root / settings.get(key, default)).resolve() for key, default in _FOLDERS.items()}
-    return Workspace(root=root, name=settings.get("name", root.name), **folders)
+    return Workspace(root=root, name=settings.get("name", root.name), notify=tuple(notify), **folders)
+
+
+def _is_argument(part: object) -> bool:
+    return isinstance(part, str) and "\0" not in part

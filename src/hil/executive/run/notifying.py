@@ -1,0 +1,166 @@
+"""Notifying: a command of the workspace is run when somebody should know, and never holds up a run."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hil.clock import wall
+from hil.documents.canonical import canonical
+
+__all__ = ["Notifier"]
+
+_LIMIT_S = 10.0
+_LOOK_S = 0.02
+_MOST_AT_ONCE = 4
+_LONGEST_TEXT = 1000
+_ENDS = {
+    0: "every case passed",
+    1: "not every case passed",
+    2: "the run was stopped",
+    6: "the envelope tripped, and the bench is safe",
+    7: "the bench could not be proven safe",
+}
+
+
+@dataclass(slots=True)
+class _Sent:
+    """One notification and what became of it: empty where it succeeded, None while it is going on."""
+
+    event: str
+    began: float
+    process: subprocess.Popen[bytes] | None = None
+    problem: str | None = None
+    lasted: float = 0.0
+
+
+class Notifier:
+    """Runs a command on a trip, a question that waits, data that came late, and the end of a run.
+
+    The command gets a JSON object on standard input and the same as variables HIL_EVENT, HIL_RUN and HIL_TEXT. What
+    became of it is written down at the end of the run, so that equal runs have equal events.
+
+    Args:
+        command: program and arguments; empty for nobody to be notified.
+        place: the folder in which it runs.
+        limit_s: after so much wall time it is killed with all that it started.
+    """
+
+    def __init__(self, command: Sequence[str], place: Path, limit_s: float = _LIMIT_S) -> None:
+        self._command = tuple(command)
+        self._place = place
+        self._limit_s = limit_s
+        self._run = ""
+        self._write: Callable[..., None] | None = None
+        self._sent: list[_Sent] = []
+        self._late: set[str] = set()
+        self._question = ""
+
+    def attach(self, run: str, write: Callable[..., None]) -> None:
+        """Begin, for the run of this name, whose events `write` writes."""
+        self._run, self._write = run, write
+
+    def __call__(self, event: Mapping[str, Any]) -> None:
+        """Take one event of the run."""
+        match event["kind"]:
+            case "trip":
+                self._send("trip", str(event["text"]))
+            case "monitor-late" if event["limit"] not in self._late:
+                self._late.add(event["limit"])
+                self._send("stale", str(event["text"]))
+            case "question":
+                self._question = str(event["text"])
+            case "answer" | "effect" | "case-end":
+                self._question = ""
+
+    def tick(self) -> None:
+        """Notify of a question that waits for a person, and look after the commands that run."""
+        if self._question:
+            self._send("question", self._question)
+            self._question = ""
+        for sent in self._sent:
+            if sent.problem is None:
+                self._look_after(sent)
+
+    def finish(self, code: int) -> None:
+        """Notify of the end of the run, wait for every command within its limit, and write down what became of them."""
+        self._question = ""
+        self._send("end", _ENDS.get(code, f"the run ended with exit code {code}"))
+        while any(sent.problem is None for sent in self._sent):
+            self.tick()
+            wall.pause(_LOOK_S)
+        for sent in self._sent:
+            beside = {"seconds": round(sent.lasted, 3)}
+            if sent.problem:
+                self._tell("notify-failed", event=sent.event, reason=sent.problem, beside=beside)
+            else:
+                self._tell("notified", event=sent.event, beside=beside)
+        self._sent.clear()
+
+    def _tell(self, kind: str, **fields: object) -> None:
+        if self._write is not None:
+            self._write(kind, **fields)
+
+    def _send(self, event: str, text: str) -> None:
+        """Start the command; what keeps it from starting is kept, not raised."""
+        if not self._command or self._write is None:
+            return
+        sent = _Sent(event, wall.monotonic())
+        self._sent.append(sent)
+        if sum(each.problem is None for each in self._sent) > _MOST_AT_ONCE:
+            self._end(sent, "too many commands were still going on")
+            return
+        text = text.replace("\0", "")[:_LONGEST_TEXT]
+        try:
+            sent.process = self._started(event, text)
+        except (OSError, ValueError) as error:
+            self._end(sent, getattr(error, "strerror", None) or type(error).__name__)
+            return
+        told = canonical({"event": event, "run": self._run, "text": text})
+        if sent.process.stdin is not None:
+            with suppress(OSError):  # it may have ended without reading; the pipe holds all of it, so nobody waits
+                sent.process.stdin.write(told + b"\n")
+                sent.process.stdin.flush()
+            with suppress(OSError):
+                sent.process.stdin.close()
+
+    def _started(self, event: str, text: str) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(  # noqa: S603 - the workspace names it, and no shell reads it
+            self._command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            cwd=self._place,
+            env={**os.environ, "HIL_EVENT": event, "HIL_RUN": self._run, "HIL_TEXT": text},
+            start_new_session=True,
+        )
+
+    def _look_after(self, sent: _Sent) -> None:
+        if sent.process is None:
+            return
+        code = sent.process.poll()
+        if code is not None:
+            self._end(sent, "" if code == 0 else _manner(code))
+        elif wall.monotonic() - sent.began > self._limit_s:
+            with suppress(OSError):  # it may end by itself right now
+                os.killpg(sent.process.pid, signal.SIGKILL)
+            sent.process.wait()  # nothing survives that signal, so it is over at once
+            self._end(sent, f"it took longer than {self._limit_s:g} s")
+
+    def _end(self, sent: _Sent, problem: str) -> None:
+        sent.problem, sent.lasted = problem, wall.monotonic() - sent.began
+        if problem:
+            with suppress(OSError, ValueError, AttributeError):
+                sys.stderr.write(f"hil: nobody was notified of '{sent.event}': {self._command[0]}: {problem}\n")
+                sys.stderr.flush()
+
+
+def _manner(code: int) -> str:
+    return f"exit code {code}" if code > 0 else f"it was ended by signal {-code}"

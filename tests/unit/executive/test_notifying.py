@@ -1,0 +1,115 @@
+"""Whoever should know is told, and no run waits for it."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import sys
+
+import pytest
+
+from hil.executive.run.notifying import Notifier
+
+KEEPING = """
+import json, os, sys
+told = {"stdin": json.load(sys.stdin), **{name: os.environ[name] for name in ("HIL_EVENT", "HIL_RUN", "HIL_TEXT")}}
+open(os.environ["HIL_EVENT"] + ".json", "w").write(json.dumps({**told, "leader": os.getsid(0) == os.getpid()}))
+"""
+
+TRIP = {"kind": "trip", "text": "too hot", "limit": "x"}
+LATE = {"kind": "monitor-late", "text": "late", "limit": "x"}
+
+
+def python(code: str) -> list[str]:
+    """Return the command that runs this code."""
+    return [sys.executable, "-I", "-c", code]
+
+
+def notified(place, command, *events, limit_s=10.0, code=0):
+    """Return what was written at the end of a run with these events, and a tick after each."""
+    written = []
+    notifier = Notifier(command, place, limit_s)
+    notifier.attach("run-1", lambda kind, **fields: written.append({"kind": kind, **fields}))
+    for event in events:
+        notifier(event)
+        notifier.tick()
+    notifier.finish(code)
+    with pytest.raises(ChildProcessError):  # nothing is left to be reaped
+        os.waitpid(-1, os.WNOHANG)
+    return [(item["kind"], item["event"], item.get("reason")) for item in written]
+
+
+def test_the_command_is_told_what_happened(tmp_path):
+    """As JSON on standard input and as variables, in a session of its own; the order is that of the events."""
+    assert notified(tmp_path, python(KEEPING), TRIP, LATE, LATE, code=6) == [
+        ("notified", "trip", None),
+        ("notified", "stale", None),
+        ("notified", "end", None),
+    ]
+    told = json.loads((tmp_path / "trip.json").read_text())
+    assert told["stdin"] == {"event": "trip", "run": "run-1", "text": "too hot"}
+    assert (told["HIL_EVENT"], told["HIL_RUN"], told["HIL_TEXT"]) == ("trip", "run-1", "too hot")
+    assert told["leader"] is True
+    assert json.loads((tmp_path / "end.json").read_text())["HIL_TEXT"] == "the envelope tripped, and the bench is safe"
+
+
+@pytest.mark.parametrize(
+    ("command", "reason"),
+    [
+        (["/nowhere/tell"], "No such file or directory"),
+        (python("raise SystemExit(3)"), "exit code 3"),
+        (python("import os; os.kill(os.getpid(), 9)"), "it was ended by signal 9"),
+        (["/"], "Permission denied"),
+    ],
+    ids=["missing", "code", "killed", "folder"],
+)
+def test_a_failure_is_kept_and_not_raised(tmp_path, capsys, command, reason):
+    """The journal and standard error have the reason."""
+    assert notified(tmp_path, command) == [("notify-failed", "end", reason)]
+    assert f"nobody was notified of 'end': {command[0]}: {reason}" in capsys.readouterr().err
+
+
+def test_what_takes_too_long_is_killed_with_all_that_it_started(tmp_path):
+    """Its children, too: nobody holds the file any more that one of them had locked."""
+    lock = tmp_path / "lock"
+    child = (
+        f"import fcntl; file = open({str(lock)!r}, 'w'); fcntl.flock(file, fcntl.LOCK_EX); import time; time.sleep(60)"
+    )
+    code = f"import subprocess, sys; subprocess.run([sys.executable, '-I', '-c', {child!r}])"
+    told = notified(tmp_path, python(code), limit_s=1.0)
+    assert told == [("notify-failed", "end", "it took longer than 1 s")]
+    with lock.open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)  # the test's timeout ends it if the child lives
+
+
+def test_a_question_is_told_of_only_while_it_waits(tmp_path):
+    """What the simulated person answers at once wakes nobody."""
+    question, answer = {"kind": "question", "text": "which way?"}, {"kind": "answer"}
+    assert ("notified", "question", None) in notified(tmp_path, ["/bin/true"], question)
+    notifier = Notifier(["/nowhere/tell"], tmp_path)
+    written = []
+    notifier.attach("r", lambda _, **fields: written.append(fields["event"]))
+    for event in (question, answer):
+        notifier(event)
+    notifier.tick()
+    notifier.finish(0)
+    assert written == ["end"]
+
+
+def test_no_text_is_too_long_or_too_odd(tmp_path):
+    """A megabyte, zero bytes, and a command that does not read do not hold up the run."""
+    events = [{"kind": "trip", "text": "\0" + "ü" * 1_000_000}]
+    assert notified(tmp_path, ["/bin/true"], *events)[0] == ("notified", "trip", None)
+
+
+def test_commands_do_not_pile_up(tmp_path):
+    """Of those that hang only a few are there at once."""
+    late = [{**LATE, "limit": str(number)} for number in range(6)]
+    told = notified(tmp_path, ["/bin/sleep", "60"], *late, limit_s=0.3)
+    assert [reason for _, _, reason in told].count("too many commands were still going on") == 3
+
+
+def test_without_a_command_nothing_happens(tmp_path):
+    """Nothing is written."""
+    assert notified(tmp_path, [], TRIP) == []
