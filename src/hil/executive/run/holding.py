@@ -75,7 +75,8 @@ class Holding:
         playback = self._bench.playback
         if playback is None or self._held or not playback.comes(HOLD, self._scheduler.now_ns()):
             return
-        self._held = True
+        began_ns, deadline_ns = self._scheduler.now_ns(), self._scheduler.deadline_ns
+        self._held, self._scheduler.deadline_ns = True, None
         try:
             self._mark(HOLD)
             self._take()
@@ -92,6 +93,8 @@ class Holding:
                 return
         finally:
             self._held = False
+            lasted_ns = self._scheduler.now_ns() - began_ns
+            self._scheduler.deadline_ns = None if deadline_ns is None else deadline_ns + lasted_ns
         self._hold({"by": "", "text": "it was held when the run was interrupted"})
 
     def _asked(self, event: Event) -> None:
