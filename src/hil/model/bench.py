@@ -131,6 +131,7 @@ class Wire:
         contacts: for relays, name of a contact to its number on the board.
         settings: what the role needs besides (measurement range, output rate), as strings.
         reduced: for supplies, the level at which arm tries the output.
+        charges: for supplies, the cycler through which the output charges a battery; empty where it charges none.
         note: polarity, fuse, cable: printed in the report's wiring table.
     """
 
@@ -141,6 +142,7 @@ class Wire:
     contacts: Mapping[str, int] = field(default_factory=dict)
     settings: Mapping[str, str] = field(default_factory=dict)
     reduced: ReducedLevel | None = None
+    charges: str = ""
     note: str = ""
 
     @property

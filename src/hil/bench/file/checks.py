@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from hil.bench.file import limit_checks
+from hil.bench.file import charging_checks, limit_checks
 from hil.bench.file.complaints import Complaints, Located, known
 from hil.clock.virtual import VirtualClock
 from hil.documents.findings import Findings
@@ -37,6 +37,7 @@ def check_bench(spec: BenchSpec, places: Located, findings: Findings) -> None:
         limit_checks.envelope,
         limit_checks.safe_steps,
         limit_checks.covered,
+        charging_checks.charging,
         _twin,
     ):
         for thing, message in check(spec):

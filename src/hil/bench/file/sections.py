@@ -79,6 +79,7 @@ def read_wire(reader: MappingReader) -> Wire:
         contacts={name: contacts.integer(name) for name in names} if contacts else {},
         settings=_texts(reader, "settings"),
         reduced=_reduced(reader.child("reduced")),
+        charges=reader.text("charges", ""),
         note=reader.text("note", ""),
     )
     reader.done()
