@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
+from hil.analysis.battery.counted import net
 from hil.analysis.battery.crossing import first_fall, first_rise
 from hil.analysis.battery.cycles import cycles, equivalent_full_cycles
 from hil.analysis.battery.fade import fade
@@ -70,6 +71,28 @@ def test_the_real_cycler_and_the_trapezoid_agree():
     assert not only.complete
     assert only.resistances[0].value == pytest.approx((3.85240349 - 3.84318331) / 0.49989602)
     assert only.resistances[0].delay == pytest.approx(1.28, abs=0.001)
+
+
+def test_a_count_tells_when_the_current_began():
+    """With the cycler's count of the first 1.28 s the charge agrees to 3e-7 and the energy to 2e-6 with its own."""
+    log = read(NOVONIX)
+    data = series(log.time, log.voltage, log.current, charge=log.charge, energy=log.energy)
+    (only,) = cycles(data)
+    assert only.charge.charge == pytest.approx(1.70652976, rel=3e-7)
+    assert only.charge.energy == pytest.approx(6.84854718, rel=2e-6)
+    sums = net(data, segment(data), energy=False)
+    assert (sums.edges, sums.counted) == (1, pytest.approx(0.00013502))
+    assert abs(sums.counted - (sums.counted + sums.samples - sums.value)) < 2.0 * sums.open
+
+
+@pytest.mark.parametrize("wrong", [-1.0, 10.0])
+def test_a_count_that_cannot_be_is_not_taken(wrong):
+    """A counter of the other sign, or one that tells more than the current can have moved, changes nothing."""
+    log = read(NOVONIX)
+    plain = series(log.time, log.voltage, log.current)
+    data = series(log.time, log.voltage, log.current, charge=wrong * log.charge, energy=wrong * log.energy)
+    assert cycles(data)[0].charge.charge == cycles(plain)[0].charge.charge
+    assert net(data, segment(data), energy=True).edges == 0
 
 
 def test_sums_are_those_of_scipy():
@@ -272,7 +295,7 @@ def test_a_sound_test_trips_nothing_and_missing_numbers_are_said():
     """Plausible numbers pass every gate; without any number no gate passes."""
     sound = Told(
         charge_in=1.4, charge_out=1.395, energy_in=5.46, energy_out=5.08, highest=4.205, lowest=2.695,
-        duration=17000.0, count=10, elapsed=171000.0,
+        duration=17000.0, count=10, elapsed=171000.0, interval=5.0, swing=8000.0,
     )  # fmt: skip
     assert {gate.ok for gate in judge(sound, DECLARED)} == {True}
     assert {gate.ok for gate in judge(Told(), Declared())} == {None}

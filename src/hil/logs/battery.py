@@ -29,6 +29,8 @@ class BatteryLog:
         capacity: nominal capacity in Ah as the log declares it, None where it does not.
         own_charge: the instrument's own net charge at the end, in Ah, None where it has none.
         own_energy: likewise net energy, in Wh.
+        charge: the instrument's own count of net charge at each row, in Ah, None where it is not in the rows.
+        energy: likewise of net energy, in Wh.
         remarks: what was left out or mended, in sentences.
     """
 
@@ -41,6 +43,8 @@ class BatteryLog:
     capacity: float | None = None
     own_charge: float | None = None
     own_energy: float | None = None
+    charge: NDArray[np.float64] | None = None
+    energy: NDArray[np.float64] | None = None
     remarks: tuple[str, ...] = ()
 
 

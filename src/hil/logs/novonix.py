@@ -61,6 +61,8 @@ def read(path: Path) -> BatteryLog:
         capacity=_declared(lines[:start]),
         own_charge=None if charge is None else float(charge[-1] - charge[0]),
         own_energy=None if energy is None else float(energy[-1] - energy[0]),
+        charge=charge,
+        energy=energy,
         remarks=(f"{torn} torn rows are left out",) if torn else (),
     )
 

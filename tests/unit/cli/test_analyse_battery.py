@@ -36,11 +36,36 @@ def test_a_novonix_file_needs_no_option():
     """Charge and energy beside the cycler's own, and no verdict on what one charge cannot tell."""
     text = run(NOVONIX).stdout
     assert text.startswith(f"{NOVONIX} (novonix): 207 rows, 3.413 h, 1 cycle\n")
-    assert "net charge: 1.70648 Ah; the instrument's own 1.70653 Ah, -2.7e-05 of it apart" in text
+    assert "charge Ah       1.706483       1.706529      1.706530      -4.7e-07  -2.7e-07\n" in text
+    assert "energy Wh       6.848359       6.848537      6.848547      -1.1e-05  -1.5e-06\n" in text
+    assert (
+        "1 switch between rest and current as the instrument counted: 0.000135 Ah (samples alone: ± 5.1e-05 Ah)" in text
+    )
+    assert "1  charge      1.70653   6.84854" in text
     assert "rest to charge: 0.01844 ohm within 1.28 s" in text
-    assert "equivalent full cycles: 0.1706 of 5 Ah" in text
+    assert "equivalent full cycles: 0.1707 of 5 Ah" in text
     assert "not a whole cycle" in text
     assert "unknown  coulombic_efficiency" in text
+
+
+def test_a_program_reads_both_sums_and_their_difference():
+    """The sums agree with the published counts to five digits; what the count stands for is told apart."""
+    document = json.loads(run(NOVONIX, "--json").stdout)
+    assert [f"{each:.5g}" for each in document["net"].values()] == ["1.7065", "6.8485"]
+    assert document["net"] == pytest.approx({"charge_Ah": 1.70652976, "energy_Wh": 6.84854718}, rel=2e-6)
+    assert document["own"] == {"charge_Ah": 1.70652976, "energy_Wh": 6.84854718}
+    assert document["apart"]["charge_Ah"] == pytest.approx(-4.7e-7, abs=1e-8)
+    assert document["sums"]["charge_Ah"]["counted"] == pytest.approx(0.00013502)
+    assert document["sums"]["charge_Ah"]["samples"] == pytest.approx(1.7064832, abs=1e-7)
+
+
+def test_a_forgotten_time_unit_is_doubted(table):
+    """Hours read as seconds: a cell emptied in ten seconds, and samples each few milliseconds, cannot be."""
+    wrong = run(table, *COLUMNS, "--discharge-positive").stdout
+    assert "DOUBT    time_unit: samples each 0.00833 s; a charge or discharge in" in wrong
+    assert "this cannot be; is the unit of the time right (--time-unit)?" in wrong
+    right = run(table, *COLUMNS, "--discharge-positive", "--time-unit", "h").stdout
+    assert "good     time_unit: samples each 30 s; a charge or discharge in" in right
 
 
 def test_another_make_needs_a_mapping_only(table):
@@ -112,4 +137,4 @@ def test_a_cyclers_log_is_recognised(tmp_path):
     text = run(str(path)).stdout
     assert f"(cycler): {time.size} rows" in text
     assert "2 cycles" in text
-    assert "net energy: " in text
+    assert "\nenergy Wh  " in text

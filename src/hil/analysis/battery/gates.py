@@ -15,6 +15,10 @@ from hil.analysis.quality.gate import Gate
 
 __all__ = ["Declared", "Told", "judge", "told", "tripped"]
 
+_INTERVAL = (0.02, 3600.0)  # s: no cycler logs a test faster, and none so slowly
+_SWING = (180.0, 3.6e6)  # s: 20 C and C/1000
+_WIDE = 0.8  # V: no cell goes through these without most of its charge
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Declared:
@@ -60,6 +64,8 @@ class Told:
         duration: s that one cycle lasts.
         count: how many cycles there were.
         elapsed: s that the test lasted.
+        interval: usual s between two samples.
+        swing: median s of a charge or discharge through most of the voltages of a cell.
     """
 
     charge_in: float = math.nan
@@ -71,6 +77,8 @@ class Told:
     duration: float = math.nan
     count: float = math.nan
     elapsed: float = math.nan
+    interval: float = math.nan
+    swing: float = math.nan
 
 
 def told(made: Sequence[Cycle]) -> Told:
@@ -83,6 +91,7 @@ def told(made: Sequence[Cycle]) -> Told:
     extremes = Told(
         highest=max((half.highest_voltage for half in halves), default=math.nan),
         lowest=min((half.lowest_voltage for half in halves), default=math.nan),
+        swing=_swing(halves),
     )
     whole = [each for each in made if each.complete]
     if not whole:
@@ -136,6 +145,7 @@ def _gates(numbers: Told, declared: Declared) -> Iterator[Gate]:
     yield _between("capacity_ratio", "1", _over(numbers.charge_out, declared.capacity), declared.nominal, advice)
     yield _between("energy_ratio", "1", _over(numbers.energy_out, declared.energy), declared.nominal, advice)
     yield _elapsed(numbers, declared)
+    yield _time_unit(numbers)
     yield _limit("highest_voltage", numbers.highest, declared.upper, declared.slack)
     yield _limit("lowest_voltage", numbers.lowest, declared.lower, -declared.slack)
 
@@ -157,6 +167,31 @@ def _elapsed(numbers: Told, declared: Declared) -> Gate:
     hours = numbers.elapsed / SECONDS_PER_HOUR
     found = f"{hours:.4g} h hold {expected:.4g} cycles of {numbers.duration / SECONDS_PER_HOUR:.3g} h"
     return Gate(name="elapsed_time", channel="", ok=ok, reason=f"{found}, {numbers.count:g} are told")
+
+
+def _time_unit(numbers: Told) -> Gate:
+    """Return whether the times may be seconds at all: who reads hours as seconds sees a cell emptied in a moment."""
+    found, doubt = [], False
+    for value, span, what in (
+        (numbers.interval, _INTERVAL, f"samples each {numbers.interval:.3g} s"),
+        (numbers.swing, _SWING, f"a charge or discharge in {numbers.swing:.3g} s, {_rate(numbers.swing)}"),
+    ):
+        if not math.isnan(value):
+            found.append(what)
+            doubt |= not span[0] <= value <= span[1]
+    if not found:
+        return Gate(name="time_unit", channel="", ok=None, reason="cannot be told without samples")
+    advice = ": this cannot be; is the unit of the time right (--time-unit)?" if doubt else ""
+    return Gate(name="time_unit", channel="", ok=not doubt, reason="; ".join(found) + advice)
+
+
+def _rate(swing: float) -> str:
+    return "" if math.isnan(swing) or swing <= 0 else f"about {SECONDS_PER_HOUR / swing:.2g} C"
+
+
+def _swing(halves: Sequence[HalfCycle]) -> float:
+    lasted = [half.duration for half in halves if half.highest_voltage - half.lowest_voltage >= _WIDE]
+    return float(np.median(lasted)) if lasted else math.nan
 
 
 def _limit(name: str, value: float, limit: float | None, slack: float) -> Gate:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.analysis.battery.counted import counted
 from hil.analysis.battery.crossing import first_fall, first_rise
 from hil.analysis.battery.integration import one_way
 from hil.analysis.battery.series import Series
@@ -104,7 +105,8 @@ def flow(data: Series, steps: Sequence[Step], how: Segmentation | None = None) -
     """Return what flows in each interval, each part given to the kind of step that it belongs to.
 
     The interval between two steps lies in both; the trapezoid across it is right on average, because the switch may
-    have come at any moment of it.
+    have come at any moment of it. Where the instrument counted charge and energy itself, its count stands for such an
+    interval between rest and current.
 
     Args:
         data: the samples.
@@ -117,9 +119,16 @@ def flow(data: Series, steps: Sequence[Step], how: Segmentation | None = None) -
     known = ~(missing & turns)
     power = data.voltage * data.current
     signs = {StepKind.CHARGE: 1, StepKind.DISCHARGE: -1}
+    edges = counted(data, steps)
+    charge = {kind: one_way(data.time, data.current, sign) * known for kind, sign in signs.items()}
+    energy = {kind: one_way(data.time, power, sign) * known for kind, sign in signs.items()}
+    for kind, sign in signs.items():
+        used = edges.used & known
+        charge[kind][used] = np.maximum(sign * edges.charge[used], 0.0)
+        energy[kind][used] = np.maximum(sign * edges.energy[used], 0.0)
     return Flow(
-        charge={kind: one_way(data.time, data.current, sign) * known for kind, sign in signs.items()},
-        energy={kind: one_way(data.time, power, sign) * known for kind, sign in signs.items()},
+        charge=charge,
+        energy=energy,
         lost=missing & turns,
         bridged=missing & ~turns,
     )

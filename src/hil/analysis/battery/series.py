@@ -26,6 +26,8 @@ class Series:
         current: in A, positive where it charges the cell.
         temperature: in degC, or None where it was not recorded.
         cycle: number of the cycle that each sample belongs to, or None where the source does not count them.
+        charge: net charge in Ah that the instrument itself had counted at each sample, None where it does not tell.
+        energy: likewise net energy, in Wh.
     """
 
     time: NDArray[np.float64]
@@ -33,6 +35,8 @@ class Series:
     current: NDArray[np.float64]
     temperature: NDArray[np.float64] | None = None
     cycle: NDArray[np.int64] | None = None
+    charge: NDArray[np.float64] | None = None
+    energy: NDArray[np.float64] | None = None
 
 
 def series(
@@ -42,10 +46,12 @@ def series(
     *,
     temperature: ArrayLike | None = None,
     cycle: ArrayLike | None = None,
+    charge: ArrayLike | None = None,
+    energy: ArrayLike | None = None,
 ) -> Series:
     """Return samples as a series; those with a time, voltage or current that is no number are left out.
 
-    A temperature that is no number stays: only what is told of temperatures leaves it out.
+    A temperature or a count that is no number stays: only what is told of it leaves it out.
 
     Args:
         time: in s, shape (n,).
@@ -53,12 +59,14 @@ def series(
         current: in A, positive where it charges.
         temperature: in degC.
         cycle: numbers of cycles.
+        charge: the instrument's own count, in Ah.
+        energy: likewise, in Wh.
 
     Raises:
         Refused: arrays of different lengths, fewer than three samples, times that go back.
     """
     rows = [np.asarray(each, dtype=float) for each in (time, voltage, current)]
-    others = [None if each is None else np.asarray(each, dtype=float) for each in (temperature, cycle)]
+    others = [None if each is None else np.asarray(each, dtype=float) for each in (temperature, cycle, charge, energy)]
     if any(each.shape != (rows[0].size,) for each in (*rows, *others) if each is not None):
         raise Refused("time, voltage and current differ in length", "give one value of each for every sample")
     whole = np.isfinite(rows).all(axis=0)
@@ -73,13 +81,15 @@ def series(
             f"the time goes back {back.size} times, first after {times[back[0]]:g} s",
             "take a time that runs through the whole test, not that of a step",
         )
-    warmth, number = (None if each is None else each[whole] for each in others)
+    warmth, number, charged, spent = (None if each is None else each[whole] for each in others)
     return Series(
         time=times,
         voltage=voltages,
         current=currents,
         temperature=warmth,
         cycle=None if number is None else number.astype(np.int64),
+        charge=charged,
+        energy=spent,
     )
 
 

@@ -13,7 +13,7 @@ from hil.analysis.battery.gates import Declared, judge, told
 from hil.analysis.battery.half_cycle import Limits, flow
 from hil.analysis.battery.incremental import IncrementalCapacity, incremental_capacity
 from hil.analysis.battery.integration import cumulative
-from hil.analysis.battery.series import Series
+from hil.analysis.battery.series import Series, usual_interval
 from hil.analysis.battery.steps import Segmentation, StepKind, segment
 from hil.analysis.quality.gate import Gate
 from hil.model.errors import Refused
@@ -74,6 +74,7 @@ def summarise(
         told(made),
         count=math.nan if counted is None else float(counted),
         elapsed=float(data.time[-1] - data.time[0]),
+        interval=usual_interval(data.time),
     )
     facts = replace(
         declared,

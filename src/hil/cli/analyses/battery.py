@@ -160,8 +160,16 @@ def _series(log: BatteryLog, *, discharge_positive: bool) -> Series:
     from hil.analysis.battery.series import series  # noqa: PLC0415 - start-up stays light
 
     if discharge_positive:
-        log = replace(log, current=-log.current)
-    return series(log.time, log.voltage, log.current, temperature=log.temperature, cycle=log.cycle)
+        log = replace(
+            log,
+            current=-log.current,
+            charge=None if log.charge is None else -log.charge,
+            energy=None if log.energy is None else -log.energy,
+        )
+    return series(
+        log.time, log.voltage, log.current,
+        temperature=log.temperature, cycle=log.cycle, charge=log.charge, energy=log.energy,
+    )  # fmt: skip
 
 
 def _span(text: str) -> tuple[float, float]:

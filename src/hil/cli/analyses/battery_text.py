@@ -16,6 +16,7 @@ from hil.analysis.battery.incremental import IncrementalCapacity
 from hil.analysis.battery.series import SECONDS_PER_HOUR, Series
 from hil.analysis.battery.steps import Segmentation, StepKind
 from hil.analysis.battery.summary import Summary, incremental_capacities
+from hil.cli.analyses import battery_sums
 from hil.logs.battery import BatteryLog
 
 __all__ = ["Result", "as_json", "as_text"]
@@ -55,8 +56,7 @@ def as_json(result: Result) -> str:
         "maker": result.log.maker,
         "rows": int(result.data.time.size),
         "remarks": _remarks(result),
-        "net": {"charge_Ah": _net(result, energy=False), "energy_Wh": _net(result, energy=True)},
-        "own": {"charge_Ah": result.log.own_charge, "energy_Wh": result.log.own_energy},
+        **battery_sums.as_json(result.log, result.data, result.how),
         "nominal_capacity_Ah": result.capacity,
         "equivalent_full_cycles": _through(result),
         "cycles": [asdict(each) for each in summary.cycles],
@@ -86,12 +86,6 @@ def _curves(result: Result, kind: StepKind) -> tuple[IncrementalCapacity, ...]:
     return incremental_capacities(result.data, kind, result.how)
 
 
-def _net(result: Result, *, energy: bool) -> float:
-    data = result.data
-    rate = data.current * data.voltage if energy else data.current
-    return float(np.trapezoid(rate, data.time)) / SECONDS_PER_HOUR
-
-
 def _through(result: Result) -> float | None:
     return equivalent_full_cycles(result.summary.cycles, result.capacity) if result.capacity else None
 
@@ -102,7 +96,7 @@ def as_text(result: Result) -> str:
     made = result.summary.cycles
     head = f"{result.file} ({result.log.maker}): {result.data.time.size} rows, {hours:.4g} h, {_count(len(made))}"
     lines = [head, *(f"note: {remark}" for remark in _remarks(result))]
-    lines += _own(result)
+    lines += battery_sums.as_lines(result.log, result.data, result.how)
     lines += ["", _CYCLE]
     for cycle in made:
         lines += _cycle(cycle)
@@ -135,16 +129,6 @@ def _remarks(result: Result) -> list[str]:
 
 def _count(number: int) -> str:
     return "1 cycle" if number == 1 else f"{number} cycles"
-
-
-def _own(result: Result) -> Iterator[str]:
-    for what, unit, own, energy in (
-        ("charge", "Ah", result.log.own_charge, False), ("energy", "Wh", result.log.own_energy, True),
-    ):  # fmt: skip
-        if own is not None:
-            net = _net(result, energy=energy)
-            part = f", {net / own - 1.0:+.1e} of it apart" if own else ""
-            yield f"net {what}: {net:.6g} {unit}; the instrument's own {own:.6g} {unit}{part}"
 
 
 def _cycle(cycle: Cycle) -> Iterator[str]:
