@@ -51,8 +51,7 @@ def test_the_committed_bench_is_clean(tmp_path):
         ({'over_voltage: "4.25", ': ""}, "supply.charge charges a battery: give it the setting over_voltage"),
         (
             KORAD | {GUARD: ""},
-            "supply.charge charges a battery, and a korad-ka3005p has no over-voltage protection with a level of its"
-            " own: add a second guard, a limit of the envelope with max on the voltage of cycler",
+            "a korad-ka3005p has no over-voltage protection with a level of its own: add a second guard, a limit",
         ),
         (KORAD | {', max: "4.25",': ","}, "add a second guard, a limit of the envelope with max"),
         ({"- {role: thermal, ": "- {role: thermal, charges: cycler, "}, "thermal charges nothing: only a supply does"),
