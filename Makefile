@@ -6,7 +6,9 @@ STAMP := $(VENV)/.set-up
 
 .PHONY: setup run test check system
 
+# Byte code lies ready, so that the first start is no slower than the next; what has not changed is not compiled again.
 setup: $(STAMP)
+	@$(BIN)/python -m compileall -q src
 
 $(STAMP): pyproject.toml requirements.lock
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "hil needs Python 3.11 or newer; name one with PYTHON=python3.11")'
