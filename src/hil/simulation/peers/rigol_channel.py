@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import cast
 
@@ -93,8 +93,20 @@ class RigolOutput(SupplyOutput):
 
     @property
     def watched(self) -> bool:
-        """Whether a protection could trip without another command."""
-        return self.on and (self.over_voltage_on or self.current_protection)
+        """Whether a protection could trip by itself: more is given than its level."""
+        return self.on and (
+            (self.over_voltage_on and self._given_volts() > self.protection)
+            or (self.current_protection and self._given_limit() > self.over_current_level)
+        )
+
+    @property
+    def lifted(self) -> bool:
+        """Whether something else brings the terminals above the level of a protection that is on."""
+        return self.on and self.over_voltage_on and self._terminal.volts() > self.protection
+
+    def listen(self, callback: Callable[[], None]) -> None:
+        """Call back when something else has changed what hangs on it."""
+        self._terminal.listen(callback)
 
     def state(self) -> Mapping[str, object]:
         """Return settings and latches as JSON values."""

@@ -59,6 +59,7 @@ class RigolDp832:
         self._due, self._watching = Alarm(clock, self._work), Alarm(clock, self._protect)
         for output in self._outputs.values():
             output.apply()
+            output.listen(self._look)
 
     def receive(self, data: bytes) -> None:
         """Collect bytes into lines; one that comes too early is lost."""
@@ -102,7 +103,13 @@ class RigolDp832:
             self._line.send(f"{reply}\n".encode("latin-1", "replace"))
         self._protect()
 
+    def _look(self) -> None:
+        """Look whether a contact that closed, or the like, brought an output above its protection."""
+        if any(output.lifted for output in self._outputs.values()):
+            self._watching.set(self._clock.now_ns())
+
     def _protect(self) -> None:
+        """Trip what is due; an output that gives more than a protection allows is looked at every 10 ms."""
         now_ns = self._clock.now_ns()
         for output in self._outputs.values():
             output.protect(now_ns)

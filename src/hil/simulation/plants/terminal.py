@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
 from typing import Protocol
@@ -29,6 +30,10 @@ class Terminal(Protocol):
         """Return the current out of the supply."""
         ...
 
+    def listen(self, callback: Callable[[], None]) -> None:
+        """Call back after every command that changed what hangs here."""
+        ...
+
 
 class Resistor:
     """A fixed load; infinite ohms are open terminals, which show the supply's own voltage."""
@@ -50,6 +55,9 @@ class Resistor:
         """Return the current through the load."""
         return min(self._volts / self._ohms, self._limit)
 
+    def listen(self, callback: Callable[[], None]) -> None:
+        """Do nothing: a resistor stays what it is."""
+
 
 class PlantPort:
     """A supply port of a plant."""
@@ -69,6 +77,10 @@ class PlantPort:
     def amperes(self) -> float:
         """Observe the current."""
         return self._plant.observe(self._port.current_signal)
+
+    def listen(self, callback: Callable[[], None]) -> None:
+        """Let the plant call back."""
+        self._plant.listen(callback)
 
 
 @dataclass(frozen=True, slots=True)
