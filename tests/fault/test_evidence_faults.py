@@ -9,15 +9,16 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from evidence_runs import begin, sealed_run, stamps, whole_case, write_report
+from evidence_runs import begin, record, sealed_run, stamps, whole_case, write_report
 
-from hil.evidence.folder import JOURNAL, RESERVE, RESULTS, TORN, create, hold
+from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE, RESULTS, TORN, create, hold
 from hil.evidence.journal.reader import cut_torn_tail, read_journal
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.contents import Package
 from hil.evidence.package.recovery import recover
 from hil.evidence.package.sealing import seal
 from hil.evidence.package.verification import State, verify
+from hil.evidence.recordings.hdf5 import convert
 from hil.evidence.recordings.row_file import read_rows
 from hil.evidence.recordings.rows import Rows
 from hil.model.errors import EvidenceError
@@ -163,6 +164,56 @@ def test_a_real_full_disk_can_be_written_an_end_on(small_disk):
     seal(folder, journal, exit_code=1, write_reports=write_report)
     verification = verify(folder)
     assert (verification.state, verification.complete, verification.verdict) == (State.SEALED, False, "ABORTED")
+
+
+def seventy(tmp_path):
+    """Return the folder and journal of a run of seventy recordings, about to be sealed."""
+    folder = create(tmp_path, bench="b", dut="d")
+    journal = begin(folder)
+    whole_case(folder, journal)
+    for number in range(69):
+        record(folder, journal, 5, identifier=f"{number + 100}-rest")
+    return folder, journal
+
+
+def test_rows_go_once_the_names_of_their_hdf5_are_synced(tmp_path, monkeypatch):
+    """Sealing syncs the folder for 64 recordings at once, and removes no rows before that."""
+    folder, journal = seventy(tmp_path)
+    there = []
+
+    def sync(path):
+        if path == folder / RECORDINGS:
+            there.append((len(list(path.glob("*.rows"))), len(list(path.glob("*.h5")))))
+
+    monkeypatch.setattr("hil.evidence.package.sealing.sync_folder", sync)
+    seal(folder, journal, exit_code=0, write_reports=write_report)
+    assert there == [(70, 64), (6, 70), (0, 70)]
+    assert verify(folder).findings == ()
+
+
+def test_a_disk_that_is_full_at_the_conversion_gets_the_space_of_converted_rows(tmp_path, monkeypatch):
+    """Rows that wait for their removal are removed, and the conversion goes on."""
+    folder, journal = seventy(tmp_path)
+
+    def small(rows, hdf5, **facts):
+        if len(list(hdf5.parent.glob("*.h5"))) + len(list(hdf5.parent.glob("*.rows"))) > 80:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        convert(rows, hdf5, **facts)
+
+    monkeypatch.setattr("hil.evidence.package.sealing.convert", small)
+    seal(folder, journal, exit_code=0, write_reports=write_report)
+    assert verify(folder).findings == ()
+
+
+def test_a_row_file_whose_beginning_was_lost_is_kept(tmp_path):
+    """The power fails before the event that begins a recording is on the disk: the file is sealed with the rest."""
+    folder = create(tmp_path, bench="b", dut="d")
+    begin(folder).close()
+    Rows(folder / RECORDINGS / "002-rest.rows", recording="002-rest", channels=[("x", "V")], on_block=print)
+    recover(folder, write_reports=write_report)
+    verification = verify(folder)
+    assert (verification.state, verification.findings) == (State.SEALED, ())
+    assert (folder / RECORDINGS / "002-rest.rows").exists()
 
 
 def test_a_seal_without_space_can_be_finished_later(tmp_path, monkeypatch):

@@ -68,6 +68,27 @@ def test_edges_and_verdicts_are_synced(tmp_path):
             synced.clear()
 
 
+def test_what_is_not_synced_at_once_is_within_half_a_second(tmp_path):
+    """The beginning of a recording waits for no step: the next tick half a second later brings it to the disk, once."""
+    synced, now = [], [10.0]
+    with journal_of(tmp_path, sync=synced.append, now=lambda: now[0]) as journal:
+        journal.tick()
+        journal.write("recording", 0.0)
+        now[0] += 0.4
+        journal.write("recording-end", 0.0)
+        journal.tick()
+        assert not synced
+        now[0] += 0.1
+        journal.tick()
+        journal.tick()
+        assert len(synced) == 1
+        journal.write("effect", 0.0)
+        journal.write("step-end", 0.0)
+        now[0] += 9.0
+        journal.tick()
+        assert len(synced) == 2
+
+
 def test_bench_time_is_written_to_the_nanosecond(tmp_path):
     """More digits than nanoseconds would not repeat between machines."""
     with journal_of(tmp_path) as journal:

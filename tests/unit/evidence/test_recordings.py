@@ -24,11 +24,11 @@ def ended_recording(folder, rows=100):
 
 
 def test_hdf5_holds_what_the_rows_held(tmp_path):
-    """Numbers, NaN included, units and instruments are those that were recorded, and the rows are gone."""
+    """Numbers, NaN included, units and instruments are those that were recorded; the rows stay until somebody syncs."""
     place, begun, ended = ended_recording(tmp_path)
     before = Package(tmp_path).recording("001-rest")
     convert(place / "001-rest.rows", place / "001-rest.h5", begun=begun, ended=ended)
-    assert [path.name for path in place.iterdir()] == ["001-rest.h5"]
+    assert sorted(path.name for path in place.iterdir()) == ["001-rest.h5", "001-rest.rows"]
     after = Package(tmp_path).recording("001-rest")
     assert np.array_equal(before.time, after.time)
     assert np.array_equal(before["x"], after["x"], equal_nan=True)

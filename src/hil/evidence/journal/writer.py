@@ -30,8 +30,6 @@ SYNCED = frozenset(
         "end",
         "fault",
         "planned",
-        "recording",
-        "recording-end",
         "recovered",
         "results",
         "run",
@@ -43,7 +41,10 @@ SYNCED = frozenset(
         "trip",
     }
 )
-"""Kinds that are on the disk before `write` returns; the others have left the process, and follow with the next."""
+"""Kinds that are on the disk before `write` returns; the others have left the process, and follow with the next of
+these or with `tick`. The rows of a recording come to the disk by themselves."""
+
+_OLDEST_S = 0.5
 
 
 class Journal:
@@ -55,6 +56,7 @@ class Journal:
         stamp: where wall time comes from.
         write: `os.write`, or what stands in for a disk in tests.
         sync: `os.fsync`, or the same.
+        now: seconds on a wall clock that only goes forward.
 
     Raises:
         EvidenceError: where the existing journal is torn or its chain is broken.
@@ -68,12 +70,15 @@ class Journal:
         stamp: Callable[[], wall.WallStamp] = wall.stamp,
         write: Callable[[int, memoryview], int] = os.write,
         sync: Callable[[int], None] = os.fsync,
+        now: Callable[[], float] = wall.monotonic,
     ) -> None:
         self._path = path
         self._reserve = reserve
         self._stamp = stamp
         self._os_write = write
         self._os_sync = sync
+        self._now = now
+        self._waits_since: float | None = None
         self._content = hashlib.sha256()
         self._head = FIRST.encode()
         self._sequence = 0
@@ -140,6 +145,24 @@ class Journal:
             raise EvidenceError(f"{self._path}: disk full", "free some space before the next run")
         return number
 
+    def tick(self) -> None:
+        """Bring events to the disk that wait for long; called at every scheduling point, twice a second or more often.
+
+        Raises:
+            OSError: where the disk does not take them, and there is no reserve to give back.
+        """
+        if self._waits_since is not None and self._now() - self._waits_since >= _OLDEST_S:
+            self._sync()
+
+    def sync(self) -> None:
+        """Bring every event to the disk that is not there yet.
+
+        Raises:
+            OSError: as `tick`.
+        """
+        if self._waits_since is not None:
+            self._sync()
+
     def close(self) -> None:
         """Bring everything to the disk and close the file; closing twice is allowed."""
         if self._descriptor >= 0:
@@ -178,6 +201,8 @@ class Journal:
         self._last_t = t
         if kind in SYNCED:
             self._sync()
+        elif self._waits_since is None:
+            self._waits_since = self._now()
         return number
 
     def _wall(self, beside: Mapping[str, object]) -> bytes:
@@ -207,6 +232,7 @@ class Journal:
         except OSError as error:
             self._make_room(error)
             self._os_sync(self._descriptor)
+        self._waits_since = None
 
     def _make_room(self, error: OSError) -> None:
         if error.errno not in DISK_FULL or not free_reserve(self._reserve):

@@ -34,6 +34,10 @@ __all__ = ["ReportWriter", "event_of", "finish", "info_of", "seal", "write_end"]
 ReportWriter = Callable[[Package], None]
 """Writes `data/report/*` into the run's folder; everything else in `data` is final by then."""
 
+_MOST_FILES = 64
+_MOST_BYTES = 50_000_000
+"""How many row files, and how large together, may stand beside their HDF5 before the folder is synced for them."""
+
 
 def seal(folder: Path, journal: Journal, *, exit_code: int, write_reports: ReportWriter) -> str:
     """Seal a run and return its evidence digest; the journal is ended and closed.
@@ -66,6 +70,7 @@ def _write_results(folder: Path, journal: Journal) -> None:
         kind, fields = event_of(message)
         journal.write(kind, journal.last_t, **fields)
     reading = read_journal(folder / JOURNAL)
+    journal.sync()  # rows are removed below, and their hashes stand in the ends of the recordings
     if wrong := _convert_all(folder, reading.events):
         for text in wrong:
             journal.write("anomaly", journal.last_t, text=text)
@@ -128,21 +133,43 @@ def _convert_all(folder: Path, events: Sequence[Body]) -> list[str]:
     """Convert every recording; return what is wrong with some, a sentence each."""
     ends = {event["recording"]: event for event in events if event["kind"] == "recording-end"}
     begun = [event for event in events if event["kind"] == "recording"]
-    wrong = [_convert_one(folder / RECORDINGS, event, ends.get(event["recording"])) for event in begun]
+    waiting: list[Path] = []
+    wrong = []
+    for event in begun:
+        wrong.append(_convert_one(folder / RECORDINGS, event, ends.get(event["recording"]), waiting))
+        if len(waiting) >= _MOST_FILES or sum(rows.stat().st_size for rows in waiting) >= _MOST_BYTES:
+            _let_go(waiting)
+    _let_go(waiting)
     sync_folder(folder / RECORDINGS)
     return [text for text in wrong if text]
 
 
-def _convert_one(place: Path, begun: Body, ended: Mapping[str, Any] | None) -> str:
+def _let_go(waiting: list[Path]) -> None:
+    """Remove row files whose HDF5 is whole, once the names of these are on the disk too."""
+    if waiting:
+        sync_folder(waiting[0].parent)
+    while waiting:
+        waiting.pop().unlink()
+
+
+def _convert_one(place: Path, begun: Body, ended: Mapping[str, Any] | None, waiting: list[Path]) -> str:
+    """Convert a recording, add its rows to those that wait for their removal, and say what is wrong with it."""
     identifier = begun["recording"]
     rows, hdf5 = place / f"{identifier}.rows", place / f"{identifier}.h5"
     if ended is None:
         raise EvidenceError(f"recording {identifier} has not ended", "recordings end before the run is sealed")
     if rows.exists():
         try:
-            convert(rows, hdf5, begun=begun, ended=ended)
+            try:
+                convert(rows, hdf5, begun=begun, ended=ended)
+            except OSError:  # a full disk may have space once the rows before these are gone
+                if not waiting:
+                    raise
+                _let_go(waiting)
+                convert(rows, hdf5, begun=begun, ended=ended)
         except EvidenceError:
             return f"recording {identifier}: its rows are not those that the journal names; the row file is kept"
+        waiting.append(rows)
     elif not hdf5.exists():
         return f"recording {identifier}: its rows are gone"
     return ""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hil.evidence.durable import PART, sync_file, sync_folder
+from hil.evidence.durable import PART, sync_file
 from hil.evidence.recordings.datasets import (
     Dataset,
     add_dataset,
@@ -83,18 +83,19 @@ class Recorded:
 
 
 def convert(rows: Path, hdf5: Path, *, begun: Mapping[str, Any], ended: Mapping[str, Any]) -> None:
-    """Turn a row file into HDF5, prove by reading back that nothing was lost, and only then remove the rows.
+    """Turn a row file into HDF5, and prove by reading back that nothing was lost.
 
-    A row file that comes back because the machine went down is converted again, to the same bytes.
+    The HDF5 file is on the disk, but maybe not its name: the rows may be removed once the folder is synced. A row file
+    that is there still because the machine went down is converted again, to the same bytes.
 
     Args:
-        rows: the row file.
+        rows: the row file, which stays.
         hdf5: the file to write; it is there whole or not at all.
         begun: the body of the `recording` event.
         ended: the body of the `recording-end` event.
 
     Raises:
-        EvidenceError: where the rows are not those that the journal names; the row file stays.
+        EvidenceError: where the rows are not those that the journal names.
     """
     found = read_rows(rows)
     part = hdf5.with_name(hdf5.name + PART)
@@ -107,8 +108,6 @@ def convert(rows: Path, hdf5: Path, *, begun: Mapping[str, Any], ended: Mapping[
             "keep the folder as it is; the recording was changed behind the run's back",
         )
     part.replace(hdf5)
-    sync_folder(hdf5.parent)
-    rows.unlink()
 
 
 def write_hdf5(found: RowsFile, path: Path, *, begun: Mapping[str, Any], ended: Mapping[str, Any]) -> None:

@@ -46,6 +46,10 @@ class Events:
         """Stamp events with this clock from now on; before that they are at zero."""
         self._clock = clock
 
+    def tick(self) -> None:
+        """Bring events to the disk that wait for long, see `Journal.tick`."""
+        self._journal.tick()
+
     def listen(self, listener: Listener) -> None:
         """Show every further event to `listener`."""
         self._listeners.append(listener)

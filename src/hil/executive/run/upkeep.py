@@ -60,6 +60,7 @@ class Upkeep:
 
     def _flush(self, then: Callable[[], None]) -> None:
         try:
+            self._events.tick()
             self._transcript.flush()
             self._store.tick()
             then()
