@@ -1,0 +1,255 @@
+"""Ten cycles of charge and discharge, and what every one of them tells of the battery."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from hil.analysis.battery.gates import Declared
+from hil.analysis.battery.half_cycle import Limits
+from hil.analysis.battery.series import series
+from hil.analysis.battery.steps import StepKind
+from hil.analysis.battery.summary import summarise
+from hil.analysis.statistics import not_observable
+from hil.model.figure import Figure
+
+OF_THE_DECLARATION = {"capacity_ratio", "energy_ratio"}
+"""Gates that speak against what the maker declares as much as against the tester."""
+
+S_PER_H = 3600.0
+LINE_S = 5.0
+
+TABLE = (
+    ("discharge_time", "h", 4),
+    ("charge_time", "h", 4),
+    ("charge_temperature_high", "degC", 1),
+    ("charge_temperature_low", "degC", 1),
+    ("discharge_temperature_high", "degC", 1),
+    ("discharge_temperature_low", "degC", 1),
+    ("charge_energy", "Wh", 3),
+    ("discharge_energy", "Wh", 3),
+    ("charge_capacity", "Ah", 4),
+    ("discharge_capacity", "Ah", 4),
+    ("charge_mean_voltage", "V", 4),
+    ("discharge_mean_voltage", "V", 4),
+    ("coulombic_efficiency", "1", 4),
+    ("energy_efficiency", "1", 4),
+    ("constant_current_time", "h", 4),
+    ("constant_voltage_time", "h", 4),
+    ("constant_current_capacity", "Ah", 4),
+    ("constant_voltage_capacity", "Ah", 4),
+    ("resistance", "ohm", 4),
+    ("end_of_charge_voltage", "V", 3),
+    ("end_of_charge_current", "A", 3),
+    ("end_of_discharge_voltage", "V", 3),
+)
+"""Columns of the table of iterations with unit and decimals; the first eight are those of the published Table 1."""
+
+LIMITED = {
+    "end_of_charge_voltage": "EPS-BAT-001",
+    "end_of_charge_current": "EPS-BAT-001",
+    "end_of_discharge_voltage": "EPS-BAT-002",
+    "charge_energy": "EPS-BAT-006",
+}
+OF_TABLE_1 = "EPS-BAT-007"
+BEYOND_TABLE_1 = "EPS-BAT-008"
+
+
+class Certainty:
+    """How well the tester knows: standard uncertainties by its certificate, None where it has none."""
+
+    def __init__(self, recording):
+        self.voltage = recording.uncertainty("voltage")
+        self.current = recording.uncertainty("current")
+        self.temperature = recording.uncertainty("temperature")
+        drift = recording.stream.drift or 0.0
+        self.clock = abs(drift)
+
+    def time(self, seconds):
+        """Of a time [s]: a line at each end, and the clock of the tester."""
+        return math.hypot(LINE_S / math.sqrt(6.0), self.clock * seconds)
+
+    def charge(self, half):
+        """Of a charge [Ah]: what the tester's current has too much, it has all the time."""
+        return None if self.current is None else self.current * half.duration / S_PER_H
+
+    def energy(self, half):
+        """Of an energy [Wh]."""
+        if self.current is None or self.voltage is None:
+            return None
+        return math.hypot(self.charge(half) * half.mean_voltage, self.voltage * half.charge)
+
+    def ratio(self, made, value):
+        """Of an efficiency: an offset of the current adds to the one half-cycle what it takes from the other."""
+        if self.current is None:
+            return None
+        return value * sum(self.charge(half) / half.charge for half in (made.charge, made.discharge))
+
+    def resistance(self, change):
+        """Of a resistance over a change of current [A]."""
+        return None if self.voltage is None else math.sqrt(2.0) * self.voltage / abs(change)
+
+
+def of_half(half, kind, known):
+    """Return what charge and discharge have in common, by name of the column."""
+    return {
+        f"{kind}_temperature_high": Figure(value=half.temperature_high, unit="degC", uncertainty=known.temperature),
+        f"{kind}_temperature_low": Figure(value=half.temperature_low, unit="degC", uncertainty=known.temperature),
+        f"{kind}_energy": Figure(value=half.energy, unit="Wh", uncertainty=known.energy(half)),
+        f"{kind}_capacity": Figure(value=half.charge, unit="Ah", uncertainty=known.charge(half)),
+        f"{kind}_mean_voltage": Figure(value=half.mean_voltage, unit="V", uncertainty=known.voltage),
+    }
+
+
+def resistance_of(made, known):
+    """Return the resistance [ohm] that acts within one line where the charge gives way to the discharge."""
+    edge = next((each for each in made.resistances if each.after is StepKind.DISCHARGE), None)
+    if edge is None:
+        return not_observable("ohm")
+    return Figure(value=edge.value, unit="ohm", uncertainty=known.resistance(made.discharge.current))
+
+
+def row_of(made, known, end_current):
+    """Return the figures of one cycle by name of the column; all of them not observable where it has a half only."""
+    if made is None or made.charge is None or made.discharge is None:
+        return {name: not_observable(unit) for name, unit, _ in TABLE}
+    charge, discharge = made.charge, made.discharge
+
+    def hours(seconds):
+        return Figure(value=seconds / S_PER_H, unit="h", uncertainty=known.time(seconds) / S_PER_H)
+
+    def capacity(value, share):
+        uncertainty = known.charge(charge)
+        return Figure(value=value, unit="Ah", uncertainty=None if uncertainty is None else uncertainty * share)
+
+    constant = charge.cc_time / charge.duration
+    return {
+        **of_half(charge, "charge", known),
+        **of_half(discharge, "discharge", known),
+        "charge_time": hours(charge.time_to_cut_off),
+        "discharge_time": hours(discharge.time_to_limit),
+        "constant_current_time": hours(charge.cc_time),
+        "constant_voltage_time": hours(charge.cv_time),
+        "constant_current_capacity": capacity(charge.cc_charge, constant),
+        "constant_voltage_capacity": capacity(charge.cv_charge, 1 - constant),
+        "coulombic_efficiency": Figure(
+            value=made.coulombic_efficiency, unit="1", uncertainty=known.ratio(made, made.coulombic_efficiency)
+        ),
+        "energy_efficiency": Figure(
+            value=made.energy_efficiency, unit="1", uncertainty=known.ratio(made, made.energy_efficiency)
+        ),
+        "resistance": resistance_of(made, known),
+        "end_of_charge_voltage": Figure(value=charge.highest_voltage, unit="V", uncertainty=known.voltage),
+        "end_of_charge_current": Figure(value=end_current, unit="A", uncertainty=known.current),
+        "end_of_discharge_voltage": Figure(value=discharge.lowest_voltage, unit="V", uncertainty=known.voltage),
+    }
+
+
+def end_currents(test):
+    """Return the current [A] of the last line of each charge, by number of the cycle."""
+    charging = test["phase"] == 1.0
+    return {
+        int(cycle): float(current)
+        for cycle, current in zip(test["cycle"][charging], test["current"][charging], strict=True)
+    }
+
+
+def as_csv(rows):
+    """Return the table of iterations as text, one line each."""
+    head = ",".join(["iteration", *(name if unit == "1" else f"{name} [{unit}]" for name, unit, _ in TABLE)])
+    lines = [
+        ",".join([f"{number}", *(f"{row[name].value:.{decimals}f}" for name, _, decimals in TABLE)])
+        for number, row in rows.items()
+    ]
+    return "\n".join([head, *lines, ""])
+
+
+def median_of(summary, known):
+    """Return capacity and energy of the discharge of a middling whole cycle, not observable without one."""
+    halves = sorted((each.discharge for each in summary.cycles if each.complete), key=lambda half: half.charge)
+    if not halves:
+        return not_observable("Ah"), not_observable("Wh")
+    half = halves[len(halves) // 2]
+    return (
+        Figure(value=half.charge, unit="Ah", uncertainty=known.charge(half)),
+        Figure(value=half.energy, unit="Wh", uncertainty=known.energy(half)),
+    )
+
+
+def drift_of(stream):
+    """Return the rate of the tester's clock against the bench's, minus 1; not observable where nothing told it."""
+    if stream.drift is None:
+        return not_observable("1")
+    return Figure(value=stream.drift, unit="1", uncertainty=stream.drift_uncertainty)
+
+
+def summary_of(test, parameters):
+    """Return cycles and gates of the recorded test."""
+    return summarise(
+        series(test.time, test["voltage"], test["current"], temperature=test["temperature"], cycle=test["cycle"]),
+        limits=Limits(upper=parameters.charge_voltage, lower=parameters.end_voltage, cut_off=parameters.end_current),
+        declared=Declared(
+            capacity=parameters.in_unit("declared_capacity", "Ah"), energy=parameters.in_unit("declared_energy", "Wh")
+        ),
+        counted=int(parameters.iterations),
+    )
+
+
+@pytest.mark.requirement(
+    "EPS-BAT-001",
+    "EPS-BAT-002",
+    "EPS-BAT-003",
+    "EPS-BAT-004",
+    "EPS-BAT-005",
+    "EPS-BAT-006",
+    "EPS-BAT-007",
+    "EPS-BAT-008",
+    "EPS-BAT-009",
+    "EPS-BAT-010",
+)
+@pytest.mark.max_duration(600000)
+def test_charge(cell, iterations, check, step, artifact, parameters):
+    """Ten cycles at C/2 between 4.2 V and 2.7 V in the metal container, and every cycle's numbers."""
+    cycles = int(parameters.iterations)
+    with step("Lay the cell into the metal container"):
+        cell.put("container")
+    with step("Put the charger in readiness"):
+        before = cell.ready(parameters.charge_voltage, parameters.charge_current)
+    with step("Charge and discharge the battery"):
+        test = cell.tested(
+            cycles,
+            lambda: iterations("Cycle", cycles),
+            name="test",
+            half_cycle=parameters.longest_half_cycle,
+            rest=parameters.rest,
+            vfull=parameters.full_voltage,
+            iend=parameters.end_current,
+            vend=parameters.end_voltage,
+            vmax=parameters.highest_voltage,
+            vmin=parameters.lowest_voltage,
+        )
+    with step("Take the charger away and let the cell rest"):
+        after = cell.relaxed(parameters.relaxation)
+    with step("Look at the record before anything is concluded from it"):
+        check("EPS-BAT-010", "lost_lines", test.stream.lost)
+        check("EPS-BAT-010", "clock_drift", drift_of(test.stream))
+        summary, known = summary_of(test, parameters), Certainty(test)
+        told = [gate for gate in summary.gates if gate.ok is False]
+        doubts = [str(gate) for gate in told if gate.name not in OF_THE_DECLARATION]
+        ends, made = end_currents(test), {each.number: each for each in summary.cycles}
+        check("EPS-BAT-008", "open_circuit_voltage", before, of="before")
+        check("EPS-BAT-008", "open_circuit_voltage", after, of="after")
+    with step("State the numbers of every cycle"):
+        rows = {n: row_of(made.get(n), known, ends.get(n, math.nan)) for n in range(1, cycles + 1)}
+        artifact("iterations.csv", as_csv(rows))
+        for number, row in rows.items():
+            whole = number in made and made[number].complete
+            unsure = doubts if whole else [*doubts, f"cycle {number} is not whole"]
+            for place, (name, _, _) in enumerate(TABLE):
+                requirement = LIMITED.get(name, OF_TABLE_1 if place < 8 else BEYOND_TABLE_1)
+                check(requirement, name, row[name], of=f"{number}", doubts=unsure)
+    with step("Hold capacity and energy against what is declared"):
+        capacity, energy = median_of(summary, known)
+        check("EPS-BAT-009", "discharge_capacity", capacity, doubts=[str(gate) for gate in told])
+        check("EPS-BAT-009", "discharge_energy", energy, doubts=[str(gate) for gate in told])
