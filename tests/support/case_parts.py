@@ -242,6 +242,7 @@ class Case:
         self.sensor = Magnetometer(self.clock)
         self.scheduler = scheduler(self.clock, flags=self.flags, watch=self.watch)
         chosen = {item.id: item for item in REQUIREMENTS if item.id in requirements}
+        self.requirements = chosen
         steps = Steps("plan/test_x.py::test_x", self.written, self.clock.now)
         effects = Effects(self.written, steps, recall, self.flags.undisturbed)
         (folder / "data/recordings").mkdir(parents=True)

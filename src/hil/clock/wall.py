@@ -13,6 +13,7 @@ __all__ = [
     "WallStamp",
     "clocks",
     "compact_utc",
+    "is_date",
     "monotonic",
     "pause",
     "seconds_since",
@@ -70,6 +71,15 @@ def compact_utc() -> str:
 def today() -> str:
     """Return the wall's UTC date, ISO 8601."""
     return datetime.now(UTC).date().isoformat()
+
+
+def is_date(text: str) -> bool:
+    """Tell whether a text names a day that exists, ISO 8601: `2027-02-31` does not."""
+    try:
+        datetime.fromisoformat(f"{text}T00:00:00+00:00")
+    except ValueError:
+        return False
+    return True
 
 
 def monotonic() -> float:

@@ -43,6 +43,7 @@ CHANGES = [
     (("instance: coil,", "instance: coil-1,"), "coil-1", "wiring: 'instance' must look like [a-z][a-z0-9_]*"),
     (('debounce: "2"', 'debounce: "0"'), '"0"}\n- {id: sensor', "'debounce' must be at least 1"),
     (('due: "2027-09-30"', 'due: "2027-13-30"'), '"2027-13-30"', "'due' must look like"),
+    (('due: "2027-09-30"', 'due: "2027-02-31"'), '"2027-02-31"', "calibration: the date 2027-02-31 does not exist"),
     (('baud: "9600"', 'baud: "-9600"'), '"-9600"', "'baud' must be at least 0"),
     (('connects: {"1": coil.c', 'faults: {kind: dead}\n      connects: {"1": coil.c'), "{kind: dead}", "list of map"),
     (("certificates/mag1.txt", "certificates/mag2.txt"), "certificates/mag2", "no certificate 'certificates/mag2.txt'"),

@@ -140,7 +140,9 @@ def test_replay_shows_what_was_recorded(record):
     bench = bind_replayed(adcs(), Transcript(None), path, lambda: "step 1")
     try:
         assert bench.source is Source.REPLAYED
-        assert bench.person is None
+        assert not bench.has_person
+        with pytest.raises(Refused, match="has no simulated person; answer with --answers or --ask"):
+            bench.person  # noqa: B018 - asking is enough
         assert conversation(bench) == seen
         assert bench.playback.exhausted
     finally:

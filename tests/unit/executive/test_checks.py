@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from case_parts import REQUIREMENTS, Case
 
+from hil.documents.node import Place
 from hil.evidence.package.judged import judge_again
 from hil.evidence.results.facts import entries_of
 from hil.executive.case.checks import CheckFailed
@@ -91,6 +93,21 @@ def test_a_figure_in_another_unit_is_converted_or_refused(tmp_path):
     assert (check["value"], check["unit"], check["uncertainty"]) == (5.0, "V", 0.005)
     with pytest.raises(UnitError):
         case.run.check("T-050", "voltage", Figure(value=5.0, unit="s"))
+
+
+def test_a_poor_test_uncertainty_ratio_says_where_it_is_asked_for(tmp_path):
+    """The reason names the requirement's file and line; a failure and a pass do not."""
+    case = Case(tmp_path, "T-050")
+    asked = case.requirements["T-050"]
+    limits = (replace(asked.limits[0], min_tur="4"),)
+    place = Place(path="testplans/t/requirements.yaml", line=14, column=3)
+    case.requirements["T-050"] = replace(asked, limits=limits, place=place)
+    assert case.run.check("T-050", "voltage", volts(5.0, uncertainty=0.02)) == "INCONCLUSIVE"
+    assert case.run.check("T-050", "voltage", volts(7.0, uncertainty=0.02)) == "FAIL"
+    assert case.run.check("T-050", "voltage", volts(5.0, uncertainty=0.001)) == "PASS"
+    first, second, third = (event["reason"] for event in case.written.events)
+    assert first == "the test uncertainty ratio is 2.55, at least 4 is required (testplans/t/requirements.yaml:14)"
+    assert ".yaml" not in second + third
 
 
 def test_an_instrument_adds_its_certificate_in_quadrature(tmp_path):

@@ -54,6 +54,19 @@ def test_wrong_settings_are_told(tmp_path, text, message):
     assert message in str(caught.value)
 
 
+def test_plans_and_fixtures_lie_in_the_workspace(tmp_path):
+    """A package names files by their path in the workspace; reports may go anywhere."""
+    root = tmp_path / "root"
+    root.mkdir()
+    (root / "hil.toml").write_text('testplans = "../plans"\nfixtures = "/elsewhere"\nreports = "../out"\n')
+    with pytest.raises(ConfigurationError) as caught:
+        find_workspace(root)
+    text = str(caught.value)
+    assert f"'testplans' is {tmp_path / 'plans'}, and must lie in the workspace, {root}" in text
+    assert "'fixtures' is /elsewhere" in text
+    assert "out" not in text
+
+
 def test_a_plan_is_found_by_path_and_by_name(tmp_path):
     """From anywhere in the workspace; what is no plan is refused with the nearest."""
     (tmp_path / "hil.toml").touch()

@@ -182,7 +182,10 @@ def test_how_a_stream_went_is_among_the_facts(tmp_path):
     journal.write("case", 0.0, case="test_rest", attempt=1)
     record(folder, journal)
     rows = Package(folder).events("recording-end")[0]["sha256"]
-    told = {"frames": 10, "lost": 1, "lost_samples": 3, "drift": 1e-5, "drift_uncertainty": None}
+    told = {
+        "frames": 10, "lost": 1, "lost_samples": 3, "losses_known": False, "drift": 1e-5, "drift_uncertainty": None,
+        "time_uncertainty": 0.25,
+    }  # fmt: skip
     journal.write(
         "effect", 2.0, case="test_rest", step="1", name="record.rest", ordinal=1, effect="records", arguments={},
         result={"sha256": rows, **told},

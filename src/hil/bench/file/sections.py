@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import TypeVar
 
 from hil.bench.file.complaints import Located
+from hil.clock.wall import is_date
 from hil.documents.reader import MappingReader
 from hil.model.bench import (
     Bus,
@@ -193,9 +194,12 @@ def _rating(reader: MappingReader) -> Rating:
 def _calibration(reader: MappingReader | None, places: Located) -> Calibration | None:
     if reader is None:
         return None
+    due = reader.text("due", pattern=_DATE)
+    if due and not is_date(due):
+        reader.findings.add(reader.place("due"), f"calibration: the date {due} does not exist")
     calibration = Calibration(
         certificate=reader.text("certificate"),
-        due=reader.text("due", pattern=_DATE),
+        due=due,
         ranges=tuple(places.keep(_range(item), item.place()) for item in reader.children("ranges", required=True)),
     )
     reader.done()

@@ -165,11 +165,18 @@ class Checks:
             )
             judgement = judge(written, limit)
         status = found.status.value if isinstance(found, Figure) else ""
+        if judgement.verdict is Verdict.INCONCLUSIVE and _too_coarse(judgement, limit):
+            judgement = replace(judgement, reason=self._placed(requirement, judgement.reason))
         if reason and not judgement.verdict.good:
             judgement = replace(judgement, reason=reason)
         if doubts:
             judgement = replace(judgement, verdict=Verdict.INCONCLUSIVE, reason="; ".join(doubts))
         self._note(requirement, limit, of, judgement, {"status": status, **({"doubts": doubts} if doubts else {})})
+
+    def _placed(self, requirement: str, reason: str) -> str:
+        """Return a reason with where the requirement stands that asks for so much."""
+        place = self._requirements[requirement].place
+        return f"{reason} ({place.path}:{place.line})" if place.path else reason
 
     def _note(
         self, requirement: str, limit: Limit, of: str | None, judgement: Judgement, source: Mapping[str, object]
@@ -204,6 +211,11 @@ class Checks:
                 requirement=requirement, parameter=limit.parameter, of=of, verdict=verdict, reason=judgement.reason
             )
         )
+
+
+def _too_coarse(judgement: Judgement, limit: Limit) -> bool:
+    """Tell whether a test uncertainty ratio is known, and below what the limit asks for."""
+    return limit.min_tur is not None and judgement.tur is not None and judgement.tur < float(limit.min_tur)
 
 
 def _sentences(doubts: object) -> tuple[str, ...]:

@@ -117,7 +117,15 @@ def _workspace(root: Path, settings: dict[str, Any], file: str) -> Workspace:
         findings.append(Finding(file, 0, 0, "'notify' must be a list of texts: a program and its arguments"))
     if findings:
         raise ConfigurationError(tuple(findings))
+    root = root.resolve()
     folders = {key: (root / settings.get(key, default)).resolve() for key, default in _FOLDERS.items()}
+    findings += [
+        Finding(file, 0, 0, f"'{key}' is {folder}, and must lie in the workspace, {root}: packages hold what is in it")
+        for key, folder in folders.items()
+        if key != "reports" and not folder.is_relative_to(root)
+    ]
+    if findings:
+        raise ConfigurationError(tuple(findings))
     return Workspace(root=root, name=settings.get("name", root.name), notify=tuple(notify), **folders)
 
 

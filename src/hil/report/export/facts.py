@@ -18,7 +18,9 @@ Facts = dict[str, Any]
 _OF_RUN = ("bench", "purpose", "plans", "operator", "epoch")
 _OF_RECORDING = ("recording", "name", "case", "step", "rate", "duration", "source")
 _OF_DUT = ("serial", "part", "model", "hardware", "firmware")
-_OF_STREAM = ("frames", "lost", "lost_samples", "drift", "drift_uncertainty")
+_OF_STREAM = (
+    "frames", "lost", "lost_samples", "losses_known", "drift", "drift_uncertainty", "time_uncertainty",
+)  # fmt: skip
 
 
 def facts_of(package: Package, verified: Verification, begun: Mapping[str, Any]) -> Facts:
