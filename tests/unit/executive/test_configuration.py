@@ -29,7 +29,7 @@ def test_everything_that_is_wrong_is_told_at_once(tmp_path):
     workspace.change("testplans/small/requirements.yaml", {'max: "1.5", decision': 'max: "0.1", decision'})
     workspace.change("testplans/small/parameters.yaml", {"unit: A": "unit: Amps"})
     workspace.change_bench({"epoch:": "epcoh:"})
-    workspace.change("fixtures/duts.yaml", {"model: EM": "model: XM"})
+    workspace.change("fixtures/duts.yaml", {'model: EM, hardware: "B"': 'model: XM, hardware: "B"'})
     with pytest.raises(ConfigurationError) as caught:
         configure(workspace.request())
     files = {finding.path for finding in caught.value.findings}
