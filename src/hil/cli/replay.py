@@ -41,6 +41,10 @@ def command(run: str) -> int:
     found = replay(package)
     for difference in found.differences:
         click.echo(difference, err=True)
+    if found.following:
+        click.echo(
+            f"behind that the record cannot answer any more: {found.following} more came out otherwise", err=True
+        )
     word = counted(len(found.differences), "difference") if found.differences else "the same"
     amount = f"{counted(found.cases, 'case')} with {counted(found.checks, 'check')}"
     without = ((found.broken_off, "broken off"), (found.never_ran, "never run"))

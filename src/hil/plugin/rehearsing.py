@@ -37,7 +37,8 @@ class Replayed:
     Attributes:
         cases: how many cases were compared.
         checks: how many checks they have.
-        differences: every difference, in a sentence.
+        differences: every difference, in a sentence, up to the one where a case left the record.
+        following: how many more came out otherwise behind that.
         broken_off: how many cases of the record a stop cut short, which are not compared.
         never_ran: how many cases of the record never ran.
     """
@@ -45,6 +46,7 @@ class Replayed:
     cases: int
     checks: int
     differences: tuple[str, ...]
+    following: int = 0
     broken_off: int = 0
     never_ran: int = 0
 
@@ -66,15 +68,16 @@ def replay(package: Package) -> Replayed:
         configuration = configure(replay_request(package, root.resolve(), output))
         again = _rehearsed(configuration, partial(_open_replayed, package=package))
         results = package.results()
-        found = list(differences(package, Package(again.folder)))
-        if again.bench.playback and not again.bench.playback.exhausted and not results["interrupted"]:
-            found.append("the record holds more operations than the cases asked for")
+        found, following = differences(package, Package(again.folder))
+        if not following and again.bench.playback and not again.bench.playback.exhausted and not results["interrupted"]:
+            found += ("the record holds more operations than the cases asked for",)
         verdicts = Counter(case["verdict"] for case in results["cases"])
         compared = [case for case in results["cases"] if case["verdict"] not in STOPPED]
         return Replayed(
             len(compared),
             sum(len(case["checks"]) for case in compared),
-            tuple(found),
+            found,
+            following,
             broken_off=verdicts[Verdict.ABORTED],
             never_ran=verdicts[Verdict.NOT_RUN],
         )

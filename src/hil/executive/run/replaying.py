@@ -70,11 +70,22 @@ def recall_of(package: Package) -> Recall:
     return Recall(package.events("effect"), _ANSWERED)
 
 
-def differences(recorded: Package, replayed: Package) -> Iterator[str]:
-    """Yield a sentence for every verdict, value and recording that came out otherwise.
+def differences(recorded: Package, replayed: Package) -> tuple[tuple[str, ...], int]:
+    """Return a sentence for every verdict, value and recording that came out otherwise, and how many more follow.
 
-    A person's stop is not replayed: of an interrupted run the cases count that had ended before.
+    Where a case left the record, that is the last sentence: nothing behind it finds the bytes that it needs, so that
+    what else came out otherwise is counted only. A person's stop is not replayed: of an interrupted run the cases
+    count that had ended before.
     """
+    found = tuple(_differences(recorded, replayed))
+    for place, (_, cause) in enumerate(found, 1):
+        if cause:
+            return tuple(sentence for sentence, _ in found[:place]), len(found) - place
+    return tuple(sentence for sentence, _ in found), 0
+
+
+def _differences(recorded: Package, replayed: Package) -> Iterator[tuple[str, bool]]:
+    """Yield sentences, each with whether it is why others follow."""
     before, after = (_by_case(package.results()["cases"]) for package in (recorded, replayed))
     interrupted = recorded.results()["interrupted"]
     for case, was in before.items():
@@ -82,15 +93,18 @@ def differences(recorded: Package, replayed: Package) -> Iterator[str]:
             continue
         now = after.get(case)
         if now is None:
-            yield f"{case}: {was['verdict']} in the record, not replayed"
+            yield f"{case}: {was['verdict']} in the record, not replayed", False
             continue
+        for reason in now["reasons"]:
+            if reason.startswith(f"{Diverged.__name__}:"):
+                yield f"{case}: {reason}", True
         if now["verdict"] != was["verdict"]:
-            yield f"{case}: {was['verdict']} in the record, {now['verdict']} replayed: {'; '.join(now['reasons'])}"
-        yield from (f"{case}: {reason}" for reason in now["reasons"] if reason.startswith(f"{Diverged.__name__}:"))
-        yield from _check_differences(case, was["checks"], now["checks"])
+            why = "; ".join(now["reasons"])
+            yield f"{case}: {was['verdict']} in the record, {now['verdict']} replayed: {why}", False
+        yield from ((sentence, False) for sentence in _check_differences(case, was["checks"], now["checks"]))
     if not interrupted:
-        yield from _bench_differences(recorded, replayed)
-        yield from _row_differences(recorded, replayed)
+        yield from ((sentence, False) for sentence in _bench_differences(recorded, replayed))
+        yield from ((sentence, False) for sentence in _row_differences(recorded, replayed))
 
 
 def _by_case(cases: Sequence[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
