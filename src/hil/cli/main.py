@@ -84,8 +84,6 @@ def cli() -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command and exit with its code; errors that a person can mend are sentences and exit code 4."""
     open_standard_streams()
-    if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:  # see hil.cli.entry
-        signal.signal(signal.SIGINT, signal.default_int_handler)
     word = Word.given()
     given = tuple(sys.argv[1:] if arguments is None else arguments)
     if word is None:
@@ -98,7 +96,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _code(invocation: Invocation) -> int:
     """Run a command and return its exit code, whatever it raises."""
     code = _INTERNAL
+    silent = signal.getsignal(signal.SIGINT) is signal.SIG_DFL  # see hil.cli.entry
     try:
+        if silent:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         code = cli.main(args=invocation.arguments, prog_name="hil", standalone_mode=False, obj=invocation) or 0
     except ConfigurationError as error:
         count = len(error.findings)
@@ -118,6 +119,9 @@ def _code(invocation: Invocation) -> int:
         code = 141
     except Exception as error:  # noqa: BLE001 - an error of ours: whoever mends it needs the traceback
         code = _of_file(error) if isinstance(error, OSError) and error.filename is not None else _internal()
+    finally:
+        if silent and invocation.word is None:  # all is said: Ctrl-C ends what is left without a traceback
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
     return code
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+
 import click
 import pytest
 from workspaces import make
@@ -209,6 +211,28 @@ def test_replay_says_how_much_it_compared(ran):
     workspace, name = ran
     ended = workspace.hil("replay", name)
     assert (ended.code, ended.out) == (0, "1 case with 1 check replayed from their bytes: the same\n")
+
+
+def test_ctrl_c_before_the_first_word_leaves_no_traceback(capsys, monkeypatch):
+    """Where signals are let through for the first time, one that waited ends the command with code 130."""
+    install = signal.signal
+
+    def at_once(number, handler):
+        before = install(number, handler)
+        if handler is signal.default_int_handler:
+            signal.raise_signal(number)
+        return before
+
+    before = install(signal.SIGINT, signal.SIG_DFL)
+    monkeypatch.setattr(signal, "signal", at_once)
+    try:
+        with pytest.raises(SystemExit) as ended:
+            main(["runs"])
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_DFL
+    finally:
+        install(signal.SIGINT, before)
+    assert ended.value.code == 130
+    assert capsys.readouterr() == ("", "")
 
 
 def test_an_error_of_hil_is_told_apart(capsys, monkeypatch):
