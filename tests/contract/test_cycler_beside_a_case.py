@@ -9,6 +9,7 @@ from case_parts import Case, limit, monitor, scheduler
 from cell_stream import adopt, facade_of
 from cycler_bench import cycler
 
+from hil.executive.case.during import NotInTime
 from hil.model.errors import Tripped
 
 
@@ -68,3 +69,17 @@ def test_its_rows_feed_the_envelope(bench, tmp_path):
         bench.cell.lines, bench.cell.shown["voltage"] = 0, 4.4
         case.scheduler.sleep(60.0)
     assert len(asked) == before
+
+
+def test_a_wait_ends_with_the_test(bench, tmp_path):
+    """A row that comes in a test only is not waited for any longer when the test is over."""
+    case, facade = held(bench, tmp_path)
+    facade.prepare(cycles=1)
+    with (
+        pytest.raises(NotInTime, match=r"no phase equal to 1 until its test was over, the newest is -1"),
+        case.run.record.during("test", facade, rate=0.2) as test,
+    ):
+        facade.start()
+        test.until("phase", equals=-1.0, within=300.0)
+        test.until("phase", equals=1.0, within=30000.0)
+    assert bench.clock.now() < 600.0

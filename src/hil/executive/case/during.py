@@ -163,19 +163,20 @@ class During:
         return self._effects.perform(name, "waits", arguments, action)
 
     def _until(self, condition: Condition, channel: str, within: float) -> float:
-        intake = self._taking.intake
+        intake, turns = self._taking.intake, self._taking.turns
         intake.await_row(condition)
         try:
-            if intake.found is None:
-                self._scheduler.wait_until(self._deadline_ns(within), lambda: intake.found is not None)
+            if intake.found is None:  # behind the end of the device's own test no row will come
+                self._scheduler.wait_until(
+                    self._deadline_ns(within), lambda: intake.found is not None or bool(turns.over)
+                )
         finally:
             intake.await_nothing()
         if intake.found is None:
             word = "equal to" if condition.compare == "equals" else condition.compare
             newest = f"the newest is {intake.last[condition.column]:.6g}" if intake.last else "no row has come"
-            raise NotInTime(
-                f"record '{self._name}': no {channel} {word} {condition.bound:g} within {within:g} s, {newest}", _HINT
-            )
+            when = "until its test was over" if turns.over else f"within {within:g} s"
+            raise NotInTime(f"record '{self._name}': no {channel} {word} {condition.bound:g} {when}, {newest}", _HINT)
         return round(intake.found, 9)
 
     def _until_over(self, within: float) -> float:
