@@ -6,10 +6,11 @@ import json
 import random
 import subprocess
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from workspaces import finish, kill, make
+from workspaces import Workspace, finish, kill, make
 
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
@@ -55,10 +56,16 @@ def no_process_is_left():
             process.communicate()
 
 
+def made(root: Path, *cases: str) -> Workspace:
+    """Make a workspace; without git the product's own commits do not matter, which may be made while a test runs."""
+    workspace = make(root, *cases)
+    return replace(workspace, environment={**workspace.environment, "PATH": str(root / "nothing")})
+
+
 @pytest.fixture
 def workspace(tmp_path):
     """A workspace with one long case and a short one."""
-    return make(tmp_path / "workspace", "import contextlib", SUPPLY, CASES)
+    return made(tmp_path / "workspace", "import contextlib", SUPPLY, CASES)
 
 
 def begun(workspace) -> Path:
@@ -173,3 +180,68 @@ def test_there_must_be_something_to_go_on_with(workspace, what):
         finish(STARTED[-1], 100)
     ended = workspace.hil("resume", "latest")
     assert (ended.code, what in ended.err) == (4, True)
+
+
+TURNS = """
+@pytest.mark.requirement("T-050")
+@pytest.mark.max_duration(1e9)
+def test_long(supply, field, operator, record, check, clock, iterations):
+    supply.coil.configure(1.9, 0.01)
+    supply.coil.enable()
+    with record.during("beside", field, rate=4.0) as beside:
+        for part in iterations("part", 400):
+            operator.confirm("Is the jig still in its place?", name="jig")
+            clock.sleep(20.0)
+            assert supply.coil.enabled()
+            check("T-050", "voltage", supply.coil.voltage())
+    assert beside.recording["x"].size > 4 * 20 * 400
+
+
+@pytest.mark.requirement("T-010")
+def test_last(check):
+    check("T-010", "ratio", 1.0)
+"""
+
+
+def stopped(workspace, process, until: str) -> None:
+    """Let a run come to a turn, and stop it to be resumed."""
+    for line in process.stdout:
+        if until in line:
+            break
+    assert workspace.hil("stop", "latest", "--to-resume", "--by", "Ada", "--reason", "weekend").code == 0
+    ended = finish(process, 60)
+    assert (ended.code, ended.err) == (2, "")
+    assert "hil resume" in ended.out
+
+
+@pytest.mark.timeout(240)
+def test_a_run_that_was_stopped_goes_on_at_its_last_turn(tmp_path):
+    """It is entered again, twice: the bench armed and driven anew, the turns made again void before, nothing lost."""
+    workspace = made(tmp_path / "workspace", TURNS)
+    stopped(workspace, workspace.start_run("--verbose"), "part 20 of 400")
+    (folder,) = workspace.folders()
+    assert not (folder / "bagit.txt").exists()
+    stopped(workspace, workspace.start("resume", "latest", "--verbose"), "part 200 of 400")
+    ended = workspace.hil("resume", "latest", timeout=100)
+    assert (ended.code, ended.err) == (0, "")
+    package = Package(folder)
+    assert verify(folder).findings == ()
+    assert [case["verdict"] for case in package.results()["cases"]] == ["PASS", "PASS"]
+    turns = [event["turn"] for event in package.events("step") if "turn" in event]
+    assert turns == list(range(1, 401))
+    lines = [line.body for line in package.lines()]
+    assert sum(line["kind"] == "armed" for line in lines) == 3
+    assert [line["entry"]["rows"] != [] for line in lines if line["kind"] == "resumed"] == [True, True]
+    beside = next(each for each in package.recordings() if each["name"] == "beside")
+    assert len(package.recording(beside["recording"])) > 4 * 20 * 400
+    assert "entered again" in package.text("data/report/report.html")
+    again = workspace.hil("replay", str(folder), timeout=100)
+    assert (again.code, again.err) == (0, "")
+
+
+def test_a_run_that_was_stopped_for_good_is_not_resumed(workspace):
+    """A stop without --to-resume seals, and a sealed run is refused."""
+    begun(workspace)
+    assert workspace.hil("stop", "latest").code == 0
+    finish(STARTED[-1], 60)
+    assert "is sealed" in workspace.hil("resume", "latest").err

@@ -48,6 +48,7 @@ class BoundBench:
         world: plants, peers and person, on a simulated bench only.
         lines: the byte streams of a simulated bench, by instrument.
         playback: the record that answers, on a replayed bench, and on a resumed one until it goes on.
+        go_on: lets a resumed bench go on from its checkpoint, where its record does not tell when.
     """
 
     spec: BenchSpec
@@ -60,6 +61,7 @@ class BoundBench:
     playback: Playback | None = None
     ports: list[TappedPort] = field(default_factory=list)
     buses: dict[str, I2cBus] = field(default_factory=dict)
+    go_on: Callable[[], None] = lambda: None
 
     @cached_property
     def roles(self) -> Mapping[str, object]:
@@ -120,7 +122,13 @@ def bind_simulated(spec: BenchSpec, transcript: Transcript) -> BoundBench:
 
 
 def bind_resumed(
-    spec: BenchSpec, transcript: Transcript, record: Path, checkpoint: Checkpoint, where: Callable[[], str]
+    spec: BenchSpec,
+    transcript: Transcript,
+    record: Path,
+    checkpoint: Checkpoint,
+    where: Callable[[], str],
+    *,
+    asked: bool = False,
 ) -> BoundBench:
     """Build the simulated twin on the record of a run so far; from the checkpoint on its world goes on.
 
@@ -130,19 +138,22 @@ def bind_resumed(
         record: the transcript of the run so far.
         checkpoint: what `BoundBench.checkpoint` returned then.
         where: tells the present step, for messages.
+        asked: whether it goes on when `go_on` is called, instead of where its record comes to the checkpoint.
     """
     twin = simulated_twin(spec)
     clock = VirtualClock(twin.epoch)
     ends: dict[str, Handed[Any]] = {}
 
     def go_on() -> None:
+        clock.wait_until(checkpoint.at_ns)
         simulated = simulated_ends(spec, twin, clock)
         simulated.restore(checkpoint.state)
         bench.world, bench.lines, bench.playback = simulated.world, simulated.lines, None
         for name, end in ends.items():
             end.hand_to(simulated.of(spec.instrument(name)))
 
-    playback = Playback(record, clock, where, Handover(checkpoint.operations, checkpoint.at_ns, go_on))
+    handover = None if asked else Handover(checkpoint.operations, checkpoint.at_ns, go_on)
+    playback = Playback(record, clock, where, handover)
     for instrument in spec.instruments:
         if _server(spec, instrument):
             continue
@@ -151,6 +162,7 @@ def bind_resumed(
         publish = publish_bus if instrument.bus else publish_stream
         publish(_url(Source.SIMULATED, spec, instrument.name), cast("Any", end))
     bench = _bound(spec, Source.SIMULATED, clock, transcript, playback=playback)
+    bench.go_on = go_on
     return bench
 
 

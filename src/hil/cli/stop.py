@@ -12,11 +12,16 @@ __all__ = ["command"]
 @click.command(name="stop", epilog='Example: hil stop 20261121T093100Z --reason "smell" --by "A. Engineer"')
 @click.argument("run", metavar="RUN")
 @click.option("--reason", default="", metavar="TEXT", help="Why.")
+@click.option("--to-resume", is_flag=True, help="Leave it unsealed, so that hil resume can go on with it.")
 @click.option("--by", default="", metavar="NAME", help="Who asks.")
-def command(run: str, reason: str, by: str) -> int:
-    """Ask a run to stop at its next scheduling point, make the bench safe, and seal."""
+def command(run: str, reason: str, by: str, *, to_resume: bool) -> int:
+    """Ask a run to stop at its next scheduling point, make the bench safe, and seal.
+
+    With --to-resume the package stays open. When the run is resumed, its bench is armed anew, and the turn of a loop or
+    the case that was going on is made again from its beginning.
+    """
     from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
 
-    post(find_running(run), "stop", by=by, text=reason)
+    post(find_running(run), "interrupt" if to_resume else "stop", by=by, text=reason)
     click.echo("the run will stop at its next scheduling point")
     return 0

@@ -18,7 +18,7 @@ from hil.model.errors import EvidenceError, Refused
 
 __all__ = ["KINDS", "LARGEST_ATTACHMENT", "Message", "poll", "post"]
 
-KINDS = frozenset({"ack", "answer", "attachment", "hold", "note", "release", "stop"})
+KINDS = frozenset({"ack", "interrupt", "answer", "attachment", "hold", "note", "release", "stop"})
 LARGEST_ATTACHMENT = 200_000_000
 
 _LONGEST_TEXT = 100_000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from hil.instruments.marks import drives, reads
+from hil.instruments.marks import begins, drives, reads
 from hil.instruments.sampled import Streamed
 from hil.model.figure import Figure
 
@@ -56,7 +56,7 @@ class Cycler(Streamed, Protocol):
         """
         ...
 
-    @drives
+    @begins
     def start(self) -> None:
         """Begin the test that was prepared."""
         ...

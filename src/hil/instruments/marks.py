@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
-__all__ = ["drives", "reads"]
+__all__ = ["begins", "drives", "reads"]
 
 _Operation = TypeVar("_Operation", bound=Callable[..., object])
 
@@ -16,6 +16,13 @@ _Operation = TypeVar("_Operation", bound=Callable[..., object])
 def drives(operation: _Operation) -> _Operation:
     """Mark an operation that changes the bench."""
     operation.effect = "drives"  # type: ignore[attr-defined]  # a mark on a function, read by the façade
+    return operation
+
+
+def begins(operation: _Operation) -> _Operation:
+    """Mark an operation that drives the bench and begins something: it is never issued again without its case."""
+    operation.effect = "drives"  # type: ignore[attr-defined]  # a mark on a function, read by the façade
+    operation.begins = True  # type: ignore[attr-defined]  # the same
     return operation
 
 

@@ -63,7 +63,7 @@ def open_resumed(
         configuration,
         planned,
         binder=partial(_bind_again, configuration, earlier),
-        answers=lambda bench, idle: Answered(earlier.lines, fresh(bench, idle), lambda: bench.world is not None),
+        answers=lambda bench, idle: Answered(earlier.come_again, fresh(bench, idle), lambda: bench.world is not None),
         leases=_leases(configuration),
         listeners=listeners,
         earlier=earlier,
@@ -75,7 +75,8 @@ def _bind_again(
 ) -> BoundBench:
     if earlier.checkpoint is None:
         return bind_simulated(configuration.bench, transcript)
-    return bind_resumed(configuration.bench, transcript, earlier.folder / TRANSCRIPT, earlier.checkpoint, where)
+    record, asked = earlier.folder / TRANSCRIPT, earlier.boundary is not None
+    return bind_resumed(configuration.bench, transcript, record, earlier.checkpoint, where, asked=asked)
 
 
 def _leases(configuration: Configuration) -> list[str]:

@@ -13,7 +13,7 @@ from hil.bench.binding import bind_replayed
 from hil.evidence.package.contents import Package
 from hil.executive.case.case_run import PlannedCase
 from hil.executive.run.answers import Nobody
-from hil.executive.run.replaying import STOPPED, differences, recall_of, replay_request, unpack
+from hil.executive.run.replaying import STOPPED, differences, replay_of, replay_request, unpack
 from hil.executive.run.session import Session
 from hil.executive.setup.configuration import Configuration, Request, configure
 from hil.model.errors import Refused
@@ -99,5 +99,5 @@ def _open_replayed(configuration: Configuration, planned: Sequence[PlannedCase],
         planned,
         binder=lambda transcript, where: bind_replayed(configuration.bench, transcript, record, where),
         answers=lambda _bench, _idle: Nobody(),
-        recall=recall_of(package),
+        replay=replay_of(package),
     )

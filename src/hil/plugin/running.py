@@ -14,8 +14,9 @@ from typing import NoReturn, Protocol, TextIO
 from hil.evidence.folder import JOURNAL, RESULTS, is_sealed
 from hil.executive.case.case_run import PlannedCase
 from hil.executive.run.earlier import Earlier, find_earlier
+from hil.executive.run.exit_codes import EXIT_INTERRUPTED
 from hil.executive.run.notifying import Notifier
-from hil.executive.run.session import EXIT_INTERRUPTED, Session
+from hil.executive.run.session import Session
 from hil.executive.setup.configuration import Configuration, Request, configure
 from hil.executive.setup.resuming import changes, deviation_of
 from hil.model.errors import Diverged, EvidenceError, Refused
@@ -172,6 +173,13 @@ def _nothing(out: TextIO, code: int) -> int:
 def _close(session: Session, pytest_code: int, out: TextIO, word: Word) -> int:
     """Seal, tell, and return the exit code; what cannot be told changes nothing."""
     code = session.exit_code(pytest_code)
+    if session.left_open:
+        session.leave_open()
+        with suppress(OSError, ValueError):
+            out.write(f"\nstopped, and not sealed: go on with hil resume {session.folder.name}\n")
+            out.write(f"{_shown(session.folder)}\n")
+            out.flush()
+        return code
     session.keeper.last(code)
     try:
         digest = session.seal(code, write_reports)

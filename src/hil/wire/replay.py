@@ -13,12 +13,12 @@ from serial import SerialException
 from hil.clock.port import Clock
 from hil.model.errors import Diverged
 from hil.wire.tap import message_bytes
-from hil.wire.transcript import Operation, read_transcript
+from hil.wire.transcript import Operation, format_of, read_transcript
 
 if TYPE_CHECKING:
     from smbus2 import i2c_msg
 
-__all__ = ["HOLD", "HOLD_END", "MONITOR", "Handover", "Playback", "ReplayedBus", "ReplayedStream"]
+__all__ = ["HOLD", "HOLD_END", "MONITOR", "OVERDUE", "Handover", "Playback", "ReplayedBus", "ReplayedStream"]
 
 HOLD = "hold"
 """The operation that marks where the bench was brought to its hold state."""
@@ -27,7 +27,13 @@ HOLD_END = "hold-end"
 """The operation that marks where it was released."""
 
 MONITOR = "monitor"
-"""The operation that marks the turn of a monitor; its device is the monitor's limit."""
+"""The operation that marks the turn of a monitor in a wait; its device is the monitor's limit."""
+
+OVERDUE = "monitor-overdue"
+"""The same at a point at which nothing waits; a wait may follow at the same instant."""
+
+_ALL_ALIKE = 2
+"""The last format of transcripts in which both had one name."""
 
 _READ_FLAG = 0x0001
 _HEX_SHOWN = 48
@@ -64,11 +70,18 @@ class Playback:
         self._clock = clock
         self._where = where
         self._handover = handover
+        alike = format_of(path) <= _ALL_ALIKE
+        self._alike = {MONITOR: {MONITOR}, OVERDUE: {MONITOR} if alike else {OVERDUE}}
 
     @property
     def exhausted(self) -> bool:
         """Whether every recorded operation was asked for."""
         return self._next is None
+
+    def skip(self, operations: int) -> None:
+        """Pass over the record up to that number of operations: they are not done again."""
+        while self._next is not None and self._next.sequence < operations:
+            self._next = next(self._operations, None)
 
     def look_up_ns(self, when_ns: int) -> int:
         """Return when a wait until `when_ns` has to look up: where the bench is handed over, if that is on the way."""
@@ -82,10 +95,23 @@ class Playback:
             self._handover = None
             handover.act()
 
-    def due_monitor(self, latest_ns: int) -> str:
-        """Return the limit whose monitor comes next in the record, at `latest_ns` or before, or nothing."""
+    def due_monitor(self, latest_ns: int, name: str) -> str:
+        """Return the limit whose monitor comes next in the record, or nothing.
+
+        Args:
+            latest_ns: the last instant at which it may come.
+            name: MONITOR in a wait, OVERDUE at a point.
+        """
         found = self._next
-        return found.device if found and found.name == MONITOR and found.start_ns <= latest_ns else ""
+        there = found is not None and found.name in self._alike[name] and found.start_ns <= latest_ns
+        return found.device if found and there else ""
+
+    def take_monitor(self, latest_ns: int, name: str) -> str:
+        """Take the turn of the monitor that comes next, if one does, and return its limit; see `due_monitor`."""
+        limit = self.due_monitor(latest_ns, name)
+        if limit and self._next:
+            self.take(limit, self._next.name)
+        return limit
 
     def comes(self, name: str, latest_ns: int) -> bool:
         """Return whether this operation comes next in the record, at `latest_ns` or before."""

@@ -10,14 +10,14 @@ from pathlib import Path
 
 from hil.model.errors import Diverged, EvidenceError
 
-__all__ = ["HEADER", "Operation", "Transcript", "past_lines", "read_transcript"]
+__all__ = ["HEADER", "Operation", "Transcript", "count_operations", "format_of", "past_lines", "read_transcript"]
 
 _COLUMNS = "sequence\tdevice\toperation\tstart_ns\tend_ns\tsent\treceived\terror\n"
-HEADER = f"hil/transcript/2 {_COLUMNS}"
+HEADER = f"hil/transcript/3 {_COLUMNS}"
 """The first line: format and columns, as many of them as every line has."""
 
-_HEADER_1 = f"hil/transcript/1\t{_COLUMNS}"
-"""Format 1 had the same lines, below a header with one field more."""
+_FORMATS = {HEADER: 3, f"hil/transcript/2 {_COLUMNS}": 2, f"hil/transcript/1\t{_COLUMNS}": 1}
+"""Format 2 gave a monitor's turn at a point the name of one in a wait, format 1 had a header with one field more."""
 
 _FIELDS = 8
 _SHOWN = 120
@@ -83,6 +83,11 @@ class Transcript:
         if self._past is None or not self._is_past(line):
             self._waiting += line.encode()
 
+    def skip(self, operations: int) -> None:
+        """Pass over what the file holds up to that number of operations: they are not done again."""
+        while self._past is not None and self._sequence < operations and next(self._past, ""):
+            self._sequence += 1
+
     def flush(self) -> None:
         """Hand what is waiting to the operating system; what finds no space goes on waiting.
 
@@ -131,6 +136,24 @@ def past_lines(path: Path) -> Iterator[str] | None:
     return lines
 
 
+def format_of(path: Path) -> int:
+    """Return the format of a transcript.
+
+    Raises:
+        EvidenceError: as `read_transcript`.
+    """
+    return _FORMATS[next(_lines(path))]
+
+
+def count_operations(path: Path) -> int:
+    """Return how many whole operations a transcript holds.
+
+    Raises:
+        EvidenceError: as `read_transcript`.
+    """
+    return sum(line.endswith("\n") for line in _lines(path)) - 1
+
+
 def read_transcript(path: Path) -> Iterator[Operation]:
     """Yield the operations of a transcript; a torn last line is left out.
 
@@ -150,8 +173,8 @@ def _lines(path: Path) -> Iterator[str]:
         raise EvidenceError(f"{path} is missing", "without its transcript a run cannot be replayed")
     with path.open(encoding="utf-8", newline="\n") as lines:
         header = next(lines, "")
-        if header not in {HEADER, _HEADER_1}:
-            raise EvidenceError(f"{path.name} is not a transcript of format 1 or 2")
+        if header not in _FORMATS:
+            raise EvidenceError(f"{path.name} is not a transcript of format 1 to 3")
         yield header
         yield from lines
 

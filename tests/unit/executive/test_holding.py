@@ -40,6 +40,7 @@ class Scheduler:
         self.clock, self.ending = clock, ending
         self.watching, self.deadline_ns, self.faults = True, 10_000_000_000, []
         self.seen = []
+        self.monitoring = SimpleNamespace(faulted=lambda instrument, fault: self.faults.append((instrument, fault)))
 
     def now_ns(self):
         """Return the bench's time."""
@@ -47,10 +48,6 @@ class Scheduler:
 
     def watch_from_now(self):
         """Do nothing."""
-
-    def faulted(self, instrument, fault):
-        """Keep a fault."""
-        self.faults.append((instrument, fault))
 
     def point(self):
         """Let a minute pass, and end if that is asked for."""
@@ -70,6 +67,7 @@ def bench():
         hold=(SafeStep(output="supply.coil", state="off", within_s=1.0),),
         wiring=(wire,),
         instrument=lambda name: name,
+        wire=lambda _: wire,
     )
     clock = VirtualClock()
     roles = {"supply.coil": Coil()}
@@ -82,7 +80,7 @@ def hold(bench, ending=None):
     scheduler = Scheduler(bench.clock, ending)
     holding = Holding(bench, StopFlags(), lambda kind, **fields: written.append({"kind": kind, **fields}), scheduler)
     scheduler.holding = holding
-    drive = {"kind": "effect", "effect": "drives", "name": "supply.coil.enable", "arguments": {}}
+    drive = {"kind": "effect", "effect": "drives", "name": "supply.coil.enable", "arguments": {}, "t": 0.0}
     holding(drive)
     holding({"kind": "hold-asked", "release": False, "by": "Ada", "text": "door"})
     try:
@@ -129,18 +127,23 @@ def test_an_output_that_falls_silent_is_a_fault_of_the_bench(bench):
 def driven(*calls):
     """Return what is driven after these calls of `output.operation` with their arguments."""
     found = Driven()
-    for name, arguments in calls:
-        found.take({"kind": "effect", "effect": "drives", "name": name, "arguments": arguments})
+    for second, (name, arguments) in enumerate(calls):
+        found.take({"kind": "effect", "effect": "drives", "name": name, "arguments": arguments, "t": float(second)})
     return found
+
+
+def told(calls):
+    """Return operation and arguments of calls."""
+    return [(call.operation, call.arguments) for call in calls]
 
 
 def test_the_last_call_of_each_operation_is_driven_again():
     """A voltage is set before its output is on; what a state of rest made void, and what failed, is left out."""
     five, six = {"voltage": 5.0, "current": 1.0}, {"voltage": 6.0, "current": 1.0}
     found = driven(("supply.a.configure", five), ("supply.a.enable", {}), ("supply.a.configure", six))
-    assert found.of("supply.a") == (("configure", six), ("enable", {}))
-    found.take({"kind": "effect", "effect": "drives", "name": "supply.a.disable", "arguments": {}})
-    assert found.of("supply.a") == (("disable", {}),)
+    assert told(found.of("supply.a")) == [("configure", six), ("enable", {})]
+    found.take({"kind": "effect", "effect": "drives", "name": "supply.a.disable", "arguments": {}, "t": 3.0})
+    assert told(found.of("supply.a")) == [("disable", {})]
     found.take({"kind": "effect", "effect": "drives", "name": "thermal.hold", "arguments": {}, "raised": "NoReply"})
     assert found.of("thermal") == ()
     found.take({"kind": "rest"})
@@ -151,4 +154,15 @@ def test_each_contact_is_as_it_was():
     """Of close and open of one contact the last one counts."""
     a, b = {"contact": "a"}, {"contact": "b"}
     found = driven(("relays.close", a), ("relays.close", b), ("relays.open", a))
-    assert found.of("relays") == (("open", a), ("close", b))
+    assert told(found.of("relays")) == [("open", a), ("close", b)]
+
+
+def test_calls_of_all_outputs_come_in_the_order_in_which_they_were_needed():
+    """A sensor is woken after its supply is on, and what begins a test of its own is nobody's but the case's."""
+    on = ("supply.sensor.enable", {})
+    found = driven(on, ("magnetometer.start", {}), ("cycler.prepare", {}), ("cycler.start", {}), on)
+    assert [(call.output, call.operation, call.first_t) for call in found.calls] == [
+        ("supply.sensor", "enable", 0.0),
+        ("magnetometer", "start", 1.0),
+        ("cycler", "prepare", 2.0),
+    ]

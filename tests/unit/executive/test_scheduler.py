@@ -195,7 +195,7 @@ def test_the_silence_of_a_monitors_device_is_told_to_the_case():
     scheduled._bench.spec = SimpleNamespace(
         instrument=lambda name: {"psu1": instrument}[name], wire=lambda _: SimpleNamespace(instrument="psu1")
     )
-    scheduled.faulted = lambda device, fault: told.append((device.name, str(fault)))
+    scheduled.monitoring.faulted = lambda device, fault: told.append((device.name, str(fault)))
     scheduled.sleep(2.0)
     assert told == [("psu1", "psu1: nothing came")] * 2
     assert clock.now() == pytest.approx(3.2)
@@ -215,14 +215,12 @@ class Record:
         """Return the end of the wait."""
         return when_ns
 
-    def due_monitor(self, latest_ns: int) -> str:
-        """Return the limit whose turn is next."""
-        return "v" if self.turns and self.turns[0] <= latest_ns else ""
-
-    def take(self, device: str, name: str) -> None:
-        """Take the turn."""
-        assert (device, name) == ("v", "monitor")
+    def take_monitor(self, latest_ns: int, name: str) -> str:
+        """Take the turn that comes next, and return its limit."""
+        if name != "monitor" or not self.turns or self.turns[0] > latest_ns:
+            return ""
         self.taken.append(self.turns.pop(0))
+        return "v"
 
 
 def test_replayed_monitors_follow_the_record():

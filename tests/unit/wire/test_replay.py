@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from io import FileIO
+
 import pytest
 from echo import EchoPeer, MemoryPeer
 from smbus2 import i2c_msg
@@ -10,7 +12,7 @@ from hil.clock.virtual import VirtualClock
 from hil.model.errors import Diverged, EvidenceError
 from hil.wire.exchange import publish_bus, publish_stream, withdraw
 from hil.wire.opening import open_bus, open_port
-from hil.wire.replay import Playback, ReplayedBus, ReplayedStream
+from hil.wire.replay import MONITOR, OVERDUE, Playback, ReplayedBus, ReplayedStream
 from hil.wire.simulated_bus import SimulatedBus
 from hil.wire.simulated_line import SimulatedLine
 from hil.wire.transcript import Transcript, read_transcript
@@ -127,15 +129,29 @@ def test_the_header_has_a_field_for_every_column(recorded):
     """A table reader finds as many names as values."""
     path, *_ = recorded
     header, *lines = path.read_text(encoding="utf-8").splitlines()
-    assert header.split("\t")[0] == "hil/transcript/2 sequence"
+    assert header.split("\t")[0] == "hil/transcript/3 sequence"
     assert {line.count("\t") for line in lines} == {header.count("\t")}
 
 
-def test_a_transcript_of_format_1_is_read_as_ever(recorded):
-    """Its header had a field of its own for the format; its lines are the same."""
+@pytest.mark.parametrize("header", ["hil/transcript/1\t", "hil/transcript/2 "])
+def test_transcripts_of_earlier_formats_are_read_as_ever(recorded, header):
+    """The first had a field of its own for the format; their lines are the same."""
     path, *_ = recorded
     operations = list(read_transcript(path))
-    path.write_text(
-        path.read_text(encoding="utf-8").replace("hil/transcript/2 ", "hil/transcript/1\t"), encoding="utf-8"
-    )
+    path.write_text(path.read_text(encoding="utf-8").replace("hil/transcript/3 ", header), encoding="utf-8")
     assert list(read_transcript(path)) == operations
+
+
+@pytest.mark.parametrize(("header", "found"), [("hil/transcript/2 ", "v"), ("hil/transcript/3 ", "")])
+def test_a_monitor_at_a_point_is_told_from_one_in_a_wait(tmp_path, header, found):
+    """Up to format 2 both had one name; since then a turn in a wait is left for it."""
+    sink = FileIO(tmp_path / "t.tsv", "w")
+    transcript = Transcript(sink)
+    transcript.note("v", MONITOR, 5, 5)
+    transcript.flush()
+    sink.close()
+    path = tmp_path / "t.tsv"
+    path.write_text(path.read_text(encoding="utf-8").replace("hil/transcript/3 ", header), encoding="utf-8")
+    playback = Playback(path, VirtualClock(), lambda: "here")
+    assert playback.due_monitor(5, OVERDUE) == found
+    assert playback.due_monitor(5, MONITOR) == "v"

@@ -10,7 +10,7 @@ from hil.evidence.journal.quick_json import quick_canonical
 from hil.evidence.journal.reader import JournalLine
 from hil.model.errors import Diverged
 
-__all__ = ["FROM_OUTSIDE", "Past"]
+__all__ = ["FROM_OUTSIDE", "Past", "is_of_course"]
 
 FROM_OUTSIDE = frozenset(
     {
@@ -32,7 +32,15 @@ FROM_OUTSIDE = frozenset(
 )
 """Kinds that something outside of the run's own course may have caused; they do not come again."""
 
+_ANSWERED = frozenset({"answer", "question"})
+"""A replay answers from its record, and asks nobody."""
+
 _SHOWN = 300
+
+
+def is_of_course(kind: str) -> bool:
+    """Return whether events of this kind come again in every run of the same course, its replay included."""
+    return kind not in FROM_OUTSIDE and kind not in _ANSWERED
 
 
 class Past:
@@ -66,6 +74,11 @@ class Past:
         if not self.over and kind not in FROM_OUTSIDE:
             self._refuse(kind, t, fields)
         return False
+
+    def skip(self, last: int) -> None:
+        """Pass over the events up to sequence number `last`, which are void."""
+        while self._lines and self._lines[0].body["seq"] <= last:
+            self._lines.popleft()
 
     def _refuse(self, kind: str, t: float, fields: Mapping[str, object]) -> NoReturn:
         found = quick_canonical({**fields, "t": round(t, 9), "kind": kind})

@@ -9,6 +9,7 @@ from typing import Any
 from hil.evidence.durable import read_plain
 from hil.evidence.folder import JOURNAL, RECORDINGS, RESULTS, TRANSCRIPT, is_sealed
 from hil.evidence.journal.reader import Body, JournalLine, JournalReading, read_journal, require_known_format
+from hil.evidence.journal.standing import standing
 from hil.evidence.package.bag import MANIFEST, digest_of_manifest, evidence_digest
 from hil.evidence.recordings.hdf5 import Recorded, read_recording
 from hil.evidence.results.derived import Derived, results_of
@@ -65,7 +66,7 @@ class Package:
 
     @cached_property
     def _events(self) -> tuple[Body, ...]:
-        return self._reading.events
+        return standing(self._reading.events)
 
     @cached_property
     def _of_recordings(self) -> tuple[dict[str, Body], dict[str, Body]]:
@@ -78,7 +79,7 @@ class Package:
         return self._reading.lines
 
     def events(self, *kinds: str) -> tuple[Body, ...]:
-        """Return the bodies of all events, or of those of some kinds."""
+        """Return the bodies of all events that stand, or of those of some kinds."""
         if not kinds:
             return self._events
         return tuple(event for event in self._events if event["kind"] in kinds)

@@ -114,6 +114,25 @@ class Rows:
             if self._rows >= self._due:
                 self._flush()
 
+    @property
+    def held(self) -> int:
+        """How many rows the file holds, those included that have not come again yet."""
+        return read_rows(self._path).rows
+
+    def skip(self, rows: int) -> None:
+        """Take over what the file holds up to that number of rows, without its coming again."""
+        if self._past is None:
+            return
+        self._flush()
+        left = (rows - self._rows) * self._width * NUMBER
+        past = self._past
+        while left and (block := past.read(min(left, BLOCK * self._width * NUMBER))):
+            left -= len(block)
+            self._rows += len(block) // (self._width * NUMBER)
+            self._take(block)
+        self._told = self._rows - self._rows % BLOCK
+        self._due = self._next_due()
+
     def tick(self) -> None:
         """Bring rows to the disk that wait for long; called at every scheduling point, twice a second or more often."""
         now = self._now()

@@ -82,7 +82,7 @@ class CaseRun:
     def iterations(self, name: str, count: int) -> Iterator[int]:
         """Count from 1; each turn is a step, and its beginning a checkpoint."""
         for index in range(1, count + 1):
-            with self.steps(f"{name} {index} of {count}"):
+            with self.steps(f"{name} {index} of {count}", turn=index):
                 yield index
 
     @property

@@ -13,11 +13,11 @@ from hil.documents.suggest import did_you_mean
 from hil.executive.case.effects import Effects
 from hil.instruments.roles import ROLES
 from hil.instruments.sampled import Sampled, Streamed
-from hil.model.bench import InstrumentSpec, Wire
+from hil.model.bench import BenchSpec, InstrumentSpec, Wire
 from hil.model.errors import DeviceFault
 from hil.model.figure import Figure
 
-__all__ = ["Facade", "Host", "RoleSet"]
+__all__ = ["Facade", "Host", "RoleSet", "facades"]
 
 _Result = TypeVar("_Result")
 
@@ -173,3 +173,22 @@ class RoleSet:
 
     def __repr__(self) -> str:
         return f"<{self._role}: {', '.join(self._instances)}>"
+
+
+def facades(
+    spec: BenchSpec, roles: Mapping[str, object], effects: Effects, host: Host
+) -> Mapping[str, Facade | RoleSet]:
+    """Return the façades of one case, by role; a role with several instances is a set.
+
+    Args:
+        spec: the bench file.
+        roles: the drivers' objects by dotted name.
+        effects: where operations are performed and noted.
+        host: the case.
+    """
+    by_role: dict[str, dict[str, Facade]] = {}
+    instruments = {instrument.name: instrument for instrument in spec.instruments}
+    for wire in spec.wiring:
+        facade = Facade(wire, spec.instrument(wire.instrument), roles[wire.name], effects, host, instruments)
+        by_role.setdefault(wire.role, {})[wire.instance] = facade
+    return {role: instances[""] if "" in instances else RoleSet(role, instances) for role, instances in by_role.items()}

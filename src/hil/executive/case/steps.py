@@ -37,8 +37,13 @@ class Steps:
         return ".".join(str(count) for count in self._counts[: len(self._titles)])
 
     @contextmanager
-    def __call__(self, title: str) -> Iterator[None]:
-        """Be in a step; steps nest, and whoever leaves a step leaves those inside it."""
+    def __call__(self, title: str, turn: int | None = None) -> Iterator[None]:
+        """Be in a step; steps nest, and whoever leaves a step leaves those inside it.
+
+        Args:
+            title: what is done in it.
+            turn: which turn of a loop it is, from 1; a run that was stopped can be entered again at its beginning.
+        """
         began = self._now()  # first of all, because it turns other threads away
         depth = len(self._titles)
         del self._counts[depth + 1 :]
@@ -46,7 +51,7 @@ class Steps:
         self._titles.append(title)
         self._began.append(began)
         self._counts.append(0)
-        self._write("step", **self._facts())
+        self._write("step", **self._facts(), **({} if turn is None else {"turn": turn}))
         mine = self._counts[: depth + 1]
         outcome = "raised"
         try:

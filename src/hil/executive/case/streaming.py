@@ -98,6 +98,11 @@ class StreamTurns:
         self._start_s = self._start_ns / NANOSECONDS
         self.due_ns = self._start_ns + self._pause_ns
 
+    def begin_again(self) -> None:
+        """Let the device sample anew; its time counts from now."""
+        self.give_up()
+        self.begin(self._intake)
+
     def take(self) -> None:
         """Fetch what has come."""
         self.due_ns += self._pause_ns
@@ -160,6 +165,10 @@ class SampledTurns:
         """Take the first sample. See `Turns`."""
         self._intake = intake
         self._start_ns = self._clock.now_ns()
+        self.take()
+
+    def begin_again(self) -> None:
+        """Go on at the next turn from now."""
         self.take()
 
     def take(self) -> None:

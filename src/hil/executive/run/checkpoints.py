@@ -46,12 +46,20 @@ class Checkpoints:
         began = wall.monotonic()
         if began < self._due:
             return
+        self.write()
+        now = wall.monotonic()
+        self._due = now + max(_EVERY_S, _SHARE * (now - began))
+
+    def write(self) -> None:
+        """Write one.
+
+        Raises:
+            OSError: where the disk is full or fails.
+        """
         self._bench.transcript.sync()
         if found := self._bench.checkpoint():
             told = {"format": _FORMAT, "at_ns": found.at_ns, "operations": found.operations, "state": found.state}
             write_whole(self._path, json.dumps(told).encode())
-        now = wall.monotonic()
-        self._due = now + max(_EVERY_S, _SHARE * (now - began))
 
 
 def read_checkpoint(folder: Path) -> Checkpoint | None:

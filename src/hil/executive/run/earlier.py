@@ -2,28 +2,40 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from itertools import takewhile
 from pathlib import Path
 
 from hil.clock import wall
 from hil.clock.port import NANOSECONDS
 from hil.evidence.folder import JOURNAL, is_held, is_sealed
+from hil.evidence.journal.past import is_of_course
 from hil.evidence.journal.reader import Body, JournalLine, cut_torn_tail, read_journal, require_known_format
+from hil.evidence.journal.standing import Entry, entries, standing
 from hil.evidence.journal.writer import Journal
 from hil.executive.case.operator import Answer, AnswerSource, Declined, Question
 from hil.executive.run.answers import SIMULATED_PERSON
 from hil.executive.run.checkpoints import read_checkpoint
 from hil.model.errors import Diverged, Refused
+from hil.model.verdict import Verdict
 from hil.wire.checkpoint import Checkpoint
 
 __all__ = ["Answered", "Earlier", "find_earlier"]
 
 _HEAD = frozenset({"anomaly", "frozen", "orphan", "planned", "run"})
-_AFTER = {"end": "has ended", "recovered": "is being sealed", "results": "has ended", "stop": "was asked to stop"}
+_AFTER = {"end": "has ended", "recovered": "is being sealed", "results": "has ended"}
 """Events after which there is nothing to go on with."""
+
+
+@dataclass(frozen=True, slots=True)
+class Boundary:
+    """An event behind which a run can be entered again: its place in the run's own course, and sequence number."""
+
+    place: int
+    sequence: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +49,8 @@ class Earlier:
         torn: bytes of half a line that stood at the journal's end.
         checkpoint: where its simulated bench was, None where that was not written down yet.
         deviation: how this resume deviates from the plan, empty where it does not.
+        boundary: where it is entered again, None for one that was killed, and goes on where it was.
+        stood_s: how long its bench stood safe before that, in bench time.
     """
 
     folder: Path
@@ -45,6 +59,30 @@ class Earlier:
     torn: int = 0
     checkpoint: Checkpoint | None = None
     deviation: str = ""
+    boundary: Boundary | None = None
+    stood_s: float = 0.0
+
+    @property
+    def own_course(self) -> int:
+        """How many events of the run's own course its head has."""
+        return sum(is_of_course(line.body["kind"]) for line in self.head)
+
+    @property
+    def come_again(self) -> tuple[JournalLine, ...]:
+        """The lines up to where it is entered again."""
+        last = self.boundary.sequence if self.boundary else math.inf
+        return tuple(line for line in self.lines if line.body["seq"] <= last)
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """Where it was entered before."""
+        return entries(line.body for line in self.lines)
+
+    @property
+    def next_recording(self) -> int:
+        """A number that no recording has yet."""
+        begun = (str(line.body["recording"]) for line in self.lines if line.body["kind"] == "recording")
+        return max((int(name[:3]) for name in begun if name[:3].isdigit()), default=0) + 1
 
     @property
     def run(self) -> Body:
@@ -97,16 +135,43 @@ def find_earlier(folder: Path) -> Earlier:
     for line in earlier.lines:
         if (kind := line.body["kind"]) in _AFTER:
             raise Refused(f"{folder.name}: the run {_AFTER[kind]}", "seal it as it is with hil seal")
-    return earlier
+    return replace(earlier, boundary=_boundary(earlier))
 
 
-def go_on_with(earlier: Earlier, journal: Journal, now: Callable[[], float]) -> None:
+def _boundary(earlier: Earlier) -> Boundary | None:
+    """Return where a run that was stopped can be entered again, None for one that was not stopped.
+
+    That is the beginning of the turn of a loop that was going on, else of its case, else the end of the case before.
+    """
+    events = standing([line.body for line in (*earlier.head, *earlier.lines)])
+    stop = next((event for event in events if event["kind"] == "stop"), None)
+    if stop is None:
+        return None
+    if not stop.get("resumable"):
+        raise Refused(f"{earlier.folder.name}: the run was asked to stop for good", "seal it as it is with hil seal")
+    own = [event for event in events if is_of_course(event["kind"])]
+    found = [(place, event) for place, event in enumerate(own, 1) if _can_be_entered(event)]
+    if not found:
+        raise Refused(f"{earlier.folder.name}: no case had begun", "seal it as it is, and start a new run")
+    place, event = found[-1]
+    return Boundary(place, event["seq"])
+
+
+def _can_be_entered(event: Body) -> bool:
+    kind = event["kind"]
+    if kind == "case-end":
+        return bool(event["verdict"] != Verdict.ABORTED)
+    return kind == "case" or (kind == "step" and "turn" in event)
+
+
+def go_on_with(earlier: Earlier, journal: Journal, now: Callable[[], float], entry: Entry | None = None) -> None:
     """Write down that an interrupted run goes on, before its first new event.
 
     Args:
         earlier: the interrupted run.
         journal: its journal.
         now: bench time in s.
+        entry: where it is entered again, None where it goes on where it was.
     """
     last = earlier.last_wall
     beside, seconds = {"interrupted": last}, round(wall.seconds_since(str(last["utc"])), 1)
@@ -120,9 +185,22 @@ def go_on_with(earlier: Earlier, journal: Journal, now: Callable[[], float]) -> 
         torn_bytes=earlier.torn,
         deviation=earlier.deviation,
         seconds=seconds,
-        text="the run was interrupted here, and went on",
+        text=_WENT_ON if entry is None else _ENTERED,
+        **({"entry": _told(entry)} if entry else {}),
         beside=beside,
     )
+
+
+def _told(entry: Entry) -> Mapping[str, object]:
+    told = asdict(entry)
+    del told["at"]
+    return {**told, "rows": list(told["rows"])}
+
+
+_WENT_ON = "the run was interrupted here, and went on"
+_ENTERED = (
+    "the run was stopped, and was entered again at the last beginning of a turn or a case; what came after is void"
+)
 
 
 class Answered:
@@ -137,7 +215,7 @@ class Answered:
     """
 
     def __init__(self, lines: Sequence[JournalLine], source: AnswerSource, goes_on: Callable[[], bool]) -> None:
-        self._told = deque(line.body for line in lines if _is_answer(line.body))
+        self._told = deque(event for event in standing([line.body for line in lines]) if _is_answer(event))
         self._source = source
         self._goes_on = goes_on
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from hil.clock.port import Clock
-from hil.evidence.journal.past import Past
+from hil.evidence.journal.past import Past, is_of_course
 from hil.evidence.journal.writer import Journal
 from hil.executive.run.stop import StopFlags
 from hil.model.errors import Diverged, EvidenceError
@@ -27,17 +27,21 @@ class Events:
         journal: where every event is written before anybody sees it.
         flags: asked to end the run once the disk is full; later events go in as far as space allows.
         past: the events of a resumed run so far, which come again first and are not written a second time.
+        count: how many events of its own course the run has already.
 
     Attributes:
         at_new: is called once, before the first event that is new in a resumed run.
+        behind: is called with the number of events of the run's own course, after each of them.
         at_divergence: hears why a resumed run does not come to its past again; nothing is to be written any more.
     """
 
-    def __init__(self, journal: Journal, flags: StopFlags, past: Past | None = None) -> None:
+    def __init__(self, journal: Journal, flags: StopFlags, past: Past | None = None, count: int = 0) -> None:
         self._journal = journal
         self._flags = flags
         self._past = past
+        self._count = count
         self.at_new: Callable[[], None] = lambda: None
+        self.behind: Callable[[int], None] = lambda _: None
         self.at_divergence: Callable[[Diverged], object] = lambda _: None
         self._clock: Clock | None = None
         self._listeners: list[Listener] = []
@@ -71,6 +75,14 @@ class Events:
                     listener({"kind": kind, "t": t, **fields})
                 except (Exception, SystemExit):  # noqa: BLE001 - a display that is gone must not reach the bench
                     self._listeners.remove(listener)
+        if is_of_course(kind):
+            self._count += 1
+            self.behind(self._count)
+
+    def skip(self, last: int) -> None:
+        """Let the events of the past up to sequence number `last` not come again: they are void."""
+        if self._past is not None:
+            self._past.skip(last)
 
     def end_of_past(self) -> None:
         """Note that everything has come again, if it has."""

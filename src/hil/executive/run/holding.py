@@ -11,17 +11,17 @@ from hil.bench.safe_off import SafeResult, make_safe
 from hil.clock import wall
 from hil.clock.port import NANOSECONDS
 from hil.executive.case.effects import decoded
-from hil.executive.run.driven import Driven
+from hil.executive.run.driven import Call, Driven
 from hil.executive.run.scheduler import Scheduler
 from hil.executive.run.stop import StopFlags
-from hil.model.bench import Wire
 from hil.model.errors import DeviceFault
-from hil.wire.replay import HOLD, HOLD_END
+from hil.wire.replay import HOLD, HOLD_END, OVERDUE
 
 __all__ = ["Holding"]
 
 _BENCH = "bench"
 _PATIENCE_S = 0.05
+_LONGEST_APART_S = 5.0
 
 Event = Mapping[str, Any]
 
@@ -82,7 +82,7 @@ class Holding:
             self._take()
             self._scheduler.watch_from_now()
             while not playback.comes(HOLD_END, self._scheduler.now_ns()):
-                if not playback.due_monitor(self._scheduler.now_ns()) and self._bench.playback is not None:
+                if not playback.due_monitor(self._scheduler.now_ns(), OVERDUE) and self._bench.playback is not None:
                     return
                 self._scheduler.point()
                 if self._bench.playback is None:
@@ -96,6 +96,21 @@ class Holding:
             lasted_ns = self._scheduler.now_ns() - began_ns
             self._scheduler.deadline_ns = None if deadline_ns is None else deadline_ns + lasted_ns
         self._hold({"by": "", "text": "it was held when the run was interrupted"})
+
+    def drive_again(self) -> None:
+        """Issue again what had been driven on every output, in its order and as far apart as it was then.
+
+        A sensor needs its time after its supply is on; longer waits than that were the case's own.
+
+        Raises:
+            DeviceFault: an output could not be brought back to what it was.
+        """
+        before: Call | None = None
+        for call in self._driven.calls:
+            apart = call.first_t - before.first_t if before else 0.0
+            self._bench.clock.sleep(min(apart, _LONGEST_APART_S))
+            self._issue(call)
+            before = call
 
     def _asked(self, event: Event) -> None:
         problem = self._against(release=event["release"])
@@ -167,17 +182,18 @@ class Holding:
 
     def _as_before(self) -> None:
         """Issue again what had been driven on the outputs of the hold state, in the order of the wiring."""
-        outputs = {step.output for step in self._bench.spec.hold}
+        held = {step.output for step in self._bench.spec.hold}
         with self._flags.undisturbed():
-            for wire in self._bench.spec.wiring:
-                for operation, arguments in self._driven.of(wire.name) if wire.name in outputs else ():
-                    self._issue(wire, operation, arguments)
+            for output in [wire.name for wire in self._bench.spec.wiring if wire.name in held]:
+                for call in self._driven.of(output):
+                    self._issue(call)
 
-    def _issue(self, wire: Wire, operation: str, arguments: Mapping[str, object]) -> None:
-        given = {name: decoded(value) for name, value in arguments.items()}
+    def _issue(self, call: Call) -> None:
+        given = {name: decoded(value) for name, value in call.arguments.items()}
         try:
-            getattr(self._bench.roles[wire.name], operation)(**given)
+            getattr(self._bench.roles[call.output], call.operation)(**given)
         except DeviceFault as fault:
-            if self._scheduler.faulted is not None:
-                self._scheduler.faulted(self._bench.spec.instrument(wire.instrument), fault)
+            if self._scheduler.monitoring.faulted is not None:
+                wire = self._bench.spec.wire(call.output)
+                self._scheduler.monitoring.faulted(self._bench.spec.instrument(wire.instrument), fault)
             raise

@@ -70,12 +70,18 @@ class BenchKeeper:
 
     def arm(self) -> str:
         """Look, make safe, try every output at reduced level, and begin to watch; return why not, if not."""
-        for gate in self._gates():
-            self._write("gate", name=gate.name, ok=gate.ok, detail=gate.detail)
-            if not gate.ok:
-                return f"{gate.name}: {gate.detail}"
+        if problem := self._pass_gates():
+            return problem
         for limit in self._bench.spec.envelope:
             self._watched[limit.id] = self._store.begin(self._facts(limit))
+        self.scheduler.watch_from_now()
+        self._write("armed")
+        return ""
+
+    def arm_again(self) -> str:
+        """Arm a bench that was made safe, and go on watching it; return why not, if not."""
+        if problem := self._pass_gates():
+            return problem
         self.scheduler.watch_from_now()
         self._write("armed")
         return ""
@@ -127,6 +133,13 @@ class BenchKeeper:
         for recording in self._watched.values():
             recording.finish(complete=True)
         self._watched.clear()
+
+    def _pass_gates(self) -> str:
+        for gate in self._gates():
+            self._write("gate", name=gate.name, ok=gate.ok, detail=gate.detail)
+            if not gate.ok:
+                return f"{gate.name}: {gate.detail}"
+        return ""
 
     def _gates(self) -> Iterator[Gate]:
         """Yield the gates one by one; the first that does not hold ends the arming."""

@@ -12,6 +12,7 @@ from hil.bench.binding import BoundBench
 from hil.bench.lease import Lease
 from hil.evidence.folder import JOURNAL, RESERVE, TRANSCRIPT, create, hold, require_space
 from hil.evidence.journal.past import Past
+from hil.evidence.journal.standing import Entry
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.sealing import ReportWriter, seal
 from hil.executive.case.case_run import PlannedCase
@@ -24,7 +25,7 @@ from hil.executive.run.upkeep import Upkeep
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import write_head
 from hil.model.errors import Diverged
-from hil.wire.transcript import Transcript, past_lines
+from hil.wire.transcript import Transcript, count_operations, past_lines
 
 __all__ = ["Record"]
 
@@ -54,10 +55,13 @@ class Record:
     ) -> None:
         self._configuration = configuration
         self._earlier = earlier
+        self._checkpoints: Checkpoints | None = None
+        self._go_on: Callable[..., None] = lambda *_: None
         self.folder = self._open_folder(leases, closing)
         closing.enter_context(hold(self.folder))
         self._journal = Journal(self.folder / JOURNAL, reserve=self.folder / RESERVE)
-        self.events = Events(self._journal, flags, Past(earlier.lines) if earlier else None)
+        past_events = Past(earlier.lines) if earlier else None
+        self.events = Events(self._journal, flags, past_events, earlier.own_course if earlier else 0)
         for listener in listeners:
             self.events.listen(listener)
         self.store = RowStore(self.folder, self.events.write, again=earlier is not None)
@@ -75,9 +79,47 @@ class Record:
         """Stamp events with the bench's time, and write down where it is if `checkpoints`."""
         self.events.follow(bench.clock)
         if self._earlier is not None:
-            self.events.at_new = partial(go_on_with, self._earlier, self._journal, bench.clock.now)
+            self._go_on = partial(go_on_with, self._earlier, self._journal, bench.clock.now)
+            self.events.at_new = self._go_on
         if checkpoints:
-            self.upkeep.checkpoint = Checkpoints(self.folder, bench).tick
+            self._checkpoints = Checkpoints(self.folder, bench)
+            self.upkeep.checkpoint = self._checkpoints.tick
+
+    @property
+    def entered_at(self) -> int | None:
+        """The place in the run's own course at which it is entered again, None where it is not."""
+        return self._earlier.boundary.place if self._earlier and self._earlier.boundary else None
+
+    @property
+    def stood_s(self) -> float:
+        """How long the bench stood safe before that, in bench time."""
+        return self._earlier.stood_s if self._earlier else 0.0
+
+    def entry(self, place: int) -> Entry:
+        """Return what is void if the run is entered here now."""
+        if self._earlier is None or self._earlier.boundary is None:
+            raise RuntimeError("nothing is entered again")
+        return Entry(
+            place=place,
+            boundary=self._earlier.boundary.sequence,
+            void_to=self._earlier.lines[-1].body["seq"],
+            operations=count_operations(self.folder / TRANSCRIPT),
+            at=0.0,
+            number=self._earlier.next_recording,
+            rows=tuple(self.store.held()),
+        )
+
+    def resumed(self, entry: Entry) -> None:
+        """Write down that the run is entered again."""
+        self.events.at_new = lambda: self._go_on(entry)
+        self.events.end_of_past()
+
+    def leave_open(self) -> None:
+        """Write down where the bench is, and close everything without a seal, so that the run can be resumed."""
+        self.upkeep.flush()
+        if self._checkpoints is not None:
+            self._checkpoints.write()
+        self.abandon()
 
     def if_diverged(self, tell: Callable[[Diverged], object]) -> None:
         """Let `tell` hear why a resumed run does not come to its past again."""

@@ -6,16 +6,22 @@ import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from hil.evidence.journal.standing import Voided, entries
 from hil.evidence.package.contents import Package
 from hil.executive.case.effects import Recall
+from hil.executive.run.entering import ReplayOf
 from hil.executive.setup.configuration import Request
 from hil.model.errors import Diverged, EvidenceError
 from hil.model.identity import Purpose, Source
 from hil.model.verdict import Verdict
 
-__all__ = ["STOPPED", "differences", "recall_of", "replay_request", "unpack"]
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["STOPPED", "differences", "replay_of", "replay_request", "unpack"]
 
 STOPPED = frozenset({Verdict.ABORTED, Verdict.NOT_RUN})
 """The verdicts of cases that did not come to an end of their own."""
@@ -65,9 +71,17 @@ def replay_request(package: Package, root: Path, output: Path) -> Request:
     )
 
 
-def recall_of(package: Package) -> Recall:
-    """Return the effects that the replay must agree with."""
-    return Recall(package.events("effect"), _ANSWERED)
+def replay_of(package: Package) -> ReplayOf:
+    """Return what the replay of a run must agree with."""
+
+    def void_rows(part: Voided) -> NDArray[np.float64]:
+        import numpy as np  # noqa: PLC0415 - slow to import
+
+        found = package.recording(part.recording)
+        columns = [found.time, *found.arrays.values()]
+        return np.column_stack([column[part.first : part.end] for column in columns])
+
+    return ReplayOf(Recall(package.events("effect"), _ANSWERED), entries(package.events()), void_rows)
 
 
 def differences(recorded: Package, replayed: Package) -> tuple[tuple[str, ...], int]:

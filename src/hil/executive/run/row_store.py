@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hil.evidence.folder import RECORDINGS, RESERVE
+from hil.evidence.journal.standing import Voided
 from hil.evidence.recordings.rows import Rows
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 __all__ = ["OpenRecording", "RecordedChannel", "RecordingFacts", "RowStore"]
 
@@ -129,6 +135,23 @@ class RowStore:
     def holds(self, recording: OpenRecording) -> bool:
         """Return whether a recording is open still."""
         return recording in self._open
+
+    def held(self) -> list[Voided]:
+        """Return the rows of every open recording that its file holds and that have not come again."""
+        return [Voided(each.facts.id, each.rows.rows, each.rows.held) for each in self._open]
+
+    def skip(self, rows: Iterable[Voided]) -> None:
+        """Take over rows that are not made again."""
+        ends = {each.recording: each.end for each in rows}
+        for each in self._open:
+            if each.facts.id in ends:
+                each.rows.skip(ends[each.facts.id])
+
+    def add(self, recording: str, rows: NDArray[np.float64]) -> None:
+        """Add rows to an open recording, shape (rows, 1 + channels)."""
+        for each in self._open:
+            if each.facts.id == recording:
+                each.rows.append_rows(rows)
 
     def end_of_case(self, case: str) -> None:
         """Finish what a case left open, as incomplete."""

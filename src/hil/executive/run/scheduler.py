@@ -11,13 +11,10 @@ from hil.bench.envelope import Monitor, Trip
 from hil.clock import wall
 from hil.clock.port import NANOSECONDS
 from hil.executive.run.feeding import Feed, monitors_of
+from hil.executive.run.monitoring import Monitoring
 from hil.executive.run.stop import StopFlags, Stopped
 from hil.executive.run.watch import Beside, Watch
-from hil.model.bench import InstrumentSpec
-from hil.model.errors import DeviceFault, NoReply, Tripped
-from hil.model.figure import Figure
-from hil.wire.replay import MONITOR
-from hil.wire.tap import LONGEST_TRANSACTION
+from hil.model.errors import Tripped
 
 if TYPE_CHECKING:
     import numpy as np
@@ -56,24 +53,22 @@ class Scheduler:
         clock: the bench's clock.
         deadline_ns: the instant at which the present case has taken too long.
         refused: how often the present case was told to end.
-        faulted: is told when a monitor's device is silent or talks nonsense; the present case, if there is one.
+        monitoring: runs the monitors.
         again: does what the record of a replayed bench holds here, and people asked for.
     """
 
     def __init__(self, bench: BoundBench, monitors: Sequence[Monitor], flags: StopFlags, watch: Watch) -> None:
         self._bench = bench
         self.clock = bench.clock
-        self._monitors = list(monitors)
         self._flags = flags
         self._watch = watch
         self._ticked = wall.monotonic()
         self._trip: Trip | None = None
         self._watching = False
         self._beside: list[Beside] = []
-        self._soonest_ns = 0
+        self.monitoring = Monitoring(bench, monitors, watch, self._trip_once)
         self.deadline_ns: int | None = None
         self.refused = 0
-        self.faulted: Callable[[InstrumentSpec, DeviceFault], None] | None = None
         self.again: Callable[[], None] = lambda: None
 
     @property
@@ -88,9 +83,7 @@ class Scheduler:
 
     def watch_from_now(self) -> None:
         """Begin to run the monitors."""
-        for monitor in self._monitors:
-            monitor.restart(self.clock.now_ns())
-        self._soonest_ns = 0
+        self.monitoring.restart()
         self._watching = True
 
     def rest(self) -> None:
@@ -136,9 +129,14 @@ class Scheduler:
         if beside in self._beside:
             self._beside.remove(beside)
 
+    def begin_again(self) -> None:
+        """Let what takes turns begin anew, after a time in which nothing did."""
+        for beside in tuple(self._beside):
+            beside.begin_again()
+
     def feed(self, output: str, columns: Mapping[tuple[str, str], int], every_s: float, recording: str) -> Feed | None:
         """Return what judges a recording's rows, None where no limit watches any of it. See `monitors_of`."""
-        fed = monitors_of(output, columns, every_s, self._monitors)
+        fed = monitors_of(output, columns, every_s, self.monitoring.all)
         for _, monitor in fed:
             self._watch.fed(monitor.limit.id, recording)
         return Feed(fed, every_s, recording) if fed else None
@@ -155,7 +153,7 @@ class Scheduler:
     def unfeed(self, feed: Feed) -> None:
         """Let the monitors take readings again."""
         feed.end(self.clock.now_ns())
-        self._soonest_ns = 0
+        self.monitoring.soonest_ns = 0
 
     def idle(self) -> None:
         """Be a scheduling point while a person is awaited; monitors take their turn as in any other wait."""
@@ -184,7 +182,7 @@ class Scheduler:
             return False
         while True:
             turn_ns = when_ns
-            if self._soonest_ns <= when_ns:
+            if self.monitoring.soonest_ns <= when_ns:
                 self._run_monitors(when_ns)
                 turn_ns = self._next_turn_ns(when_ns)
             self.clock.wait_until(turn_ns)
@@ -229,71 +227,17 @@ class Scheduler:
         """Return when this wait has to look up again: at a monitor's turn, or at its end."""
         if self._bench.playback is not None:
             return self._bench.playback.look_up_ns(when_ns)
-        if self._soonest_ns > when_ns or not self._watching:
-            return when_ns
-        now_ns = self.clock.now_ns()
-        turns = [monitor.due_ns for monitor in self._monitors if now_ns < monitor.due_ns <= when_ns - monitor.room_ns]
-        return min(turns, default=when_ns)
+        return self.monitoring.next_turn_ns(when_ns) if self._watching else when_ns
 
     def _run_monitors(self, until_ns: int) -> None:
-        """Run the monitors that are due and have room before `until_ns`, and those that are overdue in any case."""
-        if self._soonest_ns > until_ns or not self._watching:
-            return
-        if self._bench.playback is not None:
-            self._replay_monitors(self._bench.playback.due_monitor, until_ns)
-            return
-        for monitor in self._monitors:
-            now_ns = self.clock.now_ns()
-            room = until_ns - now_ns >= monitor.room_ns
-            if now_ns >= monitor.due_ns and (room or now_ns >= monitor.overdue_ns):
-                self._take(monitor)
-        self._soonest_ns = min((monitor.due_ns for monitor in self._monitors), default=0)
+        if self._watching:
+            self.monitoring.run(until_ns)
 
-    def _replay_monitors(self, due_monitor: Callable[[int], str], until_ns: int) -> None:
-        """Run the monitors that the record holds here; those of a later wait are left for that one."""
-        while name := due_monitor(max(until_ns - 1, self.clock.now_ns())):
-            self._take(next(monitor for monitor in self._monitors if monitor.limit.id == name))
-
-    def _take(self, monitor: Monitor) -> None:
-        if self._bench.playback is not None:
-            self._bench.playback.take(monitor.limit.id, MONITOR)
-        now_ns = self.clock.now_ns()
-        self._bench.transcript.note(monitor.limit.id, MONITOR, now_ns, now_ns)
-        try:
-            if late_s := monitor.late_s(now_ns):
-                self._watch.late(monitor.limit.id, late_s)
-            figure, trip = monitor.take(self.clock.now_ns)
-        except DeviceFault as fault:
-            self._tell(monitor, fault)
-            trip = monitor.stale(self.clock.now_ns())
-            figure = Figure(value=float("nan"), unit=monitor.limit.unit)
-            if trip:
-                trip = Trip(trip.limit, trip.value, trip.unit, f"{trip.text} ({fault})")
-        else:
-            self._tell_of_silence(monitor, self.clock.now_ns() - now_ns)
-        self._watch.reading(monitor.limit.id, self.clock.now(), figure)
-        if trip and self._trip is None:
+    def _trip_once(self, trip: Trip) -> None:
+        if self._trip is None:
             self._make_safe(trip)
 
     def _make_safe(self, trip: Trip) -> NoReturn:
         self._trip = trip
         self._watch.trip(trip)
         raise Tripped(trip.text, "the bench was made safe and stays so for the rest of the run")
-
-    def _tell_of_silence(self, monitor: Monitor, lasted_ns: int) -> None:
-        """Tell of a reading that came in the end, but held the case up: a driver asks again after a silence."""
-        if lasted_ns > LONGEST_TRANSACTION * NANOSECONDS:
-            lasted = (
-                f"the {monitor.limit.quantity} of {monitor.limit.output} came after {lasted_ns / NANOSECONDS:.3g} s"
-            )
-            instrument = self._instrument(monitor)
-            self._tell(monitor, NoReply(instrument.name, f"{lasted}, asked for more than once", "look at its line"))
-
-    def _tell(self, monitor: Monitor, fault: DeviceFault) -> None:
-        """Tell the present case: what it records meanwhile has a gap that is the bench's, not the DUT's."""
-        if self.faulted is not None:
-            self.faulted(self._instrument(monitor), fault)
-
-    def _instrument(self, monitor: Monitor) -> InstrumentSpec:
-        spec = self._bench.spec
-        return spec.instrument(spec.wire(monitor.limit.output).instrument)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 from hil.bench.binding import BoundBench
 from hil.evidence.folder import ATTACHMENTS
@@ -14,13 +15,15 @@ from hil.evidence.package.sealing import ReportWriter
 from hil.executive.case.artifacts import Artifacts
 from hil.executive.case.case_run import CaseRun, PlannedCase
 from hil.executive.case.checks import Checks
-from hil.executive.case.effects import Effects, Recall
-from hil.executive.case.facade import Facade, RoleSet
+from hil.executive.case.effects import Effects
+from hil.executive.case.facade import Facade, RoleSet, facades
 from hil.executive.case.operator import AnswerSource, Operator
 from hil.executive.case.recorder import Recorder
 from hil.executive.case.steps import Steps
 from hil.executive.run.earlier import Earlier
+from hil.executive.run.entering import Entering, ReplayOf
 from hil.executive.run.events import Listener
+from hil.executive.run.exit_codes import code_of
 from hil.executive.run.keeper import BenchKeeper
 from hil.executive.run.record import Record
 from hil.executive.run.stop import Astray, StopFlags, Stopped, Turn, handle_signals, leave_unsealed
@@ -28,11 +31,7 @@ from hil.executive.setup.configuration import Configuration
 from hil.model.verdict import Verdict
 from hil.wire.transcript import Transcript
 
-__all__ = ["EXIT_INTERRUPTED", "EXIT_TRIPPED", "EXIT_UNSAFE", "Session"]
-
-EXIT_INTERRUPTED = 2
-EXIT_TRIPPED = 6
-EXIT_UNSAFE = 7
+__all__ = ["Session"]
 
 Binder = Callable[[Transcript, Callable[[], str]], BoundBench]
 """Makes the bench; gets the transcript, and what tells the present step."""
@@ -49,7 +48,7 @@ class Session:
         answers: makes what answers questions, from the bench and the scheduling point to pass while waiting.
         leases: what this run must hold alone, such as the ports of its instruments.
         listeners: are shown every event.
-        recall: the effects that this run must agree with, in a replay.
+        replay: what this run must agree with, if it is a replay.
         earlier: the interrupted run that this one goes on with.
 
     Attributes:
@@ -66,14 +65,14 @@ class Session:
         answers: Callable[[BoundBench, Callable[[], None]], AnswerSource],
         leases: Sequence[str] = (),
         listeners: Sequence[Listener] = (),
-        recall: Recall | None = None,
+        replay: ReplayOf | None = None,
         earlier: Earlier | None = None,
     ) -> None:
         self.configuration = configuration
         self.flags = StopFlags()
         self.poison = ""
         self.current: CaseRun | None = None
-        self._recall = recall
+        self._replay = replay
         self._earlier = earlier
         self._made: set[Path] = set()
         self._ids = count(1)
@@ -85,6 +84,7 @@ class Session:
         self._closing = ExitStack()
         try:
             self._open(planned, binder, answers, leases, listeners)
+            self._may_be_entered()
         except BaseException:
             self._closing.close()
             raise
@@ -121,6 +121,18 @@ class Session:
         self.flags.make_safe, self.flags.give_up = self.keeper.safe, self.give_up
         self._answers = answers(self.bench, self.keeper.scheduler.idle)
 
+    def _may_be_entered(self) -> None:
+        """Enter the run again where it was, or where it was stopped to be resumed."""
+        replay, earlier = self._replay, self._earlier
+        before = replay.entries if replay else earlier.entries if earlier else ()
+        if before or self.record.entered_at is not None:
+            rows = replay.void_rows if replay else None
+            entering = Entering(self.record, self.bench, self.keeper, before, self._count_from, rows)
+            self._events.behind = entering.behind
+
+    def _count_from(self, number: int) -> None:
+        self._ids = count(number)
+
     @property
     def folder(self) -> Path:
         """The run's folder."""
@@ -144,7 +156,7 @@ class Session:
         attempt = self._attempts[planned.id] = self._attempts.get(planned.id, 0) + 1
         write("case", case=planned.id, attempt=attempt)
         steps = Steps(planned.id, write, self._now)
-        effects = Effects(write, steps, self._recall, turn.undisturbed)
+        effects = Effects(write, steps, self._replay.recall if self._replay else None, turn.undisturbed)
         requirements = {name: self.configuration.catalogue.requirement(name) for name in planned.requirements}
         self._began_ns = self.bench.clock.now_ns()
         scheduler.deadline_ns = self._began_ns + round(planned.max_duration_s * 1e9)
@@ -168,7 +180,7 @@ class Session:
             source=self.bench.source.value,
             used=used,
         )
-        scheduler.faulted = self.current.fault
+        scheduler.monitoring.faulted = self.current.fault
         return self.current
 
     def end(self, run: CaseRun) -> Verdict:
@@ -185,7 +197,8 @@ class Session:
         if self.flags.reason and (self.keeper.scheduler.refused or self.flags.cuts):
             run.raised(Stopped(self.flags.reason))  # whatever the case made of it
         run.close()
-        self.keeper.scheduler.deadline_ns = self.keeper.scheduler.faulted = None
+        scheduler = self.keeper.scheduler
+        scheduler.deadline_ns = scheduler.monitoring.faulted = None
         outcome = run.outcome()
         self._events.write(
             "case-end",
@@ -210,16 +223,7 @@ class Session:
 
     def roles(self, run: CaseRun) -> Mapping[str, Facade | RoleSet]:
         """Return the façades of one case, by role."""
-        by_role: dict[str, dict[str, Facade]] = {}
-        instruments = {instrument.name: instrument for instrument in self.bench.spec.instruments}
-        for wire in self.bench.spec.wiring:
-            instrument = self.bench.spec.instrument(wire.instrument)
-            role = self.bench.roles[wire.name]
-            facade = Facade(wire, instrument, role, run.effects, run, instruments)
-            by_role.setdefault(wire.role, {})[wire.instance] = facade
-        return {
-            role: instances[""] if "" in instances else RoleSet(role, instances) for role, instances in by_role.items()
-        }
+        return facades(self.bench.spec, self.bench.roles, run.effects, run)
 
     def safe(self) -> None:
         """Make the bench safe, whatever else fails, and write down why the run was stopped, if it was."""
@@ -227,7 +231,9 @@ class Session:
         try:
             self._stopped = bool(self.flags.reason)
             if self._stopped:
-                self._events.write("stop", reason=self.flags.reason, urgent=self.flags.urgent)
+                facts: dict[str, Any] = {"reason": self.flags.reason, "urgent": self.flags.urgent}
+                facts |= {"resumable": True} if self.flags.leave_open else {}
+                self._events.write("stop", **facts)
         finally:
             self.keeper.release()
 
@@ -245,21 +251,24 @@ class Session:
                 self.at_last()
 
     def exit_code(self, pytest_code: int) -> int:
-        """Return the run's exit code: what happened to the bench outweighs what pytest says."""
-        if self.keeper.unsafe:
-            return EXIT_UNSAFE
-        if self.keeper.scheduler.tripped:
-            return EXIT_TRIPPED
-        if self._stopped:
-            return EXIT_INTERRUPTED
-        if pytest_code in {0, 1}:  # pytest counts before the teardown, which may still evaluate checks
-            return 0 if self._verdicts and all(verdict.good for verdict in self._verdicts) else 1
-        return pytest_code
+        """Return the run's exit code."""
+        tripped = self.keeper.scheduler.tripped is not None
+        return code_of(pytest_code, self._verdicts, unsafe=self.keeper.unsafe, tripped=tripped, stopped=self._stopped)
 
     def seal(self, exit_code: int, write_reports: ReportWriter) -> str:
         """Seal the package and return its evidence digest."""
         with self.flags.shielded(), self._closing:
             return self.record.seal(exit_code, write_reports)
+
+    @property
+    def left_open(self) -> bool:
+        """Whether the run was stopped to be resumed, with its bench safe."""
+        return self._stopped and self.flags.leave_open and not self.keeper.unsafe and not self.keeper.scheduler.tripped
+
+    def leave_open(self) -> None:
+        """Close everything without a seal, so that the run can be resumed."""
+        with self.flags.shielded(), self._closing:
+            self.record.leave_open()
 
     def abandon(self) -> None:
         """Close everything without a seal: for runs whose folder nobody keeps."""

@@ -59,6 +59,7 @@ class StopFlags:
         self.cuts = 0
         self.turns = 0
         self.reason = ""
+        self.leave_open = False
         self.urgent = False
         self.astray = ""
         self.make_safe: Callable[[], None] = lambda: None

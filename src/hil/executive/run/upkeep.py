@@ -48,7 +48,8 @@ class Upkeep:
         if not (self._folder / RESERVE).exists():
             self._disk_is_full()
         for message in poll(self._folder):
-            if message.kind == "stop":
+            if message.kind in {"interrupt", "stop"}:
+                self._flags.leave_open = message.kind == "interrupt" and not self._flags.reason
                 self._flags.request(f"{message.by or 'another terminal'}: {message.text}".rstrip(": "))
             else:
                 kind, fields = event_of(message)

@@ -53,3 +53,7 @@ class Beside(Protocol):
     def take(self) -> None:
         """Take the turn; the next one is due later."""
         ...
+
+    def begin_again(self) -> None:
+        """Begin anew: the bench was made safe in the meantime."""
+        ...

@@ -1,0 +1,72 @@
+"""The events that stand: a run that was entered again left some behind that are void."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from hil.evidence.journal.past import FROM_OUTSIDE
+from hil.evidence.journal.reader import Body
+
+__all__ = ["Entry", "Voided", "entries", "standing"]
+
+
+@dataclass(frozen=True, slots=True)
+class Voided:
+    """The rows of a recording that went on: those from `first` up to `end` are of the part that is void."""
+
+    recording: str
+    first: int
+    end: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """Where a run was entered again after it had been stopped.
+
+    Attributes:
+        place: how many events of the run's own course stand up to the one that it was entered behind.
+        boundary: the sequence number of that event.
+        void_to: the sequence number of the last event that is void; the first is the one behind the boundary.
+        operations: how many operations the transcript held then; those since the boundary are void, too.
+        at: the bench time in s at which it was entered.
+        number: the number that the next recording got.
+        rows: the void rows of every recording that went on.
+    """
+
+    place: int
+    boundary: int
+    void_to: int
+    operations: int
+    at: float
+    number: int
+    rows: tuple[Voided, ...]
+
+
+def entries(events: Iterable[Body]) -> tuple[Entry, ...]:
+    """Return where a run was entered again, in order."""
+    return tuple(
+        Entry(
+            place=event["entry"]["place"],
+            boundary=event["entry"]["boundary"],
+            void_to=event["entry"]["void_to"],
+            operations=event["entry"]["operations"],
+            at=event["t"],
+            number=event["entry"]["number"],
+            rows=tuple(Voided(**each) for each in event["entry"]["rows"]),
+        )
+        for event in events
+        if event["kind"] == "resumed" and event.get("entry")
+    )
+
+
+def standing(events: Sequence[Body]) -> tuple[Body, ...]:
+    """Return the events that stand; what came from outside of the run's own course is never void."""
+    void = [(entry.boundary, entry.void_to) for entry in entries(events)]
+    if not void:
+        return tuple(events)
+    return tuple(
+        event
+        for event in events
+        if event["kind"] in FROM_OUTSIDE or not any(after < event["seq"] <= last for after, last in void)
+    )

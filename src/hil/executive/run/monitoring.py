@@ -1,0 +1,114 @@
+"""Monitors while a run goes on: each takes its turn when it is due, and in a replay when the record has it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from hil.bench.binding import BoundBench
+from hil.bench.envelope import Monitor, Trip
+from hil.clock.port import NANOSECONDS
+from hil.executive.run.watch import Watch
+from hil.model.bench import InstrumentSpec
+from hil.model.errors import DeviceFault, NoReply
+from hil.model.figure import Figure
+from hil.wire.replay import MONITOR, OVERDUE, Playback
+from hil.wire.tap import LONGEST_TRANSACTION
+
+__all__ = ["Monitoring"]
+
+
+class Monitoring:
+    """Runs the monitors of a bench.
+
+    Args:
+        bench: the bench.
+        monitors: one per limit of the envelope.
+        watch: is told every reading.
+        trip: makes the bench safe for the first trip, and ends what the case does.
+
+    Attributes:
+        faulted: is told when a monitor's device is silent or talks nonsense; the present case, if there is one.
+        soonest_ns: before this instant none is due.
+    """
+
+    def __init__(
+        self, bench: BoundBench, monitors: Sequence[Monitor], watch: Watch, trip: Callable[[Trip], None]
+    ) -> None:
+        self.all = list(monitors)
+        self.faulted: Callable[[InstrumentSpec, DeviceFault], None] | None = None
+        self.soonest_ns = 0
+        self._bench = bench
+        self._clock = bench.clock
+        self._watch = watch
+        self._trip = trip
+
+    def restart(self) -> None:
+        """Begin to watch anew."""
+        for monitor in self.all:
+            monitor.restart(self._clock.now_ns())
+        self.soonest_ns = 0
+
+    def next_turn_ns(self, when_ns: int) -> int:
+        """Return when a wait until `when_ns` has to look up for one of them."""
+        if self.soonest_ns > when_ns:
+            return when_ns
+        now_ns = self._clock.now_ns()
+        turns = [monitor.due_ns for monitor in self.all if now_ns < monitor.due_ns <= when_ns - monitor.room_ns]
+        return min(turns, default=when_ns)
+
+    def run(self, until_ns: int) -> None:
+        """Run those that are due and have room before `until_ns`, and those that are overdue in any case."""
+        if self.soonest_ns > until_ns:
+            return
+        name = MONITOR if self._clock.now_ns() < until_ns else OVERDUE
+        if self._bench.playback is not None:
+            self._replay(self._bench.playback, until_ns, name)
+            return
+        for monitor in self.all:
+            now_ns = self._clock.now_ns()
+            room = until_ns - now_ns >= monitor.room_ns
+            if now_ns >= monitor.due_ns and (room or now_ns >= monitor.overdue_ns):
+                self._take(monitor, name)
+        self.soonest_ns = min((monitor.due_ns for monitor in self.all), default=0)
+
+    def _replay(self, playback: Playback, until_ns: int, name: str) -> None:
+        """Run those that the record holds here; those of a later wait are left for that one."""
+        while limit := playback.take_monitor(max(until_ns - 1, self._clock.now_ns()), name):
+            self._take(next(monitor for monitor in self.all if monitor.limit.id == limit), name)
+
+    def _take(self, monitor: Monitor, name: str) -> None:
+        now_ns = self._clock.now_ns()
+        self._bench.transcript.note(monitor.limit.id, name, now_ns, now_ns)
+        try:
+            if late_s := monitor.late_s(now_ns):
+                self._watch.late(monitor.limit.id, late_s)
+            figure, trip = monitor.take(self._clock.now_ns)
+        except DeviceFault as fault:
+            self._tell(monitor, fault)
+            trip = monitor.stale(self._clock.now_ns())
+            figure = Figure(value=float("nan"), unit=monitor.limit.unit)
+            if trip:
+                trip = Trip(trip.limit, trip.value, trip.unit, f"{trip.text} ({fault})")
+        else:
+            self._tell_of_silence(monitor, self._clock.now_ns() - now_ns)
+        self._watch.reading(monitor.limit.id, self._clock.now(), figure)
+        if trip:
+            self._trip(trip)
+
+    def _tell_of_silence(self, monitor: Monitor, lasted_ns: int) -> None:
+        """Tell of a reading that came in the end, but held the case up: a driver asks again after a silence."""
+        if lasted_ns > LONGEST_TRANSACTION * NANOSECONDS:
+            lasted = (
+                f"the {monitor.limit.quantity} of {monitor.limit.output} came after {lasted_ns / NANOSECONDS:.3g} s"
+            )
+            instrument = self._instrument(monitor)
+            self._tell(monitor, NoReply(instrument.name, f"{lasted}, asked for more than once", "look at its line"))
+
+    def _tell(self, monitor: Monitor, fault: DeviceFault) -> None:
+        """Tell the present case: what it records meanwhile has a gap that is the bench's, not the DUT's."""
+        if self.faulted is not None:
+            self.faulted(self._instrument(monitor), fault)
+
+    def _instrument(self, monitor: Monitor) -> InstrumentSpec:
+        spec = self._bench.spec
+        return spec.instrument(spec.wire(monitor.limit.output).instrument)
