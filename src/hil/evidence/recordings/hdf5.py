@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hil.evidence.durable import PART, sync_file
+from hil.evidence.recordings.columns import Columns
 from hil.evidence.recordings.datasets import (
     Dataset,
     add_dataset,
@@ -81,6 +82,12 @@ class Recorded:
     def __len__(self) -> int:
         return len(self.time)
 
+    def part(self, first: int, end: int) -> dict[str, NDArray[np.float64]]:
+        """Return `time` and every channel of the rows from `first` to before `end`; they are copies."""
+        if isinstance(self.arrays, Columns):
+            return self.arrays.part(first, end)
+        return {name: each[first:end].copy() for name, each in {"time": self.time, **self.arrays}.items()}
+
 
 def convert(rows: Path, hdf5: Path, *, begun: Mapping[str, Any], ended: Mapping[str, Any]) -> None:
     """Turn a row file into HDF5, and prove by reading back that nothing was lost.
@@ -139,24 +146,24 @@ def read_recording(folder: Path, begun: Mapping[str, Any], ended: Mapping[str, A
         EvidenceError: where neither file can be read.
     """
     name, hdf5 = begun["recording"], folder / f"{begun['recording']}.h5"
-    if hdf5.exists():
-        columns = read_hdf5(hdf5)
-    else:
-        found = read_rows(folder / f"{name}.rows")
-        whole = table(b"".join(row_blocks(found)), found.width)
-        names = ["time", *(channel["name"] for channel in found.header["channels"])]
-        columns = {key: whole[:, index].copy() for index, key in enumerate(names)}
+    columns = read_hdf5(hdf5) if hdf5.exists() else _columns(read_rows(folder / f"{name}.rows"))
     return Recorded(
         id=name,
         name=begun["name"],
         rate=float(begun["rate"]),
-        time=columns.pop("time"),
-        arrays=columns,
+        time=columns["time"],
+        arrays=columns if isinstance(columns, Columns) else {key: columns[key] for key in columns if key != "time"},
         units={channel["name"]: channel["unit"] for channel in begun["channels"]},
         instruments={channel["name"]: channel["instrument"] for channel in begun["channels"]},
         source=begun["source"],
         complete=bool(ended and ended["complete"]),
     )
+
+
+def _columns(found: RowsFile) -> Mapping[str, NDArray[np.float64]]:
+    """Return `time` and every channel of a row file; those of a large one are read when they are asked for."""
+    columns = Columns(found)
+    return columns if found.rows > BLOCK else columns.part(0, found.rows)
 
 
 def read_hdf5(path: Path) -> dict[str, NDArray[np.float64]]:

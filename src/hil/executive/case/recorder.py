@@ -57,6 +57,10 @@ class Recording:
     def __len__(self) -> int:
         return len(self._recorded)
 
+    def part(self, first: int, end: int) -> dict[str, NDArray[np.float64]]:
+        """Return `time` and every channel of the samples from `first` to before `end`, without the others in memory."""
+        return self._recorded.part(first, end)
+
     def unit(self, channel: str) -> str:
         """Return the unit of one channel."""
         return self._recorded.unit(channel)

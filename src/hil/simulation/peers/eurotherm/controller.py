@@ -216,3 +216,8 @@ class Eurotherm3216:
         self._tuned = None
         if address == at.COMMS_SETPOINT:
             self._remote_ns = self._clock.now_ns()
+        if address == at.INSTRUMENT_MODE and self._memory[address] != at.OPERATING:
+            # However rarely it takes its turns, nothing goes to the cooler from here on.
+            self._regulation.clear()
+            self._memory.show({at.WORKING_OUTPUT: 0})
+            self._drive_at(0.0, self._clock.now_ns())

@@ -1,0 +1,266 @@
+"""Weeks of charges at 40 degC and discharges at 10 degC, and what they take from the battery."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from hil.analysis.battery.cycles import cycles as cycles_of
+from hil.analysis.battery.fade import fade
+from hil.analysis.battery.half_cycle import Limits
+from hil.analysis.battery.series import series
+from hil.analysis.statistics import not_observable
+from hil.model.figure import Figure
+
+LINE_S = 5.0
+S_PER_H = 3600.0
+BEGINS_WITHIN_S = 60.0
+FIRST_SOAK_S = 7200.0
+LEAST_CYCLES = 3
+BEGINNING = ("voltage", "current", "temperature")
+
+COLUMNS = (
+    ("duration", "s", 1),
+    ("charge_time", "s", 1),
+    ("discharge_time", "s", 1),
+    ("charge_energy", "Wh", 4),
+    ("discharge_energy", "Wh", 4),
+    ("charge_capacity", "Ah", 4),
+    ("discharge_capacity", "Ah", 4),
+    ("energy_efficiency", "1", 4),
+    ("highest_voltage", "V", 3),
+    ("lowest_voltage", "V", 3),
+    ("charge_temperature_low", "degC", 1),
+    ("charge_temperature_high", "degC", 1),
+    ("discharge_temperature_low", "degC", 1),
+    ("discharge_temperature_high", "degC", 1),
+)
+"""Columns of the table of cycles with unit and decimals."""
+
+FADES = (
+    ("energy_fade", "discharge_energy", "Wh"),
+    ("capacity_fade", "discharge_capacity", "Ah"),
+    ("time_fade", "discharge_time", "s"),
+)
+"""Changes per cycle: the parameter, the column, and its unit."""
+
+FADE_COLUMNS = (
+    *("quantity", "unit", "slope", "low", "high", "probability"),
+    *("theil_sen", "theil_sen_low", "theil_sen_high", "significant_from", "life_ends"),
+)
+"""Columns of the table of fades; slopes are per cycle, the last two are cycles."""
+
+NO_SOAK = "the tester's firmware is of level 1: it begins a half-cycle at once, and waits for no temperature"
+
+
+def follow(test, cell, assembly, step, turns, parameters):
+    """Follow the tester from phase to phase; in each rest the plates go to the temperature of what comes next."""
+    count, longest = int(parameters.cycles), parameters.longest_half_cycle + BEGINS_WITHIN_S
+    for turn in turns:
+        with step("Charge"):
+            test.until("phase", equals=1.0, within=BEGINS_WITHIN_S + parameters.rest)
+            test.until("phase", below=0.5, within=longest)
+        with step("Cool down"):
+            change(test, cell, assembly, parameters.discharge_temperature, parameters)
+        with step("Discharge"):
+            test.until("phase", equals=-1.0, within=BEGINS_WITHIN_S + parameters.rest)
+            if turn < count:
+                test.until("phase", above=-0.5, within=longest)
+            else:
+                test.until_over(within=longest)
+        if turn < count:
+            with step("Warm up"):
+                change(test, cell, assembly, parameters.charge_temperature, parameters)
+    return cell.cycler.state()
+
+
+def change(test, cell, assembly, target, parameters):
+    """Bring the plates to a temperature, and see that they have soaked before the tester goes on."""
+    assembly.hold(target)
+    if cell.cycler.level() != "1":
+        within = parameters.rest - parameters.soak_margin
+        assembly.soak(target, lambda: test.latest("temperature"), seconds=parameters.soak, within=within)
+
+
+def settings_of(parameters):
+    """Return what the tester is told; firmware of level 1 is told nothing but what it does anyway."""
+    return {
+        "rest": parameters.rest,
+        "vfull": parameters.full_voltage,
+        "iend": parameters.end_current,
+        "vend": parameters.end_voltage,
+        "vmax": parameters.highest_voltage,
+        "vmin": parameters.lowest_voltage,
+        "time": parameters.longest_half_cycle,
+    }
+
+
+def rows_of(test, parameters):
+    """Return the numbers of every cycle, one cycle in memory at a time: weeks of lines are never there at once."""
+    limits = Limits(upper=parameters.charge_voltage, lower=parameters.end_voltage, cut_off=parameters.end_current)
+    counted = test["cycle"]
+    numbers = np.arange(1, int(parameters.cycles) + 1)
+    firsts, ends = np.searchsorted(counted, numbers), np.searchsorted(counted, numbers, side="right")
+    return [
+        row_of(int(number), test.part(first, end), limits)
+        for number, first, end in zip(numbers, firsts.tolist(), ends.tolist(), strict=True)
+    ]
+
+
+def row_of(number, part, limits):
+    """Return the numbers of one cycle by name of the column; NaN where it lacks a half."""
+    row = {"cycle": number} | {name: math.nan for name, _, _ in COLUMNS}
+    if len(part["time"]) < LEAST_CYCLES:
+        return row
+    data = series(*(part[name] for name in ("time", *BEGINNING[:2])), temperature=part["temperature"])
+    found = cycles_of(data, limits)
+    charge, discharge = (found[0].charge, found[0].discharge) if found else (None, None)
+    row["duration"] = float(part["time"][-1] - part["time"][0]) + LINE_S
+    for name, half in (("charge", charge), ("discharge", discharge)):
+        if half is not None:
+            row |= {
+                f"{name}_time": half.duration,
+                f"{name}_energy": half.energy,
+                f"{name}_capacity": half.charge,
+                f"{name}_temperature_low": half.temperature_low,
+                f"{name}_temperature_high": half.temperature_high,
+            }
+    if charge is not None and discharge is not None:
+        row |= {
+            "energy_efficiency": found[0].energy_efficiency,
+            "highest_voltage": charge.highest_voltage,
+            "lowest_voltage": discharge.lowest_voltage,
+        }
+    return row
+
+
+def as_csv(rows):
+    """Return the table of cycles as text, one line each."""
+    head = ",".join(["cycle", *(name if unit == "1" else f"{name} [{unit}]" for name, unit, _ in COLUMNS)])
+    lines = [
+        ",".join([f"{row['cycle']}", *(f"{row[name]:.{decimals}f}" for name, _, decimals in COLUMNS)]) for row in rows
+    ]
+    return "\n".join([head, *lines, ""])
+
+
+def fades_of(rows, skip):
+    """Return the lines over the cycles by name of the parameter; none where there are too few cycles."""
+    numbers = [row["cycle"] for row in rows]
+    whole = sum(all(math.isfinite(row[column]) for _, column, _ in FADES) for row in rows[skip:])
+    if whole < LEAST_CYCLES:
+        return {}
+    return {name: fade(numbers, [row[column] for row in rows], unit, skip=skip) for name, column, unit in FADES}
+
+
+def fades_as_csv(fades):
+    """Return what the lines tell as text: least squares with its interval, Theil and Sen, and where life ends."""
+    lines = [
+        "quantity,unit,slope,low,high,probability,theil_sen,theil_sen_low,theil_sen_high,significant_from,life_ends"
+    ]
+    for name, line in fades.items():
+        numbers = (line.slope.value, line.low, line.high, line.probability)
+        numbers += (line.robust, line.robust_low, line.robust_high)
+        told = ",".join(f"{number:.3e}" for number in numbers)
+        lines.append(f"{name},{line.slope.unit},{told},{line.first_significant or ''},{line.end_of_life.cycle:.0f}")
+    return "\n".join([*lines, ""])
+
+
+def extreme(rows, column, unit, worst, uncertainty):
+    """Return the lowest or highest number of a column; not observable where a cycle lacks it."""
+    numbers = [row[column] for row in rows]
+    if not numbers or not all(map(math.isfinite, numbers)):
+        return not_observable(unit)
+    return Figure(value=worst(numbers), unit=unit, uncertainty=uncertainty)
+
+
+def total(rows, column):
+    """Return the sum of a column of energies [Wh]; not observable where a cycle lacks it."""
+    numbers = [row[column] for row in rows]
+    return Figure(value=sum(numbers), unit="Wh") if all(map(math.isfinite, numbers)) else not_observable("Wh")
+
+
+def share(rows, column):
+    """Return which part of the cycles has a number there."""
+    return Figure(value=sum(math.isfinite(row[column]) for row in rows) / len(rows), unit="1")
+
+
+def elapsed_ratio(rows, test):
+    """Return cycles times their mean duration over the time from the first line to the last."""
+    durations = [row["duration"] for row in rows if math.isfinite(row["duration"])]
+    if not durations or not len(test):
+        return not_observable("1")
+    elapsed = float(test.time[-1] - test.time[0]) + LINE_S
+    return Figure(value=len(rows) * sum(durations) / len(durations) / elapsed, unit="1")
+
+
+def drift_of(stream):
+    """Return the rate of the tester's clock against the bench's, minus 1; not observable where nothing told it."""
+    if stream.drift is None:
+        return not_observable("1")
+    return Figure(value=stream.drift, unit="1", uncertainty=stream.drift_uncertainty)
+
+
+@pytest.mark.requirement(
+    "EPS-DEG-001",
+    "EPS-DEG-002",
+    "EPS-DEG-003",
+    "EPS-DEG-004",
+    "EPS-DEG-005",
+    "EPS-DEG-006",
+    "EPS-DEG-007",
+    "EPS-DEG-008",
+    "EPS-DEG-009",
+    "EPS-DEG-010",
+    "EPS-DEG-011",
+)
+@pytest.mark.max_duration(60 * 86400)
+def test_degradation(cell, assembly, record, iterations, check, step, artifact, parameters):
+    """Charges at 40 degC and discharges at 10 degC for 844 hours, each begun after a soak, and what they cost."""
+    count = int(parameters.cycles)
+    soaks = cell.cycler.level() != "1"
+    with step("Lay the cell between the plates of the assembly"):
+        cell.put("assembly")
+    with step("Put the charger in readiness"):
+        cell.ready(parameters.charge_voltage, parameters.charge_current)
+    with step("Warm up to the temperature of the first charge"):
+        assembly.hold(parameters.charge_temperature)
+        if soaks:
+            assembly.soak(
+                parameters.charge_temperature, cell.cycler.temperature, seconds=parameters.soak, within=FIRST_SOAK_S
+            )
+    with step("Charge and discharge the battery"):
+        cell.cycler.prepare(count, **(settings_of(parameters) if soaks else {}))
+        with record.during("test", cell.cycler, rate=1 / LINE_S) as running:
+            cell.cycler.start()
+            state = follow(running, cell, assembly, step, iterations("Cycle", count), parameters)
+    test = running.recording
+    ended = [] if state == "ended" else [f"the test did not come to its end, the tester says '{state}'"]
+    with step("Look at the record before anything is concluded from it"):
+        rows = rows_of(test, parameters)
+        artifact("cycles.csv", as_csv(rows))
+        check("EPS-DEG-011", "lost_lines", test.stream.lost, doubts=[] if test.stream.losses_known else [NO_SOAK])
+        check("EPS-DEG-011", "clock_drift", drift_of(test.stream))
+        check("EPS-DEG-009", "elapsed_ratio", elapsed_ratio(rows, test), doubts=ended)
+    with step("Judge charges, discharges and temperatures"):
+        volts, degrees = test.uncertainty("voltage"), test.uncertainty("temperature")
+        check("EPS-DEG-001", "charges", share(rows, "charge_energy"), doubts=ended)
+        check("EPS-DEG-001", "end_of_charge_voltage", extreme(rows, "highest_voltage", "V", min, volts), doubts=ended)
+        check("EPS-DEG-002", "discharges", share(rows, "discharge_energy"), doubts=ended)
+        check("EPS-DEG-002", "end_of_discharge_voltage", extreme(rows, "lowest_voltage", "V", max, volts), doubts=ended)
+        check("EPS-DEG-010", "highest_voltage", Figure(value=test["voltage"].max(), unit="V", uncertainty=volts))
+        doubts = ended if soaks else [NO_SOAK]
+        for parameter in ("charge_temperature", "discharge_temperature"):
+            lowest = extreme(rows, f"{parameter}_low", "degC", min, degrees)
+            highest = extreme(rows, f"{parameter}_high", "degC", max, degrees)
+            check("EPS-DEG-007", parameter, lowest, of="lowest", doubts=doubts)
+            check("EPS-DEG-007", parameter, highest, of="highest", doubts=doubts)
+    with step("State energies and fade"):
+        check("EPS-DEG-006", "charged_energy", total(rows, "charge_energy"), doubts=ended)
+        check("EPS-DEG-006", "discharged_energy", total(rows, "discharge_energy"), doubts=ended)
+        fades = fades_of(rows, int(parameters.settling))
+        artifact("fade.csv", fades_as_csv(fades))
+        for name, _, unit in FADES:
+            slope = fades[name].slope if name in fades else not_observable(f"{unit}/cycle")
+            check("EPS-DEG-008", name, slope, doubts=ended)
