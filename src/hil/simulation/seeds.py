@@ -25,7 +25,7 @@ class Stream:
     def __init__(self, key: int) -> None:
         self._key = key
         self._normal_block = -1
-        self._normals: NDArray[np.float64] = np.empty(0)
+        self._normals: list[float] = []
         self._uniform_block = -1
         self._uniforms: NDArray[np.float64] = np.empty(0)
 
@@ -33,9 +33,9 @@ class Stream:
         """Return the standard normal number of that index, counted from 0."""
         block, place = divmod(index, _BLOCK)
         if block != self._normal_block:
-            self._normals = self._generator(block, 0).standard_normal(_BLOCK)
+            self._normals = self._generator(block, 0).standard_normal(_BLOCK).tolist()
             self._normal_block = block
-        return float(self._normals[place])
+        return self._normals[place]
 
     def uniform(self, index: int) -> float:
         """Return the number of that index, counted from 0, uniform in [0, 1)."""

@@ -86,11 +86,17 @@ class SimulatedLine:
 
     def read(self, size: int, timeout: float) -> bytes:
         """Let time pass until `size` bytes are here, or until the timeout."""
-        self._arrive()
-        if len(self._received) < size:
+        if self._on_the_way:
+            self._arrive()
+        received = self._received
+        if timeout and len(received) < size:
             self._wait(size, self._clock.now_ns() + round(timeout * NANOSECONDS))
-        data = bytes(self._received[:size])
-        del self._received[:size]
+        if len(received) <= size:
+            data = bytes(received)
+            received.clear()
+            return data
+        data = bytes(received[:size])
+        del received[:size]
         return data
 
     def waiting(self) -> int:

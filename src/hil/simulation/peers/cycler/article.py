@@ -13,6 +13,8 @@ __all__ = ["LINE_S", "Article", "Gauge", "Reading"]
 LINE_S = 5
 """Seconds of device time from one data line to the next."""
 
+_LINE_NS = LINE_S * NANOSECONDS
+
 Reading = tuple[int, int, int]
 """Voltage in mV, current in mA, temperature in tenths of a degree Celsius: what a data line can show."""
 
@@ -37,14 +39,13 @@ class Gauge:
     noise: float
     stream: Stream
 
-    def read(self, now_ns: int) -> int:
-        """Return what is measured now, in units of the last digit."""
+    def read(self, line: int) -> int:
+        """Return what is measured now, in units of the last digit; `line` counts the five seconds of the bench."""
         point = self.signal
         value = self.unconnected if point is None else point.plant.observe(point.name)
-        value = value * self.factor + self.shift
         if self.noise:
-            value += self.noise * self.stream.normal(now_ns // (LINE_S * NANOSECONDS))
-        return round(value)
+            return round(value * self.factor + self.shift + self.noise * self.stream.normal(line))
+        return round(value * self.factor + self.shift)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,4 +80,5 @@ class Article:
 
     def measure(self, now_ns: int) -> Reading:
         """Return what the device measures now."""
-        return self.voltage.read(now_ns), self.current.read(now_ns), self.temperature.read(now_ns)
+        line = now_ns // _LINE_NS
+        return self.voltage.read(line), self.current.read(line), self.temperature.read(line)
