@@ -471,6 +471,21 @@ def test_what_the_envelope_watched_has_its_limits(folder):
     assert graphic.svg.count('class="band"') == 1
 
 
+def test_what_a_recording_fed_stands_behind_it(folder):
+    """Limits of the envelope that rows fed are drawn, limits of checks in the same unit or of plain numbers are not."""
+    (event,) = Package(folder).events("recording")
+    limits = [{"id": "rate", "unit": "deg/s", "min": "-1", "max": "1"}, {"id": "other", "unit": "deg/s", "max": "99"}]
+    checks = [
+        {"case": event["case"], "value": 0.0, "unit": unit, "limit_unit": unit, "limit": {"max": "0.5"}}
+        for unit in ("deg/s", "1")
+    ]
+    fed = [{"limit": "rate", "recording": event["recording"]}]
+    material = PackageMaterial(Package(folder))
+    (with_fed,) = recording_graphics(material, [event], checks, limits, fed)[event["case"]]
+    (without,) = recording_graphics(material, [event], checks, limits)[event["case"]]
+    assert [graphic.svg.count('class="limit"') for graphic in (with_fed, without)] == [2, 1]
+
+
 def test_uncommitted_changes_are_named_not_printed(tmp_path):
     """A long difference to the commit is told by size and hash; the package holds it."""
     folder = specimen_run.build(tmp_path, events=list(one_case("PASS")))

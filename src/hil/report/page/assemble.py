@@ -64,7 +64,8 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
     begun = [event for event in events if event["kind"] == "recording"]
     outside = [event for event in events if not text(event, "case")]
     check_events = [event for event in events if event["kind"] == "check" and event["counted"]]
-    drawn = recording_graphics(material, begun, check_events, inners(bench, "envelope"))
+    fed = [event for event in events if event["kind"] == "fed"]
+    drawn = recording_graphics(material, begun, check_events, inners(bench, "envelope"), fed)
     return RunView(
         title=", ".join(texts(run, "plans")),
         subject=subject(results),

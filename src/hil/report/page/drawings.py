@@ -40,7 +40,11 @@ def charts(checks: Sequence[Body]) -> tuple[Graphic, ...]:
 
 
 def recording_graphics(
-    material: Material, recordings: Sequence[Body], checks: Sequence[Body], envelope: Sequence[Body]
+    material: Material,
+    recordings: Sequence[Body],
+    checks: Sequence[Body],
+    envelope: Sequence[Body],
+    fed: Sequence[Body] = (),
 ) -> Mapping[str, tuple[Graphic, ...]]:
     """Return by case the drawings of its recordings; those with the same channels share one over bench time.
 
@@ -49,6 +53,8 @@ def recording_graphics(
         recordings: the events with which recordings began; those of no case are the envelope's.
         checks: every check of the run; a limit stands behind the channels of its case that have its unit.
         envelope: the limits of the bench file, which stand behind the channels of the same name.
+        fed: the events that tell which of them a recording fed; these stand behind its channels, and not those of
+            checks, which speak of single moments of it.
     """
     groups: dict[tuple[str, object], list[Body]] = {}
     for recording in recordings:
@@ -59,7 +65,7 @@ def recording_graphics(
     points = max(_FEWEST_POINTS, min(_MOST_POINTS, share))
     graphics: dict[str, tuple[Graphic, ...]] = {}
     for (case, _), members in drawn:
-        found = _bands(case, members, checks, envelope)
+        found = _bands(case, members, checks, envelope, fed)
         graphics[case] = graphics.get(case, ()) + _drawn(material, members, found, points)
     return graphics
 
@@ -143,17 +149,23 @@ def _joined(pieces: Sequence[Trace], points: int) -> Trace:
     return Trace(name=pieces[0].name, unit=pieces[0].unit, times=times, values=values)
 
 
-def _bands(case: str, recordings: Sequence[Body], checks: Sequence[Body], envelope: Sequence[Body]) -> list[Band]:
-    """Return the distinct limits that hold for these recordings' channels, by unit."""
-    units = {text(channel, "unit") for recording in recordings for channel in inners(recording, "channels")}
+def _bands(
+    case: str, recordings: Sequence[Body], checks: Sequence[Body], envelope: Sequence[Body], fed: Sequence[Body]
+) -> list[Band]:
+    """Return the distinct limits that hold for these recordings' channels, by unit; a plain number has no kind."""
+    units = {text(channel, "unit") for recording in recordings for channel in inners(recording, "channels")} - {"1"}
     names = {text(recording, "name") for recording in recordings}
+    own = {text(recording, "recording") for recording in recordings}
+    meant = {text(event, "limit") for event in fed if text(event, "recording") in own}
     watched = [
         Band(unit=text(limit, "unit"), low=finite(limit.get("min")), high=finite(limit.get("max")))
         for limit in envelope
-        if not case and text(limit, "id") in names
+        if text(limit, "id") in (meant if case else names)
     ]
+    known = {band.unit for band in watched}
     judged = [check_bounds(check) for check in checks if case and text(check, "case") == case]
-    return list(dict.fromkeys(band for band in [*watched, *judged] if band is not None and band.unit in units))
+    rest = [band for band in judged if band is not None and band.unit not in known]
+    return list(dict.fromkeys(band for band in [*watched, *rest] if band.unit in units))
 
 
 def _range(pieces: Sequence[Trace]) -> str:
