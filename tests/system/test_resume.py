@@ -245,3 +245,38 @@ def test_a_run_that_was_stopped_for_good_is_not_resumed(workspace):
     assert workspace.hil("stop", "latest").code == 0
     finish(STARTED[-1], 60)
     assert "is sealed" in workspace.hil("resume", "latest").err
+
+
+RESTING = """
+@pytest.mark.requirement("T-030")
+@pytest.mark.max_duration(1e9)
+def test_rest(field, record, artifact):
+    rest = record("field", field, duration=1500.0, rate=40.0, continues=True)
+    artifact("valid.txt", f"{len(rest)} {int(rest.valid.sum())} {rest.time[-1] - rest.time[0]:.0f}")
+"""
+
+
+@pytest.mark.timeout(240)
+def test_a_recording_that_continues_is_not_made_again(tmp_path):
+    """What was recorded before the stop stands, the rest comes behind a gap, and the requirement tells of the gap."""
+    workspace = made(tmp_path / "workspace", RESTING)
+    folder = None
+    process = workspace.start_run()
+    STARTED.append(process)
+    while folder is None or sum(path.stat().st_size for path in folder.glob("data/recordings/001*.rows")) < 40_000:
+        time.sleep(0.02)
+        folder = next(iter(workspace.folders()), None)
+    assert workspace.hil("stop", "latest", "--to-resume").code == 0
+    assert finish(process, 60).code == 2
+    ended = workspace.hil("resume", "latest", timeout=100)
+    package = Package(folder)
+    (case,) = package.results()["cases"]
+    (recording,) = [each for each in package.recordings() if each["case"]]
+    assert (ended.code, ended.err, case["verdict"]) == (1, "", "INCONCLUSIVE")
+    assert "the run was stopped amid the recording" in case["reasons"][0]
+    assert len(package.recording(recording["recording"])) == 60_000
+    kept = next(folder.glob("data/attachments/*valid.txt")).read_text(encoding="ascii").split()
+    assert kept[:2] == ["60000", "60000"]
+    assert int(kept[2]) > 1500
+    assert verify(folder).findings == ()
+    assert workspace.hil("replay", str(folder), timeout=100).code == 0

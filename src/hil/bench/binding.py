@@ -9,10 +9,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, cast
 
+from hil.bench.connections import clamps_of, server_of, servers_first
 from hil.bench.file.places import place_of
 from hil.clock.virtual import VirtualClock
 from hil.documents.findings import Findings
-from hil.instruments.driver import Clamps, Connection, Driver, ServesBus
+from hil.instruments.driver import Connection, Driver, ServesBus
 from hil.instruments.registry import driver_class
 from hil.model.bench import BenchSpec, InstrumentSpec, SimulatedBench
 from hil.model.errors import Refused
@@ -155,7 +156,7 @@ def bind_resumed(
     handover = None if asked else Handover(checkpoint.operations, checkpoint.at_ns, go_on)
     playback = Playback(record, clock, where, handover)
     for instrument in spec.instruments:
-        if _server(spec, instrument):
+        if server_of(spec, instrument):
             continue
         recorded = ReplayedBus if instrument.bus else ReplayedStream
         end = ends[instrument.name] = Handed(recorded(instrument.name, playback))
@@ -175,7 +176,7 @@ def bind_replayed(spec: BenchSpec, transcript: Transcript, record: Path, where: 
     playback = Playback(record, clock, where)
     for instrument in spec.instruments:
         url = _url(Source.REPLAYED, spec, instrument.name)
-        if _server(spec, instrument):
+        if server_of(spec, instrument):
             continue
         if instrument.bus:
             publish_bus(url, ReplayedBus(instrument.name, playback))
@@ -235,7 +236,7 @@ def _bound(
         playback=playback,
     )
     try:
-        for instrument in _servers_first(spec):
+        for instrument in servers_first(spec):
             connection = _connect(bench, instrument)
             drivers[instrument.name] = driver_class(instrument.driver)(connection)
     except BaseException:
@@ -248,7 +249,7 @@ def _connect(bench: BoundBench, instrument: InstrumentSpec) -> Connection:
     return Connection(
         device=instrument.name,
         clock=bench.clock,
-        clamps=_clamps(bench.spec, instrument.name),
+        clamps=clamps_of(bench.spec, instrument.name),
         port=None if instrument.bus else _port(bench, instrument),
         bus=_bus(bench, instrument) if instrument.bus else None,
         address=instrument.address,
@@ -263,7 +264,7 @@ def _port(bench: BoundBench, instrument: InstrumentSpec) -> TappedPort:
 
 
 def _bus(bench: BoundBench, instrument: InstrumentSpec) -> I2cBus:
-    server = _server(bench.spec, instrument)
+    server = server_of(bench.spec, instrument)
     if server is None:
         # A recorded device has its own record; a simulated one shares its bus with others.
         end = instrument.name if bench.playback is not None else instrument.bus
@@ -276,31 +277,6 @@ def _bus(bench: BoundBench, instrument: InstrumentSpec) -> I2cBus:
         frequency_hz = next(bus.frequency_hz for bus in bench.spec.buses if bus.name == instrument.bus)
         bench.buses[instrument.bus] = driver.bus(frequency_hz)
     return bench.buses[instrument.bus]
-
-
-def _server(spec: BenchSpec, instrument: InstrumentSpec) -> InstrumentSpec | None:
-    """Return the instrument behind which another one hangs, None where its bus or port is the host's own."""
-    name = next((bus.instrument for bus in spec.buses if bus.name == instrument.bus), "")
-    return spec.instrument(name) if name else None
-
-
-def _servers_first(spec: BenchSpec) -> list[InstrumentSpec]:
-    """Return the instruments in the file's order, but none before the one behind which it hangs."""
-
-    def depth(instrument: InstrumentSpec) -> int:
-        server = _server(spec, instrument)
-        return depth(server) + 1 if server else 0
-
-    return sorted(spec.instruments, key=depth)
-
-
-def _clamps(spec: BenchSpec, instrument: str) -> Clamps:
-    by_channel = {
-        wire.channel: tuple(clamp for clamp in spec.clamps if clamp.output == wire.name)
-        for wire in spec.wiring
-        if wire.instrument == instrument
-    }
-    return Clamps(by_channel)
 
 
 def _url(source: Source, spec: BenchSpec, end: str) -> str:

@@ -125,7 +125,7 @@ def recorded(times, *, channels=("x", "y"), rate=10.0, complete=True, name="fiel
         source="simulated",
         complete=complete,
     )
-    return {"facts": facts, "recorded": taken}
+    return {"facts": facts, "recorded": taken, "voids": ()}
 
 
 ASKED = Records(recording="field", channels=("x", "y"), rate_hz=10.0, duration_s=1.0, max_gap_s=0.15)

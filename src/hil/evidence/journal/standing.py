@@ -13,7 +13,7 @@ __all__ = ["Entry", "Voided", "entries", "standing"]
 
 @dataclass(frozen=True, slots=True)
 class Voided:
-    """The rows of a recording that went on: those from `first` up to `end` are of the part that is void."""
+    """What a recording held when its run was entered again: the rows from `first` to before `end` are void."""
 
     recording: str
     first: int
@@ -32,6 +32,7 @@ class Entry:
         at: the bench time in s at which it was entered.
         number: the number that the next recording got.
         rows: the void rows of every recording that went on.
+        kept: the recording at whose beginning it was entered, whose rows are not void; empty where there was none.
     """
 
     place: int
@@ -41,6 +42,7 @@ class Entry:
     at: float
     number: int
     rows: tuple[Voided, ...]
+    kept: str = ""
 
 
 def entries(events: Iterable[Body]) -> tuple[Entry, ...]:
@@ -54,6 +56,7 @@ def entries(events: Iterable[Body]) -> tuple[Entry, ...]:
             at=event["t"],
             number=event["entry"]["number"],
             rows=tuple(Voided(**each) for each in event["entry"]["rows"]),
+            kept=event["entry"]["kept"],
         )
         for event in events
         if event["kind"] == "resumed" and event.get("entry")

@@ -74,6 +74,7 @@ class Rows:
         self._hash = hashlib.sha256()
         self._rows = self._told = 0
         self._gap = 0.0
+        self._first_time: float | None = None
         self._last_time: float | None = None
         self._buffer = bytearray()
         header = canonical(
@@ -113,6 +114,13 @@ class Rows:
             done += len(piece)
             if self._rows >= self._due:
                 self._flush()
+
+    def covers_s(self) -> float:
+        """Return the time from the first row to the last one, 0 with fewer than two."""
+        self._flush()
+        if self._first_time is None or self._last_time is None:
+            return 0.0
+        return self._last_time - self._first_time
 
     @property
     def held(self) -> int:
@@ -224,6 +232,8 @@ class Rows:
 
         self._hash.update(block)
         times = np.frombuffer(block, "<f8")[:: self._width]
+        if self._first_time is None:
+            self._first_time = float(times[0])
         if self._last_time is not None:
             times = np.concatenate(([self._last_time], times))
         if len(times) > 1:

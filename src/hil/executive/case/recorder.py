@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from hil.bench.calibration import standard_uncertainty
 from hil.clock.port import NANOSECONDS
+from hil.evidence.journal.standing import Voided
 from hil.evidence.recordings.hdf5 import Recorded, read_recording
 from hil.executive.case.during import During
 from hil.executive.case.effects import Effects
@@ -37,9 +39,14 @@ class Recording:
     """
 
     def __init__(
-        self, recorded: Recorded, uncertainties: Mapping[str, float | None], stream: StreamReport | None = None
+        self,
+        recorded: Recorded,
+        uncertainties: Mapping[str, float | None],
+        stream: StreamReport | None = None,
+        voids: Sequence[Voided] = (),
     ) -> None:
         self._recorded = recorded
+        self._voids = voids
         self._uncertainties = uncertainties
         self.id = recorded.id
         self.rate = recorded.rate
@@ -49,6 +56,16 @@ class Recording:
     def time(self) -> NDArray[np.float64]:
         """Bench time of every sample in s, shape (samples,); it cannot be written to."""
         return _read_only(self._recorded.time)
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Which samples stand, shape (samples,): not those of a part that was made again after the run was stopped."""
+        import numpy as np  # noqa: PLC0415 - slow to import
+
+        stands = np.ones(len(self), dtype=bool)
+        for part in self._voids:
+            stands[part.first : part.end] = False
+        return stands
 
     def __getitem__(self, channel: str) -> NDArray[np.float64]:
         """Return one channel, shape (samples,); it cannot be written to, copy it to work on it."""
@@ -105,12 +122,15 @@ class Recorder:
         """Every finished recording of the case."""
         return tuple(self._taken)
 
-    def __call__(self, name: str, *sources: Facade, duration: float, rate: float) -> Recording:
+    def __call__(self, name: str, *sources: Facade, duration: float, rate: float, continues: bool = False) -> Recording:
         """Sample roles at `rate` [Hz] for `duration` [s] of bench time.
 
         Sample k is taken at k / rate after the first, whatever the samples before it took. With one
         role the channels have its names; with several they are `role.channel`. A role that can sample by
         itself is streamed: the times are those of its own clock, counted from the beginning.
+
+        A run that was stopped in this recording makes it again from its beginning. One that `continues` goes on in it
+        instead, behind a gap, until the samples of before and after together last as long.
 
         Raises:
             ValueError: for no role, or a duration or rate that is not above zero.
@@ -118,8 +138,11 @@ class Recorder:
             DeviceFault: if a device falls silent; what was recorded is kept as incomplete.
         """
         self._require(name, sources, duration > 0 and math.isfinite(duration * rate), rate)
-        facts = self._facts(name, sources, rate, duration)
-        arguments = {"duration": duration, "rate": rate, "channels": [channel.name for channel in facts.channels]}
+        facts = replace(self._facts(name, sources, rate, duration), continues=continues)
+        arguments: dict[str, object] = {"duration": duration, "rate": rate}
+        arguments["channels"] = [channel.name for channel in facts.channels]
+        if continues:
+            arguments["continues"] = True
         if not (role := sources[0].streamed):
             self._effects.perform(f"record.{name}", "records", arguments, lambda: self._sample(facts, sources))
             return self._finished(facts, sources, None)
@@ -197,6 +220,7 @@ class Recorder:
     def _stream(self, taking: Taking, turns: StreamTurns) -> str | Mapping[str, object]:
         """Let a role run by itself until its rows cover the duration; return their hash, and how it went."""
         taking.begin()
+        turns.have(taking.covers_s)
         try:
             self._scheduler.wait_until(FOREVER_NS, lambda: turns.full)
         except BaseException:
@@ -211,7 +235,9 @@ class Recorder:
         try:
             count = max(1, round((facts.duration or 0) * facts.rate))
             start_ns = self._scheduler.now_ns()
-            for index in range(count):
+            done = recording.rows.rows
+            start_ns -= round(done * NANOSECONDS / facts.rate)
+            for index in range(done, count):
                 self._scheduler.wait_until(start_ns + round(index * NANOSECONDS / facts.rate))
                 row = [number for source in sources for number in source.sample()]
                 recording.append((self._scheduler.now_ns() / NANOSECONDS, *row))
@@ -232,8 +258,9 @@ class Recorder:
             ],
         }
         recorded = read_recording(self._store.recordings, begun, {"complete": True})
-        self._taken.append({"facts": facts, "recorded": recorded})
-        return Recording(recorded, _uncertainties(facts, recorded, sources), report)
+        voids = self._store.voids(facts.id)
+        self._taken.append({"facts": facts, "recorded": recorded, "voids": voids})
+        return Recording(recorded, _uncertainties(facts, recorded, sources), report, voids)
 
 
 def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:

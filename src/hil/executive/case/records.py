@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, cast
 
+from hil.evidence.journal.standing import Voided
 from hil.evidence.recordings.hdf5 import Recorded
 from hil.executive.run.row_store import RecordingFacts
 from hil.model.figure import Figure, FigureStatus
@@ -37,13 +38,35 @@ def data_checks(records: Records, taken: Sequence[Mapping[str, object]]) -> Iter
     if not all(item.complete for item in found):
         yield _word("end", "complete"), "incomplete", ""
     yield from _not_finite(records, found)
+    ends = [_ends_of_voids(item) for item in named]
+    spans = [_span(item, without) for item, without in zip(found, ends, strict=True)]
     if records.duration_s is not None:
-        yield _at_least("duration", records.duration_s, "s"), _exact(min(map(_duration, found)), "s"), ""
+        lasts = [_lasts(item, span) for item, span in zip(found, spans, strict=True)]
+        yield _at_least("duration", records.duration_s, "s"), _exact(min(lasts), "s"), ""
     if records.rate_hz is not None:
-        slowest = min((len(item) - 1) / _span(item) if len(item) > 1 and _span(item) else 0.0 for item in found)
+        slowest = min((len(item) - 1) / span if span else 0.0 for item, span in zip(found, spans, strict=True))
         yield _at_least("rate", records.rate_hz * (1 - _RATE_TOLERANCE), "Hz"), _exact(slowest, "Hz"), ""
     if records.max_gap_s is not None:
-        yield _at_most("max_gap", records.max_gap_s, "s"), _exact(max(_gap(item) for item in found), "s"), ""
+        largest = max(_gap(item, without) for item, without in zip(found, ends, strict=True))
+        yield _at_most("max_gap", records.max_gap_s, "s"), _exact(largest, "s"), ""
+        yield from _stopped(records.max_gap_s, found, ends)
+
+
+def _stopped(longest_s: float, found: Sequence[Recorded], ends: Sequence[Sequence[int]]) -> Iterator[Criterion]:
+    """Yield the time for which the run was stopped amid a recording, where it is longer than a gap may be.
+
+    What the device did then nobody knows, and it is not to blame.
+    """
+    gaps = [float(item.time[end] - item.time[end - 1]) for item, at in zip(found, ends, strict=True) for end in at]
+    if gaps and max(gaps) > longest_s:
+        figure = Figure(value=round(max(gaps), 9), unit="s", status=FigureStatus.NOT_OBSERVABLE)
+        yield _at_most("stopped", longest_s, "s"), figure, f"the run was stopped amid the recording for {max(gaps):g} s"
+
+
+def _ends_of_voids(taken: Mapping[str, object]) -> list[int]:
+    """Return at which rows a recording went on after its run had been stopped."""
+    voids, recorded = cast("Sequence[Voided]", taken["voids"]), cast("Recorded", taken["recorded"])
+    return [part.end for part in voids if 0 < part.end < len(recorded)]
 
 
 _RATE_TOLERANCE = 1e-3
@@ -71,17 +94,23 @@ def _invalid(samples: NDArray[np.float64]) -> int:
     return int(np.count_nonzero(~np.isfinite(samples)))
 
 
-def _duration(item: Recorded) -> float:
+def _lasts(item: Recorded, span: float) -> float:
     """Return how long a recording lasts, in s: its last sample stands for one period, too, a single one for none."""
-    return _span(item) + 1 / item.rate if len(item) > 1 else 0.0
+    return span + 1 / item.rate if len(item) > 1 else 0.0
 
 
-def _span(item: Recorded) -> float:
-    return float(item.time[-1] - item.time[0]) if len(item) else 0.0
+def _span(item: Recorded, without: Sequence[int]) -> float:
+    """Return the time from the first sample to the last, without the gaps before the rows `without`."""
+    if not len(item):
+        return 0.0
+    stopped = sum(item.time[row] - item.time[row - 1] - 1 / item.rate for row in without)
+    return float(item.time[-1] - item.time[0] - stopped)
 
 
-def _gap(item: Recorded) -> float:
+def _gap(item: Recorded, without: Sequence[int]) -> float:
+    """Return the largest gap, but for those before the rows `without`."""
     gaps = item.time[1:] - item.time[:-1]
+    gaps[[row - 1 for row in without]] = 0.0
     return float(gaps.max()) if len(gaps) else 0.0
 
 

@@ -98,6 +98,11 @@ class StreamTurns:
         self._start_s = self._start_ns / NANOSECONDS
         self.due_ns = self._start_ns + self._pause_ns
 
+    def have(self, seconds: float) -> None:
+        """Want so many seconds of rows less: they are there from before the run was stopped."""
+        if self._enough is not None:
+            self._enough -= seconds
+
     def begin_again(self) -> None:
         """Let the device sample anew; its time counts from now."""
         self.give_up()

@@ -62,6 +62,12 @@ class Taking:
         return self._recording is not None and self._told is None
 
     @property
+    def covers_s(self) -> float:
+        """The time that its rows last, those included that it had before its run was stopped; 0 without any."""
+        rows = self._recording.rows if self._recording else None
+        return rows.covers_s() + 1 / self.facts.rate if rows and rows.rows else 0.0
+
+    @property
     def measures(self) -> list[tuple[Facade, str]]:
         """The façade and the unit of every channel."""
         return [(source, channel.unit) for source in self.sources for channel in source.sampled.channels()]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import takewhile
 from pathlib import Path
@@ -32,10 +32,17 @@ _AFTER = {"end": "has ended", "recovered": "is being sealed", "results": "has en
 
 @dataclass(frozen=True, slots=True)
 class Boundary:
-    """An event behind which a run can be entered again: its place in the run's own course, and sequence number."""
+    """An event behind which a run can be entered again.
+
+    Attributes:
+        place: which event of the run's own course it is, from 1.
+        sequence: its sequence number.
+        kept: the recording that it begins, and that goes on; empty where it begins none.
+    """
 
     place: int
     sequence: int
+    kept: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,7 +148,8 @@ def find_earlier(folder: Path) -> Earlier:
 def _boundary(earlier: Earlier) -> Boundary | None:
     """Return where a run that was stopped can be entered again, None for one that was not stopped.
 
-    That is the beginning of the turn of a loop that was going on, else of its case, else the end of the case before.
+    That is the beginning of the recording that was going on, if it continues, else of the turn of a loop, else of the
+    case, else the end of the case before.
     """
     events = standing([line.body for line in (*earlier.head, *earlier.lines)])
     stop = next((event for event in events if event["kind"] == "stop"), None)
@@ -150,15 +158,18 @@ def _boundary(earlier: Earlier) -> Boundary | None:
     if not stop.get("resumable"):
         raise Refused(f"{earlier.folder.name}: the run was asked to stop for good", "seal it as it is with hil seal")
     own = [event for event in events if is_of_course(event["kind"])]
-    found = [(place, event) for place, event in enumerate(own, 1) if _can_be_entered(event)]
+    ended = {event["recording"] for event in own if event["kind"] == "recording-end" and event["complete"]}
+    found = [(place, event) for place, event in enumerate(own, 1) if _can_be_entered(event, ended)]
     if not found:
         raise Refused(f"{earlier.folder.name}: no case had begun", "seal it as it is, and start a new run")
     place, event = found[-1]
-    return Boundary(place, event["seq"])
+    return Boundary(place, event["seq"], event["recording"] if event["kind"] == "recording" else "")
 
 
-def _can_be_entered(event: Body) -> bool:
+def _can_be_entered(event: Body, ended: Collection[str]) -> bool:
     kind = event["kind"]
+    if kind == "recording":
+        return bool(event.get("continues")) and event["recording"] not in ended
     if kind == "case-end":
         return bool(event["verdict"] != Verdict.ABORTED)
     return kind == "case" or (kind == "step" and "turn" in event)

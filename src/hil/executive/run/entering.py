@@ -111,9 +111,5 @@ class Entering:
         self._record.transcript.skip(entry.operations)
         if self._bench.playback is not None:
             self._bench.playback.skip(entry.operations)
-        if self._void_rows is None:
-            self._record.store.skip(entry.rows)
-        else:
-            for each in entry.rows:
-                self._record.store.add(each.recording, self._void_rows(each))
+        self._record.store.pass_over(entry, self._void_rows)
         self._number(entry.number)

@@ -106,7 +106,8 @@ class Record:
             operations=count_operations(self.folder / TRANSCRIPT),
             at=0.0,
             number=self._earlier.next_recording,
-            rows=tuple(self.store.held()),
+            rows=tuple(self.store.held(self._earlier.boundary.kept)),
+            kept=self._earlier.boundary.kept,
         )
 
     def resumed(self, entry: Entry) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.evidence.folder import RECORDINGS, RESERVE
-from hil.evidence.journal.standing import Voided
+from hil.evidence.journal.standing import Entry, Voided
+from hil.evidence.recordings.row_file import read_rows
 from hil.evidence.recordings.rows import Rows
 
 if TYPE_CHECKING:
@@ -31,7 +32,11 @@ class RecordedChannel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingFacts:
-    """What is known of a recording before its first row."""
+    """What is known of a recording before its first row.
+
+    Attributes:
+        continues: whether a run that was stopped in it goes on in it, with a gap, instead of making it again.
+    """
 
     id: str
     name: str
@@ -41,6 +46,7 @@ class RecordingFacts:
     rate: float
     duration: float | None
     source: str
+    continues: bool = False
 
 
 class OpenRecording:
@@ -92,6 +98,9 @@ class RowStore:
         self._write = write
         self._again = again
         self._open: list[OpenRecording] = []
+        self._awaited: dict[str, Voided] = {}
+        self._voids: dict[str, list[Voided]] = {}
+        self._void_rows: Callable[[Voided], NDArray[np.float64]] | None = None
 
     @property
     def recordings(self) -> Path:
@@ -119,6 +128,7 @@ class RowStore:
             rate=facts.rate,
             duration=facts.duration,
             source=facts.source,
+            **({"continues": True} if facts.continues else {}),
         )
         rows = Rows(
             self.recordings / f"{facts.id}.rows",
@@ -130,28 +140,48 @@ class RowStore:
         )
         recording = OpenRecording(facts, rows, self._write, self._open.remove)
         self._open.append(recording)
+        if (part := self._awaited.pop(facts.id, None)) is not None:
+            self._take_over(recording, part)
+            self._voids[facts.id] = [replace(part, first=part.end)]
         return recording
 
     def holds(self, recording: OpenRecording) -> bool:
         """Return whether a recording is open still."""
         return recording in self._open
 
-    def held(self) -> list[Voided]:
-        """Return the rows of every open recording that its file holds and that have not come again."""
-        return [Voided(each.facts.id, each.rows.rows, each.rows.held) for each in self._open]
+    def held(self, kept: str) -> list[Voided]:
+        """Return what the folder holds of every open recording, and has not come again; nothing is void of `kept`."""
+        void = [Voided(each.facts.id, each.rows.rows, each.rows.held) for each in self._open]
+        if kept and (path := self.recordings / f"{kept}.rows").exists():
+            rows = read_rows(path).rows
+            void.append(Voided(kept, rows, rows))
+        return void
 
-    def skip(self, rows: Iterable[Voided]) -> None:
-        """Take over rows that are not made again."""
-        ends = {each.recording: each.end for each in rows}
-        for each in self._open:
-            if each.facts.id in ends:
-                each.rows.skip(ends[each.facts.id])
+    def pass_over(self, entry: Entry, void_rows: Callable[[Voided], NDArray[np.float64]] | None = None) -> None:
+        """Take over the rows that are not made again.
 
-    def add(self, recording: str, rows: NDArray[np.float64]) -> None:
-        """Add rows to an open recording, shape (rows, 1 + channels)."""
-        for each in self._open:
-            if each.facts.id == recording:
-                each.rows.append_rows(rows)
+        Args:
+            entry: tells which.
+            void_rows: returns rows, shape (rows, 1 + channels), for a run that does not hold them.
+        """
+        self._void_rows = void_rows
+        still_open = {each.facts.id: each for each in self._open}
+        for part in entry.rows:
+            if part.recording in still_open:
+                self._take_over(still_open[part.recording], part)
+            else:
+                self._awaited[part.recording] = replace(part, first=0)
+
+    def voids(self, recording: str) -> tuple[Voided, ...]:
+        """Return the void rows of a recording."""
+        return tuple(self._voids.get(recording, ()))
+
+    def _take_over(self, recording: OpenRecording, part: Voided) -> None:
+        if self._void_rows is None:
+            recording.rows.skip(part.end)
+        else:
+            recording.rows.append_rows(self._void_rows(part))
+        self._voids.setdefault(part.recording, []).append(part)
 
     def end_of_case(self, case: str) -> None:
         """Finish what a case left open, as incomplete."""
