@@ -18,6 +18,7 @@ LINE_S = 5.0
 S_PER_H = 3600.0
 BEGINS_WITHIN_S = 60.0
 FIRST_SOAK_S = 7200.0
+CELL_K = 1.5
 LEAST_CYCLES = 3
 BEGINNING = ("voltage", "current", "temperature")
 
@@ -55,7 +56,7 @@ FADE_COLUMNS = (
 NO_SOAK = "the tester's firmware is of level 1: it begins a half-cycle at once, and waits for no temperature"
 
 
-def follow(test, cell, assembly, step, turns, parameters):
+def follow(test, cell, change, step, turns, parameters):
     """Follow the tester from phase to phase; in each rest the plates go to the temperature of what comes next."""
     count, longest = int(parameters.cycles), parameters.longest_half_cycle + BEGINS_WITHIN_S
     for turn in turns:
@@ -63,7 +64,7 @@ def follow(test, cell, assembly, step, turns, parameters):
             test.until("phase", equals=1.0, within=BEGINS_WITHIN_S + parameters.rest)
             test.until("phase", below=0.5, within=longest)
         with step("Cool down"):
-            change(test, cell, assembly, parameters.discharge_temperature, parameters)
+            change(test, parameters.discharge_temperature)
         with step("Discharge"):
             test.until("phase", equals=-1.0, within=BEGINS_WITHIN_S + parameters.rest)
             if turn < count:
@@ -72,16 +73,23 @@ def follow(test, cell, assembly, step, turns, parameters):
                 test.until_over(within=longest)
         if turn < count:
             with step("Warm up"):
-                change(test, cell, assembly, parameters.charge_temperature, parameters)
+                change(test, parameters.charge_temperature)
     return cell.cycler.state()
 
 
-def change(test, cell, assembly, target, parameters):
-    """Bring the plates to a temperature, and see that they have soaked before the tester goes on."""
-    assembly.hold(target)
-    if cell.cycler.level() != "1":
-        within = parameters.rest - parameters.soak_margin
-        assembly.soak(target, lambda: test.latest("temperature"), seconds=parameters.soak, within=within)
+def changing(assembly, parameters, *, soaks):
+    """Return a function that brings the plates to a temperature, and sees that all has soaked within the rest."""
+    within = parameters.rest - parameters.soak_margin - parameters.soak
+
+    def change(test, target):
+        cools = target < test.latest("temperature").value
+        assembly.hold(target)
+        if soaks:
+            near = {"below": target + CELL_K} if cools else {"above": target - CELL_K}
+            test.until("temperature", within=within, **near)
+            assembly.stay(target, lambda: test.latest("temperature"), seconds=parameters.soak)
+
+    return change
 
 
 def settings_of(parameters):
@@ -234,7 +242,8 @@ def test_degradation(cell, assembly, record, iterations, check, step, artifact, 
         cell.cycler.prepare(count, **(settings_of(parameters) if soaks else {}))
         with record.during("test", cell.cycler, rate=1 / LINE_S) as running:
             cell.cycler.start()
-            state = follow(running, cell, assembly, step, iterations("Cycle", count), parameters)
+            change = changing(assembly, parameters, soaks=soaks)
+            state = follow(running, cell, change, step, iterations("Cycle", count), parameters)
     test = running.recording
     ended = [] if state == "ended" else [f"the test did not come to its end, the tester says '{state}'"]
     with step("Look at the record before anything is concluded from it"):
