@@ -10,6 +10,7 @@ from pathlib import Path
 
 from hil.evidence.durable import sha256_of
 from hil.evidence.folder import JOURNAL, SEAL, is_held, is_run, is_sealed
+from hil.evidence.journal.standing import standing
 from hil.evidence.journal.reader import UnknownFormat, read_journal, require_known_format
 from hil.evidence.package.bag import digest_of_manifest, manifest_text, payload_of
 from hil.evidence.package.consistent import content_findings, guarded, results_event
@@ -103,7 +104,7 @@ def _verify_sealed(folder: Path) -> Verification:
         evidence_digest=digest_of_manifest(manifest_text(hashes)),
         content_digest=reading.content_digest,
         verdict=str(results_event(reading)["verdict"]),
-        complete=not {"recovered", "stop"} & {event["kind"] for event in reading.events},
+        complete=not {"recovered", "stop"} & {event["kind"] for event in standing(reading.events)},
     )
 
 
