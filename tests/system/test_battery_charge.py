@@ -1,4 +1,4 @@
-"""Whole runs of the plan battery_charge: the published table comes out, the evidence repeats, doubts and faults show."""
+"""Whole runs of the plan battery_charge: the published table comes out, evidence repeats, doubts and faults show."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ PUBLISHED = """\
 2:46:20 4:13:50 27.8 24.0 31.7 24.5 7.99 7.04
 2:45:55 4:12:10 27.5 24.1 31.6 24.7 7.99 7.02
 """
-"""Table 1 of the characterisation document: times of discharge and charge, temperatures of charge and discharge (highest
-and lowest of each) in degC, energies of charge and discharge in Wh."""
+"""Table 1 of the characterisation document: times of discharge and charge, highest and lowest temperature of charge and
+of discharge in degC, energies of charge and discharge in Wh."""
 
 VERDICTS = {
     "EPS-BAT-001": "PASS",
@@ -85,7 +85,7 @@ def test_the_published_table_comes_out(table):
 
 
 def test_what_the_run_concludes(healthy):
-    """Everything is recorded and met but the declaration: more than 115 % of it is told as a doubt, not as good news."""
+    """Everything is recorded and met but the declaration: more than 115 % of it is a doubt, not good news."""
     assert healthy.code == 1
     assert found(healthy) == VERDICTS
     declared = [event for event in healthy.package.events("check") if event["requirement"] == "EPS-BAT-009"]
@@ -131,7 +131,7 @@ def test_a_cell_below_its_label_fails(tmp_path):
 
 
 def test_a_test_that_the_tester_ends_is_an_error(tmp_path):
-    """A charge that takes longer than it may is ended by the tester: the case is an ERROR, at once, and the bench safe."""
+    """A charge that takes longer than it may is ended by the tester: an ERROR at once, and the bench is safe."""
     ran = short_run(tmp_path, longest_half_cycle="3600")
     assert "until its test was over" in ran.reasons("test_charge")
     assert ran.verdicts() == {"test_charge": "ERROR"}
@@ -140,12 +140,9 @@ def test_a_test_that_the_tester_ends_is_an_error(tmp_path):
 
 def test_lines_that_are_lost_show(tmp_path):
     """Lost lines are counted, and leave a gap that no recording of the whole test may have."""
-    ran = short_run(
-        tmp_path,
-        {
-            "      truth: {clock_drift:": "      faults: [{kind: lost-lines, lines: '4', from: 2 h}]\n      truth: {clock_drift:"
-        },
-    )
+    place = "      truth: {clock_drift:"
+    fault = "      faults: [{kind: lost-lines, lines: '4', from: 2 h}]"
+    ran = short_run(tmp_path, {place: f"{fault}\n{place}"})
     assert found(ran)["EPS-BAT-010"] == "FAIL"
     assert found(ran)["EPS-BAT-003"] == "FAIL"
 
