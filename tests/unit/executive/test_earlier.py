@@ -1,0 +1,91 @@
+"""An interrupted run as it is found, and where it can be entered again."""
+
+from __future__ import annotations
+
+import pytest
+
+from hil.evidence.journal.reader import read_journal
+from hil.evidence.journal.standing import Entry, Voided, entries, standing
+from hil.evidence.journal.writer import Journal
+from hil.executive.run.earlier import find_earlier, go_on_with
+from hil.model.errors import Refused
+
+HEAD = [("run", {"format": 1}), ("frozen", {"files": {}}), ("planned", {"cases": []})]
+CASE = [("armed", {}), ("case", {"case": "a"}), ("step", {"number": "1", "turn": 1}), ("step-end", {"number": "1"})]
+TURN = [*CASE, ("step", {"number": "2", "turn": 2}), ("step", {"number": "2.1"}), ("effect", {"effect": "drives"})]
+ENDED = [*CASE, ("case-end", {"case": "a", "verdict": "PASS"})]
+STOP = [("stop", {"reason": "weekend", "urgent": False, "resumable": True}), ("safe-end", {"ok": True})]
+
+
+def folder_of(tmp_path, *parts):
+    """Return a run's folder with these events behind its head."""
+    (tmp_path / "data").mkdir()
+    with Journal(tmp_path / "data/journal.jsonl") as journal:
+        for second, (kind, fields) in enumerate([*HEAD, *(event for part in parts for event in part)]):
+            journal.write(kind, float(second), **fields)
+    return tmp_path
+
+
+def open_recording(continues):
+    """Return the beginning of a recording."""
+    return [("recording", {"recording": "007-a", **({"continues": True} if continues else {})})]
+
+
+ABORTED = [
+    ("recording-end", {"recording": "007-a", "complete": False}),
+    ("case-end", {"case": "a", "verdict": "ABORTED"}),
+]
+
+
+@pytest.mark.parametrize(
+    ("parts", "place", "kept"),
+    [
+        ([TURN, ABORTED, STOP], 8, ""),
+        ([ENDED, STOP], 8, ""),
+        ([CASE[:2], ABORTED, STOP], 5, ""),
+        ([CASE, open_recording(True), ABORTED, STOP], 8, "007-a"),
+        ([CASE, open_recording(False), ABORTED, STOP], 6, ""),
+    ],
+)
+def test_a_stopped_run_is_entered_at_its_last_beginning(tmp_path, parts, place, kept):
+    """That is the recording that continues, the turn, the case, or the end of the case before."""
+    boundary = find_earlier(folder_of(tmp_path, *parts)).boundary
+    assert (boundary.place, boundary.sequence, boundary.kept) == (place, place - 1, kept)
+
+
+def test_a_killed_run_goes_on_where_it_was(tmp_path):
+    """Without a stop there is no boundary; its next recording has a new number."""
+    earlier = find_earlier(folder_of(tmp_path, TURN, open_recording(False)))
+    assert (earlier.boundary, earlier.next_recording, earlier.own_course) == (None, 8, 3)
+
+
+@pytest.mark.parametrize(
+    ("parts", "why"),
+    [
+        ([CASE, [("results", {})]], "has ended"),
+        ([CASE, [("recovered", {})]], "is being sealed"),
+        ([CASE, [("stop", {"reason": "smell"})]], "stop for good"),
+        ([CASE[:1], STOP], "no case had begun"),
+    ],
+)
+def test_what_cannot_be_gone_on_with_is_refused(tmp_path, parts, why):
+    """A run that has ended, is being sealed, was stopped for good, or never began."""
+    with pytest.raises(Refused, match=why):
+        find_earlier(folder_of(tmp_path, *parts))
+
+
+def test_void_events_do_not_stand(tmp_path):
+    """Between boundary and entry nothing stands but what came from outside; a second entry there takes its place."""
+    note = [("note", {"text": "a door was opened"})]
+    folder = folder_of(tmp_path, TURN, note, ABORTED, STOP)
+    earlier = find_earlier(folder)
+    for number in (1, 2):
+        entry = Entry(
+            place=8, boundary=7, void_to=13 + number, operations=5, at=0.0, number=8, rows=(Voided("x", 1, 2),)
+        )
+        with Journal(folder / "data/journal.jsonl") as journal:
+            go_on_with(earlier, journal, lambda: 99.0, entry)
+    events = read_journal(folder / "data/journal.jsonl").events
+    assert [event["kind"] for event in standing(events)][8:] == ["note", "resumed", "resumed"]
+    assert [entry.rows for entry in entries(events)] == [(Voided("x", 1, 2),)] * 2
+    assert {entry.at for entry in entries(events)} == {99.0}
