@@ -6,12 +6,15 @@ from collections.abc import Sequence
 
 from hil.evidence.package.bag import INFO
 from hil.evidence.package.contents import Package
+from hil.evidence.recordings.hdf5 import Recorded
 from hil.model.errors import EvidenceError
+from hil.report.drawing.traces import decimate
 from hil.report.material import Body, Trace
 
 __all__ = ["PackageMaterial"]
 
 _IDENTIFIER = "External-Identifier: "
+_MOST = 65_536  # samples of a channel; a drawing takes fewer still
 
 
 class PackageMaterial:
@@ -59,8 +62,12 @@ class PackageMaterial:
         """Return the channels of a recording; none where its samples cannot be read, which `verify` tells."""
         try:
             found = self._package.recording(recording)
+            return [_trace(found, name) for name in found.channels]
         except EvidenceError:
             return []
-        return [
-            Trace(name=name, unit=found.unit(name), times=found.time, values=found[name]) for name in found.channels
-        ]
+
+
+def _trace(found: Recorded, name: str) -> Trace:
+    """Return one channel; of a long one the lowest and highest of each stretch, so that it leaves memory again."""
+    times, values = decimate(found.time, found[name], _MOST)
+    return Trace(name=name, unit=found.unit(name), times=times, values=values)

@@ -84,7 +84,7 @@ class Recorded:
 
     def part(self, first: int, end: int) -> dict[str, NDArray[np.float64]]:
         """Return `time` and every channel of the rows from `first` to before `end`; they are copies."""
-        if isinstance(self.arrays, Columns):
+        if isinstance(self.arrays, _LATER):
             return self.arrays.part(first, end)
         return {name: each[first:end].copy() for name, each in {"time": self.time, **self.arrays}.items()}
 
@@ -146,18 +146,52 @@ def read_recording(folder: Path, begun: Mapping[str, Any], ended: Mapping[str, A
         EvidenceError: where neither file can be read.
     """
     name, hdf5 = begun["recording"], folder / f"{begun['recording']}.h5"
-    columns = read_hdf5(hdf5) if hdf5.exists() else _columns(read_rows(folder / f"{name}.rows"))
+    columns: Mapping[str, NDArray[np.float64]]
+    if hdf5.exists():
+        columns = _Stored(hdf5) if ended and ended["rows"] > BLOCK else read_hdf5(hdf5)
+    else:
+        columns = _columns(read_rows(folder / f"{name}.rows"))
     return Recorded(
         id=name,
         name=begun["name"],
         rate=float(begun["rate"]),
         time=columns["time"],
-        arrays=columns if isinstance(columns, Columns) else {key: columns[key] for key in columns if key != "time"},
+        arrays=columns if isinstance(columns, _LATER) else {key: columns[key] for key in columns if key != "time"},
         units={channel["name"]: channel["unit"] for channel in begun["channels"]},
         instruments={channel["name"]: channel["instrument"] for channel in begun["channels"]},
         source=begun["source"],
         complete=bool(ended and ended["complete"]),
     )
+
+
+class _Stored(Mapping[str, "NDArray[np.float64]"]):
+    """The channels of an HDF5 file by name, read when they are asked for. See `Columns`."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        with _open(path) as sets:
+            self._names = tuple(sets)
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        if name not in self._names:
+            raise KeyError(name)
+        return read_column(self._path, name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names[1:])
+
+    def __len__(self) -> int:
+        return len(self._names) - 1
+
+    def part(self, first: int, end: int) -> dict[str, NDArray[np.float64]]:
+        """Return time and channels of the rows from `first` to before `end`."""
+        with _open(self._path) as sets:
+            first, end, _ = slice(first, end).indices(sets["time"].shape[0])
+            return {name: read_part(dataset, first, max(first, end)) for name, dataset in sets.items()}
+
+
+_LATER = (Columns, _Stored)
+"""What reads a channel when it is asked for."""
 
 
 def _columns(found: RowsFile) -> Mapping[str, NDArray[np.float64]]:
