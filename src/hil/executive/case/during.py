@@ -20,7 +20,7 @@ from hil.model.errors import HilError
 from hil.model.figure import Figure
 
 if TYPE_CHECKING:
-    from hil.executive.case.recorder import Recording
+    from hil.executive.case.recording import Recording
 
 __all__ = ["During", "Host", "NotInTime"]
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from hil.bench.calibration import standard_uncertainty
 from hil.clock.port import NANOSECONDS
-from hil.evidence.journal.standing import Voided
 from hil.evidence.recordings.hdf5 import Recorded, read_recording
 from hil.executive.case.during import During
 from hil.executive.case.effects import Effects
 from hil.executive.case.facade import Facade, RoleSet
 from hil.executive.case.given import Misused
+from hil.executive.case.recording import Recording
 from hil.executive.case.steps import Steps, file_part
 from hil.executive.case.streaming import FOREVER_NS, SampledTurns, StreamTurns
 from hil.executive.case.taking import Taking
@@ -26,65 +26,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Recorder", "Recording"]
-
-
-class Recording:
-    """A finished recording, as a case sees it.
-
-    Attributes:
-        id: its id in the run.
-        rate: nominal samples per second.
-        stream: how the stream went, None where the samples were taken one by one.
-    """
-
-    def __init__(
-        self,
-        recorded: Recorded,
-        uncertainties: Mapping[str, float | None],
-        stream: StreamReport | None = None,
-        voids: Sequence[Voided] = (),
-    ) -> None:
-        self._recorded = recorded
-        self._voids = voids
-        self._uncertainties = uncertainties
-        self.id = recorded.id
-        self.rate = recorded.rate
-        self.stream = stream
-
-    @property
-    def time(self) -> NDArray[np.float64]:
-        """Bench time of every sample in s, shape (samples,); it cannot be written to."""
-        return _read_only(self._recorded.time)
-
-    @property
-    def valid(self) -> NDArray[np.bool_]:
-        """Which samples stand, shape (samples,): not those of a part that was made again after the run was stopped."""
-        import numpy as np  # noqa: PLC0415 - slow to import
-
-        stands = np.ones(len(self), dtype=bool)
-        for part in self._voids:
-            stands[part.first : part.end] = False
-        return stands
-
-    def __getitem__(self, channel: str) -> NDArray[np.float64]:
-        """Return one channel, shape (samples,); it cannot be written to, copy it to work on it."""
-        return _read_only(self._recorded[channel])
-
-    def __len__(self) -> int:
-        return len(self._recorded)
-
-    def part(self, first: int, end: int) -> dict[str, NDArray[np.float64]]:
-        """Return `time` and every channel of the samples from `first` to before `end`, without the others in memory."""
-        return self._recorded.part(first, end)
-
-    def unit(self, channel: str) -> str:
-        """Return the unit of one channel."""
-        return self._recorded.unit(channel)
-
-    def uncertainty(self, channel: str) -> float | None:
-        """Return the standard uncertainty that the certificate gives this channel, None where unknown."""
-        return self._uncertainties[channel]
+__all__ = ["Recorder"]
 
 
 class Recorder:
@@ -261,13 +203,6 @@ class Recorder:
         voids = self._store.voids(facts.id)
         self._taken.append({"facts": facts, "recorded": recorded, "voids": voids})
         return Recording(recorded, _uncertainties(facts, recorded, sources), report, voids)
-
-
-def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what was recorded, as it was: the criteria of a requirement look at the same numbers at the case's end."""
-    view = array.view()
-    view.flags.writeable = False
-    return view
 
 
 def _channels(sources: tuple[Facade, ...]) -> tuple[RecordedChannel, ...]:
