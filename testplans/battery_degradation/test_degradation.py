@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from hil.analysis.statistics import not_observable
 from hil.model.figure import Figure
 
 LINE_S = 5.0
+RUNNING = {"charge", "rest", "discharge"}
 S_PER_H = 3600.0
 BEGINS_WITHIN_S = 60.0
 FIRST_SOAK_S = 7200.0
@@ -56,10 +58,13 @@ FADE_COLUMNS = (
 NO_SOAK = "the tester's firmware is of level 1: it begins a half-cycle at once, and waits for no temperature"
 
 
-def follow(test, cell, change, step, turns, parameters):
+def follow(test, cell, begin, change, step, turns, parameters):
     """Follow the tester from phase to phase; in each rest the plates go to the temperature of what comes next."""
     count, longest = int(parameters.cycles), parameters.longest_half_cycle + BEGINS_WITHIN_S
     for turn in turns:
+        if cell.cycler.state() not in RUNNING:
+            with step("Warm up, and start the tester"):
+                begin(count - turn + 1)
         with step("Charge"):
             test.until("phase", equals=1.0, within=BEGINS_WITHIN_S + parameters.rest)
             test.until("phase", below=0.5, within=longest)
@@ -75,6 +80,20 @@ def follow(test, cell, change, step, turns, parameters):
             with step("Warm up"):
                 change(test, parameters.charge_temperature)
     return cell.cycler.state()
+
+
+def beginning(cell, assembly, parameters, *, soaks):
+    """Return a function that starts the tester for so many cycles: for all of them, or what a stopped run left."""
+
+    def begin(cycles):
+        target = parameters.charge_temperature
+        assembly.hold(target)
+        if soaks:
+            assembly.soak(target, cell.cycler.temperature, seconds=parameters.soak, within=FIRST_SOAK_S)
+        cell.cycler.prepare(cycles, **(settings_of(parameters) if soaks else {}))
+        cell.cycler.start()
+
+    return begin
 
 
 def changing(assembly, parameters, *, soaks):
@@ -108,12 +127,11 @@ def settings_of(parameters):
 def rows_of(test, parameters):
     """Return the numbers of every cycle, one cycle in memory at a time: weeks of lines are never there at once."""
     limits = Limits(upper=parameters.charge_voltage, lower=parameters.end_voltage, cut_off=parameters.end_current)
-    counted = test["cycle"]
-    numbers = np.arange(1, int(parameters.cycles) + 1)
-    firsts, ends = np.searchsorted(counted, numbers), np.searchsorted(counted, numbers, side="right")
+    charging = np.concatenate(([False], test["phase"] == 1.0))
+    firsts = np.flatnonzero(charging[1:] & ~charging[:-1]).tolist()[: int(parameters.cycles)]
+    parts = dict(enumerate(pairwise([*firsts, len(test)]), start=1))
     return [
-        row_of(int(number), test.part(first, end), limits)
-        for number, first, end in zip(numbers, firsts.tolist(), ends.tolist(), strict=True)
+        row_of(number, test.part(*parts.get(number, (0, 0))), limits) for number in range(1, int(parameters.cycles) + 1)
     ]
 
 
@@ -232,18 +250,11 @@ def test_degradation(cell, assembly, record, iterations, check, step, artifact, 
         cell.put("assembly")
     with step("Put the charger in readiness"):
         cell.ready(parameters.charge_voltage, parameters.charge_current)
-    with step("Warm up to the temperature of the first charge"):
-        assembly.hold(parameters.charge_temperature)
-        if soaks:
-            assembly.soak(
-                parameters.charge_temperature, cell.cycler.temperature, seconds=parameters.soak, within=FIRST_SOAK_S
-            )
     with step("Charge and discharge the battery"):
-        cell.cycler.prepare(count, **(settings_of(parameters) if soaks else {}))
+        begin = beginning(cell, assembly, parameters, soaks=soaks)
+        change = changing(assembly, parameters, soaks=soaks)
         with record.during("test", cell.cycler, rate=1 / LINE_S) as running:
-            cell.cycler.start()
-            change = changing(assembly, parameters, soaks=soaks)
-            state = follow(running, cell, change, step, iterations("Cycle", count), parameters)
+            state = follow(running, cell, begin, change, step, iterations("Cycle", count), parameters)
     test = running.recording
     ended = [] if state == "ended" else [f"the test did not come to its end, the tester says '{state}'"]
     with step("Look at the record before anything is concluded from it"):
