@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from hil.evidence.recordings.row_file import BLOCK, NUMBER, RowsFile, row_blocks, table
+from hil.evidence.recordings.row_file import NUMBER, PIECE, RowsFile, row_blocks, table
 from hil.model.errors import EvidenceError
 
 if TYPE_CHECKING:
@@ -32,9 +32,9 @@ class Columns(Mapping[str, "NDArray[np.float64]"]):
 
         place, found = self._places[name], self._found
         values = np.empty(found.rows)
-        for number, block in enumerate(row_blocks(found)):
+        for number, block in enumerate(row_blocks(found, PIECE)):
             column = table(block, found.width)[:, place]
-            values[number * BLOCK : number * BLOCK + len(column)] = column
+            values[number * PIECE : number * PIECE + len(column)] = column
         return values
 
     def __iter__(self) -> Iterator[str]:

@@ -20,7 +20,7 @@ from hil.evidence.recordings.datasets import (
     read_part,
     write_part,
 )
-from hil.evidence.recordings.row_file import BLOCK, RowsFile, read_rows, row_blocks, table
+from hil.evidence.recordings.row_file import BLOCK, PIECE, RowsFile, read_rows, row_blocks, table
 from hil.model.errors import EvidenceError
 
 if TYPE_CHECKING:
@@ -128,9 +128,9 @@ def write_hdf5(found: RowsFile, path: Path, *, begun: Mapping[str, Any], ended: 
         sets = [add_dataset(file, "time", found.rows), *(add_dataset(group, name, found.rows) for name in names)]
         for dataset, facts in zip(sets, [_TIME, *begun["channels"]], strict=True):
             describe(dataset, {key: value for key, value in facts.items() if key != "name"})
-        for place, block in enumerate(row_blocks(found)):
+        for place, block in enumerate(row_blocks(found, PIECE)):
             for dataset, column in zip(sets, table(block, found.width).T.copy(), strict=True):
-                write_part(dataset, place * BLOCK, column)
+                write_part(dataset, place * PIECE, column)
     sync_file(path)
 
 
@@ -270,7 +270,7 @@ def _hashes(sets: Sequence[Dataset], at: Sequence[int]) -> Iterator[tuple[int, s
     running, done, rows = hashlib.sha256(), 0, sets[0].shape[0]
     for target in sorted(at):
         while done < min(target, rows):
-            stop = min(target, done + BLOCK, rows)
+            stop = min(target, done + PIECE, rows)
             running.update(np.column_stack([read_part(dataset, done, stop) for dataset in sets]).tobytes())
             done = stop
         yield done, running.hexdigest()

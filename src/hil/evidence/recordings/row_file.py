@@ -15,10 +15,13 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["BLOCK", "NUMBER", "RowsFile", "read_rows", "row_blocks", "table"]
+__all__ = ["BLOCK", "NUMBER", "PIECE", "RowsFile", "read_rows", "row_blocks", "table"]
 
 BLOCK = 65_536
 """After how many rows the running hash goes into the journal."""
+
+PIECE = 16_384
+"""How many rows are read or written at a time, so that a long recording takes no more memory than a short one."""
 
 NUMBER = 8
 """Bytes of one number."""
@@ -59,13 +62,13 @@ def read_rows(path: Path) -> RowsFile:
     return RowsFile(path=path, header=header, start=len(line), rows=rows, torn=torn)
 
 
-def row_blocks(found: RowsFile) -> Iterator[bytes]:
-    """Give the bytes of the whole rows, in blocks of `BLOCK` rows."""
+def row_blocks(found: RowsFile, most: int = BLOCK) -> Iterator[bytes]:
+    """Give the bytes of the whole rows, in blocks of `most` rows."""
     left = found.rows * found.width * NUMBER
     with found.path.open("rb") as stream:
         stream.seek(found.start)
         while left:
-            block = stream.read(min(left, BLOCK * found.width * NUMBER))
+            block = stream.read(min(left, most * found.width * NUMBER))
             if not block:
                 raise EvidenceError(f"{found.path}: the file became shorter while it was read", "read it again")
             left -= len(block)
