@@ -35,8 +35,10 @@ class Condition:
         """Return the place of the first row that fulfils it, None where none does; NaN fulfils nothing."""
         compare: Callable[..., object] = getattr(operator, _COMPARISONS[self.compare])
         if isinstance(rows, list):
-            places = (place for place, row in enumerate(rows) if compare(row[self.column], self.bound))
-            return next(places, None)
+            for place, row in enumerate(rows):
+                if compare(row[self.column], self.bound):
+                    return place
+            return None
         fulfilled = compare(rows[:, self.column], self.bound)
         return int(fulfilled.argmax()) if fulfilled.any() else None  # type: ignore[attr-defined]  # an array of flags
 
