@@ -25,7 +25,8 @@ def add_dataset(group: Any, name: str, rows: int) -> Dataset:  # noqa: ANN401 - 
     from h5py import h5d, h5s, h5t  # noqa: PLC0415 - slow to import
 
     chunk = min(rows, _CHUNK) if rows > _SMALL else 0
-    return h5d.create(group.id, name.encode(), h5t.IEEE_F64LE, h5s.create_simple((rows,)), _made(chunk))
+    space = h5s.create_simple((rows,))
+    return h5d.create(group.id, name.encode(), h5t.IEEE_F64LE, space, _made(chunk), dapl=_access())
 
 
 def open_dataset(group: Any, name: str) -> Dataset:  # noqa: ANN401 - h5py publishes no types
@@ -36,7 +37,7 @@ def open_dataset(group: Any, name: str) -> Dataset:  # noqa: ANN401 - h5py publi
     """
     from h5py import h5d  # noqa: PLC0415 - slow to import
 
-    return h5d.open(group.id, name.encode())
+    return h5d.open(group.id, name.encode(), _access())
 
 
 def write_part(dataset: Dataset, start: int, values: NDArray[np.float64]) -> None:
@@ -110,6 +111,16 @@ def _made(chunk: int) -> Any:  # noqa: ANN401 - h5py publishes no types
         made.set_shuffle()
         made.set_deflate(4)
     return made
+
+
+@cache
+def _access() -> Any:  # noqa: ANN401 - h5py publishes no types
+    """Return how a dataset is read and written: two chunks are kept, so that a long one takes no more memory."""
+    from h5py import h5p  # noqa: PLC0415 - slow to import
+
+    access = h5p.create(h5p.DATASET_ACCESS)
+    access.set_chunk_cache(3, 2 * _CHUNK * 8, 1.0)
+    return access
 
 
 @cache
