@@ -6,10 +6,10 @@ import json
 import random
 import subprocess
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from resumed_runs import findings_of, killed, without_git
 from workspaces import Workspace, finish, kill, make
 
 from hil.evidence.package.contents import Package
@@ -57,9 +57,8 @@ def no_process_is_left():
 
 
 def made(root: Path, *cases: str) -> Workspace:
-    """Make a workspace; without git the product's own commits do not matter, which may be made while a test runs."""
-    workspace = make(root, *cases)
-    return replace(workspace, environment={**workspace.environment, "PATH": str(root / "nothing")})
+    """Make a workspace for runs that are interrupted."""
+    return without_git(make(root, *cases))
 
 
 @pytest.fixture
@@ -78,27 +77,6 @@ def begun(workspace) -> Path:
             journal = folder / "data/journal.jsonl"
             if folder not in before and journal.exists() and b'"kind":"step"' in journal.read_bytes():
                 return folder
-
-
-def killed(process, after: float) -> bool:
-    """Kill a command after some seconds; return whether it had not ended before."""
-    try:
-        process.wait(after)
-    except subprocess.TimeoutExpired:
-        kill(process)
-    process.communicate()
-    return process.returncode < 0
-
-
-def findings_of(package: Package) -> dict[str, object]:
-    """Return every recording's hash and all results, but for the journal's line numbers and what follows from them."""
-    rows = {event["recording"]: (event["rows"], event["sha256"]) for event in package.events("recording-end")}
-    results = json.loads(json.dumps(package.results()))
-    del results["content_digest"]
-    for case in results["cases"]:
-        for check in case["checks"]:
-            del check["seq"]
-    return {"recordings": rows, "results": results}
 
 
 @pytest.mark.timeout(280)

@@ -70,14 +70,18 @@ class Events:
         with self._flags.undisturbed():
             if not self._comes_again(kind, t, fields):
                 self._append(kind, t, beside, fields)
-            for listener in tuple(self._listeners):
-                try:
-                    listener({"kind": kind, "t": t, **fields})
-                except (Exception, SystemExit):  # noqa: BLE001 - a display that is gone must not reach the bench
-                    self._listeners.remove(listener)
+            self.show({"kind": kind, "t": t, **fields})
         if is_of_course(kind):
             self._count += 1
             self.behind(self._count)
+
+    def show(self, body: Mapping[str, object]) -> None:
+        """Show an event to whoever listens."""
+        for listener in tuple(self._listeners):
+            try:
+                listener(body)
+            except (Exception, SystemExit):  # noqa: BLE001 - a display that is gone must not reach the bench
+                self._listeners.remove(listener)
 
     def skip(self, last: int) -> None:
         """Let the events of the past up to sequence number `last` not come again: they are void."""

@@ -71,9 +71,12 @@ class Record:
         self.upkeep = Upkeep(self.folder, self.events, self.store, self.transcript, flags)
 
     def begin(self, planned: Sequence[PlannedCase]) -> None:
-        """Write the head of a new run; that of an interrupted one stands there already."""
+        """Write the head of a new run; that of an interrupted one stands there already, and is only shown."""
         if self._earlier is None:
             write_head(self._configuration, planned, self.folder, self.events.write)
+        else:
+            for line in self._earlier.head:
+                self.events.show(line.body)
 
     def follow(self, bench: BoundBench, *, checkpoints: bool) -> None:
         """Stamp events with the bench's time, and write down where it is if `checkpoints`."""
@@ -83,7 +86,7 @@ class Record:
             self.events.at_new = self._go_on
         if checkpoints:
             self._checkpoints = Checkpoints(self.folder, bench)
-            self.upkeep.checkpoint = self._checkpoints.tick
+            self.upkeep.checkpoint = self._note_progress
 
     @property
     def entered_at(self) -> int | None:
@@ -136,6 +139,12 @@ class Record:
         """Close everything without a seal."""
         self._flush()
         self._journal.close()
+
+    def _note_progress(self) -> None:
+        """Write down where the bench is; of a resumed run first that it was resumed."""
+        self.events.end_of_past()
+        if self._checkpoints is not None:
+            self._checkpoints.tick()
 
     def _flush(self) -> None:
         self.upkeep.flush()

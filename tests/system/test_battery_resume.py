@@ -1,0 +1,58 @@
+"""The plan battery_charge, killed again and again: it comes to what it would have come to."""
+
+from __future__ import annotations
+
+import random
+import subprocess
+import time
+
+import pytest
+from battery_runs import battery_workspace
+from resumed_runs import findings_of, killed, without_git
+
+from hil.evidence.package.contents import Package
+from hil.evidence.package.verification import verify
+
+pytestmark = pytest.mark.system
+
+KILLS = 20
+
+
+def size_of(folder):
+    """Return how much a run has written down: journal, rows and transcript."""
+    files = [folder / "data/transcript.tsv", folder / "data/journal.jsonl", *folder.glob("data/recordings/*.rows")]
+    return sum(path.stat().st_size for path in files if path.exists())
+
+
+@pytest.mark.timeout(900)
+def test_twenty_kills_change_nothing(tmp_path):
+    """Killed at twenty random moments and resumed each time: recordings and results as if nobody had touched it.
+
+    Each time it is let come behind what was there before, so that the kills are spread over the whole run.
+    """
+    workspace = without_git(battery_workspace(tmp_path / "workspace", "battery_charge"))
+    command = ("run", workspace.plan.name, "--bench", "battery", "--dut", "SIM-BAT-1", "--source", "simulated")
+    whole = workspace.hil(*command, timeout=200)
+    assert whole.err == ""
+    (undisturbed,) = workspace.folders()
+    end, moments, kills = size_of(undisturbed), random.Random(4), 0
+    process = workspace.start(*command, stdout=subprocess.DEVNULL)
+    while len(workspace.folders()) < 2:
+        time.sleep(0.02)
+    (disturbed,) = [folder for folder in workspace.folders() if folder != undisturbed]
+    for kill in range(KILLS):
+        wanted = size_of(disturbed) + moments.uniform(0.0, 0.8 * end / KILLS)
+        while process.poll() is None and size_of(disturbed) < wanted:
+            time.sleep(0.01)
+        kills += killed(process, moments.uniform(0.0, 0.3))
+        assert not (disturbed / "bagit.txt").exists(), f"it had ended before kill {kill + 1}"
+        process = workspace.start("resume", str(disturbed), stdout=subprocess.DEVNULL)
+    assert process.wait(200) == whole.code
+    process.communicate()
+    package = Package(disturbed)
+    assert kills == KILLS
+    assert findings_of(package) == findings_of(Package(undisturbed))
+    assert (verify(disturbed).findings, verify(disturbed).ok) == ((), verify(undisturbed).ok)
+    numbers = [event["number"] for event in package.events("resumed")]  # who was killed at once had nothing to tell
+    assert numbers == list(range(1, len(numbers) + 1))
+    assert len(numbers) >= KILLS // 2
