@@ -93,6 +93,13 @@ class VirtualClock:
         heappush(self._events, (max(when_ns, self._now_ns), device, number, event))
         return event
 
+    def next_ns(self) -> int | None:
+        """Return when the next event is due, None while there is none."""
+        events = self._events
+        while events and events[0][3].cancelled:
+            heappop(events)
+        return events[0][0] if events else None
+
     def sleep(self, seconds: float) -> None:
         """Let `seconds` pass, with everything that is due on the way."""
         if not seconds >= 0:

@@ -80,3 +80,16 @@ def test_simulated_utc_is_epoch_plus_virtual_time():
     clock = VirtualClock("2026-01-01T00:00:00Z")
     clock.sleep(86_400.5)
     assert clock.utc() == "2026-01-02T00:00:00.500000Z"
+
+
+def test_the_next_event_is_told_and_cancelled_ones_are_not():
+    """Whoever paces the clock learns when something is due; what was taken back is not due."""
+    clock = VirtualClock()
+    assert clock.next_ns() is None
+    first = clock.at(5, lambda: None)
+    clock.at(9, lambda: None)
+    assert clock.next_ns() == 5
+    first.cancel()
+    assert clock.next_ns() == 9
+    clock.wait_until(9)
+    assert clock.next_ns() is None

@@ -71,7 +71,8 @@ class Output:
     def restore(self, state: Mapping[str, object]) -> None:
         """Go on from what `state` returned."""
         self.number, self._sent = cast("int", state["number"]), cast("int", state["sent"])
-        self._swallowed = list(cast("list[int]", state["swallowed"]))
+        swallowed = cast("list[int]", state["swallowed"])
+        self._swallowed[: len(swallowed)] = swallowed
 
     def _send(self, data: bytes) -> None:
         self._sent += 1

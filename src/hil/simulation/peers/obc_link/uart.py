@@ -98,7 +98,8 @@ class Uart:
         self._first = deque(bytes.fromhex(frame) for frame in cast("list[str]", state["first"]))
         self._waiting = deque(bytes.fromhex(frame) for frame in cast("list[str]", state["waiting"]))
         self._sending = cast("int", state["sending"])
-        self._swallowed = list(cast("list[int]", state["swallowed"]))
+        swallowed = cast("list[int]", state["swallowed"])
+        self._swallowed[: len(swallowed)] = swallowed
         self._free.restore(state["free"])
         self._stalled.restore(state["stalled"])
 

@@ -1,0 +1,64 @@
+"""Serves the simulated twin of a bench file: world and open ends, without drivers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from hil.bench.binding import simulated_twin
+from hil.bench.connections import server_of
+from hil.clock import wall
+from hil.model.bench import BenchSpec
+from hil.simulation.served.bench import ServedBench
+from hil.simulation.served.server import Server
+
+__all__ = ["ServedEnds", "served"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServedEnds:
+    """A bench that other processes can open.
+
+    Attributes:
+        spec: the bench file.
+        where: by instrument, the URL at which it is open, or why it has none.
+        run: serves until stopped.
+        stop: lets `run` return soon; may be called by a signal.
+    """
+
+    spec: BenchSpec
+    where: dict[str, str]
+    run: Callable[[], None]
+    stop: Callable[[], None]
+
+
+@contextmanager
+def served(spec: BenchSpec, folder: Path, *, speed: float = 1.0, first_port: int = 0) -> Iterator[ServedEnds]:
+    """Open the ends of a bench in a folder, and remove them again.
+
+    Args:
+        spec: the bench file, with a simulated twin whose truths were checked.
+        folder: where links and control socket are.
+        speed: seconds of the bench in one second of the wall.
+        first_port: of the network instruments, 0 for any free ports.
+
+    Raises:
+        Refused: if the bench has no simulated twin, or the folder or a port cannot be had.
+    """
+    bench = ServedBench(spec, simulated_twin(spec))
+    with Server(bench, folder, wall.monotonic, speed=speed, first_port=first_port) as server:
+        yield ServedEnds(spec=spec, where=_where(spec, server), run=server.run, stop=server.stop)
+
+
+def _where(spec: BenchSpec, server: Server) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for instrument in spec.instruments:
+        if not instrument.bus:
+            found[instrument.name] = server.ends[instrument.name].url
+        elif (through := server_of(spec, instrument)) is not None:
+            found[instrument.name] = f"on bus {instrument.bus}, through {through.name}"
+        else:
+            found[instrument.name] = f"not served: bus {instrument.bus} is the host's own, not a stream of bytes"
+    return found

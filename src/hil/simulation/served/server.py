@@ -1,0 +1,182 @@
+"""The loop of a served bench: descriptors, the control socket, and the virtual clock at the pace of the wall."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Self
+
+from hil.clock.port import NANOSECONDS
+from hil.documents.suggest import did_you_mean
+from hil.model.bench import InstrumentSpec
+from hil.model.errors import Refused
+from hil.simulation.served.bench import ServedBench
+from hil.simulation.served.control import Control
+from hil.simulation.served.folder import ServedFolder
+from hil.simulation.served.network_end import NetworkEnd
+from hil.simulation.served.pace import Pace
+from hil.simulation.served.serial_end import SerialEnd
+from hil.simulation.served.state import true_state
+from hil.simulation.served.watching import Watch, look
+from hil.wire.opening import url_of_resource
+
+__all__ = ["Server"]
+
+_LOOK_UP_S = 0.02
+_LONGEST_WAIT_S = 0.2
+
+
+class Server:
+    """Serves one bench in one folder. Use it as a context: at its end nothing is left in the folder.
+
+    Time of the bench begins with `run`, and nothing happens on the bench outside of it.
+
+    Args:
+        bench: the world to serve.
+        folder: where the links and the control socket are.
+        wall: seconds on a clock that only goes forward.
+        wait: waits for descriptors, some seconds of that clock at most.
+        speed: seconds of the bench in one second of the wall.
+        first_port: where the first network instrument listens, the next ones behind it; 0 for any free ports.
+
+    Raises:
+        Refused: if the folder or a port cannot be had.
+
+    Attributes:
+        ends: the open ends by instrument.
+    """
+
+    def __init__(
+        self,
+        bench: ServedBench,
+        folder: Path,
+        wall: Callable[[], float],
+        *,
+        wait: Callable[[Sequence[Watch], float], Sequence[Watch]] = look,
+        speed: float = 1.0,
+        first_port: int = 0,
+    ) -> None:
+        self._bench = bench
+        self._wall = wall
+        self._wait = wait
+        self._speed = speed
+        self._stopped = False
+        self._looked_up_s = wall()
+        self.ends: dict[str, SerialEnd | NetworkEnd] = {}
+        self._questions: Mapping[str, Callable[[object], object]] = {
+            "ends": self._say_ends,
+            "fault": self._take_fault,
+            "state": self._say_state,
+            "stop": self._take_stop,
+            "time": self._say_time,
+        }
+        streams = [item for item in bench.spec.instruments if not item.bus]
+        with ExitStack() as stack:
+            self._folder = ServedFolder(folder, tuple(item.name for item in streams if not _is_network(item)))
+            stack.callback(self._folder.leave)
+            self._control = Control(self._folder.control, self._answer)
+            stack.callback(self._control.close)
+            self._open(streams, stack, first_port)
+            self._pace = Pace(wall, speed)
+            self._closing = stack.pop_all()
+
+    def __enter__(self) -> Self:
+        """Return itself; everything is open already."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Hang up on everybody and remove what was put into the folder."""
+        self._closing.close()
+
+    def stop(self) -> None:
+        """Let `run` return soon; may be called by a signal."""
+        self._stopped = True
+
+    def run(self) -> None:
+        """Serve until stopped."""
+        self._pace = Pace(self._wall, self._speed, self._bench.clock.now_ns())
+        while not self._stopped:
+            self.turn()
+
+    def turn(self) -> None:
+        """Wait until something is due, and do it."""
+        ready = self._wait(self._watches(), self._patience())
+        self._pace.follow(self._bench.clock)
+        for watch in ready:
+            watch.look()
+        self._look_up()
+
+    def _open(self, streams: Sequence[InstrumentSpec], stack: ExitStack, first_port: int) -> None:
+        port = first_port
+        for item in streams:
+            line = self._bench.lines[item.name]
+            if not _is_network(item):
+                end: SerialEnd | NetworkEnd = SerialEnd(line, self._folder.path / item.name)
+            else:
+                try:
+                    end = NetworkEnd(line, port)
+                except (OSError, OverflowError) as error:
+                    raise Refused(f"{item.name}: port {port} cannot be had: {error}", "name another one") from error
+                port += 1 if port else 0
+            self.ends[item.name] = end
+            stack.callback(end.close)
+
+    def _watches(self) -> list[Watch]:
+        return [watch for end in (self._control, *self.ends.values()) for watch in end.watches()]
+
+    def _patience(self) -> float:
+        """Return how long nothing has to be done unless somebody says something."""
+        due = [line.room_at_ns for line in self._bench.lines.values() if line.is_open and not line.room]
+        next_ns = self._bench.clock.next_ns()
+        if next_ns is not None:
+            due.append(next_ns)
+        longest_s = _LOOK_UP_S if any(self._closed_terminals()) else _LONGEST_WAIT_S
+        return min([longest_s, *(self._pace.seconds_until(when_ns) for when_ns in due)])
+
+    def _closed_terminals(self) -> list[SerialEnd]:
+        return [end for end in self.ends.values() if isinstance(end, SerialEnd) and end.waits_for_client]
+
+    def _look_up(self) -> None:
+        now_s = self._wall()
+        if now_s - self._looked_up_s >= _LOOK_UP_S:
+            self._looked_up_s = now_s
+            for end in self._closed_terminals():
+                end.look_up()
+
+    def _answer(self, document: Mapping[str, object]) -> Mapping[str, object]:
+        """Answer one document of the control socket."""
+        if len(document) != 1:
+            raise Refused("a document has one key", f"it is one of {', '.join(self._questions)}")
+        ((question, content),) = document.items()
+        if question not in self._questions:
+            hint = f"it is one of {', '.join(self._questions)}"
+            raise Refused(f"unknown key '{question}'{did_you_mean(question, self._questions)}", hint)
+        return {question: self._questions[question](content)}
+
+    def _say_state(self, path: object) -> object:
+        if not isinstance(path, str):
+            raise Refused("the state is asked for by a path", 'write for example {"state": "plants.coil"}')
+        return true_state(self._bench, path)
+
+    def _say_time(self, _: object) -> object:
+        clock = self._bench.clock
+        seconds = clock.now_ns() / NANOSECONDS
+        return {"bench": seconds, "utc": clock.utc(), "speed": self._speed, "slipped": self._pace.slipped_s}
+
+    def _say_ends(self, _: object) -> object:
+        return {name: end.url for name, end in self.ends.items()}
+
+    def _take_fault(self, content: object) -> object:
+        if not isinstance(content, Mapping) or not isinstance(content.get("device"), str):
+            raise Refused("a fault names its device", 'write for example {"device": "psu1", "kind": "dead"}')
+        self._bench.inject(content["device"], {key: value for key, value in content.items() if key != "device"})
+        return True
+
+    def _take_stop(self, _: object) -> object:
+        self.stop()
+        return True
+
+
+def _is_network(instrument: InstrumentSpec) -> bool:
+    return "://" in url_of_resource(instrument.port)
