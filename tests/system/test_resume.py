@@ -102,7 +102,7 @@ def test_a_run_that_is_killed_again_and_again_comes_to_the_same(workspace):
     resumed = list(package.events("resumed"))
     assert [event["number"] for event in resumed] == list(range(1, len(resumed) + 1))
     assert resumed
-    assert "went on" in package.text("data/report/report.html")
+    assert "the run was interrupted, and went on here" in package.text("data/report/report.html")
     assert workspace.hil("replay", str(disturbed), timeout=100).code == 0
 
 
@@ -212,7 +212,7 @@ def test_a_run_that_was_stopped_goes_on_at_its_last_turn(tmp_path):
     assert [line["entry"]["rows"] != [] for line in lines if line["kind"] == "resumed"] == [True, True]
     beside = next(each for each in package.recordings() if each["name"] == "beside")
     assert len(package.recording(beside["recording"])) > 4 * 20 * 400
-    assert "entered again" in package.text("data/report/report.html")
+    assert "stopped by Ada: weekend, and entered again where" in package.text("data/report/report.html")
     again = workspace.hil("replay", str(folder), timeout=100)
     assert (again.code, again.err) == (0, "")
 

@@ -196,10 +196,16 @@ def go_on_with(earlier: Earlier, journal: Journal, now: Callable[[], float], ent
         torn_bytes=earlier.torn,
         deviation=earlier.deviation,
         seconds=seconds,
-        text=_WENT_ON if entry is None else _ENTERED,
+        text=_WENT_ON if entry is None else _entered(earlier),
         **({"entry": _told(entry)} if entry else {}),
         beside=beside,
     )
+
+
+def _entered(earlier: Earlier) -> str:
+    stop = next(line.body for line in reversed(earlier.lines) if line.body["kind"] == "stop")
+    where = "recording" if earlier.boundary and earlier.boundary.kept else "turn or case"
+    return f"stopped by {stop['reason']}, and entered again where the last {where} began; what came behind that is void"
 
 
 def _told(entry: Entry) -> Mapping[str, object]:
@@ -208,10 +214,7 @@ def _told(entry: Entry) -> Mapping[str, object]:
     return {**told, "rows": list(told["rows"])}
 
 
-_WENT_ON = "the run was interrupted here, and went on"
-_ENTERED = (
-    "the run was stopped, and was entered again at the last beginning of a turn or a case; what came after is void"
-)
+_WENT_ON = "the run was interrupted, and went on here"
 
 
 class Answered:

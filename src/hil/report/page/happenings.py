@@ -143,8 +143,10 @@ def _for_seconds(event: Body) -> str:
 
 
 def _resumed(event: Body) -> str:
-    """Return that the run was interrupted, and from where it went on."""
-    told = f"{_for_seconds(event)}; bench made again from {bench_time(event.get('checkpoint'))} on"
+    """Return that the run was interrupted, for how long, and from where its bench went on."""
+    told = f"{text(event, 'text')}, after {duration(event.get('seconds'))} of wall time"
+    if "entry" not in event:
+        told += f"; its simulated bench was made again from {bench_time(event.get('checkpoint'))} on"
     return f"{told}; {text(event, 'deviation')}" if text(event, "deviation") else told
 
 
