@@ -230,3 +230,10 @@ def test_endless_line_is_thrown_away(twin):
     """More than the input buffer holds without a line feed is an overrun, not a memory leak."""
     twin.exchange("psu", b"X" * 3000)
     assert twin.scpi("SYST:ERR?").startswith("-363,")
+
+
+def test_lines_do_not_pile_up_for_ever(twin):
+    """Of more lines than the instrument has room for the rest is lost, and the error queue says so."""
+    answers = twin.exchange("psu", b"*OPC?\n" * 300, 1.0).count(b"1\n")
+    assert answers == 256
+    assert twin.scpi("SYST:ERR?").startswith("-363,")

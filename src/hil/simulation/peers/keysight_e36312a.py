@@ -20,6 +20,7 @@ __all__ = ["MODEL", "KeysightE36312a", "build"]
 
 _RATINGS = {1: Rating(6.0, 5.0), 2: Rating(25.0, 1.0), 3: Rating(25.0, 1.0)}
 _LONGEST_LINE = 1024
+_MOST_LINES = 256
 _WATCH_NS = 10_000_000
 
 
@@ -62,6 +63,9 @@ class KeysightE36312a:
             self._inbox = b""
             self._commands.errors.push(-363)
         for line in lines:
+            if len(self._lines) == _MOST_LINES:  # what nobody waits for an answer to does not pile up for ever
+                self._commands.errors.push(-363)
+                break
             self._lines.append(line.decode("latin-1").strip())
             if len(self._lines) == 1:
                 self._begin()
