@@ -34,6 +34,7 @@ COMMANDS: Mapping[str, str] = {
     "run": "Run plans on a bench and seal the evidence.",
     "runs": "List the runs of the workspace.",
     "seal": "Seal an interrupted run as it is.",
+    "simulate": "Serve a simulated bench to other programs.",
     "status": "Say how a run stands.",
     "stop": "Ask a run to stop and leave the bench safe.",
     "verify": "Verify a package.",

@@ -1,0 +1,46 @@
+"""`hil simulate`: serve a simulated bench to other programs."""
+
+from __future__ import annotations
+
+import os
+import signal
+import tempfile
+from pathlib import Path
+
+import click
+
+__all__ = ["command"]
+
+_MOST_PORTS = 65_535
+
+
+@click.command(name="simulate", epilog="Example: hil simulate adcs --speed 20")
+@click.argument("bench", metavar="BENCH")
+@click.option("--folder", type=click.Path(path_type=Path), help="Where the links and the control socket are.")
+@click.option(
+    "--speed", type=click.FloatRange(0, 1e6, min_open=True), default=1.0, help="Seconds of the bench per second."
+)
+@click.option(
+    "--first-port", type=click.IntRange(0, _MOST_PORTS), default=0, help="Of network instruments; 0 for any free ones."
+)
+def command(bench: str, folder: Path | None, speed: float, first_port: int) -> int:
+    """Serve the simulated twin of BENCH to other programs, until Ctrl-C.
+
+    Instruments on serial lines become pseudo-terminals, those on a network ports of 127.0.0.1. The folder also has the
+    socket `control`, at which the true state is read and faults are injected.
+    """
+    from hil.executive.run.bench_visit import serve_bench  # noqa: PLC0415 - heavy
+
+    place = folder or Path(tempfile.gettempdir()) / f"hil-{os.getuid()}-{bench.replace(os.sep, '-')}"
+    with serve_bench(Path.cwd(), bench, place, speed=speed, first_port=first_port) as served:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, lambda *_: served.stop())
+        click.echo(f"SIMULATED: bench {served.spec.name} at {speed:g} times real time; nothing here is hardware")
+        rows = {**served.where, "control": str(place.absolute() / "control")}
+        width = max(map(len, rows))
+        for name, where in rows.items():
+            click.echo(f"{name.ljust(width)}  {where}")
+        click.echo("ready")
+        served.run()
+    return 0
