@@ -198,6 +198,34 @@ def test_an_injected_fault_holds_from_and_until_as_counted_from_now():
     assert true_state(bench, "peers.psu1.outputs.3.on") is True
 
 
+def spoken(bench, until_s):
+    """Ask the table for its position ten times a second of the bench, and return every answer with its time."""
+    line, heard = bench.lines["table1"], []
+    while bench.clock.now_ns() < until_s * 1000 * MS:
+        line.take(b"1TP\r\n")
+        bench.clock.wait_until(bench.clock.now_ns() + 100 * MS)
+        heard.append(bytes(line.outbox))
+        line.outbox.clear()
+    return heard
+
+
+@pytest.mark.parametrize("kind", ["garbled", "late", "slipping"])
+def test_a_fault_that_is_injected_is_the_one_of_the_bench_file(kind):
+    """From the moment on at which it holds every byte is the one that would come had it been known from the start."""
+    row = {"kind": kind, **SETTINGS.get(kind, {})}
+    told, known = bench_of("adcs"), bench_of("adcs")
+    known.inject("table1", {**row, "from": "3 s", "until": "6 s"})
+    for bench in (told, known):
+        bench.lines["table1"].opened()
+        bench.lines["table1"].take(b"1MO;1VA20;1MV+\r\n")
+    before = [spoken(bench, 2.0) for bench in (told, known)]
+    told.inject("table1", {**row, "from": "1 s", "until": "4 s"})
+    after = [spoken(bench, 8.0) for bench in (told, known)]
+    assert before[0] == before[1]
+    assert after[0] == after[1]
+    assert true_state(told, "plants") == true_state(known, "plants")
+
+
 def test_bytes_on_their_way_survive_an_injection():
     """A question that was asked before a fault came to another device is answered once, after it."""
     bench = bench_of("adcs")

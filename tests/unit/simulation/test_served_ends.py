@@ -11,7 +11,7 @@ from served import NetworkClient, SerialClient, bench_of, serving
 
 from hil.model.errors import Refused
 from hil.simulation.served.client import ask
-from hil.simulation.served.folder import CONTROL
+from hil.simulation.served.folder import CONTROL, ServedFolder
 
 RELAYS = bytes.fromhex("01 01 00 00 00 08 3D CC")
 
@@ -181,6 +181,35 @@ def test_the_control_socket_tells_injects_and_stops(folder):
     assert not folder.exists()
 
 
+def test_an_end_that_is_unplugged_hangs_up_and_comes_back(folder):
+    """A client sees the hang-up, nobody can open it until it is plugged again, and the instrument goes on as it was."""
+    with serving(folder) as server:
+        control = NetworkClient(folder / CONTROL)
+        supply, relays = NetworkClient(server.ends["psu1"].url), SerialClient(folder / "relay1")
+        relays.write(bytes.fromhex("01 05 00 00 FF 00 8C 3A"))
+        assert relays.until(server, b"\x8c\x3a")
+        for name in ("psu1", "relay1", "relay1"):
+            assert told(server, control, {"unplug": name}) == {"unplug": True}
+        with pytest.raises(OSError, match="Input/output error"):
+            os.write(relays.descriptor, b"x")
+        assert supply.socket.recv(10) == b""
+        with pytest.raises(ConnectionRefusedError):
+            NetworkClient(server.ends["psu1"].url)
+        assert not (folder / "relay1").is_symlink()
+        relays.close()
+        supply.close()
+        for name in ("psu1", "relay1", "relay1"):
+            assert told(server, control, {"plug": name}) == {"plug": True}
+        supply, relays = NetworkClient(server.ends["psu1"].url), SerialClient(folder / "relay1")
+        supply.write(b"*IDN?\n")
+        assert supply.until(server, b"\n").startswith(b"Keysight")
+        relays.write(RELAYS)
+        assert relays.until(server, b"\x01\x01\x01\x01\x90\x48")
+        assert "error" in told(server, control, {"plug": "relay9"})
+        for client in (supply, relays, control):
+            client.close()
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [
@@ -193,6 +222,8 @@ def test_the_control_socket_tells_injects_and_stops(folder):
         (b'{"state": 3}\n', "by a path"),
         (b'{"state": "plants.x"}\n', "there is no 'x'"),
         (b'{"fault": "dead"}\n', "names its device"),
+        (b'{"unplug": "relay"}\n', "did you mean 'relay1'"),
+        (b'{"plug": ["psu1"]}\n', "no end"),
         (b'{"fault": {"device": "psu1", "kind": ["dead"]}}\n', "expected a text"),
     ],
 )
@@ -287,6 +318,12 @@ def test_folders_that_cannot_be_used_are_refused(tmp_path):
         with pytest.raises(Refused, match=f"port {port} cannot be had"):
             serving(tmp_path / "ends", first_port=port)
     assert not (tmp_path / "ends").exists()
+
+
+def test_no_instrument_can_take_the_sockets_name(folder):
+    """A serial instrument with the name of the socket would replace it."""
+    with pytest.raises(Refused, match="named as the socket"):
+        ServedFolder(folder, ("psu1", CONTROL))
 
 
 def test_asking_where_nobody_serves_is_refused(tmp_path):

@@ -68,6 +68,8 @@ class ServedFolder:
             raise Refused(
                 f"another server serves a bench in {self.path}", "end it, or name another folder with --folder"
             ) from None
+        if CONTROL in names:
+            raise Refused(f"an instrument is named as the socket, '{CONTROL}'", "name it otherwise in the bench file")
         for name in names:
             place = self.path / name
             if place.exists() and not place.is_symlink():

@@ -29,24 +29,41 @@ class NetworkEnd:
     def __init__(self, line: ServedLine, port: int = 0) -> None:
         self.line = line
         self._client: socket.socket | None = None
-        self._listener = socket.create_server((_HOST, port), backlog=_BACKLOG)
-        self._listener.setblocking(False)
-        self.url = f"socket://{_HOST}:{self._listener.getsockname()[1]}"
+        self._listener: socket.socket | None = None
+        self._port = port
+        self.plug()
+        self.url = f"socket://{_HOST}:{self._port}"
+
+    def plug(self) -> None:
+        """Listen, always at the same port; if it does already, go on.
+
+        Raises:
+            OSError: if somebody else has the port by now.
+        """
+        if self._listener is None:
+            self._listener = socket.create_server((_HOST, self._port), backlog=_BACKLOG)
+            self._listener.setblocking(False)
+            self._port = self._listener.getsockname()[1]
+
+    def unplug(self) -> None:
+        """Hang up, and listen no more."""
+        self._hang_up()
+        if self._listener is not None:
+            self._listener.close()
+            self._listener = None
 
     def watches(self) -> Iterable[Watch]:
         """Return what is awaited now."""
-        yield Watch(self._listener.fileno(), self._accept)
+        if self._listener is not None:
+            yield Watch(self._listener.fileno(), self._accept)
         if self._client is not None:
             yield Watch(
                 self._client.fileno(), self._transfer, reads=bool(self.line.room), writes=bool(self.line.outbox)
             )
 
-    def close(self) -> None:
-        """Hang up, and stop listening."""
-        self._hang_up()
-        self._listener.close()
-
     def _accept(self) -> None:
+        if self._listener is None:
+            return
         with suppress(OSError):  # it has gone already
             client, _ = self._listener.accept()
             if self._client is not None:

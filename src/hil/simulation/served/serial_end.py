@@ -33,6 +33,20 @@ class SerialEnd:
         self.line = line
         self.url = str(link)
         self._link = link
+        self._master = -1
+        self._name = ""
+        self._poll: select.poll
+        self.plug()
+
+    @property
+    def waits_for_client(self) -> bool:
+        """Whether `look_up` has to be called, because nobody is woken."""
+        return self._master >= 0 and not self.line.is_open
+
+    def plug(self) -> None:
+        """Be there, under the same link, with another pseudo-terminal behind it; if it is already, stay."""
+        if self._master >= 0:
+            return
         self._master, far = os.openpty()
         tty.setraw(far)
         self._name = os.ttyname(far)
@@ -40,13 +54,19 @@ class SerialEnd:
         os.set_blocking(self._master, False)
         self._poll = select.poll()
         self._poll.register(self._master, select.POLLIN)
-        link.unlink(missing_ok=True)
-        link.symlink_to(self._name)
+        self._link.unlink(missing_ok=True)
+        self._link.symlink_to(self._name)
 
-    @property
-    def waits_for_client(self) -> bool:
-        """Whether `look_up` has to be called, because nobody is woken."""
-        return not self.line.is_open
+    def unplug(self) -> None:
+        """Be away: a client sees a hang-up, and the link is gone."""
+        if self._master < 0:
+            return
+        with suppress(OSError):
+            if self._link.readlink() == Path(self._name):
+                self._link.unlink()
+        os.close(self._master)
+        self._master = -1
+        self.line.closed()
 
     def look_up(self) -> None:
         """Notice that a client has opened it, also one that wrote and has closed it again."""
@@ -59,14 +79,9 @@ class SerialEnd:
         if self.line.is_open:
             yield Watch(self._master, self._transfer, reads=bool(self.line.room), writes=bool(self.line.outbox))
 
-    def close(self) -> None:
-        """Let go of it; a client sees a hang-up."""
-        with suppress(OSError):
-            if self._link.readlink() == Path(self._name):
-                self._link.unlink()
-        os.close(self._master)
-
     def _transfer(self) -> None:
+        if self._master < 0:
+            return
         try:
             if room := self.line.room:
                 self.line.take(os.read(self._master, room))

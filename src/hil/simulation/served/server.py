@@ -67,9 +67,11 @@ class Server:
         self._questions: Mapping[str, Callable[[object], object]] = {
             "ends": self._say_ends,
             "fault": self._take_fault,
+            "plug": self._take_plug,
             "state": self._say_state,
             "stop": self._take_stop,
             "time": self._say_time,
+            "unplug": self._take_unplug,
         }
         streams = [item for item in bench.spec.instruments if not item.bus]
         with ExitStack() as stack:
@@ -120,7 +122,7 @@ class Server:
                     raise Refused(f"{item.name}: port {port} cannot be had: {error}", "name another one") from error
                 port += 1 if port else 0
             self.ends[item.name] = end
-            stack.callback(end.close)
+            stack.callback(end.unplug)
 
     def _watches(self) -> list[Watch]:
         return [watch for end in (self._control, *self.ends.values()) for watch in end.watches()]
@@ -172,6 +174,24 @@ class Server:
             raise Refused("a fault names its device", 'write for example {"device": "psu1", "kind": "dead"}')
         self._bench.inject(content["device"], {key: value for key, value in content.items() if key != "device"})
         return True
+
+    def _take_plug(self, name: object) -> object:
+        end = self._end(name)
+        try:
+            end.plug()
+        except OSError as error:
+            raise Refused(f"{name} cannot be plugged: {error}", "end who has its port by now") from error
+        return True
+
+    def _take_unplug(self, name: object) -> object:
+        self._end(name).unplug()
+        return True
+
+    def _end(self, name: object) -> SerialEnd | NetworkEnd:
+        if not isinstance(name, str) or name not in self.ends:
+            known = did_you_mean(str(name), self.ends) or f"; known are {', '.join(self.ends)}"
+            raise Refused(f"there is no end '{name}'{known}", "name an instrument that is served")
+        return self.ends[name]
 
     def _take_stop(self, _: object) -> object:
         self.stop()
