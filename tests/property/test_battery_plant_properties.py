@@ -69,7 +69,7 @@ def test_restored_in_the_middle_it_goes_on(schedule, pause_ns):
 def test_the_network_keeps_its_laws(volts, limit, path, load, siemens, base, ohms):
     """Kirchhoff's and Ohm's laws hold at the terminals, and the supply is in its limit, in its voltage, or blocked."""
     network = Network(volts=volts, limit=limit, path=path, load=load, siemens=siemens)
-    supply, terminals, current = network.solve(base, ohms)
+    supply, terminals, current = network.solver()(base, ohms)
     drawn = supply - current - siemens * terminals
     assert terminals == pytest.approx(base + ohms * current, abs=1e-9)
     assert terminals >= -1e-9

@@ -61,6 +61,10 @@ class Battery:
             return self.load * (self.inputs["charge"] - self.inputs["discharge"])
         return self.shown[name]
 
+    def observing(self, names):
+        """Return a function that observes several signals."""
+        return lambda: tuple(self.observe(name) for name in names)
+
     def command(self, **values):
         """Keep the inputs, and what changed."""
         for name, value in values.items():

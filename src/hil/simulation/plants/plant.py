@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import ClassVar, NamedTuple, cast
+from typing import ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +36,8 @@ class Port:
     current_signal: str
 
 
-class _Moment(NamedTuple):
+@dataclass(slots=True, eq=False)  # not frozen, and no tuple with names: there is one for every step of weeks
+class _Moment:
     """A break point: from here on these inputs hold, and the state was this."""
 
     at_ns: int
@@ -87,6 +88,15 @@ class Plant(ABC):
         del before, after
         return state
 
+    def reading(self, names: tuple[str, ...]) -> Callable[[Vector, Inputs, float], Vector]:
+        """Return `signal` for several names at once; a plant that has a faster way gives it."""
+        signal = self.signal
+        return lambda state, inputs, at: tuple([signal(name, state, inputs, at) for name in names])
+
+    def between(self, state: Vector, ahead: Vector, share: float) -> Vector:
+        """Return the state at a share of the way from one to the other; pure."""
+        return tuple([a + (b - a) * share for a, b in zip(state, ahead, strict=True)])
+
     def choices(self, name: str) -> tuple[str, ...]:
         """Return the values that a text input may have; empty means any."""
         del name
@@ -104,16 +114,18 @@ class Plant(ABC):
     def advance(self, when_ns: int) -> None:
         """Commit every grid point up to `when_ns`; the clock calls this before an instant's events."""
         self._now_ns, self._present = when_ns, None
+        moments = self._moments
         while self._next_ns <= when_ns:
-            last = self._moments[-1]
+            last = moments[-1]
             ahead = self._state_ahead(last)
             if ahead == last.state and last.at_ns % self._grid_ns == 0:
                 # Physics at rest stays there until the next command: its first moment stands for all that follow.
                 self._next_ns = (when_ns // self._grid_ns + 1) * self._grid_ns
                 return
-            self._moments.append(_Moment(self._next_ns, ahead, last.inputs))
+            moments.append(_Moment(self._next_ns, ahead, last.inputs))
             self._next_ns += self._grid_ns
-            self._forget()
+            while len(moments) > 2 and moments[1].at_ns < when_ns - _KEPT_NS:
+                moments.popleft()
 
     def command(self, **values: Value) -> None:
         """Set inputs at the present instant; what changes nothing is no break point."""
@@ -136,10 +148,17 @@ class Plant(ABC):
 
     def observe(self, signal: str) -> float:
         """Return a signal at the present instant, commands of this instant included."""
-        if self._present is None:
-            last = self._moments[-1]
-            self._present = self._state_at(last, self._now_ns), last.inputs, self._now_ns / NANOSECONDS
-        return self.signal(signal, *self._present)
+        return self.signal(signal, *(self._present or self._see()))
+
+    def observing(self, signals: tuple[str, ...]) -> Callable[[], Vector]:
+        """Return a function that observes these signals at the present instant, as `observe` does each of them."""
+        read, see = self.reading(signals), self._see
+
+        def observe() -> Vector:
+            state, inputs, at = self._present or see()
+            return read(state, inputs, at)
+
+        return observe
 
     def observe_at(self, signal: str, at_ns: int) -> float:
         """Return a signal at an instant of the last two seconds, before any command of that instant.
@@ -194,6 +213,12 @@ class Plant(ABC):
         self._next_ns = self._end_ns(self._moments[-1])
         self._ahead = self._present = self._past = None
 
+    def _see(self) -> tuple[Vector, Inputs, float]:
+        """Return state, inputs and the bench's time in s of the present instant, and keep them until it is over."""
+        last, now_ns = self._moments[-1], self._now_ns
+        self._present = present = (self._state_at(last, now_ns), last.inputs, now_ns / NANOSECONDS)
+        return present
+
     def _moments_between(self, first_ns: int, last_ns: int) -> list[_Moment]:
         """Return the moments whose lines are seen between two instants, before any command of these instants."""
         seen: list[_Moment] = []
@@ -218,19 +243,15 @@ class Plant(ABC):
         if at_ns <= moment.at_ns:
             return moment.state
         share = (at_ns - moment.at_ns) / (self._end_ns(moment) - moment.at_ns)
-        ahead = self._state_ahead(moment)
-        return tuple([a + (b - a) * share for a, b in zip(moment.state, ahead, strict=True)])
+        return self.between(moment.state, self._state_ahead(moment), share)
 
     def _end_ns(self, moment: _Moment) -> int:
         return (moment.at_ns // self._grid_ns + 1) * self._grid_ns
 
     def _state_ahead(self, moment: _Moment) -> Vector:
-        if self._ahead is None or self._ahead[0] is not moment:
-            dt = (self._end_ns(moment) - moment.at_ns) / NANOSECONDS
-            self._ahead = (moment, self.step(moment.state, moment.inputs, dt))
-        return self._ahead[1]
-
-    def _forget(self) -> None:
-        moments, oldest_ns = self._moments, self._now_ns - _KEPT_NS
-        while len(moments) > 2 and moments[1].at_ns < oldest_ns:
-            moments.popleft()
+        known = self._ahead
+        if known is not None and known[0] is moment:
+            return known[1]
+        ahead = self.step(moment.state, moment.inputs, (self._end_ns(moment) - moment.at_ns) / NANOSECONDS)
+        self._ahead = (moment, ahead)
+        return ahead

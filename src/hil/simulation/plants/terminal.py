@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf
 from typing import Protocol
@@ -10,9 +10,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.simulation.plants.plant import Plant, Port, Value
+from hil.simulation.plants.plant import Plant, Port, Value, Vector
 
-__all__ = ["InputPoint", "PlantPort", "Resistor", "SignalPoint", "Terminal"]
+__all__ = ["InputPoint", "PlantPort", "Resistor", "SignalPoint", "Terminal", "observing"]
 
 
 class Terminal(Protocol):
@@ -113,3 +113,17 @@ class SignalPoint:
     def observe_many(self, times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return it as it was at rising instants within the last two seconds."""
         return self.plant.observe_many(self.name, times_ns)
+
+
+def observing(points: Sequence[SignalPoint | None], unconnected: Vector) -> Callable[[], Vector]:
+    """Return a function that observes points now; those of one plant are seen with one look.
+
+    Args:
+        points: signals; None is an open input.
+        unconnected: what an open input shows, by place.
+    """
+    there = [point for point in points if point is not None]
+    if len(there) == len(points) and len({id(point.plant) for point in there}) == 1:
+        return there[0].plant.observing(tuple(point.name for point in there))
+    pairs = tuple(zip(points, unconnected, strict=True))
+    return lambda: tuple([shown if point is None else point.observe() for point, shown in pairs])

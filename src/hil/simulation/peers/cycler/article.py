@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from hil.clock.port import NANOSECONDS
-from hil.simulation.plants.terminal import SignalPoint
-from hil.simulation.seeds import Stream
+from hil.simulation.plants.terminal import SignalPoint, observing
+from hil.simulation.seeds import BLOCK, Stream
 
 __all__ = ["LINE_S", "Article", "Gauge", "Reading"]
 
@@ -14,6 +15,7 @@ LINE_S = 5
 """Seconds of device time from one data line to the next."""
 
 _LINE_NS = LINE_S * NANOSECONDS
+_SILENCE = [0.0] * BLOCK
 
 Reading = tuple[int, int, int]
 """Voltage in mV, current in mA, temperature in tenths of a degree Celsius: what a data line can show."""
@@ -39,13 +41,9 @@ class Gauge:
     noise: float
     stream: Stream
 
-    def read(self, line: int) -> int:
-        """Return what is measured now, in units of the last digit; `line` counts the five seconds of the bench."""
-        point = self.signal
-        value = self.unconnected if point is None else point.plant.observe(point.name)
-        if self.noise:
-            return round(value * self.factor + self.shift + self.noise * self.stream.normal(line))
-        return round(value * self.factor + self.shift)
+    def noises(self, block: int) -> list[float]:
+        """Return what noise adds in a block of lines, in units of the last digit."""
+        return [self.noise * number for number in self.stream.normals(block)] if self.noise else _SILENCE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +76,28 @@ class Article:
     current: Gauge
     temperature: Gauge
 
-    def measure(self, now_ns: int) -> Reading:
-        """Return what the device measures now."""
-        line = now_ns // _LINE_NS
-        return self.voltage.read(line), self.current.read(line), self.temperature.read(line)
+    def measuring(self) -> Callable[[int], Reading]:
+        """Return a function of the bench's time [ns], which is now: what the device measures.
+
+        Its noise is by the five seconds of the bench.
+        """
+        voltage, current, temperature = gauges = self.voltage, self.current, self.temperature
+        look = observing([gauge.signal for gauge in gauges], tuple(gauge.unconnected for gauge in gauges))
+        per_volt, per_ampere, per_kelvin = (gauge.factor for gauge in gauges)
+        more_volts, more_amperes, more_kelvins = (gauge.shift for gauge in gauges)
+        known, noises = -1, (_SILENCE, _SILENCE, _SILENCE)
+
+        def measure(now_ns: int) -> Reading:
+            nonlocal known, noises
+            block, place = divmod(now_ns // _LINE_NS, BLOCK)
+            if block != known:
+                known, noises = block, (voltage.noises(block), current.noises(block), temperature.noises(block))
+            volts, amperes, celsius = look()
+            noisy_volts, noisy_amperes, noisy_kelvins = noises
+            return (
+                round(volts * per_volt + more_volts + noisy_volts[place]),
+                round(amperes * per_ampere + more_amperes + noisy_amperes[place]),
+                round(celsius * per_kelvin + more_kelvins + noisy_kelvins[place]),
+            )
+
+        return measure

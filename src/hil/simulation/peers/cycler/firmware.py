@@ -41,6 +41,7 @@ class Firmware:
         self, article: Article, relays: Relays, output: Output, device_clock: BoardClock, *, boots: int, faults: Faults
     ) -> None:
         self.article = article
+        self._measure = article.measuring()
         self.relays = relays
         self.output = output
         self.boots = boots
@@ -94,7 +95,7 @@ class Firmware:
 
     def measure(self) -> Reading:
         """Return what is measured now."""
-        return self.article.measure(self._clock.now_ns())
+        return self._measure(self._clock.now_ns())
 
     def start(self, run: str) -> None:
         """Begin a test; its first mark follows the reply."""
@@ -183,23 +184,24 @@ class Firmware:
         self._marks.clear()
 
     def _line(self) -> None:
-        state = self.sequence.state
+        sequence = self.sequence
+        state = sequence.state
         if state not in RUNNING:
-            self.output.numbered(f"{state} {self.sequence.reason}".rstrip())
+            self.output.numbered(f"{state} {sequence.reason}".rstrip())
             self._wait()
             return
         at_us = self._next_us
-        self._next_us += _LINE_US
-        self._tick.set(self._device_clock.instant(self._next_us))
-        volts, amperes, degrees = reading = self.article.measure(self._clock.now_ns())
-        calm = self.sequence.take(reading)
-        fields = _FIELDS % (volts / 1000, amperes / 1000, self.sequence.energy / 10_000, degrees / 10)
+        self._next_us = next_us = at_us + _LINE_US
+        self._tick.set(self._device_clock.instant(next_us))
+        volts, amperes, degrees = reading = self._measure(self._clock.now_ns())
+        calm = sequence.take(reading)
+        fields = _FIELDS % (volts / 1000, amperes / 1000, sequence.energy / 10_000, degrees / 10)
         if not calm:
-            self._marks += self.sequence.judge(reading)
+            self._marks += sequence.judge(reading)
         self.output.numbered(fields, _LETTERS[state], at_us)
         if self._marks:
             self._tell()
-            if self.sequence.state not in RUNNING:
+            if sequence.state not in RUNNING:
                 self._wait()
 
     def _wait(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 __all__ = ["Flow", "Network"]
@@ -28,21 +29,31 @@ class Network:
     load: float
     siemens: float
 
-    def solve(self, base: float, ohms: float) -> Flow:
-        """Return what flows into a cell whose terminals have `base + ohms * current`.
+    def solver(self, wires: float = 0.0) -> Callable[[float, float], Flow]:
+        """Return a function of base [V] and resistance [ohm]: what flows into a cell.
 
-        With terminals at u, the supply gives s = (V - u)/path between 0 and its limit, and the cell takes
-        i = s - load - siemens*u; with u = base + ohms*i every case is linear. Nothing flows back into the supply. A
-        load that would turn the terminals around draws what brings them to 0 V.
+        Its terminals have `base + (ohms + wires) * current`. With terminals at u, the supply gives s = (V - u)/path
+        between 0 and its limit, and the cell takes i = s - load - siemens*u; with u = base + ohms*i every case is
+        linear. Nothing flows back into the supply. A load that would turn the terminals around draws what brings them
+        to 0 V.
         """
-        loaded = 1 + ohms * self.siemens
-        supply = 0.0
-        if self.limit > 0:
-            supply = (self.volts * loaded - base + ohms * self.load) / (self.path * loaded + ohms)
-            supply = 0.0 if supply < 0 else min(supply, self.limit)
-        load = self.load
-        volts = (base + ohms * (supply - load)) / loaded
-        if volts < 0:
-            load = max(supply + base / ohms, 0.0)
+        # Nothing of an object is looked up when it is solved: that happens twice for every line of weeks.
+        held, limit, path, drawn, siemens = self.volts, self.limit, self.path, self.load, self.siemens
+
+        def solve(base: float, inside: float) -> Flow:
+            ohms = inside + wires
+            loaded = 1 + ohms * siemens
+            supply, load = 0.0, drawn
+            if limit > 0:
+                supply = (held * loaded - base + ohms * load) / (path * loaded + ohms)
+                if supply < 0:
+                    supply = 0.0
+                elif supply > limit:
+                    supply = limit
             volts = (base + ohms * (supply - load)) / loaded
-        return supply, volts, supply - load - self.siemens * volts
+            if volts < 0:
+                load = max(supply + base / ohms, 0.0)
+                volts = (base + ohms * (supply - load)) / loaded
+            return supply, volts, supply - load - siemens * volts
+
+        return solve

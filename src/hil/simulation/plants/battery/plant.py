@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
+from operator import itemgetter
 from types import MappingProxyType
 from typing import ClassVar
 
 from hil.simulation.plants.battery.cell import Cell, CellTruth
 from hil.simulation.plants.battery.housing import Housing, HousingTruth
-from hil.simulation.plants.battery.network import Network
+from hil.simulation.plants.battery.network import Flow, Network
 from hil.simulation.plants.battery.sensor import STATES, Thermistor
 from hil.simulation.plants.plant import Inputs, Plant, Port, Value, Vector
 
@@ -26,7 +27,8 @@ _FLOWS = {
         ("voltage", "current", "cell_voltage", "supply.voltage", "supply.current", "load.current")
     )
 }
-_STATES = {"charge": 0, "temperature": 4, "plate": 5, "box": 6}
+_STATE = ("charge", "fast", "slow", "passed", "temperature", "plate", "box")
+_STATES = {name: place for place, name in enumerate(_STATE) if name not in {"fast", "slow", "passed"}}
 _SIGNALS = frozenset(
     (
         *_FLOWS,
@@ -44,6 +46,8 @@ _SIGNALS = frozenset(
 _OPEN_OHMS = 1e9
 _METER_SIEMENS = 1e-6
 _KEPT_SETTINGS, _KEPT_STEPS = 8192, 64
+
+_Flows = Callable[[Vector], Vector]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,9 +75,8 @@ class WiringTruth:
 class _Setting:
     """What follows from inputs alone, and the steps under them by their seconds."""
 
-    inputs: Inputs
-    network: Network
-    ohms: float
+    flows: _Flows
+    solve: Callable[[float, float], Flow]
     live: bool
     share: float
     room: float
@@ -141,7 +144,7 @@ class Battery(Plant):
         self._names = tuple(inputs)
         self._known = lru_cache(maxsize=_KEPT_SETTINGS)(self._setting)
         self._set = (self.inputs, self._known(tuple(inputs.values())))
-        self._flowed: tuple[Vector, _Setting, Vector] | None = None
+        self._flowed: tuple[Vector, _Setting, Vector] | None = None  # what was solved last
         self._readers: Mapping[str, Callable[[Vector, Inputs], float]] = {
             "ambient": lambda _, inputs: float(inputs["ambient"]),
             "capacity": lambda state, _: self._cell.ageing.aged(state[3])[0] / 3600,
@@ -178,41 +181,80 @@ class Battery(Plant):
             return self._flows(state, inputs)[place]
         return self._readers[name](state, inputs)
 
+    def reading(self, names: tuple[str, ...]) -> Callable[[Vector, Inputs, float], Vector]:
+        """Return `signal` for several names at once: one look for all of them."""
+        if len(names) < 2:
+            return super().reading(names)
+        others = [self._readers[name] for name in names if name in self._readers]
+        order = [*_FLOWS, *_STATE, *(name for name in names if name in self._readers)]
+        pick: Callable[[Vector], Vector] = itemgetter(*(order.index(name) for name in names))
+        flows = self._flows
+
+        def read(state: Vector, inputs: Inputs, at: float) -> Vector:
+            del at
+            return pick((*flows(state, inputs), *state, *[other(state, inputs) for other in others]))
+
+        return read
+
+    def between(self, state: Vector, ahead: Vector, share: float) -> Vector:
+        """Return the state at a share of the way from one to the other, as every plant does, without a loop."""
+        a, b, c, d, e, f, g = state
+        p, q, r, s, t, u, v = ahead
+        return (
+            a + (p - a) * share,
+            b + (q - b) * share,
+            c + (r - c) * share,
+            d + (s - d) * share,
+            e + (t - e) * share,
+            f + (u - f) * share,
+            g + (v - g) * share,
+        )
+
     def _flows(self, state: Vector, inputs: Inputs) -> Vector:
         """Return the signals of `_FLOWS`; those of one instant are solved once."""
-        here = self._of(inputs)
-        if self._flowed is None or self._flowed[0] is not state or self._flowed[1] is not here:
-            base, ohms, _, _ = self._still(state)
-            supply, volts, current = here.network.solve(base, ohms + here.ohms)
-            current = current if here.live else 0.0
-            held = self._supply_voltage(here, supply, volts)
-            flows = (volts, current, base + ohms * current, held, supply, supply - current)
-            self._flowed = (state, here, flows)
-        return self._flowed[2]
-
-    def _supply_voltage(self, here: _Setting, supply: float, volts: float) -> float:
-        """Return what the supply has at its own terminals; the cell lifts those of one that gives nothing."""
-        held = float(here.inputs["supply_voltage"])
-        if not here.inputs["charge_contact"]:
-            return held
-        if supply >= here.network.limit:
-            return volts + here.network.path * supply
-        return max(held, volts)
+        here, known = self._of(inputs), self._flowed
+        if known is not None and known[0] is state and known[1] is here:
+            return known[2]
+        flows = here.flows(state)
+        self._flowed = (state, here, flows)
+        return flows
 
     def _of(self, inputs: Inputs) -> _Setting:
-        if self._set[0] is not inputs:
-            self._set = (inputs, self._known(tuple(inputs.values())))
-        return self._set[1]
+        known = self._set
+        if known[0] is inputs:
+            return known[1]
+        here = self._known(tuple(inputs.values()))
+        self._set = (inputs, here)
+        return here
+
+    def _solved(self, network: Network, wires: float, held: float, *, live: bool, charging: bool) -> _Flows:
+        """Return the signals of `_FLOWS` as a function of the state alone, for what hangs on the terminals.
+
+        The cell lifts the terminals of a supply that gives nothing above the voltage that it would hold.
+        """
+        still, solve, limit, path = self._still, network.solver(wires), network.limit, network.path
+
+        def flows(state: Vector) -> Vector:
+            base, ohms, _, _ = still(state)
+            supply, volts, current = solve(base, ohms)
+            if not live:
+                current = 0.0
+            at_supply = held
+            if charging:
+                at_supply = volts + path * supply if supply >= limit else max(held, volts)
+            return volts, current, base + ohms * current, at_supply, supply, supply - current
+
+        return flows
 
     def _step(self, here: _Setting, dt: float) -> Callable[[Vector], Vector]:
         """Return a step of `dt` seconds as a function of the state alone."""
         response = self._housing.response(here.share, here.room, dt, assembled=here.assembled)
         tabs_of, moved, warmed = self._cell.tabs(dt), self._cell.moved(dt), self._housing.step(here.room, response)
-        solve, live, wires = here.network.solve, here.live, here.ohms
+        solve, live = here.solve, here.live
 
         def step(state: Vector) -> Vector:
             tabs = tabs_of(state)
-            current = solve(tabs[0], tabs[1] + wires)[2] if live else 0.0
+            current = solve(tabs[0], tabs[1])[2] if live else 0.0
             charge, fast, slow, passed, watts = moved(state, tabs, current)
             return (charge, fast, slow, passed, *warmed(state, watts))
 
@@ -236,11 +278,13 @@ class Battery(Plant):
             # Behind an open fuse only the tester's own input holds the terminals.
             siemens=siemens if fitted else siemens + _METER_SIEMENS,
         )
+        wires = wiring.leads + wiring.fuse + (0.0 if fitted else _OPEN_OHMS)
+        live = fitted and (network.limit > 0 or network.load > 0 or siemens > 0)
+        held = float(inputs["supply_voltage"])
         return _Setting(
-            inputs=inputs,
-            network=network,
-            ohms=wiring.leads + wiring.fuse + (0.0 if fitted else _OPEN_OHMS),
-            live=fitted and (network.limit > 0 or network.load > 0 or siemens > 0),
+            flows=self._solved(network, wires, held, live=live, charging=bool(charging)),
+            solve=network.solver(wires),
+            live=live,
             share=min(max(float(inputs["tec"]), -1.0), 1.0),
             room=float(inputs["ambient"]),
             assembled=inputs["place"] == "assembly",
