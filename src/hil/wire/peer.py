@@ -61,7 +61,7 @@ class SerialPeer(Protocol):
         ...
 
     def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
+        """Go on from what `state` returned, also where this peer has more faults: those that were added come last."""
         ...
 
 
@@ -99,7 +99,7 @@ class BusPeer(Protocol):
         ...
 
     def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
+        """Go on from what `state` returned, also where this peer has more faults: those that were added come last."""
         ...
 
 
