@@ -17,6 +17,11 @@ from hil.model.figure import Figure
 OF_THE_DECLARATION = {"capacity_ratio", "energy_ratio"}
 """Gates that speak against what the maker declares as much as against the tester."""
 
+BROKEN_OFF = 0.5
+"""A current that fades is not much below that which ends a charge when it ends it; this part of it is."""
+
+IN_THE_REST = "the run was stopped in the rest behind this discharge"
+
 S_PER_H = 3600.0
 LINE_S = 5.0
 
@@ -158,12 +163,12 @@ def row_of(made, known, end_current):
     }
 
 
-def end_currents(test):
+def end_currents(lines):
     """Return the current [A] of the last line of each charge, by number of the cycle."""
-    charging = test["phase"] == 1.0
+    charging = lines["phase"] == 1.0
     return {
         int(cycle): float(current)
-        for cycle, current in zip(test["cycle"][charging], test["current"][charging], strict=True)
+        for cycle, current in zip(lines["cycle"][charging], lines["current"][charging], strict=True)
     }
 
 
@@ -182,9 +187,9 @@ def as_csv(rows):
     return "\n".join([head, *lines, ""])
 
 
-def median_of(summary, known):
+def median_of(cycles, known):
     """Return capacity and energy of the discharge of a middling whole cycle, not observable without one."""
-    halves = sorted((each.discharge for each in summary.cycles if each.complete), key=lambda half: half.charge)
+    halves = sorted((each.discharge for each in cycles if each.complete), key=lambda half: half.charge)
     if not halves:
         return not_observable("Ah"), not_observable("Wh")
     half = halves[len(halves) // 2]
@@ -212,11 +217,54 @@ def declared(parameters):
     )
 
 
-def summary_of(test, parameters):
-    """Return cycles and gates of the recorded test."""
-    data = series(test.time, test["voltage"], test["current"], temperature=test["temperature"], cycle=test["cycle"])
+def parts_of(test, parts):
+    """Return the lines that count by beginning of the tester's test, with cycles as the plan numbers them.
+
+    The tester counts from 1 each time that it begins.
+    """
+    found = []
+    for start, first, end in parts:
+        lines = test.part(first, end)
+        lines["cycle"] = lines["cycle"] + (start.turn - 1 - start.conditioned)
+        found.append(lines)
+    return found
+
+
+def summary_of(lines, cycles, parameters):
+    """Return cycles and gates of the lines behind one beginning of the test."""
+    data = series(
+        *(lines[name] for name in ("time", "voltage", "current")),
+        temperature=lines["temperature"],
+        cycle=lines["cycle"],
+    )
     limits = Limits(upper=parameters.charge_voltage, lower=parameters.end_voltage, cut_off=parameters.end_current)
-    return summarise(data, limits=limits, declared=declared(parameters), counted=int(parameters.iterations))
+    return summarise(data, limits=limits, declared=declared(parameters), counted=cycles)
+
+
+def summaries_of(lines, starts, parameters):
+    """Return the summary behind each beginning of the test."""
+    ends = [*(start.turn for start in starts[1:]), int(parameters.iterations) + 1]
+    return [
+        summary_of(each, end - start.turn, parameters) for each, start, end in zip(lines, starts, ends, strict=True)
+    ]
+
+
+def doubts_of(number, made, ends, parameters):
+    """Return what speaks against the numbers of one cycle."""
+    if made is None or not made.complete:
+        return [f"cycle {number} is not whole"]
+    doubts = []
+    if ends[number] < BROKEN_OFF * parameters.end_current:
+        doubts.append(
+            f"the charge of cycle {number} ended with {ends[number]:.3f} A: the current did not fade, it broke off"
+        )
+    rise = made.discharge.temperature_high - made.discharge.temperature_low
+    if rise < parameters.least_rise:
+        doubts.append(
+            f"the temperature rose by {rise:.1f} K in the discharge of cycle {number}, {parameters.least_rise:g} K at"
+            " least are expected: is the thermistor at the cell?"
+        )
+    return doubts
 
 
 @pytest.mark.requirement(
@@ -240,12 +288,14 @@ def test_charge(cell, iterations, check, step, artifact, parameters):
     with step("Put the charger in readiness"):
         before = cell.ready(parameters.charge_voltage, parameters.charge_current)
     with step("Charge and discharge the battery"):
-        test = cell.tested(
+        test, starts = cell.tested(
             cycles,
             lambda: iterations("Cycle", cycles),
             name="test",
             half_cycle=parameters.longest_half_cycle,
             rest=parameters.rest,
+            voltage=parameters.charge_voltage,
+            empty=parameters.empty_voltage,
             vfull=parameters.full_voltage,
             iend=parameters.end_current,
             vend=parameters.end_voltage,
@@ -257,24 +307,29 @@ def test_charge(cell, iterations, check, step, artifact, parameters):
     with step("Look at the record before anything is concluded from it"):
         check("EPS-BAT-010", "lost_lines", test.stream.lost)
         check("EPS-BAT-010", "clock_drift", drift_of(test.stream))
-        summary, known = summary_of(test, parameters), Certainty(test)
-        told = [gate for gate in summary.gates if gate.ok is False]
+        artifact("starts.csv", cell.starts_as_csv(starts))
+        lines, known = parts_of(test, cell.parts(test, starts)), Certainty(test)
+        summaries = summaries_of(lines, starts, parameters)
+        told = [gate for summary in summaries for gate in summary.gates if gate.ok is False]
         doubts = [str(gate) for gate in told if gate.name not in OF_THE_DECLARATION]
-        ends, made = end_currents(test), {each.number: each for each in summary.cycles}
+        made = {each.number: each for summary in summaries for each in summary.cycles}
+        ends = {number: current for each in lines for number, current in end_currents(each).items()}
         check("EPS-BAT-008", "open_circuit_voltage", before, of="before")
         check("EPS-BAT-008", "open_circuit_voltage", after, of="after")
     with step("State the numbers of every cycle"):
         rows = {n: row_of(made.get(n), known, ends.get(n, math.nan)) for n in range(1, cycles + 1)}
         artifact("iterations.csv", as_csv(rows))
-        whole = {each.number for each in summary.cycles if each.complete}
+        own = {number: doubts_of(number, made.get(number), ends, parameters) for number in rows}
+        stopped = {start.turn - 1 for start in starts}
         for place, (name, _, _) in enumerate(TABLE):
             requirement = LIMITED.get(name, OF_TABLE_1 if place < COLUMNS_OF_TABLE_1 else BEYOND_TABLE_1)
             for number, row in rows.items():
                 if name == "rest_voltage_discharged" and number == cycles:
                     continue  # nothing comes behind the last discharge but the end of the test
-                torn = [] if number in whole else [f"cycle {number} is not whole"]
-                check(requirement, name, row[name], of=f"{number}", doubts=[*doubts, *torn])
+                rested = [IN_THE_REST] if name == "rest_voltage_discharged" and number in stopped else []
+                check(requirement, name, row[name], of=f"{number}", doubts=[*doubts, *own[number], *rested])
     with step("Hold capacity and energy against what is declared"):
-        capacity, energy = median_of(summary, known)
-        check("EPS-BAT-009", "discharge_capacity", capacity, doubts=[str(gate) for gate in told])
-        check("EPS-BAT-009", "discharge_energy", energy, doubts=[str(gate) for gate in told])
+        capacity, energy = median_of(made.values(), known)
+        against = [*(str(gate) for gate in told), *(doubt for number in rows for doubt in own[number])]
+        check("EPS-BAT-009", "discharge_capacity", capacity, doubts=against)
+        check("EPS-BAT-009", "discharge_energy", energy, doubts=against)

@@ -16,7 +16,6 @@ from hil.analysis.statistics import not_observable
 from hil.model.figure import Figure
 
 LINE_S = 5.0
-RUNNING = {"charge", "rest", "discharge"}
 S_PER_H = 3600.0
 BEGINS_WITHIN_S = 60.0
 FIRST_SOAK_S = 7200.0
@@ -58,28 +57,28 @@ FADE_COLUMNS = (
 NO_SOAK = "the tester's firmware is of level 1: it begins a half-cycle at once, and waits for no temperature"
 
 
-def follow(test, cell, begin, change, step, turns, parameters):
-    """Follow the tester from phase to phase; in each rest the plates go to the temperature of what comes next."""
-    count, longest = int(parameters.cycles), parameters.longest_half_cycle + BEGINS_WITHIN_S
-    for turn in turns:
-        if cell.cycler.state() not in RUNNING:
-            with step("Warm up, and start the tester"):
-                begin(count - turn + 1)
+def cycling(test, cell, change, step, parameters):
+    """Return a function that follows one cycle; in each rest the plates go to the temperature of what comes next."""
+    longest = parameters.longest_half_cycle + BEGINS_WITHIN_S
+    rests = BEGINS_WITHIN_S + parameters.rest
+
+    def cycle(*, last):
         with step("Charge"):
-            test.until("phase", equals=1.0, within=BEGINS_WITHIN_S + parameters.rest)
-            test.until("phase", below=0.5, within=longest)
+            first = cell.awaited(lambda: test.until("phase", equals=1.0, within=rests))
+            cell.awaited(lambda: test.until("phase", below=0.5, within=longest))
+            cell.charger_holds(parameters.charge_voltage)
         with step("Cool down"):
-            change(test, parameters.discharge_temperature)
+            cell.awaited(lambda: change(test, parameters.discharge_temperature))
         with step("Discharge"):
-            test.until("phase", equals=-1.0, within=BEGINS_WITHIN_S + parameters.rest)
-            if turn < count:
-                test.until("phase", above=-0.5, within=longest)
-            else:
-                test.until_over(within=longest)
-        if turn < count:
-            with step("Warm up"):
-                change(test, parameters.charge_temperature)
-    return cell.cycler.state()
+            cell.awaited(lambda: test.until("phase", equals=-1.0, within=rests))
+            if last:
+                return first, cell.awaited(lambda: test.until_over(within=longest))
+            behind = cell.awaited(lambda: test.until("phase", above=-0.5, within=longest))
+        with step("Warm up"):
+            cell.awaited(lambda: change(test, parameters.charge_temperature))
+        return first, behind
+
+    return cycle
 
 
 def beginning(cell, assembly, parameters, *, soaks):
@@ -124,14 +123,24 @@ def settings_of(parameters):
     }
 
 
-def rows_of(test, parameters):
+def cycles_within(test, parts):
+    """Return first row and end of every cycle by its number; each beginning of the tester's test has its own part."""
+    charging = np.concatenate(([False], test["phase"] == 1.0))
+    found = {}
+    for start, first, end in parts:
+        inside = charging[first + 1 : end + 1] & ~np.concatenate(([False], charging[first + 1 : end]))
+        firsts = (first + np.flatnonzero(inside)).tolist()
+        found |= dict(enumerate(pairwise([*firsts, end]), start=start.turn))
+    return found
+
+
+def rows_of(test, parts, parameters):
     """Return the numbers of every cycle, one cycle in memory at a time: weeks of lines are never there at once."""
     limits = Limits(upper=parameters.charge_voltage, lower=parameters.end_voltage, cut_off=parameters.end_current)
-    charging = np.concatenate(([False], test["phase"] == 1.0))
-    firsts = np.flatnonzero(charging[1:] & ~charging[:-1]).tolist()[: int(parameters.cycles)]
-    parts = dict(enumerate(pairwise([*firsts, len(test)]), start=1))
+    within = cycles_within(test, parts)
     return [
-        row_of(number, test.part(*parts.get(number, (0, 0))), limits) for number in range(1, int(parameters.cycles) + 1)
+        row_of(number, test.part(*within.get(number, (0, 0))), limits)
+        for number in range(1, int(parameters.cycles) + 1)
     ]
 
 
@@ -171,9 +180,12 @@ def as_csv(rows):
     return "\n".join([head, *lines, ""])
 
 
-def fades_of(rows, skip):
-    """Return the lines over the cycles by name of the parameter; none where there are too few cycles."""
-    numbers = [row["cycle"] for row in rows]
+def fades_of(rows, starts, skip):
+    """Return the lines over the cycles by name of the parameter; none where there are too few cycles.
+
+    A cycle that only emptied the cell has aged it as any other: those behind it lie one further on.
+    """
+    numbers = [row["cycle"] + sum(start.conditioned and start.turn <= row["cycle"] for start in starts) for row in rows]
     whole = sum(all(math.isfinite(row[column]) for _, column, _ in FADES) for row in rows[skip:])
     if whole < LEAST_CYCLES:
         return {}
@@ -212,12 +224,13 @@ def share(rows, column):
     return Figure(value=sum(math.isfinite(row[column]) for row in rows) / len(rows), unit="1")
 
 
-def elapsed_ratio(rows, test):
-    """Return cycles times their mean duration over the time from the first line to the last."""
+def elapsed_ratio(rows, test, parts):
+    """Return cycles times their mean duration over the time of the lines that count, without stops of the run."""
     durations = [row["duration"] for row in rows if math.isfinite(row["duration"])]
-    if not durations or not len(test):
+    spans = [float(test.time[end - 1] - test.time[first]) + LINE_S for _, first, end in parts if end > first]
+    if not durations or not spans:
         return not_observable("1")
-    elapsed = float(test.time[-1] - test.time[0]) + LINE_S
+    elapsed = sum(spans)
     return Figure(value=len(rows) * sum(durations) / len(durations) / elapsed, unit="1")
 
 
@@ -254,15 +267,21 @@ def test_degradation(cell, assembly, record, iterations, check, step, artifact, 
         begin = beginning(cell, assembly, parameters, soaks=soaks)
         change = changing(assembly, parameters, soaks=soaks)
         with record.during("test", cell.cycler, rate=1 / LINE_S) as running:
-            state = follow(running, cell, begin, change, step, iterations("Cycle", count), parameters)
+            cycle = cycling(running, cell, change, step, parameters)
+            starts = cell.follow(
+                count, iterations("Cycle", count), begin=begin, cycle=cycle, empty=parameters.empty_voltage
+            )
+            state = cell.cycler.state()
     test = running.recording
+    parts = cell.parts(test, starts)
     ended = [] if state == "ended" else [f"the test did not come to its end, the tester says '{state}'"]
     with step("Look at the record before anything is concluded from it"):
-        rows = rows_of(test, parameters)
+        rows = rows_of(test, parts, parameters)
+        artifact("starts.csv", cell.starts_as_csv(starts))
         artifact("cycles.csv", as_csv(rows))
         check("EPS-DEG-011", "lost_lines", test.stream.lost, doubts=[] if test.stream.losses_known else [NO_SOAK])
         check("EPS-DEG-011", "clock_drift", drift_of(test.stream))
-        check("EPS-DEG-009", "elapsed_ratio", elapsed_ratio(rows, test), doubts=ended)
+        check("EPS-DEG-009", "elapsed_ratio", elapsed_ratio(rows, test, parts), doubts=ended)
     with step("Judge charges, discharges and temperatures"):
         volts, degrees = test.uncertainty("voltage"), test.uncertainty("temperature")
         check("EPS-DEG-001", "charges", share(rows, "charge_energy"), doubts=ended)
@@ -279,7 +298,7 @@ def test_degradation(cell, assembly, record, iterations, check, step, artifact, 
     with step("State energies and fade"):
         check("EPS-DEG-006", "charged_energy", total(rows, "charge_energy"), doubts=ended)
         check("EPS-DEG-006", "discharged_energy", total(rows, "discharge_energy"), doubts=ended)
-        fades = fades_of(rows, int(parameters.settling))
+        fades = fades_of(rows, starts, int(parameters.settling))
         artifact("fade.csv", fades_as_csv(fades))
         for name, _, unit in FADES:
             slope = fades[name].slope if name in fades else not_observable(f"{unit}/cycle")

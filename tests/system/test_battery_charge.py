@@ -133,7 +133,7 @@ def test_a_cell_below_its_label_fails(tmp_path):
 def test_a_test_that_the_tester_ends_is_an_error(tmp_path):
     """A charge that takes longer than it may is ended by the tester: an ERROR at once, and the bench is safe."""
     ran = short_run(tmp_path, longest_half_cycle="3600")
-    assert "until its test was over" in ran.reasons("test_charge")
+    assert "ended its test by itself, it says 'tripped TIME'" in ran.reasons("test_charge")
     assert ran.verdicts() == {"test_charge": "ERROR"}
     assert "bench safe, every line proven" in ran.out
 
