@@ -8,6 +8,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import sys
 import time
 
 import pytest
@@ -144,6 +145,40 @@ def test_an_injected_fault_shows_to_a_client(serve):
         supply.write(b"OUTP OFF,(@2)\nOUTP? (@2)\n")
         assert supply.readline() == b"0\n"
     assert bench.ask(state="plants.coil.voltage") > 2.9
+
+
+HEIR = """
+import os, sys
+supply, relays = map(int, sys.argv[1:])
+sys.stdin.read()
+os.write(supply, b"OUTP OFF,(@3)\\n")
+os.write(relays, bytes.fromhex("010500000000CDCA"))
+"""
+
+
+def test_descriptors_outlive_who_opened_them(serve):
+    """Who inherited open ports can use them after the one who opened them has gone; for the bench they stayed open."""
+    bench = serve()
+    supply = serial.serial_for_url(bench.ask(ends=None)["psu1"], timeout=5)
+    relays = serial.Serial(str(bench.folder / "relay1"), 9600, timeout=5, exclusive=True)
+    supply.write(b"VOLT 3.3,(@3);:OUTP ON,(@3)\n*OPC?\n")
+    assert supply.readline() == b"1\n"
+    relays.write(bytes.fromhex("01050000FF008C3A"))
+    assert len(relays.read(8)) == 8
+    descriptors = (supply._socket.fileno(), relays.fd)
+    heir = subprocess.Popen(
+        [sys.executable, "-c", HEIR, *map(str, descriptors)], pass_fds=descriptors, stdin=subprocess.PIPE
+    )
+    relays.close()
+    supply._socket.detach()
+    os.close(descriptors[0])
+    assert bench.ask(state="lines.psu1.open") is True
+    assert bench.ask(state="lines.relay1.open") is True
+    assert bench.ask(state="peers.psu1.outputs.3.on") is True
+    heir.communicate(timeout=20)
+    deadline = time.monotonic() + 5
+    while bench.ask(state="peers.psu1.outputs.3.on") or bench.ask(state="plants.coil.contact_a"):
+        assert time.monotonic() < deadline
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
