@@ -148,7 +148,10 @@ def bind_resumed(
     def go_on() -> None:
         clock.wait_until(checkpoint.at_ns)
         simulated = simulated_ends(spec, twin, clock)
-        simulated.restore(checkpoint.state)
+        try:
+            simulated.restore(checkpoint.state)
+        except (LookupError, TypeError, ValueError, AttributeError) as error:
+            playback.diverge(f"the simulated bench cannot go on from its checkpoint: {type(error).__name__}: {error}")
         bench.world, bench.lines, bench.playback = simulated.world, simulated.lines, None
         for name, end in ends.items():
             end.hand_to(simulated.of(spec.instrument(name)))
@@ -163,7 +166,8 @@ def bind_resumed(
         publish = publish_bus if instrument.bus else publish_stream
         publish(_url(Source.SIMULATED, spec, instrument.name), cast("Any", end))
     bench = _bound(spec, Source.SIMULATED, clock, transcript, playback=playback)
-    bench.go_on = go_on
+    if asked:
+        bench.go_on = go_on
     return bench
 
 

@@ -36,6 +36,7 @@ __all__ = [
     "is_held",
     "is_run",
     "is_sealed",
+    "renew_reserve",
     "require_space",
 ]
 
@@ -104,6 +105,21 @@ def free_reserve(reserve: Path | None) -> bool:
         return False
     reserve.unlink()
     return True
+
+
+def renew_reserve(folder: Path) -> None:
+    """Reserve the space again in the folder of a run that goes on, if it was given back.
+
+    Raises:
+        EvidenceError: where the folder cannot be written.
+    """
+    try:
+        if not (folder / RESERVE).exists():
+            _reserve(folder / RESERVE)
+    except OSError as error:
+        raise EvidenceError(
+            f"{folder}: the run's folder cannot be written: {error.strerror}", "let it be written, and resume the run"
+        ) from error
 
 
 def is_sealed(folder: Path) -> bool:

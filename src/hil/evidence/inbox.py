@@ -6,8 +6,8 @@ import os
 import re
 import secrets
 import shutil
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Collection, Iterator
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from hil.clock import wall
@@ -16,11 +16,16 @@ from hil.evidence.durable import PART, read_plain, sha256_of, sync_file, write_w
 from hil.evidence.folder import ATTACHMENTS, INBOX, INBOX_FILES, is_sealed
 from hil.model.errors import EvidenceError, Refused
 
-__all__ = ["KINDS", "LARGEST_ATTACHMENT", "Message", "poll", "post"]
+__all__ = ["KINDS", "LARGEST_ATTACHMENT", "Message", "asks_for_end", "poll", "post", "waiting"]
 
 KINDS = frozenset({"ack", "interrupt", "answer", "attachment", "hold", "note", "release", "stop"})
 LARGEST_ATTACHMENT = 200_000_000
 
+_ENDS = frozenset({"interrupt", "stop"})
+_OF_ITS_MOMENT = frozenset({"hold", "release"}) | _ENDS
+"""What somebody asks of the process that runs now; the next one does not owe it."""
+
+_UNHEARD = "unheard"
 _LONGEST_TEXT = 100_000
 _LARGEST_MESSAGE = 2_000_000
 _UNREADABLE = "unreadable"
@@ -32,7 +37,7 @@ class Message:
     """One message, as the executive gets it.
 
     Attributes:
-        kind: one of `KINDS`, or `unreadable` with the reason as text.
+        kind: one of `KINDS`, or `unreadable` with the reason as text, or `unheard` with what was asked for as text.
         by: who sent it, empty where nobody said.
         text: a note's text, the reason of a stop, an answer.
         utc: when it was sent, by the sender's clock.
@@ -78,19 +83,37 @@ def post(
     return name
 
 
-def poll(folder: Path) -> Iterator[Message]:
+def waiting(folder: Path) -> tuple[str, ...]:
+    """Return the names of the messages that nobody has taken, in the order in which they were sent."""
+    try:
+        found = os.listdir(f"{folder}/{INBOX}")  # noqa: PTH208 - asked at every scheduling point, and nearly always empty
+    except FileNotFoundError:
+        return ()
+    return tuple(sorted(name for name in found if name.endswith(_ENDING)))
+
+
+def asks_for_end(folder: Path, left: Collection[str]) -> bool:
+    """Return whether a message that waits, and is none of `left`, asks the run to stop; it goes on waiting."""
+    return any(_read(folder / INBOX / name).kind in _ENDS for name in waiting(folder) if name not in left)
+
+
+def poll(folder: Path, left: Collection[str] = ()) -> Iterator[Message]:
     """Give the messages in the order in which they were sent; each goes from the inbox once the next is asked for.
 
     So a message whose event is written in the loop's body is never lost: whatever ends the process, it is either in
     the journal or still in the inbox. Attachments are in `data/attachments` when their message is given.
+
+    Args:
+        folder: the run's folder.
+        left: the names of messages that were left for an earlier process. What they asked of it is `unheard`.
     """
-    try:
-        found = os.listdir(f"{folder}/{INBOX}")  # noqa: PTH208 - asked at every scheduling point, and nearly always empty
-    except FileNotFoundError:
-        return
-    for name in sorted(name for name in found if name.endswith(_ENDING)):
+    for name in waiting(folder):
         path = folder / INBOX / name
-        yield _taken(folder, path)
+        message = _taken(folder, path)
+        if name in left and message.kind in _OF_ITS_MOMENT:
+            text = f"{message.kind}, before the run was resumed: {message.text}".rstrip(": ")
+            message = replace(message, kind=_UNHEARD, text=text)
+        yield message
         _remove(path)
 
 
@@ -115,14 +138,22 @@ def _bring(attach: Path, files: Path, name: str) -> tuple[str, str]:
 
 
 def _taken(folder: Path, path: Path) -> Message:
+    message = _read(path)
+    try:
+        if message.file:
+            _move(folder, message)
+    except (OSError, EvidenceError) as error:
+        return Message(kind=_UNREADABLE, text=f"{path.name}: {error}")
+    return message
+
+
+def _read(path: Path) -> Message:
     try:
         value = parse_strict(read_plain(path, _LARGEST_MESSAGE))
         message = Message(**value) if isinstance(value, dict) else None
         if message is None or message.kind not in KINDS or not all(_is_plain(message)):
             return Message(kind=_UNREADABLE, text=f"{path.name}: this is no message")
-        if message.file:
-            _move(folder, message)
-    except (OSError, TypeError, JsonError, EvidenceError) as error:
+    except (OSError, TypeError, JsonError) as error:
         return Message(kind=_UNREADABLE, text=f"{path.name}: {error}")
     return message
 

@@ -75,7 +75,9 @@ def _bind_again(
 ) -> BoundBench:
     if earlier.checkpoint is None:
         return bind_simulated(configuration.bench, transcript)
-    record, asked = earlier.folder / TRANSCRIPT, earlier.boundary is not None
+    # Killed on its way to the safe state, a run may have its last checkpoint before the place where it is entered.
+    asked = earlier.boundary is not None and earlier.boundary.at_ns <= earlier.checkpoint.at_ns
+    record = earlier.folder / TRANSCRIPT
     return bind_resumed(configuration.bench, transcript, record, earlier.checkpoint, where, asked=asked)
 
 

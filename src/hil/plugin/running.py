@@ -148,14 +148,24 @@ def _open(
     session.keeper.beside(notifier.tick)
     notifier.attach(session.folder.name, session.keeper.write)
     session.keeper.last = notifier.finish
-    session.record.if_diverged(partial(_leave_as_it_is, session.folder, word))
+    session.record.if_diverged(partial(_leave_as_it_is, session, word))
+    session.record.if_stopped(partial(_leave_for_later, session.folder, word))
     session.at_last = lambda: word.leave(_close(session, _FAILED, out, word))
     word.begun(session.folder)
     return session
 
 
-def _leave_as_it_is(folder: Path, word: Word, error: Diverged) -> NoReturn:
+def _leave_for_later(folder: Path, word: Word) -> NoReturn:
+    """End the process of a resumed run that is to stop before it has come to its past again."""
+    _complain(f"hil: {folder.name} was stopped before it went on", "     it is as it was; hil resume begins again")
+    word.leave(EXIT_INTERRUPTED)
+
+
+def _leave_as_it_is(session: Session, word: Word, error: Diverged) -> NoReturn:
     """End the process of a resumed run that does not come to its past again; nothing of it has been driven."""
+    folder = session.folder
+    if session.flags.reason:
+        _leave_for_later(folder, word)  # on the way to the safe state it leaves its record
     cause: BaseException = error
     while isinstance(cause.__context__, Diverged):
         cause = cause.__context__

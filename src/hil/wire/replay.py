@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from serial import SerialException
 
@@ -62,9 +62,13 @@ class Playback:
         clock: set to the recorded end of every operation.
         where: tells the present step, for messages.
         handover: where the record stops to answer, None where it does not.
+
+    Attributes:
+        at_divergence: hears of an operation that the record does not hold, before it is raised.
     """
 
     def __init__(self, path: Path, clock: Clock, where: Callable[[], str], handover: Handover | None = None) -> None:
+        self.at_divergence: Callable[[Diverged], object] = lambda _: None
         self._operations = islice(read_transcript(path), handover.operations if handover else None)
         self._next = next(self._operations, None)
         self._clock = clock
@@ -126,12 +130,22 @@ class Playback:
         """
         found = self._next
         if found is None:
-            raise Diverged(f"{device}: {name} at {self._where()}, but the record has ended")
+            self.diverge(f"{device}: {name} at {self._where()}, but the record has ended")
         if (found.device, found.name, found.sent) != (device, name, sent):
-            raise Diverged(self._difference(found, device, name, sent))
+            self.diverge(self._difference(found, device, name, sent))
         self._next = next(self._operations, None)
         self._clock.wait_until(found.end_ns)
         return found
+
+    def diverge(self, text: str) -> NoReturn:
+        """Tell that what is asked for is not what the record holds.
+
+        Raises:
+            Diverged: always.
+        """
+        error = Diverged(text)
+        self.at_divergence(error)
+        raise error
 
     def _difference(self, found: Operation, device: str, name: str, sent: bytes) -> str:
         offset = next((i for i, (a, b) in enumerate(zip(found.sent, sent, strict=False)) if a != b), 0)

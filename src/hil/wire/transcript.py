@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import FileIO
 from pathlib import Path
@@ -47,11 +47,16 @@ class Transcript:
             for appending.
         past: the lines that the file holds already; the first operations have to be the same, and are not written
             again.
+
+    Attributes:
+        at_divergence: hears of an operation that is another one than the file holds, before it is raised.
     """
 
     def __init__(self, sink: FileIO | None, past: Iterator[str] | None = None) -> None:
+        self.at_divergence: Callable[[Diverged], object] = lambda _: None
         self._sink = sink
-        self._past = past
+        self._past = past or iter(())
+        self._held = next(self._past, "")
         self._sequence = 0
         self._waiting = bytearray(b"" if past else HEADER.encode())
 
@@ -59,6 +64,11 @@ class Transcript:
     def operations(self) -> int:
         """How many operations were noted."""
         return self._sequence
+
+    @property
+    def comes_again(self) -> bool:
+        """Whether the file holds operations that have not come again yet."""
+        return bool(self._held)
 
     def note(
         self,
@@ -80,12 +90,13 @@ class Transcript:
             return
         line = f"{self._sequence}\t{device}\t{name}\t{start_ns}\t{end_ns}\t{sent.hex()}\t{received.hex()}\t{error}\n"
         self._sequence += 1
-        if self._past is None or not self._is_past(line):
+        if not self._is_past(line):
             self._waiting += line.encode()
 
     def skip(self, operations: int) -> None:
         """Pass over what the file holds up to that number of operations: they are not done again."""
-        while self._past is not None and self._sequence < operations and next(self._past, ""):
+        while self._held and self._sequence < operations:
+            self._held = next(self._past, "")
             self._sequence += 1
 
     def flush(self) -> None:
@@ -112,11 +123,12 @@ class Transcript:
 
     def _is_past(self, line: str) -> bool:
         """Return whether the file holds this line; after its last one there is no past any more."""
-        held = next(self._past, "") if self._past else ""
-        if not held:
-            self._past = None
-        elif held != line:
-            raise Diverged(f"transcript: {line.strip()[:_SHOWN]!r}, but the record holds {held.strip()[:_SHOWN]!r}")
+        held = self._held
+        if held and held != line:
+            error = Diverged(f"transcript: {line.strip()[:_SHOWN]!r}, but the record holds {held.strip()[:_SHOWN]!r}")
+            self.at_divergence(error)
+            raise error
+        self._held = next(self._past, "") if held else ""
         return bool(held)
 
 
@@ -171,7 +183,7 @@ def _lines(path: Path) -> Iterator[str]:
     """Yield the header of a transcript, and then every line, also a torn one."""
     if not path.is_file():
         raise EvidenceError(f"{path} is missing", "without its transcript a run cannot be replayed")
-    with path.open(encoding="utf-8", newline="\n") as lines:
+    with path.open(encoding="ascii", errors="surrogateescape", newline="\n") as lines:
         header = next(lines, "")
         if header not in _FORMATS:
             raise EvidenceError(f"{path.name} is not a transcript of format 1 to 3")

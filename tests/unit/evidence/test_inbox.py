@@ -8,7 +8,7 @@ import pytest
 
 from hil.evidence import inbox
 from hil.evidence.folder import create
-from hil.evidence.inbox import poll, post
+from hil.evidence.inbox import asks_for_end, poll, post, waiting
 from hil.model.errors import EvidenceError, Refused
 
 
@@ -106,3 +106,18 @@ def test_a_run_without_inbox_takes_nothing(tmp_path, folder):
     (folder / "bagit.txt").write_text("sealed")
     with pytest.raises(Refused, match="sealed"):
         post(folder, "note")
+
+
+def test_what_was_asked_of_an_earlier_process_is_not_owed(folder):
+    """A stop or a hold that was left for it is unheard; notes are taken, and later stops are heard."""
+    post(folder, "stop", by="Ada", text="smoke")
+    post(folder, "note", text="keep me")
+    left = waiting(folder)
+    assert (asks_for_end(folder, ()), asks_for_end(folder, left)) == (True, False)
+    post(folder, "interrupt")
+    assert asks_for_end(folder, left)
+    assert [(message.kind, message.text) for message in poll(folder, left)] == [
+        ("unheard", "stop, before the run was resumed: smoke"),
+        ("note", "keep me"),
+        ("interrupt", ""),
+    ]

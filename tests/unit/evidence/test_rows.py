@@ -205,3 +205,25 @@ def test_other_rows_than_recorded_are_refused(tmp_path):
     with pytest.raises(Diverged, match="more than the 3 rows"):
         filled(tmp_path / "r.rows", 3, again=True)
     assert (tmp_path / "r.rows").read_bytes() == before
+
+
+@pytest.mark.parametrize("size", [0, 30])
+def test_a_file_that_ended_in_its_header_is_begun_again(tmp_path, size):
+    """A machine that lost power then leaves half a header, and no row."""
+    whole = filled(tmp_path / "whole.rows", 3)
+    (tmp_path / "r.rows").write_bytes((tmp_path / "whole.rows").read_bytes()[:size])
+    assert filled(tmp_path / "r.rows", 3, again=True) == whole
+    assert (tmp_path / "r.rows").read_bytes() == (tmp_path / "whole.rows").read_bytes()
+
+
+def test_it_is_known_when_all_rows_have_come_again(tmp_path):
+    """Also while no further row comes."""
+    filled(tmp_path / "r.rows", 2)
+    rows = rows_of(tmp_path / "r.rows", again=True)
+    told = [rows.comes_again]
+    for index in range(2):
+        rows.append((float(index), float(index)))
+        rows.tick()
+        told.append(rows.comes_again)
+    assert told == [True, True, False]
+    rows.finish()

@@ -7,7 +7,7 @@ import pytest
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.journal.standing import Entry, Voided, entries, standing
 from hil.evidence.journal.writer import Journal
-from hil.executive.run.earlier import find_earlier, go_on_with
+from hil.executive.run.earlier import find_earlier, go_on_with, require_untouched
 from hil.model.errors import Refused
 
 HEAD = [("run", {"format": 1}), ("frozen", {"files": {}}), ("planned", {"cases": []})]
@@ -89,3 +89,14 @@ def test_void_events_do_not_stand(tmp_path):
     assert [event["kind"] for event in standing(events)][8:] == ["note", "resumed", "resumed"]
     assert [entry.rows for entry in entries(events)] == [(Voided("x", 1, 2),)] * 2
     assert {entry.at for entry in entries(events)} == {99.0}
+
+
+def test_a_run_that_somebody_went_on_with_is_not_gone_on_with_twice(tmp_path):
+    """What was found has to be there still once the folder is held."""
+    folder = folder_of(tmp_path, TURN)
+    earlier = find_earlier(folder)
+    require_untouched(earlier)
+    with Journal(folder / "data/journal.jsonl") as journal:
+        journal.write("note", 100.0, text="of another process")
+    with pytest.raises(Refused, match="another process went on with it"):
+        require_untouched(earlier)

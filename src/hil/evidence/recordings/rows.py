@@ -7,8 +7,9 @@ import os
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from io import BufferedReader
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, NoReturn
 
 from hil.clock import wall
 from hil.documents.canonical import canonical
@@ -50,6 +51,9 @@ class Rows:
             and are not written a second time.
         now: seconds on a wall clock that only goes forward.
         write: `os.write`, or what stands in for a disk in tests.
+
+    Attributes:
+        at_divergence: hears of rows that are others than the file holds, before that is raised.
     """
 
     def __init__(
@@ -69,6 +73,7 @@ class Rows:
         self._reserve = reserve
         self._now = now
         self._os_write = write
+        self.at_divergence: Callable[[Diverged], object] = lambda _: None
         self._width = len(channels) + 1
         self._pack = struct.Struct(f"<{self._width}d").pack
         self._hash = hashlib.sha256()
@@ -85,7 +90,7 @@ class Rows:
                 "row": "float64 little-endian: time in s, then the channels",
             }
         )
-        self._past: BinaryIO | None = None
+        self._past: BufferedReader | None = None
         self._open(header + b"\n", again=again)
         self._due = self._next_due()
         self._synced_at = now()
@@ -127,6 +132,11 @@ class Rows:
         """How many rows the file holds, those included that have not come again yet."""
         return read_rows(self._path).rows
 
+    @property
+    def comes_again(self) -> bool:
+        """Whether the file holds rows that have not come again yet; it may take a tick until that is noticed."""
+        return self._past is not None
+
     def skip(self, rows: int) -> None:
         """Take over what the file holds up to that number of rows, without its coming again."""
         if self._past is None:
@@ -144,6 +154,8 @@ class Rows:
     def tick(self) -> None:
         """Bring rows to the disk that wait for long; called at every scheduling point, twice a second or more often."""
         now = self._now()
+        if self._past is not None:
+            self._flush()
         if not self._buffer and not self._unsynced:
             self._synced_at = now
         elif now - self._synced_at >= _OLDEST_S:
@@ -160,11 +172,11 @@ class Rows:
         more = self._past.read(1) if self._past is not None else b""
         self._end_of_past()
         if more:
-            raise Diverged(f"{self._path.name}: it holds more than the {self._rows} rows that came again")
+            self._diverge(f"it holds more than the {self._rows} rows that came again")
         return RowsEnd(rows=self._rows, sha256=self._hash.hexdigest(), largest_gap_s=self._gap)
 
     def _open(self, header: bytes, *, again: bool) -> None:
-        continued = self._path.exists() and self._path.stat().st_size > 0
+        continued = self._path.exists() and not self._is_torn(header)
         if continued:
             found = self._cut(header)
             if again:
@@ -178,6 +190,15 @@ class Rows:
             self._put(header)
             os.fsync(self._descriptor)
             sync_folder(self._path.parent)
+
+    def _is_torn(self, header: bytes) -> bool:
+        """Return whether there is nothing but half a header, which is then cut off."""
+        with self._path.open("rb") as stream:
+            begun = stream.read(len(header))
+        if len(begun) == len(header) or not header.startswith(begun):
+            return False
+        os.truncate(self._path, 0)
+        return True
 
     def _cut(self, header: bytes) -> RowsFile:
         """Cut half a row off the file that is there."""
@@ -210,17 +231,22 @@ class Rows:
             self._told = self._rows
             self._on_block(self._rows, self._hash.hexdigest())
 
-    def _follow(self, past: BinaryIO) -> None:
+    def _follow(self, past: BufferedReader) -> None:
         """Take rows that the file holds already from the buffer, and require that they are the same."""
         held = past.read(len(self._buffer))
         if held != self._buffer[: len(held)]:
             self._end_of_past()
-            raise Diverged(f"{self._path.name}: other rows than those that were recorded, before row {self._rows}")
-        if len(held) < len(self._buffer):
+            self._diverge(f"other rows than those that were recorded, before row {self._rows}")
+        if len(held) < len(self._buffer) or not past.peek(1):
             self._end_of_past()
         if held:
             self._take(held)
             del self._buffer[: len(held)]
+
+    def _diverge(self, text: str) -> NoReturn:
+        error = Diverged(f"{self._path.name}: {text}")
+        self.at_divergence(error)
+        raise error
 
     def _end_of_past(self) -> None:
         if self._past is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,14 +10,15 @@ from typing import Any
 
 from hil.bench.binding import BoundBench
 from hil.clock import wall
-from hil.evidence.durable import write_whole
-from hil.evidence.folder import CHECKPOINT
+from hil.evidence.durable import open_plain, read_plain, write_whole
+from hil.evidence.folder import CHECKPOINT, JOURNAL, TRANSCRIPT
 from hil.model.errors import EvidenceError
 from hil.wire.checkpoint import Checkpoint
+from hil.wire.transcript import count_operations
 
 __all__ = ["Checkpoints", "read_checkpoint"]
 
-_FORMAT = 1
+_FORMAT = 2
 _EVERY_S = 1.0
 _SHARE = 20
 """Of this many seconds one at most goes into checkpoints, however large the world is."""
@@ -34,6 +36,7 @@ class Checkpoints:
 
     def __init__(self, folder: Path, bench: BoundBench) -> None:
         self._path = folder / CHECKPOINT
+        self._run = ""
         self._bench = bench
         self._due = wall.monotonic() + _EVERY_S
 
@@ -58,30 +61,53 @@ class Checkpoints:
         """
         self._bench.transcript.sync()
         if found := self._bench.checkpoint():
-            told = {"format": _FORMAT, "at_ns": found.at_ns, "operations": found.operations, "state": found.state}
-            write_whole(self._path, json.dumps(told).encode())
+            self._run = self._run or _mark_of(self._path.parent)
+            state = json.dumps(found.state)
+            told = {"format": _FORMAT, "run": self._run, "at_ns": found.at_ns, "operations": found.operations}
+            told["sha256"] = _digest(found.at_ns, found.operations, state)
+            write_whole(self._path, f'{json.dumps(told)[:-1]}, "state": {state}}}'.encode())
 
 
 def read_checkpoint(folder: Path) -> Checkpoint | None:
     """Return the last checkpoint of a run, None where there is none.
 
     Raises:
-        EvidenceError: if it cannot be read.
+        EvidenceError: if it cannot be read, or is not of this run, or of more than the run's transcript holds.
     """
     path = folder / CHECKPOINT
     try:
-        told = json.loads(path.read_bytes())
-        return _checkpoint(told)
+        return _of_run(_checkpoint(json.loads(read_plain(path)), _mark_of(folder)), folder)
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, LookupError, TypeError) as error:
+    except (OSError, ValueError, LookupError, TypeError, ArithmeticError, RecursionError) as error:
         raise EvidenceError(
-            f"{path}: this is no checkpoint: {error}",
+            f"{path}: this is no checkpoint of this run: {error}",
             "remove it: the run is then made again from its first step, and must come to the same",
         ) from error
 
 
-def _checkpoint(told: Mapping[str, Any]) -> Checkpoint:
+def _of_run(found: Checkpoint, folder: Path) -> Checkpoint:
+    held = count_operations(folder / TRANSCRIPT)
+    if not 0 <= found.operations <= held:
+        raise ValueError(f"it comes after {found.operations} operations, and the transcript holds {held}")
+    return found
+
+
+def _mark_of(folder: Path) -> str:
+    """Return the hash of a run's first event, which no other run has."""
+    with open_plain(folder / JOURNAL) as lines:
+        return hashlib.sha256(lines.readline()).hexdigest()
+
+
+def _digest(at_ns: int, operations: int, state: str) -> str:
+    return hashlib.sha256(f"{at_ns} {operations} {state}".encode()).hexdigest()
+
+
+def _checkpoint(told: Mapping[str, Any], run: str) -> Checkpoint:
     if told["format"] != _FORMAT:
-        raise ValueError(f"it has format {told['format']}")
+        raise ValueError(f"it has format {told['format']!r:.20}")
+    if told["run"] != run:
+        raise ValueError("it is of another run")
+    if told["sha256"] != _digest(told["at_ns"], told["operations"], json.dumps(told["state"])):
+        raise ValueError("it is not what was written")
     return Checkpoint(at_ns=int(told["at_ns"]), operations=int(told["operations"]), state=dict(told["state"]))

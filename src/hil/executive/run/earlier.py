@@ -11,7 +11,7 @@ from pathlib import Path
 
 from hil.clock import wall
 from hil.clock.port import NANOSECONDS
-from hil.evidence.folder import JOURNAL, is_held, is_sealed
+from hil.evidence.folder import JOURNAL, hold, is_sealed
 from hil.evidence.journal.past import is_of_course
 from hil.evidence.journal.reader import Body, JournalLine, cut_torn_tail, read_journal, require_known_format
 from hil.evidence.journal.standing import Entry, entries, standing
@@ -19,11 +19,11 @@ from hil.evidence.journal.writer import Journal
 from hil.executive.case.operator import Answer, AnswerSource, Declined, Question
 from hil.executive.run.answers import SIMULATED_PERSON
 from hil.executive.run.checkpoints import read_checkpoint
-from hil.model.errors import Diverged, Refused
+from hil.model.errors import Diverged, EvidenceError, Refused
 from hil.model.verdict import Verdict
 from hil.wire.checkpoint import Checkpoint
 
-__all__ = ["Answered", "Earlier", "find_earlier"]
+__all__ = ["Answered", "Earlier", "find_earlier", "go_on_with", "require_untouched"]
 
 _HEAD = frozenset({"anomaly", "frozen", "orphan", "planned", "run"})
 _AFTER = {"end": "has ended", "recovered": "is being sealed", "results": "has ended"}
@@ -37,11 +37,13 @@ class Boundary:
     Attributes:
         place: which event of the run's own course it is, from 1.
         sequence: its sequence number.
+        at_ns: its instant.
         kept: the recording that it begins, and that goes on; empty where it begins none.
     """
 
     place: int
     sequence: int
+    at_ns: int
     kept: str = ""
 
 
@@ -53,6 +55,7 @@ class Earlier:
         folder: its folder.
         head: its first events, before the bench was touched.
         lines: the journal's lines behind the head.
+        size: bytes of its journal.
         torn: bytes of half a line that stood at the journal's end.
         checkpoint: where its simulated bench was, None where that was not written down yet.
         deviation: how this resume deviates from the plan, empty where it does not.
@@ -63,6 +66,7 @@ class Earlier:
     folder: Path
     head: tuple[JournalLine, ...]
     lines: tuple[JournalLine, ...]
+    size: int
     torn: int = 0
     checkpoint: Checkpoint | None = None
     deviation: str = ""
@@ -102,6 +106,11 @@ class Earlier:
         return (self.lines or self.head)[-1].wall
 
     @property
+    def last_ns(self) -> int:
+        """The latest instant of its bench that was written down."""
+        return round(max((line.body["t"] for line in self.lines), default=0.0) * NANOSECONDS)
+
+    @property
     def resumes(self) -> int:
         """How often it was resumed before."""
         return sum(line.body["kind"] == "resumed" for line in self.lines)
@@ -127,22 +136,45 @@ def find_earlier(folder: Path) -> Earlier:
     """
     if is_sealed(folder):
         raise Refused(f"{folder.name} is sealed", "a sealed run is not changed; start a new one")
-    if is_held(folder):
-        raise Refused(f"{folder.name}: the run is going on in another process", "see it with hil status")
     require_known_format(read_journal(folder / JOURNAL))
-    torn = cut_torn_tail(folder)
+    with hold(folder):
+        torn = _cut(folder)
     reading = read_journal(folder / JOURNAL)
     if reading.findings:
         raise Refused(f"{folder.name}: {reading.findings[0]}", "a damaged journal is not gone on with; keep the folder")
     head = tuple(takewhile(lambda line: line.body["kind"] in _HEAD, reading.lines))
     earlier = Earlier(
-        folder=folder, head=head, lines=reading.lines[len(head) :], torn=torn, checkpoint=read_checkpoint(folder)
+        folder=folder,
+        head=head,
+        lines=reading.lines[len(head) :],
+        size=(folder / JOURNAL).stat().st_size,
+        torn=torn,
+        checkpoint=read_checkpoint(folder),
     )
     earlier.of_head("planned")
     for line in earlier.lines:
         if (kind := line.body["kind"]) in _AFTER:
             raise Refused(f"{folder.name}: the run {_AFTER[kind]}", "seal it as it is with hil seal")
     return replace(earlier, boundary=_boundary(earlier))
+
+
+def require_untouched(earlier: Earlier) -> None:
+    """Require that nobody went on with a run, or sealed it, since it was found; its folder is held by now.
+
+    Raises:
+        Refused: if somebody did.
+    """
+    if is_sealed(earlier.folder) or (earlier.folder / JOURNAL).stat().st_size != earlier.size:
+        raise Refused(f"{earlier.folder.name}: another process went on with it meanwhile", "see it with hil status")
+
+
+def _cut(folder: Path) -> int:
+    try:
+        return cut_torn_tail(folder)
+    except OSError as error:
+        raise EvidenceError(
+            f"{folder}: the run's folder cannot be written: {error.strerror}", "let it be written, and resume the run"
+        ) from error
 
 
 def _boundary(earlier: Earlier) -> Boundary | None:
@@ -163,7 +195,8 @@ def _boundary(earlier: Earlier) -> Boundary | None:
     if not found:
         raise Refused(f"{earlier.folder.name}: no case had begun", "seal it as it is, and start a new run")
     place, event = found[-1]
-    return Boundary(place, event["seq"], event["recording"] if event["kind"] == "recording" else "")
+    kept = event["recording"] if event["kind"] == "recording" else ""
+    return Boundary(place, event["seq"], round(event["t"] * NANOSECONDS), kept)
 
 
 def _can_be_entered(event: Body, ended: Collection[str]) -> bool:

@@ -103,6 +103,7 @@ class Entering:
         entry = self._record.entry(place)
         self._pass_over(entry)
         self._bench.go_on()
+        self._bench.clock.wait_until(self._record.last_ns)  # what is recorded now comes behind what is void
         self._bench.clock.sleep(self._record.stood_s)
         self._record.resumed(entry)
 

@@ -33,6 +33,7 @@ class Events:
         at_new: is called once, before the first event that is new in a resumed run.
         behind: is called with the number of events of the run's own course, after each of them.
         at_divergence: hears why a resumed run does not come to its past again; nothing is to be written any more.
+        at_stop: is called before every event of a run that was asked to stop.
     """
 
     def __init__(self, journal: Journal, flags: StopFlags, past: Past | None = None, count: int = 0) -> None:
@@ -43,6 +44,7 @@ class Events:
         self.at_new: Callable[[], None] = lambda: None
         self.behind: Callable[[int], None] = lambda _: None
         self.at_divergence: Callable[[Diverged], object] = lambda _: None
+        self.at_stop: Callable[[], None] = lambda: None
         self._clock: Clock | None = None
         self._listeners: list[Listener] = []
 
@@ -66,6 +68,8 @@ class Events:
             beside: see `Journal.write`.
             fields: the rest of its body.
         """
+        if self._flags.reason:
+            self.at_stop()
         t = self._clock.now() if self._clock else 0.0
         with self._flags.undisturbed():
             if not self._comes_again(kind, t, fields):
@@ -87,6 +91,11 @@ class Events:
         """Let the events of the past up to sequence number `last` not come again: they are void."""
         if self._past is not None:
             self._past.skip(last)
+
+    @property
+    def comes_again(self) -> bool:
+        """Whether the journal holds events that have not come again yet."""
+        return self._past is not None and not self._past.over
 
     def end_of_past(self) -> None:
         """Note that everything has come again, if it has."""

@@ -10,14 +10,14 @@ from pathlib import Path
 
 from hil.bench.binding import BoundBench
 from hil.bench.lease import Lease
-from hil.evidence.folder import JOURNAL, RESERVE, TRANSCRIPT, create, hold, require_space
+from hil.evidence.folder import JOURNAL, RESERVE, TRANSCRIPT, create, hold, renew_reserve, require_space
 from hil.evidence.journal.past import Past
 from hil.evidence.journal.standing import Entry
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.sealing import ReportWriter, seal
 from hil.executive.case.case_run import PlannedCase
 from hil.executive.run.checkpoints import Checkpoints
-from hil.executive.run.earlier import Earlier, go_on_with
+from hil.executive.run.earlier import Earlier, go_on_with, require_untouched
 from hil.executive.run.events import Events, Listener
 from hil.executive.run.row_store import RowStore
 from hil.executive.run.stop import StopFlags
@@ -56,9 +56,14 @@ class Record:
         self._configuration = configuration
         self._earlier = earlier
         self._checkpoints: Checkpoints | None = None
+        self._bench: BoundBench | None = None
+        self._retraces = earlier is not None
         self._go_on: Callable[..., None] = lambda *_: None
         self.folder = self._open_folder(leases, closing)
         closing.enter_context(hold(self.folder))
+        if earlier:
+            require_untouched(earlier)
+            renew_reserve(self.folder)
         self._journal = Journal(self.folder / JOURNAL, reserve=self.folder / RESERVE)
         past_events = Past(earlier.lines) if earlier else None
         self.events = Events(self._journal, flags, past_events, earlier.own_course if earlier else 0)
@@ -69,6 +74,7 @@ class Record:
         self._sink = FileIO(self.folder / TRANSCRIPT, "a" if past else "w")
         self.transcript = Transcript(self._sink, past)
         self.upkeep = Upkeep(self.folder, self.events, self.store, self.transcript, flags)
+        self.upkeep.retraces = self.retraces
 
     def begin(self, planned: Sequence[PlannedCase]) -> None:
         """Write the head of a new run; that of an interrupted one stands there already, and is only shown."""
@@ -80,6 +86,7 @@ class Record:
 
     def follow(self, bench: BoundBench, *, checkpoints: bool) -> None:
         """Stamp events with the bench's time, and write down where it is if `checkpoints`."""
+        self._bench = bench
         self.events.follow(bench.clock)
         if self._earlier is not None:
             self._go_on = partial(go_on_with, self._earlier, self._journal, bench.clock.now)
@@ -92,6 +99,11 @@ class Record:
     def entered_at(self) -> int | None:
         """The place in the run's own course at which it is entered again, None where it is not."""
         return self._earlier.boundary.place if self._earlier and self._earlier.boundary else None
+
+    @property
+    def last_ns(self) -> int:
+        """The latest instant that an interrupted run wrote down."""
+        return self._earlier.last_ns if self._earlier else 0
 
     @property
     def stood_s(self) -> float:
@@ -127,7 +139,26 @@ class Record:
 
     def if_diverged(self, tell: Callable[[Diverged], object]) -> None:
         """Let `tell` hear why a resumed run does not come to its past again."""
-        self.events.at_divergence = tell
+        self.events.at_divergence = self.transcript.at_divergence = self.store.at_divergence = tell
+        if self._bench is not None and self._bench.playback is not None:
+            self._bench.playback.at_divergence = tell
+
+    def if_stopped(self, tell: Callable[[], object]) -> None:
+        """Let `tell` hear that a resumed run is to stop before it came to its past again: it cannot."""
+
+        def leave() -> None:
+            if self.retraces():
+                tell()
+
+        self.events.at_stop = leave
+
+    def retraces(self) -> bool:
+        """Return whether this is a resumed run that has not yet come to all that is written down."""
+        if self._retraces:
+            answered = self._bench is None or self._bench.playback is not None
+            parts = (self.events, self.transcript, self.store)
+            self._retraces = answered or any(part.comes_again for part in parts)
+        return self._retraces
 
     def seal(self, exit_code: int, write_reports: ReportWriter) -> str:
         """Seal the package and return its evidence digest."""

@@ -11,6 +11,7 @@ from hil.evidence.folder import RECORDINGS, RESERVE
 from hil.evidence.journal.standing import Entry, Voided
 from hil.evidence.recordings.row_file import read_rows
 from hil.evidence.recordings.rows import Rows
+from hil.model.errors import Diverged, EvidenceError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -91,16 +92,25 @@ class RowStore:
         folder: the run's folder.
         write: writes an event.
         again: whether rows that the folder holds already are made again, see `Rows`.
+
+    Attributes:
+        at_divergence: hears of rows that are others than the folder holds, before that is raised.
     """
 
     def __init__(self, folder: Path, write: Callable[..., None], *, again: bool = False) -> None:
         self._folder = folder
         self._write = write
         self._again = again
+        self.at_divergence: Callable[[Diverged], object] = lambda _: None
         self._open: list[OpenRecording] = []
         self._awaited: dict[str, Voided] = {}
         self._voids: dict[str, list[Voided]] = {}
         self._void_rows: Callable[[Voided], NDArray[np.float64]] | None = None
+
+    @property
+    def comes_again(self) -> bool:
+        """Whether the folder holds rows of open recordings that have not come again yet."""
+        return any(each.rows.comes_again for each in self._open)
 
     @property
     def recordings(self) -> Path:
@@ -130,20 +140,30 @@ class RowStore:
             source=facts.source,
             **({"continues": True} if facts.continues else {}),
         )
-        rows = Rows(
-            self.recordings / f"{facts.id}.rows",
-            recording=facts.id,
-            channels=[(channel.name, channel.unit) for channel in facts.channels],
-            on_block=lambda count, digest: self._write("rows", recording=facts.id, rows=count, sha256=digest),
-            reserve=self._folder / RESERVE,
-            again=self._again,
-        )
+        rows = self._rows_of(facts)
         recording = OpenRecording(facts, rows, self._write, self._open.remove)
         self._open.append(recording)
         if (part := self._awaited.pop(facts.id, None)) is not None:
             self._take_over(recording, part)
             self._voids[facts.id] = [replace(part, first=part.end)]
         return recording
+
+    def _rows_of(self, facts: RecordingFacts) -> Rows:
+        try:
+            rows = Rows(
+                self.recordings / f"{facts.id}.rows",
+                recording=facts.id,
+                channels=[(channel.name, channel.unit) for channel in facts.channels],
+                on_block=lambda count, digest: self._write("rows", recording=facts.id, rows=count, sha256=digest),
+                reserve=self._folder / RESERVE,
+                again=self._again,
+            )
+        except EvidenceError as error:
+            if self._again:
+                self.at_divergence(Diverged(str(error)))
+            raise
+        rows.at_divergence = self.at_divergence
+        return rows
 
     def holds(self, recording: OpenRecording) -> bool:
         """Return whether a recording is open still."""

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from hil.evidence.folder import RESERVE, free_reserve
-from hil.evidence.inbox import poll
+from hil.evidence.inbox import Message, asks_for_end, poll, waiting
 from hil.evidence.package.sealing import event_of
 from hil.executive.run.events import DISK_FULL, Events
 from hil.executive.run.row_store import RowStore
@@ -30,10 +30,13 @@ class Upkeep:
 
     Attributes:
         checkpoint: writes down where the bench is, if it is time.
+        retraces: tells whether the run still comes to what it came to before; nothing from outside can be taken then.
     """
 
     def __init__(self, folder: Path, events: Events, store: RowStore, transcript: Transcript, flags: StopFlags) -> None:
         self.checkpoint: Callable[[], None] = lambda: None
+        self.retraces: Callable[[], bool] = lambda: False
+        self._left = waiting(folder)
         self._timekeeping = Timekeeping(events.write)
         self._folder = folder
         self._events = events
@@ -47,13 +50,20 @@ class Upkeep:
         self._flush(self.checkpoint)
         if not (self._folder / RESERVE).exists():
             self._disk_is_full()
-        for message in poll(self._folder):
-            if message.kind in {"interrupt", "stop"}:
-                self._flags.leave_open = message.kind == "interrupt" and not self._flags.reason
-                self._flags.request(f"{message.by or 'another terminal'}: {message.text}".rstrip(": "))
-            else:
-                kind, fields = event_of(message)
-                self._events.write(kind, **fields)
+        if not self.retraces():
+            for message in poll(self._folder, self._left):
+                self._take(message)
+        elif asks_for_end(self._folder, self._left):
+            self._flags.request("another terminal")
+
+    def _take(self, message: Message) -> None:
+        if message.kind in {"interrupt", "stop"}:
+            may_stay_open = self._flags.leave_open or not self._flags.reason
+            self._flags.leave_open = message.kind == "interrupt" and may_stay_open
+            self._flags.request(f"{message.by or 'another terminal'}: {message.text}".rstrip(": "))
+        else:
+            kind, fields = event_of(message)
+            self._events.write(kind, **fields)
 
     def flush(self) -> None:
         """Bring what waits to the disk."""

@@ -1,0 +1,200 @@
+"""`hil resume` of runs that were stopped or damaged on the way: nothing is lost, and what cannot go on is left."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from resumed_runs import without_git
+from workspaces import finish, kill, make
+
+from hil.evidence.folder import is_held
+from hil.evidence.package.contents import Package
+from hil.evidence.package.verification import verify
+
+pytestmark = pytest.mark.system
+
+TURNS = """
+@pytest.mark.requirement("T-050")
+@pytest.mark.max_duration(1e9)
+def test_long(supply, field, operator, record, check, clock, iterations):
+    supply.coil.configure(1.9, 0.01)
+    supply.coil.enable()
+    with record.during("beside", field, rate=4.0):
+        for part in iterations("part", 60):
+            operator.confirm("Is the jig still in its place?", name="jig")
+            clock.sleep(20.0)
+            check("T-050", "voltage", supply.coil.voltage())
+"""
+
+STARTED: list[subprocess.Popen[str]] = []
+
+
+@pytest.fixture(autouse=True)
+def no_process_is_left():
+    """End what a failed test leaves."""
+    yield
+    while STARTED:
+        process = STARTED.pop()
+        if process.poll() is None:
+            kill(process)
+            process.communicate()
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory):
+    """A workspace with one case of many turns."""
+    return without_git(make(tmp_path_factory.mktemp("resume") / "workspace", TURNS))
+
+
+def begun(workspace, turn: int) -> Path:
+    """Start a run, wait until it is in this turn, and return its folder."""
+    before = workspace.folders()
+    STARTED.append(workspace.start(*workspace.run_arguments, stdout=subprocess.DEVNULL))
+    while True:
+        time.sleep(0.02)
+        for folder in workspace.folders():
+            journal = folder / "data/journal.jsonl"
+            if folder not in before and journal.exists() and f'"turn":{turn}}}'.encode() in journal.read_bytes():
+                return folder
+
+
+@pytest.fixture(scope="module")
+def killed(workspace, tmp_path_factory):
+    """A copy of the folder of a run that was killed in its last turns."""
+    folder = begun(workspace, 50)
+    while not (folder / "checkpoint.json").exists():
+        time.sleep(0.02)
+    kill(STARTED[-1])
+    STARTED.pop().communicate()
+    copy = tmp_path_factory.mktemp("killed") / folder.name
+    folder.rename(copy)
+    return copy
+
+
+@pytest.fixture
+def interrupted(workspace, killed):
+    """The folder of the run that was killed, as it was left."""
+    folder = workspace.reports / killed.name
+    if (folder / "bagit.txt").exists():  # sealed by the test before
+        for path in [folder, *folder.rglob("*")]:
+            path.chmod(0o755)
+    shutil.rmtree(folder, ignore_errors=True)
+    return shutil.copytree(killed, folder)
+
+
+def whole(workspace, folder: Path) -> Package:
+    """Resume a run to its end, and return its package, which verifies and replays."""
+    ended = workspace.hil("resume", folder.name)
+    assert (ended.code, ended.err) == (0, "")
+    assert (verify(folder).findings, verify(folder).ok) == ((), True)
+    replayed = workspace.hil("replay", str(folder))
+    assert (replayed.code, replayed.err) == (0, "")
+    return Package(folder)
+
+
+@pytest.mark.timeout(120)
+@pytest.mark.parametrize("how", ["SIGINT", "SIGTERM", "hil stop"])
+def test_a_resume_that_is_stopped_on_its_record_leaves_the_run_as_it_was(workspace, interrupted, how):
+    """It can be resumed again, and does not stop a second time for what was asked of the process before."""
+    before = (interrupted / "data/journal.jsonl").read_bytes()
+    STARTED.append(workspace.start("resume", interrupted.name))
+    while not is_held(interrupted):
+        time.sleep(0.01)
+    time.sleep(0.1)  # it makes its bench
+    if how == "hil stop":
+        assert workspace.hil("stop", interrupted.name, "--by", "Ada").code == 0
+    else:
+        os.killpg(STARTED[-1].pid, signal.Signals[how])
+    ended = finish(STARTED[-1], 60)
+    if ended.code == 0:
+        pytest.skip("the resume had ended before it was stopped")
+    assert (ended.code, "was stopped before it went on" in ended.err) == (2, True)
+    assert (interrupted / "data/journal.jsonl").read_bytes() == before
+    told = [event["text"] for event in whole(workspace, interrupted).events("anomaly")]
+    assert told == (["inbox, unheard by Ada: stop, before the run was resumed"] if how == "hil stop" else [])
+
+
+@pytest.mark.timeout(120)
+def test_a_run_that_was_stopped_twice_to_be_resumed_goes_on(workspace):
+    """The second word neither seals the run, nor stops the resumed one, and it is written down."""
+    folder = begun(workspace, 10)
+    for _ in range(2):
+        assert workspace.hil("stop", folder.name, "--to-resume").code == 0
+    finish(STARTED[-1], 60)
+    assert not (folder / "bagit.txt").exists()
+    whole(workspace, folder)
+
+
+@pytest.mark.timeout(120)
+def test_a_run_that_was_killed_on_its_way_to_the_safe_state_is_entered_behind_it(workspace):
+    """Its last checkpoint is from before the turn that is entered; recorded time goes forward all the same."""
+    folder = begun(workspace, 3)
+    while not (folder / "checkpoint.json").exists():
+        time.sleep(0.01)
+    early = (folder / "checkpoint.json").read_bytes()
+    assert workspace.hil("stop", folder.name, "--to-resume").code == 0
+    finish(STARTED[-1], 60)
+    (folder / "checkpoint.json").write_bytes(early)
+    package = whole(workspace, folder)
+    for event in package.recordings():
+        assert np.all(np.diff(package.recording(event["recording"]).time) > 0)
+
+
+def change_number(told: dict[str, object]) -> None:
+    """Let a checkpoint say another instant."""
+    told["at_ns"] = int(str(told["at_ns"])) + 1
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        (lambda told: told.clear(), "'format'"),
+        (lambda told: told.update(format=99), "format 99"),
+        (lambda told: told.update(run="another"), "of another run"),
+        (change_number, "not what was written"),
+    ],
+)
+def test_a_checkpoint_that_is_not_of_the_run_is_refused(workspace, interrupted, change, word):
+    """The message tells that the run can be made again without it, and nothing is changed."""
+    path = interrupted / "checkpoint.json"
+    told = json.loads(path.read_bytes())
+    change(told)
+    path.write_text(json.dumps(told), encoding="ascii")
+    ended = workspace.hil("resume", interrupted.name)
+    assert (ended.code, word in ended.err, "remove it" in ended.err) == (4, True, True)
+
+
+@pytest.mark.timeout(120)
+def test_a_run_without_checkpoint_and_half_of_its_record_comes_to_the_same(workspace, interrupted):
+    """A simulated bench makes again what a disk lost: transcript, rows, half a header, the reserve."""
+    (interrupted / "reserve.bin").unlink()
+    transcript = interrupted / "data/transcript.tsv"
+    os.truncate(transcript, transcript.stat().st_size // 2)
+    for rows, size in zip(sorted(interrupted.glob("data/recordings/*.rows")), (40, 4001, 0), strict=True):
+        os.truncate(rows, size)
+    refused = workspace.hil("resume", interrupted.name)
+    assert (refused.code, "the transcript holds" in refused.err) == (4, True)
+    (interrupted / "checkpoint.json").unlink()
+    whole(workspace, interrupted)
+
+
+@pytest.mark.parametrize("part", ["transcript.tsv", "recordings/001-test_long-beside.rows"])
+def test_a_record_that_is_damaged_at_its_end_is_left_as_it_is(workspace, interrupted, part):
+    """Also where the journal has nothing more to compare, no verdict is made of it."""
+    path, journal = interrupted / "data" / part, interrupted / "data/journal.jsonl"
+    before = journal.read_bytes()
+    data = bytearray(path.read_bytes())
+    data[-60] ^= 0x81
+    path.write_bytes(data)
+    ended = workspace.hil("resume", interrupted.name)
+    assert (ended.code, "cannot be gone on with" in ended.err) == (3, True)
+    assert journal.read_bytes().count(b"case-end") == before.count(b"case-end")
+    assert not (interrupted / "bagit.txt").exists()
