@@ -1,0 +1,267 @@
+"""The real firmware of the battery cycler under simavr, as a peer on the bench's clock."""
+
+from __future__ import annotations
+
+import functools
+import math
+import os
+import shutil
+import struct
+import subprocess
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from hil.simulation.peers.model import PeerModel
+
+__all__ = ["FIRMWARE", "FirmwarePeer", "built", "close_all", "living", "size_of"]
+
+FOLDER = Path(__file__).parents[2] / "firmware"
+_HERTZ = 16_000_000
+_UART_BITS = 11
+"""What simavr takes for a byte of 8 data bits and 1 stop bit."""
+_AHEAD_NS = 10_000_000
+"""How far the device may be ahead of the bench: bytes of the host come at most so late."""
+_FAST_BYTE = 128
+_BOOT_NS = 1_600_000_000
+_POWER, _EXTERNAL = 0x01, 0x02
+_ROOM_K, _BETA, _ZERO_K = 298.15, 3950.0, 273.15
+_SCALE = 65472
+_USUAL = (0.0, 10.0, -5.0, 10.0, 0.0)
+_NEVER = 2**64 - 1
+
+
+def _needs():
+    """Skip where the compiler or the simulator is missing."""
+    for name, package in (("avr-gcc", "gcc-avr avr-libc"), ("cc", "gcc"), ("make", "make")):
+        if not shutil.which(name):
+            pytest.skip(f"{name} is missing: apt-get install {package}")
+    if not Path("/usr/include/simavr/sim_avr.h").exists():
+        pytest.skip("simavr is missing: apt-get install libsimavr-dev libelf-dev")
+
+
+@functools.cache
+def _out():
+    folder = tempfile.TemporaryDirectory(prefix="hil-firmware-")
+    return Path(folder.name), folder
+
+
+def _make(part, out, *arguments):
+    subprocess.run(["make", "-s", "-C", FOLDER / part, f"OUT={out}", *arguments], check=True, capture_output=True)
+    return out
+
+
+@functools.cache
+def built(level=2, cycles=10):
+    """Build the firmware; return its folder, with `cycler.elf` in it."""
+    _needs()
+    return _make("cycler", _out()[0] / f"level_{level}_{cycles}", f"LEVEL={level}", f"CYCLES={cycles}")
+
+
+@functools.cache
+def _simulator():
+    _needs()
+    return _make("simulator", _out()[0] / "simulator") / "lockstep"
+
+
+def size_of(level):
+    """Return what the firmware of a level takes in bytes: flash, RAM without the stack."""
+    lines = subprocess.run(["avr-size", built(level) / "cycler.elf"], check=True, capture_output=True, text=True).stdout
+    text, data, bss = map(int, lines.splitlines()[1].split()[:3])
+    return text + data, data + bss
+
+
+def _sum_of(value, offset, factor):
+    return min(_SCALE, max(0, round((value - offset) / factor * _SCALE)))
+
+
+def _sum_of_temperature(degrees, offset):
+    kelvin = max(0.1, degrees - offset + _ZERO_K)
+    exponent = _BETA * (1 / kelvin - 1 / _ROOM_K)
+    return round(_SCALE / (1 + math.exp(-min(exponent, 700.0))))
+
+
+class FirmwarePeer:
+    """The board: its bootloader in here, its firmware in a process with simavr.
+
+    The device runs until it sleeps, and the bench's clock wakes it when it would wake by itself, so that nothing
+    happens in between. A device that is awake is up to 10 ms ahead of the bench.
+
+    Attributes:
+        watchdog_resets: instants in ns.
+
+    Args:
+        elf: the firmware.
+        signals: voltage, current and temperature.
+        contacts: inputs of charge and discharge relay.
+        boots: what the EEPROM has counted.
+        serial: what it has as the serial number.
+        coefficients: a0, b0, a1, b1, a2; None leaves them erased.
+        real_baud: whether bytes take the time that the firmware's own settings give them; else the line has a speed.
+        powered: whether it runs from the bench's epoch on; else from the first opening of its port on.
+    """
+
+    def __init__(
+        self, elf, signals, contacts, *, boots=41, serial="C0001", coefficients=None, real_baud=False, powered=False
+    ):
+        image = boots.to_bytes(4, "little") + serial.encode("ascii").ljust(8, b"\0")
+        image += struct.pack("<5f", *coefficients) if coefficients else 20 * b"\xff"
+        self._process = subprocess.Popen(
+            [_simulator(), elf, "0" if real_baud else str(_FAST_BYTE), image.hex()],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            bufsize=0,
+        )
+        self._coefficients = coefficients or _USUAL
+        self._signals = signals
+        self._contacts = contacts
+        self._powered = powered
+        self._running = False
+        self._base_ns = self._base_cycle = 0
+        self._pending = []
+        self._wake = None
+        self._pins = 0
+        self.watchdog_resets = []
+
+    def attach(self, line, clock):
+        """Connect line and clock; a board with power starts at once."""
+        self._line, self._clock = line, clock
+        if self._powered:
+            self._boot(_POWER)
+
+    def opened(self):
+        """Be reset by DTR: relays open, and the bootloader runs."""
+        self._running = False
+        for event in (*self._pending, *([self._wake] if self._wake else [])):
+            event.cancel()
+        self._pending.clear()
+        self._drive(0)
+        self._wake = self._clock.at(self._clock.now_ns() + _BOOT_NS, lambda: self._boot(_EXTERNAL))
+
+    def receive(self, data):
+        """Take bytes of the host; the bootloader swallows them."""
+        if self._running and data:
+            self._step(data)
+
+    def state(self):
+        """Refuse: the state of a simulated processor is not kept."""
+        raise NotImplementedError("the firmware's state cannot be kept")
+
+    def restore(self, state):
+        """Refuse, as `state` does."""
+        raise NotImplementedError("the firmware's state cannot be restored")
+
+    def close(self):
+        """End the simulator."""
+        self._process.stdin.close()
+        self._process.wait(10)
+        self._process.stdout.close()
+
+    def break_converter(self, *, dead=True):
+        """Let conversions never end, or end again."""
+        self._write(b"D" + bytes([dead]))
+
+    def examine(self):
+        """Return baud, stack bytes used so far, RAM bytes never used, and the EEPROM."""
+        self._write(b"M")
+        cycles, stack, left = struct.unpack("<IHH", self._read(8))
+        return _HERTZ * _UART_BITS / cycles, stack, left, self._read(32)
+
+    def _boot(self, flags):
+        self._write(b"B" + bytes([flags]))
+        self._base_cycle = self._answer()[0]
+        self._base_ns = self._clock.now_ns()
+        self._running = True
+        self._step()
+
+    def _cycle(self, when_ns):
+        return self._base_cycle + (when_ns - self._base_ns) * 2 // 125
+
+    def _instant(self, cycle):
+        return self._base_ns + -(-(cycle - self._base_cycle) * 125 // 2)
+
+    def _sums(self):
+        voltage, current, temperature = (plant.plant.observe(plant.name) for plant in self._signals)
+        a0, b0, a1, b1, a2 = self._coefficients
+        return _sum_of(voltage, a0, b0), _sum_of(current, a1, b1), _sum_of_temperature(temperature, a2)
+
+    def _step(self, data=b""):
+        now_ns = self._clock.now_ns()
+        times = self._cycle(now_ns), self._cycle(now_ns + _AHEAD_NS)
+        self._write(struct.pack("<cQQ3HH", b"R", *times, *self._sums(), len(data)) + data)
+        _, wakes, events = self._answer()
+        for kind, cycle, payload in events:
+            self._happened(kind, self._instant(cycle), payload, now_ns)
+        if self._wake:
+            self._wake.cancel()
+        self._wake = None if wakes == _NEVER else self._clock.at(max(self._instant(wakes), now_ns + 1), self._step)
+
+    def _happened(self, kind, when_ns, payload, now_ns):
+        if kind == "T":
+            self._line.send(payload, max(0, when_ns - now_ns))
+        elif kind == "W":
+            self.watchdog_resets.append(when_ns)
+        elif when_ns <= now_ns:
+            self._drive(payload[0])
+        else:
+            self._pending = [event for event in self._pending if not event.cancelled][-8:]
+            self._pending.append(self._clock.at(when_ns, lambda: self._drive(payload[0])))
+
+    def _drive(self, pins):
+        for bit, contact in enumerate(self._contacts):
+            if (pins ^ self._pins) >> bit & 1:
+                contact.command(bool(pins >> bit & 1))
+        self._pins = pins
+
+    def _write(self, data):
+        os.write(self._process.stdin.fileno(), data)
+
+    def _read(self, size):
+        data = b""
+        while len(data) < size:
+            data += os.read(self._process.stdout.fileno(), size - len(data)) or self._gone()
+        return data
+
+    def _gone(self):
+        raise RuntimeError(f"the simulator ended with {self._process.wait(10)}")
+
+    def _answer(self):
+        cycle, wakes, size = struct.unpack("<QQH", self._read(18))
+        data, events, place = self._read(size), [], 0
+        while place < size:
+            kind, when, length = struct.unpack_from("<cQB", data, place)
+            events.append((kind.decode("ascii"), when, data[place + 10 : place + 10 + length]))
+            place += 10 + length
+        return cycle, wakes, events
+
+
+_LIVING = []
+
+
+def _build(setup):
+    truth = setup.truth
+    level, cycles = truth.integer("level", 2, minimum=1, maximum=2), truth.integer("cycles", 10, minimum=1)
+    choices = {"boots": truth.integer("boots", 41), "serial": truth.text("serial", "C0001")}
+    choices |= {name: truth.flag(name, False) for name in ("real_baud", "powered")}
+    signals = [setup.connections.signal(name) for name in ("voltage", "current", "temperature")]
+    contacts = [setup.connections.input(name) for name in ("charge", "discharge")]
+    setup.finish()
+    peer = FirmwarePeer(built(level, cycles) / "cycler.elf", signals, contacts, **choices)
+    _LIVING.append(peer)
+    return peer
+
+
+def living():
+    """Return the firmware that was built last as a model."""
+    return _LIVING[-1]
+
+
+def close_all():
+    """End every simulator that was built as a model."""
+    while _LIVING:
+        _LIVING.pop().close()
+
+
+FIRMWARE = PeerModel(link="serial", fault_kinds=(), build=_build)
+"""The firmware in the place of the simulated cycler's model; its five terminals must be connected."""
