@@ -20,7 +20,7 @@ SHOWN = st.tuples(st.floats(2.5, 4.3), st.floats(-1.1, 1.1), st.floats(-60, 130)
 def sound(data):
     """Return whether a line of level 2 is whole and short enough."""
     text, _, check = data.decode("ascii").rpartition("*")
-    return len(data) <= 120 and sealed(text) == f"{text}*{check}".encode("ascii").replace(b"\r\n", b"\n")
+    return len(data) <= 140 and sealed(text) == f"{text}*{check}".encode("ascii").replace(b"\r\n", b"\n")
 
 
 @settings(max_examples=100, deadline=None, derandomize=True)
