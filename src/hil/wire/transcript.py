@@ -70,6 +70,10 @@ class Transcript:
         """Whether the file holds operations that have not come again yet."""
         return bool(self._held)
 
+    def next_is(self, device: str, name: str) -> bool:
+        """Return whether the next operation that has to come again is this one."""
+        return bool(self._held) and self._held.split("\t", 3)[1:3] == [device, name]
+
     def note(
         self,
         device: str,

@@ -15,7 +15,7 @@ from hil.executive.run.driven import Call, Driven
 from hil.executive.run.scheduler import Scheduler
 from hil.executive.run.stop import StopFlags
 from hil.model.errors import DeviceFault
-from hil.wire.replay import HOLD, HOLD_END, OVERDUE
+from hil.wire.replay import HOLD, HOLD_END
 
 __all__ = ["Holding"]
 
@@ -72,21 +72,23 @@ class Holding:
 
     def again(self) -> None:
         """Hold the bench where its record does; a resumed run that was killed while it was held is held again."""
-        playback = self._bench.playback
-        if playback is None or self._held or not playback.comes(HOLD, self._scheduler.now_ns()):
+        if self._held or not self._comes(HOLD):
             return
         began_ns, deadline_ns = self._scheduler.now_ns(), self._scheduler.deadline_ns
         self._held, self._scheduler.deadline_ns = True, None
         try:
-            self._mark(HOLD)
-            self._take()
-            self._scheduler.watch_from_now()
-            while not playback.comes(HOLD_END, self._scheduler.now_ns()):
-                if not playback.due_monitor(self._scheduler.now_ns(), OVERDUE) and self._bench.playback is not None:
-                    return
-                self._scheduler.point()
-                if self._bench.playback is None:
+            while not self._comes(HOLD_END):
+                if self._comes(HOLD):  # a second one is of a run that was resumed while it was held
+                    self._mark(HOLD)
+                    self._take()
+                    self._scheduler.watch_from_now()
+                    continue
+                before = self._bench.transcript.operations
+                self._scheduler.point()  # monitors and turns beside the case, as they came while it was held
+                if self._bench.playback is None and not self._bench.transcript.comes_again:
                     break
+                if self._bench.transcript.operations == before:
+                    return
             else:
                 self._mark(HOLD_END)
                 self._as_before()
@@ -95,6 +97,7 @@ class Holding:
             self._held = False
             lasted_ns = self._scheduler.now_ns() - began_ns
             self._scheduler.deadline_ns = None if deadline_ns is None else deadline_ns + lasted_ns
+        self._mark(HOLD)
         self._hold({"by": "", "text": "it was held when the run was interrupted"})
 
     def drive_again(self) -> None:
@@ -173,6 +176,12 @@ class Holding:
         wrong = [f"{each.output} is not {each.state}: {each.detail}" for each in results if not each.ok]
         if wrong:
             self._flags.request(f"the bench, which did not reach its hold state: {wrong[0]}")
+
+    def _comes(self, name: str) -> bool:
+        """Return whether this mark comes next in what a replayed or resumed run has to come to."""
+        if (playback := self._bench.playback) is not None:
+            return playback.comes(name, self._scheduler.now_ns())
+        return self._bench.transcript.next_is(_BENCH, name)
 
     def _mark(self, name: str) -> None:
         if self._bench.playback is not None:
