@@ -376,6 +376,42 @@ def test_a_device_that_falls_silent_is_told(kind):
             bench.drained(100)
 
 
+def test_lines_that_waited_are_as_old_as_the_device_says():
+    """A device that fell silent between two looks at the line is asked at the second: what it told last is not new."""
+    with cycler(faults=[{"kind": "dead", "from": "45 s", "until": "200 s"}]) as bench:
+        bench.cell.show(3.8, 0.7, 25.0)
+        begun(bench)
+        bench.clock.sleep(20.0 - bench.clock.now())
+        assert len(bench.role.drain()) > 1
+        bench.clock.sleep(60.0 - bench.clock.now())
+        assert len(bench.role.drain()) == 5
+        with pytest.raises(NoReply, match="no reply came"):
+            bench.role.drain()
+
+
+@pytest.mark.parametrize(("beat", "patience"), [("300 s", 50.0), ("60 s", 10.0), ("15 s", 5.0), ("600 s", 100.0)])
+def test_how_long_lines_can_wait(beat, patience):
+    """As long as heartbeats leave in time and the buffer is half full; a test goes on that is emptied so seldom."""
+    with cycler(settings={"beat": beat}) as bench:
+        bench.cell.show(3.8, 0.7, 25.0)
+        begun(bench)
+        assert bench.role.patience == patience
+        rows = 0
+        for _ in range(round(1500 / patience)):
+            bench.clock.sleep(patience)
+            rows += len(bench.role.drain())
+        assert bench.role.state() == "charge"
+        assert rows == pytest.approx(300, abs=2)
+        assert bench.role.end().lost == 0
+
+
+def test_lines_of_level_1_do_not_wait():
+    """They are dated by their arrival."""
+    with cycler(**LEVEL_1) as bench:
+        bench.role.level()
+        assert bench.role.patience == 5.0
+
+
 def test_a_lost_mark_is_found_out():
     """Where TEST ITERATION or TEST END is lost, the device is asked, and cycle and state are right."""
     for lines, cycles, at in ((3, 2, "34 s"), (3, 1, "34 s")):

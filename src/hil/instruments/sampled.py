@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Channel", "Ending", "Sampled", "StreamReport", "Streamed"]
+__all__ = ["Channel", "Ending", "Patient", "Sampled", "StreamReport", "Streamed"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +77,15 @@ class Streamed(Sampled, Protocol):
     @property
     def longest_pause(self) -> float:
         """Seconds after which a buffer on the way overflows at the present rate, with a margin."""
+        ...
+
+
+class Patient(Protocol):
+    """What a streamed role can say beside: how much longer than `longest_pause` its rows can wait, and none is lost."""
+
+    @property
+    def patience(self) -> float:
+        """Seconds after which a buffer on the way overflows, or the device misses its host, with a margin."""
         ...
 
 

@@ -192,10 +192,11 @@ def test_a_sampled_turn_that_was_missed_is_a_gap(tmp_path):
     assert np.round(field.recording.time, 3).tolist() == [0.001, 1.001, 2.001, 5.502, 6.001, 7.001]
 
 
-def watched(folder, maximum, max_age=30.0, **options):
+def watched(folder, maximum, max_age=30.0, period=5.0, **options):
     """Return a case whose stream feeds a limit of its voltage, and what was reported."""
     case, role, facade = beside(folder, **options)
-    spec = limit("cell-voltage", maximum=maximum, output="cycler", period=5.0, max_age=max_age)
+    role.patience = 50.0
+    spec = limit("cell-voltage", maximum=maximum, output="cycler", period=period, max_age=max_age)
     asked = []
     watching = monitor(case.clock, spec, value=lambda: asked.append(case.clock.now()) or 3.0, takes=0.004)
     adopt(case, scheduler(case.clock, watching, flags=case.flags, watch=case.watch))
@@ -276,6 +277,46 @@ def test_rows_that_come_too_rarely_for_the_maximum_age_feed_nothing(tmp_path):
         case.scheduler.sleep(100.0)
     assert case.watch.feeds == []
     assert len(asked) >= 20
+
+
+@pytest.mark.parametrize(
+    ("period", "max_age", "patience", "pause"),
+    [(30, 90, 50, 30), (30, 90, 12, 12), (30, 60, 50, 25), (2, 90, 50, 5), (30, 90, 1, 5)],
+)
+def test_rows_wait_as_long_as_their_limits_allow(tmp_path, period, max_age, patience, pause):
+    """They are fetched once a period, sooner where the age or the role's patience asks for it, and all are judged."""
+    case, role, facade, asked = watched(tmp_path, 4.0, period=float(period), max_age=float(max_age))
+    role.patience = patience
+    role.values = [3.0] * 40 + [4.5, 3.0]
+    with pytest.raises(Tripped, match="at 205 s of"), case.run.record.during("test", facade, rate=0.2):
+        case.scheduler.sleep(1000.0)
+    assert role.drained_at[0] == pause * 1000 * MS
+    assert set(np.diff(role.drained_at)) == {pause * 1000 * MS}
+    assert case.clock.now() == -(-205 // pause) * pause
+    assert all(moment < 40 for moment in asked)
+
+
+def test_rows_that_feed_no_limit_wait_no_longer_than_they_have_to(tmp_path):
+    """A role with patience is emptied as often as one without, where nobody says how seldom that may be."""
+    case, role, facade = beside(tmp_path)
+    role.patience = 50.0
+    with case.run.record.during("test", facade, rate=0.2):
+        case.scheduler.sleep(12.0)
+        assert role.drained_at == [5000 * MS, 10_000 * MS]
+
+
+def test_a_row_that_came_in_time_is_found_before_its_turn(tmp_path):
+    """What waits at the end of a wait is looked at; the turns stay where they were."""
+    case, role, facade, _ = watched(tmp_path, 9.0, period=30.0, max_age=90.0)
+    role.values = [3.0] * 4 + [4.2] + [3.0]
+    role.over_at = 105.0
+    with case.run.record.during("test", facade, rate=0.2) as test:
+        assert test.until("voltage", above=4.0, within=28.0) == 25.0
+        assert case.clock.now() == 28.0
+        with pytest.raises(NotInTime, match="within 7 s"):
+            test.until("voltage", above=5.0, within=7.0)
+        test.until_over(within=100.0)
+    assert [moment // (1000 * MS) for moment in role.drained_at] == [28, 30, 35, 60, 90, 120, 120]
 
 
 @pytest.mark.parametrize("extra", [0, 1, 3])

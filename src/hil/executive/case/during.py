@@ -167,9 +167,7 @@ class During:
         intake.await_row(condition)
         try:
             if intake.found is None:  # behind the end of the device's own test no row will come
-                self._scheduler.wait_until(
-                    self._deadline_ns(within), lambda: intake.found is not None or bool(turns.over)
-                )
+                self._come(within, lambda: intake.found is not None or bool(turns.over))
         finally:
             intake.await_nothing()
         if intake.found is None:
@@ -182,7 +180,7 @@ class During:
     def _until_over(self, within: float) -> float:
         turns = self._taking.turns
         if not turns.over:
-            self._scheduler.wait_until(self._deadline_ns(within), lambda: bool(turns.over))
+            self._come(within, lambda: bool(turns.over))
         if not turns.over:
             last = self._taking.intake.last
             names = [channel.name for channel in self._taking.facts.channels]
@@ -191,15 +189,18 @@ class During:
             raise NotInTime(f"record '{self._name}': not over within {within:g} s, the newest row is: {newest}", _HINT)
         return self._scheduler.now_ns() / NANOSECONDS
 
+    def _come(self, within: float, done: Callable[[], bool]) -> None:
+        """Wait until rows tell it; what has come in time, and waits for its turn, is fetched at last."""
+        self._scheduler.wait_until(self._scheduler.now_ns() + round(within * NANOSECONDS), done)
+        if not done():
+            self._taking.turns.take_early()
+
     def _latest(self, column: int) -> Figure:
         last = self._taking.intake.last
         if last is None:
             raise NotInTime(f"record '{self._name}': no row has come yet", "wait first, with until or clock.sleep")
         source, unit = self._taking.measures[column - 1]
         return calibrated(Figure(value=last[column], unit=unit), source.instrument.calibration)
-
-    def _deadline_ns(self, within: float) -> int:
-        return self._scheduler.now_ns() + round(within * NANOSECONDS)
 
     def _column(self, channel: str) -> int:
         self._require_running()

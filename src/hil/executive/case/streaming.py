@@ -10,7 +10,7 @@ from hil.clock.port import NANOSECONDS
 from hil.executive.case.facade import Facade
 from hil.executive.case.intake import Intake
 from hil.executive.run.watch import Beside
-from hil.instruments.sampled import Ending, Streamed, StreamReport
+from hil.instruments.sampled import Ending, Patient, Streamed, StreamReport
 from hil.model.errors import DeviceFault
 
 if TYPE_CHECKING:
@@ -41,6 +41,10 @@ class Turns(Beside, Protocol):
         """
         ...
 
+    def take_early(self) -> None:
+        """Fetch what waits, if anything does, before its turn."""
+        ...
+
     def end(self) -> StreamReport | None:
         """Fetch what is there still, end, and return how the stream went, None where there was none.
 
@@ -55,7 +59,7 @@ class Turns(Beside, Protocol):
 
 
 class StreamTurns:
-    """A role that samples by itself, emptied at least every `longest_pause`.
+    """A role that samples by itself, emptied at least every `longest_pause`, or as often as its limits are looked at.
 
     The time of a row is the bench time at the beginning plus the time that the device counted since. What the
     device's clock does against the bench's is told in the report, and changes no row.
@@ -78,6 +82,7 @@ class StreamTurns:
         self._rate = rate
         self._enough = enough
         self._first: float | None = None
+        self._allowed_s = 0.0
         self.every_s = 1 / rate
         self.due_ns = FOREVER_NS
         self.failed = False
@@ -91,12 +96,14 @@ class StreamTurns:
             self.failed = True
             raise
         self._intake = intake
-        pause_s = self._role.longest_pause
-        self._pause_ns = max(1, round(pause_s * NANOSECONDS))
-        self.every_s = pause_s + 1 / self._rate
         self._start_ns = self._clock.now_ns()
         self._start_s = self._start_ns / NANOSECONDS
-        self.due_ns = self._start_ns + self._pause_ns
+        self._keep_time()
+
+    def may_pause(self, seconds: float) -> None:
+        """Fetch rows so seldom, if that is longer than `longest_pause`, and as far as the role has the patience."""
+        self._allowed_s = seconds
+        self._keep_time()
 
     def have(self, seconds: float) -> None:
         """Want so many seconds of rows less: they are there from before the run was stopped."""
@@ -111,14 +118,31 @@ class StreamTurns:
     def take(self) -> None:
         """Fetch what has come."""
         self.due_ns += self._pause_ns
+        self._fetch()
+        if self.due_ns <= (now_ns := self._clock.now_ns()):
+            self.due_ns += ((now_ns - self.due_ns) // self._pause_ns + 1) * self._pause_ns
+
+    def take_early(self) -> None:
+        """Fetch what has come, and the next rows when they are due anyway."""
+        if not self.failed:
+            self._fetch()
+
+    def _keep_time(self) -> None:
+        """Set when rows are fetched from now on."""
+        pause_s = self._role.longest_pause
+        if self._allowed_s > pause_s and hasattr(self._role, "patience"):
+            pause_s = max(pause_s, min(self._allowed_s, cast("Patient", self._role).patience))
+        self._pause_ns = max(1, round(pause_s * NANOSECONDS))
+        self.every_s = pause_s + 1 / self._rate
+        self.due_ns = self._start_ns + self._pause_ns
+
+    def _fetch(self) -> None:
         try:
             block = self._source.guarded(self._role.drain)
         except BaseException:
             self.failed = True
             self.due_ns = FOREVER_NS
             raise
-        if self.due_ns <= (now_ns := self._clock.now_ns()):
-            self.due_ns += ((now_ns - self.due_ns) // self._pause_ns + 1) * self._pause_ns
         if self._enough is not None and len(block):
             self._first = float(block[0, 0]) if self._first is None else self._first
             wanted = block[block[:, 0] - self._first <= self._enough]
@@ -191,6 +215,9 @@ class SampledTurns:
 
     def end(self) -> None:
         """Do nothing: nothing runs by itself."""
+
+    def take_early(self) -> None:
+        """Do nothing: nothing waits."""
 
     def give_up(self) -> None:
         """Do nothing, as above."""

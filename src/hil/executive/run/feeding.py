@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Feed", "monitors_of"]
+__all__ = ["Feed", "monitors_of", "pause_allowed"]
 
 
 def monitors_of(
@@ -36,6 +36,17 @@ def monitors_of(
         and (limit.quantity, limit.unit) in columns
         and every_s <= limit.max_age_s - limit.period_s
     ]
+
+
+def pause_allowed(monitors: Sequence[tuple[int, Monitor]], row_s: float) -> float:
+    """Return how long rows may wait in seconds: no limit is looked at more seldom than its period, and none trips.
+
+    Args:
+        monitors: those that a stream feeds.
+        row_s: from row to row.
+    """
+    limits = [monitor.limit for _, monitor in monitors]
+    return min(min(limit.period_s, limit.max_age_s - limit.period_s - row_s) for limit in limits)
 
 
 class Feed:

@@ -134,12 +134,15 @@ class Scheduler:
         for beside in tuple(self._beside):
             beside.begin_again()
 
-    def feed(self, output: str, columns: Mapping[tuple[str, str], int], every_s: float, recording: str) -> Feed | None:
-        """Return what judges a recording's rows, None where no limit watches any of it. See `monitors_of`."""
-        fed = monitors_of(output, columns, every_s, self.monitoring.all)
+    def fed_by(self, output: str, columns: Mapping[tuple[str, str], int], every_s: float) -> list[tuple[int, Monitor]]:
+        """Return the monitors that a recording's rows feed. See `monitors_of`."""
+        return monitors_of(output, columns, every_s, self.monitoring.all)
+
+    def feed(self, fed: Sequence[tuple[int, Monitor]], every_s: float, recording: str) -> Feed:
+        """Return what judges a recording's rows. See `Feed`."""
         for _, monitor in fed:
             self._watch.fed(monitor.limit.id, recording)
-        return Feed(fed, every_s, recording) if fed else None
+        return Feed(fed, every_s, recording)
 
     def judge(self, feed: Feed, rows: list[list[float]] | NDArray[np.float64]) -> None:
         """Judge rows that were just fetched.

@@ -16,15 +16,17 @@ from hil.instruments.cycler.numbered import NumberedLines
 from hil.model.errors import DeviceFault, Garbled, NoReply
 from hil.wire.port import Port
 
-__all__ = ["BANNER_S", "FIRMWARE", "Hearing"]
+__all__ = ["BANNER_S", "FIRMWARE", "MOST_BYTES", "Hearing"]
 
 BANNER_S = 2.5
 """The longest time from a reset to its banner; the bootloader takes 1.6 s."""
 
 _STATUS_S = 5.5
 _PIECE_S = 0.5
-_MOST_BYTES = 4096
-_NEARLY_FULL = _MOST_BYTES - 128
+MOST_BYTES = 4096
+"""What the buffer of a line holds."""
+
+_NEARLY_FULL = MOST_BYTES - 128
 
 FIRMWARE = "compare its firmware with the protocol's page"
 """What to do where it speaks otherwise than the page."""
@@ -85,7 +87,7 @@ class Hearing:
         port = self._port
         if port.timeout:
             port.timeout = 0.0
-        data = port.read(_MOST_BYTES)
+        data = port.read(MOST_BYTES)
         now = self.clock.now()
         self._take(data, now)
         if len(data) >= _NEARLY_FULL and self.told is not None:
@@ -160,7 +162,7 @@ class Hearing:
     def _take(self, data: bytes, now: float) -> None:
         if data:
             lines = (self._rest + data).split(b"\r\n") if self._rest else data.split(b"\r\n")
-            self._rest = lines.pop()[-_MOST_BYTES:]
+            self._rest = lines.pop()[-MOST_BYTES:]
             if self.told is None:
                 lines = self._learn(lines, now)
             if (told := self.told) is not None:

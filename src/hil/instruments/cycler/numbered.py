@@ -14,6 +14,8 @@ _REPLY = ord(":")
 _WRAP = 1 << 32
 _HALF = _WRAP >> 1
 _MS = 0.001
+_MOST_DRIFT = 1.01 * _MS
+"""Seconds that pass at most while the device counts a millisecond: its clock is a ceramic resonator."""
 _PHASES = {b"C": ("charge", 1.0), b"D": ("discharge", -1.0), b"R": ("rest", 0.0)}
 _OVER = {b"IDLE": "idle", b"ENDED": "ended", b"STOPPED": "stopped", b"TEST END": "ended", b"TEST STOPPED": "stopped"}
 _FEW = 16
@@ -49,6 +51,7 @@ class NumberedLines(Told):
 
     def take(self, lines: list[bytes], now: float) -> None:
         """Take whole lines without their ends, in their order; the bench's time is `now`."""
+        last_ms, last_s = self._ms + self._wrapped_ms, self.heard_s
         for line in lines:
             body = line[:-5]
             if not body or line[-5:-4] != b"*" or b"%04X" % crc_hqx(body, 0xFFFF) != line[-4:]:
@@ -64,6 +67,9 @@ class NumberedLines(Told):
                     self._mark(body)
             except (ValueError, KeyError):
                 self.nonsense = line
+        passed_ms = self._ms + self._wrapped_ms - last_ms
+        if passed_ms > 0 and not self.started:
+            self._date(last_s + passed_ms * _MOST_DRIFT, now)
 
     def device_ms(self, ms: int) -> int:
         """Return device time in ms without wraps, from what a line shows; lines come in the order of their time."""
@@ -100,6 +106,13 @@ class NumberedLines(Told):
         self.cycle = 0.0
         self.unsure = self.went_back = False
         self.number, self._ms, self._wrapped_ms = None, 0, 0
+
+    def _date(self, by_s: float, now: float) -> None:
+        """Note that the newest line came `by_s` at the latest, though it was read `now`: it may have waited long."""
+        if by_s < now:
+            self.heard_s = by_s
+            if self.read_s == now:
+                self.read_s = by_s
 
     def _data(self, body: bytes, now: float) -> None:
         voltage, current, energy, temperature, number, ms, code = body.split(b";")

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.instruments.cycler.attendance import SILENT_S, Attendance
+from hil.instruments.cycler.hearing import MOST_BYTES
 from hil.instruments.cycler.lines import LINE_S
 from hil.instruments.cycler.numbered import NumberedLines
 from hil.instruments.cycler.preparing import Preparing
@@ -24,6 +25,9 @@ __all__ = ["BatteryTester"]
 _RATE_HZ = 1 / LINE_S
 _FRESH_S = 1.5 * LINE_S
 _JUST_READ_S = 0.5
+_LONGEST_LINE = 64
+_FILLED_S = MOST_BYTES / _LONGEST_LINE * LINE_S
+_TURNS_PER_BEAT = 6  # due after a third of it, sent in the next turn, seen to be lost in the one after
 
 
 class BatteryTester:
@@ -37,6 +41,7 @@ class BatteryTester:
     def __init__(self, session: Session, wiring: Wiring) -> None:
         self._session = session
         self._attendance = Attendance(session)
+        self._beat_s = wiring.beat_s
         self._preparing = Preparing(session, self._attendance, wiring)
         self._stream: Stream | None = None
 
@@ -186,6 +191,16 @@ class BatteryTester:
     def longest_pause(self) -> float:
         """Seconds from line to line: whoever drains as often sees every line when it comes."""
         return LINE_S
+
+    @property
+    def patience(self) -> float:
+        """Seconds that lines can wait: 4096 bytes hold twice as many, and heartbeats leave with two turns to spare.
+
+        Rows of level 1 are dated by their arrival, so their turn stays that of a line.
+        """
+        if not isinstance(self._session.told, NumberedLines):
+            return LINE_S
+        return max(LINE_S, min(_FILLED_S / 2, self._beat_s / _TURNS_PER_BEAT))
 
     @property
     def over(self) -> bool:
