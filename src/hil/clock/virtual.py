@@ -110,7 +110,9 @@ class VirtualClock:
         """Let time pass until `when_ns`, with everything that is due on the way."""
         events, self._waiting = self._events, "nobody"
         while events and events[0][0] <= when_ns:
-            self._happen(heappop(events))
+            due_ns, _, _, event = heappop(events)
+            if not event.cancelled:
+                self._happen(due_ns, event)
         self._move(when_ns)
 
     def run(self, deadline_ns: int, done: Callable[[], bool], who: str = "nobody") -> bool:
@@ -126,23 +128,23 @@ class VirtualClock:
             if not events or events[0][0] > deadline_ns:
                 self._move(deadline_ns)
                 return done()
-            self._happen(heappop(events))
+            due_ns, _, _, event = heappop(events)
+            self._happen(due_ns, event)
         return True
 
     def _move(self, when_ns: int) -> None:
-        if when_ns <= self._now_ns:
-            return
-        self._now_ns = when_ns
-        self._at_this_instant = 0
-        for plant in self._plants:
-            plant(when_ns)
-
-    def _happen(self, entry: tuple[int, int, int, Event]) -> None:
-        when_ns, _, _, event = entry
-        if event.cancelled:
-            return
         if when_ns > self._now_ns:
-            self._move(when_ns)
+            self._now_ns = when_ns
+            self._at_this_instant = 0
+            for plant in self._plants:
+                plant(when_ns)
+
+    def _happen(self, when_ns: int, event: Event) -> None:
+        if when_ns > self._now_ns:
+            self._now_ns = when_ns
+            self._at_this_instant = 0
+            for plant in self._plants:
+                plant(when_ns)
         self._at_this_instant += 1
         if self._at_this_instant > _MOST_EVENTS_AT_ONE_INSTANT:
             raise ClockError(

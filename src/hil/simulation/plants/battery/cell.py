@@ -12,7 +12,7 @@ from hil.simulation.plants.battery.ageing import Ageing
 from hil.simulation.plants.battery.open_circuit import OpenCircuit
 from hil.simulation.plants.plant import Vector
 
-__all__ = ["Cell", "CellTruth", "Moved", "Tabs"]
+__all__ = ["Cell", "CellTruth", "Flowing", "Tabs", "Warming"]
 
 _ZERO_CELSIUS = 273.15
 _REFERENCE = 25.0
@@ -22,8 +22,8 @@ _KEPT_STEPS = 256
 Tabs = tuple[float, float, float, float]
 """Base [V] and resistance [ohm] of the tabs' voltage over the current, capacity [A.s], factor of resistances [1]."""
 
-Moved = tuple[float, float, float, float, float]
-"""Charge, both links and throughput after a step, and the mean heat during it [W]."""
+Flowing = Callable[[float, float], tuple[float, float, float]] | None
+Warming = Callable[[float, float, float, float], tuple[float, float, float]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,7 +91,6 @@ class Cell:
 
         # Few steps are of other lengths than the grid's and its parts.
         self.tabs = lru_cache(maxsize=_KEPT_STEPS)(self._tabs)
-        self.moved = lru_cache(maxsize=_KEPT_STEPS)(self._moved)
 
     def _decays(self, dt: float) -> tuple[float, float]:
         """Return by what the voltages of fast and slow link are multiplied in a step of `dt` seconds."""
@@ -123,32 +122,39 @@ class Cell:
 
         return tabs
 
-    def _moved(self, dt: float) -> Callable[[Vector, Tabs, float], Moved]:
-        """Return a function of state, tabs and a current into the cell [A]: what a step of `dt` seconds leaves.
+    def step(self, dt: float, flow: Flowing, warmed: Warming) -> Callable[[Vector], Vector]:
+        """Return a step of `dt` seconds as a function of the state alone.
 
         Heat is that of the resistances, and I*T*dU/dT, the reversible part of Bernardi's balance (1985, equation 20).
         Links whose voltages have decayed below a nanovolt without current are at rest.
+
+        Args:
+            dt: seconds.
+            flow: of base and resistance of the tabs, what flows; its last number goes into the cell. None if nothing.
+            warmed: of the three temperatures [degC] and the heat in the cell [W], the temperatures after the step.
         """
-        truth = self._truth
+        truth, tabs = self._truth, self.tabs(dt)
         fast_decay, slow_decay = self._decays(dt)
         resistance, fast_ohms, slow_ohms = truth.resistance, truth.fast_resistance, truth.slow_resistance
         fast_gain, slow_gain = (1 - fast_decay) * fast_ohms, (1 - slow_decay) * slow_ohms
         entropic = truth.entropic
 
-        def moved(state: Vector, tabs: Tabs, current: float) -> Moved:
-            charge, fast, slow, passed, celsius, _, _ = state
-            _, _, capacity, factor = tabs
+        def step(state: Vector) -> Vector:
+            charge, fast, slow, passed, celsius, plate, box = state
+            base, ohms, capacity, factor = tabs(state)
+            current = flow(base, ohms)[2] if flow is not None else 0.0
             driven = factor * current
             fast_after = fast * fast_decay + fast_gain * driven
             slow_after = slow * slow_decay + slow_gain * driven
             fast_mean, slow_mean = fast + fast_after, slow + slow_after
             heat = (fast_mean * fast_mean / fast_ohms + slow_mean * slow_mean / slow_ohms) / (4 * factor)
-            if not current:
-                if abs(fast_after) + abs(slow_after) < _RESTING_VOLTS:
-                    return charge, 0.0, 0.0, passed, 0.0
-                return charge, fast_after, slow_after, passed, heat
-            heat += current * (resistance * driven + (celsius + _ZERO_CELSIUS) * entropic)
-            way = current * dt
-            return charge + way / capacity, fast_after, slow_after, passed + abs(way), heat
+            if current:
+                heat += current * (resistance * driven + (celsius + _ZERO_CELSIUS) * entropic)
+                way = current * dt
+                charge, passed = charge + way / capacity, passed + abs(way)
+            elif abs(fast_after) + abs(slow_after) < _RESTING_VOLTS:
+                fast_after = slow_after = heat = 0.0
+            cell, plate, box = warmed(celsius, plate, box, heat)
+            return charge, fast_after, slow_after, passed, cell, plate, box
 
-        return moved
+        return step

@@ -8,8 +8,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from hil.simulation.plants.plant import Vector
-
 __all__ = ["Housing", "HousingTruth", "Response", "Warmth"]
 
 _ZERO_CELSIUS = 273.15
@@ -69,15 +67,14 @@ class Housing:
         self.response = lru_cache(maxsize=_KEPT_STEPS)(self._response)
 
     @staticmethod
-    def step(room: float, response: Response) -> Callable[[Vector, float], Warmth]:
-        """Return a function of state and heat in the cell [W]: the temperatures after a step.
+    def step(room: float, response: Response) -> Callable[[float, float, float, float], Warmth]:
+        """Return a function of the three temperatures and of heat in the cell [W]: the temperatures after a step.
 
         A nanokelvin from the room [degC] is at rest.
         """
         a, b, c, d, e, f, g, h, i, p, q, r, u, v, w = response
 
-        def step(state: Vector, watts: float) -> Warmth:
-            _, _, _, _, cell, plate, box = state
+        def step(cell: float, plate: float, box: float, watts: float) -> Warmth:
             cell, plate, box = cell - room, plate - room, box - room
             after = a * cell + b * plate + c * box + p + u * watts
             plates = d * cell + e * plate + f * box + q + v * watts

@@ -249,16 +249,8 @@ class Battery(Plant):
     def _step(self, here: _Setting, dt: float) -> Callable[[Vector], Vector]:
         """Return a step of `dt` seconds as a function of the state alone."""
         response = self._housing.response(here.share, here.room, dt, assembled=here.assembled)
-        tabs_of, moved, warmed = self._cell.tabs(dt), self._cell.moved(dt), self._housing.step(here.room, response)
-        solve, live = here.solve, here.live
-
-        def step(state: Vector) -> Vector:
-            tabs = tabs_of(state)
-            current = solve(tabs[0], tabs[1])[2] if live else 0.0
-            charge, fast, slow, passed, watts = moved(state, tabs, current)
-            return (charge, fast, slow, passed, *warmed(state, watts))
-
-        return step
+        warmed = self._housing.step(here.room, response)
+        return self._cell.step(dt, here.solve if here.live else None, warmed)
 
     def _setting(self, values: tuple[Value, ...]) -> _Setting:
         inputs = dict(zip(self._names, values, strict=True))

@@ -11,7 +11,7 @@ STATES = ("healthy", "open", "shorted", "detached")
 """What can be with the thermistor; a detached one hangs in the box."""
 
 _ZERO_CELSIUS = 273.15
-_REFERENCE = 25.0
+_PER_REFERENCE = 1 / (25.0 + _ZERO_CELSIUS)
 _OPEN_OHMS = 1e9
 _SHORTED_OHMS = 0.1
 
@@ -31,7 +31,7 @@ class Thermistor:
     def ohms(self, celsius: float) -> float:
         """Return the resistance at a temperature."""
         kelvin = celsius + _ZERO_CELSIUS
-        return self.nominal * exp(self.beta * (1 / kelvin - 1 / (_REFERENCE + _ZERO_CELSIUS)))
+        return self.nominal * exp(self.beta * (1 / kelvin - _PER_REFERENCE))
 
     def seen(self, state: str, cell: float, box: float) -> float:
         """Return the resistance between its wires, with cell and box at these temperatures [degC]."""
@@ -44,4 +44,4 @@ class Thermistor:
     def read(self, state: str, cell: float, box: float) -> float:
         """Return the temperature that the resistance stands for; far beyond any range where it is open or shorted."""
         ratio = self.seen(state, cell, box) / self.nominal
-        return 1 / (1 / (_REFERENCE + _ZERO_CELSIUS) + log(ratio) / self.beta) - _ZERO_CELSIUS
+        return 1 / (_PER_REFERENCE + log(ratio) / self.beta) - _ZERO_CELSIUS
