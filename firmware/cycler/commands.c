@@ -4,88 +4,15 @@
 #include <string.h>
 
 #include "eeprom.h"
+#include "fields.h"
+#include "level.h"
 #include "lines.h"
 #include "relays.h"
 #include "sequence.h"
 #include "settings.h"
 
-#define LONGEST_WORD 16
-
-/* What is being executed: the fields that are left, and when it came. */
-static const char *tag, *field;
-static uint8_t fields;
+/* When the command came. */
 static uint32_t came;
-
-static void reply(const __flash char *text)
-{
-	line_begin();
-	line_char(':');
-	line_text(tag);
-	line_flash(text);
-}
-
-static void refuse(const __flash char *name)
-{
-	reply(FLASH(" ERROR "));
-	line_flash(name);
-	line_char(' ');
-}
-
-/* Write a word of the host: shortened, up to its `=` if it is a field. */
-static void line_word(const char *word, bool of_field)
-{
-	for (uint8_t left = LONGEST_WORD; *word && left && !(of_field && *word == '='); left--, word++)
-		line_char(*word == '*' ? '?' : *word);
-}
-
-/* All functions that refuse have sent the reply when they return true. */
-static bool refuse_field(const char *wrong)
-{
-	refuse(FLASH("FIELD"));
-	if (wrong)
-		line_word(wrong, true);
-	else
-		line_char('-');
-	line_send();
-	return true;
-}
-
-static const char *next_field(void)
-{
-	const char *word = field;
-	if (!fields)
-		return 0;
-	fields--;
-	field += strlen(field) + 1;
-	return word;
-}
-
-static bool refuse_surplus(void)
-{
-	return fields && refuse_field(next_field());
-}
-
-/* Take a field `name=` and hexadecimal digits. */
-static bool refuse_hex(const char *name, uint8_t digits, uint32_t *value)
-{
-	const char *word = next_field(), *text = word;
-	*value = 0;
-	while (text && *name && *text == *name) {
-		text++;
-		name++;
-	}
-	if (!text || *name || strlen(text) != digits)
-		return refuse_field(word);
-	for (; *text; text++) {
-		if (*text >= '0' && *text <= '9')
-			*value = *value << 4 | (*text - '0');
-		else if (*text >= 'A' && *text <= 'F')
-			*value = *value << 4 | (*text - 'A' + 10);
-		else
-			return refuse_field(word);
-	}
-	return false;
-}
 
 static void line_run(void)
 {
@@ -138,13 +65,12 @@ static void identify(void)
 
 static void tell_reading(const struct reading *reading)
 {
-	const struct half *half = &sequence.half;
 	line_flash(FLASH(" v="));
 	line_fixed(reading->millivolts, 3);
 	line_flash(FLASH(" i="));
 	line_fixed(reading->milliamperes, 3);
 	line_flash(FLASH(" e="));
-	line_fixed(half->energy + (half->rest >= 36000), 4);
+	line_fixed(half_energy(&sequence.half), 4);
 	line_flash(FLASH(" t="));
 	line_fixed(reading->tenths, 1);
 }
@@ -314,11 +240,9 @@ static const __flash struct {
 	{"SET", change}, {"START", start}, {"STATE", tell_state}, {"STOP", stop},
 };
 
-void command_execute(const char *of_tag, const char *words, uint8_t count, uint32_t ticks)
+void command_execute(const char *tag, const char *words, uint8_t count, uint32_t ticks)
 {
-	tag = of_tag;
-	field = words + strlen(words) + 1;
-	fields = count - 1;
+	fields_begin(tag, words, count);
 	came = ticks;
 	for (uint8_t each = 0; each < sizeof commands / sizeof *commands; each++) {
 		if (!strcmp_P(words, commands[each].name)) {

@@ -7,7 +7,4 @@
 /* Execute a command that came at a tick, and reply; words stand one behind the other, each ended by a 0. */
 void command_execute(const char *tag, const char *words, uint8_t count, uint32_t ticks);
 
-/* Write the reason of the last reset into the line. */
-void level_reset_reason(void);
-
 #endif

@@ -7,6 +7,9 @@
 /* Send the banner; `flags` is MCUSR as the reset left it. */
 void level_banner(uint8_t flags);
 
+/* Write the reason of the last reset into the line; level 2 has it. */
+void level_reset_reason(void);
+
 /* Take a byte of the host. */
 void level_receive(uint8_t byte);
 

@@ -4,19 +4,11 @@
 
 #include "adc.h"
 #include "board.h"
+#include "half.h"
 
 enum limit {
 	LIMIT_NONE, SENSOR, OVER_VMAX, UNDER_VMIN, OVER_IMAX, OVER_TMAX, UNDER_TMIN, TIME, CHARGE_MOVED, CURRENT, RELAY,
 	HEARTBEAT
-};
-
-/* What has added up in a half-cycle or a rest. */
-struct half {
-	uint32_t lines;  /* data lines */
-	uint32_t flow;   /* sum of |current| in mA */
-	uint32_t energy; /* 0.1 mWh */
-	uint32_t rest;   /* what is not yet 0.1 mWh: |voltage x current| in uW over lines of 5 s */
-	uint8_t row;     /* lines with a wrong current, one after the other */
 };
 
 /* The limit that a reading alone passes. */

@@ -1,6 +1,5 @@
 #include "sequence.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 #include "clock.h"
@@ -10,7 +9,6 @@
 #include "window.h"
 
 #define LINE_S 5
-#define UW_LINES_PER_DIGIT 72000UL /* 0.1 mWh is 100 uWh; a line of 1 uW is 5 / 3600 uWh */
 
 struct sequence sequence;
 
@@ -103,18 +101,6 @@ void sequence_guard(void)
 		relays_open();
 }
 
-static void add(const struct reading *reading)
-{
-	struct half *half = &sequence.half;
-	half->lines++;
-	if (sequence.state == REST)
-		return;
-	half->flow += abs(reading->milliamperes);
-	half->rest += (uint32_t)abs(reading->millivolts) * abs(reading->milliamperes);
-	half->energy += half->rest / UW_LINES_PER_DIGIT;
-	half->rest %= UW_LINES_PER_DIGIT;
-}
-
 static bool half_ended(const struct reading *reading)
 {
 	if (sequence.state == CHARGE)
@@ -135,13 +121,12 @@ static enum limit limit_of(const struct reading *reading, bool ended)
 
 static void show(const struct reading *reading)
 {
-	const struct half *half = &sequence.half;
 	line_begin();
 	line_fixed(reading->millivolts, 3);
 	line_char(';');
 	line_fixed(reading->milliamperes, 3);
 	line_char(';');
-	line_fixed(half->energy + (half->rest >= UW_LINES_PER_DIGIT / 2), 4);
+	line_fixed(half_energy(&sequence.half), 4);
 	line_char(';');
 	line_fixed(reading->tenths, 1);
 	line_count();
@@ -177,7 +162,7 @@ static void next_half(uint32_t ticks)
 static void data_line(uint32_t ticks)
 {
 	const struct reading reading = window_mean();
-	add(&reading);
+	half_add(&sequence.half, &reading, sequence.state == REST);
 	const bool ended = half_ended(&reading);
 	const enum limit reason = limit_of(&reading, ended);
 	alarm_set(ALARM_LINE, ticks + TICKS_PER_LINE);
