@@ -68,7 +68,9 @@ class Entering:
         self._record = record
         self._bench = bench
         self._keeper = keeper
-        self._places = {entry.place: entry for entry in earlier}
+        self._places: dict[int, list[Entry]] = {}
+        for entry in earlier:
+            self._places.setdefault(entry.place, []).append(entry)
         self._number = number
         self._void_rows = void_rows
 
@@ -79,12 +81,15 @@ class Entering:
             NotArmedAgain: if the bench cannot be armed.
             DeviceFault: if an output or a stream does not go on.
         """
-        if (entry := self._places.pop(place, None)) is not None:
-            self._as_recorded(entry)
-        elif place == self._record.entered_at:
+        entries, anew = self._places.pop(place, []), place == self._record.entered_at
+        if not entries and not anew:
+            return
+        for entry in entries if anew else entries[:-1]:  # entered here once more: what came behind it is void, too
+            self._record.store.note_void(entry)
+        if anew:
             self._anew(place)
         else:
-            return
+            self._as_recorded(entries[-1])
         if problem := self._keeper.arm_again():
             self._keeper.safe()
             raise NotArmedAgain(f"the bench was not armed again: {problem}", "see hil bench check")

@@ -192,6 +192,13 @@ class RowStore:
             else:
                 self._awaited[part.recording] = replace(part, first=0)
 
+    def note_void(self, entry: Entry) -> None:
+        """Keep which rows were void when the run had been entered at a place at which it is entered once more."""
+        still_open = {each.facts.id for each in self._open}
+        for part in entry.rows:
+            if part.recording in still_open:
+                self._voids.setdefault(part.recording, []).append(part)
+
     def voids(self, recording: str) -> tuple[Voided, ...]:
         """Return the void rows of a recording."""
         return tuple(self._voids.get(recording, ()))
