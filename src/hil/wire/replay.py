@@ -35,6 +35,9 @@ OVERDUE = "monitor-overdue"
 _ALL_ALIKE = 2
 """The last format of transcripts in which both had one name."""
 
+_NEVER_WAITED = 3
+"""The last format of transcripts in which streams were emptied as often as they can be."""
+
 _READ_FLAG = 0x0001
 _HEX_SHOWN = 48
 
@@ -65,6 +68,7 @@ class Playback:
 
     Attributes:
         at_divergence: hears of an operation that the record does not hold, before it is raised.
+        rows_wait: whether rows of its streams waited as long as the limits that they feed allow.
     """
 
     def __init__(self, path: Path, clock: Clock, where: Callable[[], str], handover: Handover | None = None) -> None:
@@ -74,7 +78,9 @@ class Playback:
         self._clock = clock
         self._where = where
         self._handover = handover
-        alike = format_of(path) <= _ALL_ALIKE
+        format_ = format_of(path)
+        self.rows_wait = format_ > _NEVER_WAITED
+        alike = format_ <= _ALL_ALIKE
         self._alike = {MONITOR: {MONITOR}, OVERDUE: {MONITOR} if alike else {OVERDUE}}
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -294,6 +295,16 @@ def test_rows_wait_as_long_as_their_limits_allow(tmp_path, period, max_age, pati
     assert set(np.diff(role.drained_at)) == {pause * 1000 * MS}
     assert case.clock.now() == -(-205 // pause) * pause
     assert all(moment < 40 for moment in asked)
+
+
+def test_rows_do_not_wait_where_they_did_not_in_the_record(tmp_path):
+    """A replay of a run of earlier fetches them when that did."""
+    case, _, _, _ = watched(tmp_path, 4.0, period=30.0, max_age=90.0)
+    fed = case.scheduler.fed_by("cycler", {("voltage", "V"): 1}, 10.0)
+    assert case.scheduler.pause_allowed(fed, 5.0) == 30.0
+    for rows_wait, allowed in ((True, 30.0), (False, 0.0)):
+        case.scheduler._bench.playback = SimpleNamespace(rows_wait=rows_wait)
+        assert case.scheduler.pause_allowed(fed, 5.0) == allowed
 
 
 def test_rows_that_feed_no_limit_wait_no_longer_than_they_have_to(tmp_path):

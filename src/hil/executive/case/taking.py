@@ -8,7 +8,6 @@ from dataclasses import asdict
 from hil.executive.case.facade import Facade
 from hil.executive.case.intake import Intake
 from hil.executive.case.streaming import SampledTurns, StreamTurns
-from hil.executive.run.feeding import pause_allowed
 from hil.executive.run.row_store import OpenRecording, RecordingFacts, RowStore
 from hil.executive.run.scheduler import Scheduler
 from hil.instruments.sampled import StreamReport
@@ -125,5 +124,5 @@ class Taking:
                 (channel.name, channel.unit): place for place, channel in enumerate(source.sampled.channels(), 1)
             }
             if fed := self._scheduler.fed_by(source.wire.name, columns, self.turns.every_s):
-                self.turns.may_pause(pause_allowed(fed, 1 / self.facts.rate))
+                self.turns.may_pause(self._scheduler.pause_allowed(fed, 1 / self.facts.rate))
                 self.intake.feed = self._scheduler.feed(fed, self.turns.every_s, self.facts.id)

@@ -10,7 +10,7 @@ from hil.bench.binding import BoundBench
 from hil.bench.envelope import Monitor, Trip
 from hil.clock import wall
 from hil.clock.port import NANOSECONDS
-from hil.executive.run.feeding import Feed, monitors_of
+from hil.executive.run.feeding import Feed, monitors_of, pause_allowed
 from hil.executive.run.monitoring import Monitoring
 from hil.executive.run.stop import StopFlags, Stopped
 from hil.executive.run.watch import Beside, Watch
@@ -137,6 +137,11 @@ class Scheduler:
     def fed_by(self, output: str, columns: Mapping[tuple[str, str], int], every_s: float) -> list[tuple[int, Monitor]]:
         """Return the monitors that a recording's rows feed. See `monitors_of`."""
         return monitors_of(output, columns, every_s, self.monitoring.all)
+
+    def pause_allowed(self, fed: Sequence[tuple[int, Monitor]], row_s: float) -> float:
+        """Return how long rows may wait in seconds, 0 where they did not in the record. See `pause_allowed`."""
+        playback = self._bench.playback
+        return pause_allowed(fed, row_s) if playback is None or playback.rows_wait else 0.0
 
     def feed(self, fed: Sequence[tuple[int, Monitor]], every_s: float, recording: str) -> Feed:
         """Return what judges a recording's rows. See `Feed`."""
