@@ -148,6 +148,33 @@ def test_a_run_that_was_killed_on_its_way_to_the_safe_state_is_entered_behind_it
         assert np.all(np.diff(package.recording(event["recording"]).time) > 0)
 
 
+HOLD = """
+hold:
+- {output: supply.coil, state: "off", within: 2 s,
+   proof: {output: supply.coil, quantity: current, unit: A, min: "-0.001", max: "0.001"}}
+"""
+
+
+@pytest.mark.timeout(200)
+def test_a_run_that_was_killed_while_it_was_held_is_held_again(tmp_path):
+    """It is released as any other, killed again behind that, resumed again, and replayed."""
+    workspace = without_git(make(tmp_path / "workspace", TURNS))
+    workspace.change_bench({"\nrest:\n": f"{HOLD}\nrest:\n"})
+    folder = begun(workspace, 5)
+    assert workspace.hil("hold", folder.name, "--reason", "door").code == 0
+    time.sleep(1.5)  # a checkpoint is made meanwhile
+    kill(STARTED[-1])
+    STARTED[-1].communicate()
+    STARTED.append(workspace.start("resume", folder.name, stdout=subprocess.DEVNULL))
+    while b"it was held when the run was interrupted" not in (folder / "data/journal.jsonl").read_bytes():
+        time.sleep(0.05)
+    assert workspace.hil("hold", folder.name, "--release").code == 0
+    time.sleep(0.8)  # the release is on the disk, too; before that the run would be held still
+    kill(STARTED[-1])
+    STARTED[-1].communicate()
+    whole(workspace, folder)
+
+
 def change_number(told: dict[str, object]) -> None:
     """Let a checkpoint say another instant."""
     told["at_ns"] = int(str(told["at_ns"])) + 1
