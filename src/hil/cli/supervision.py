@@ -183,7 +183,8 @@ def _believed(status: int, words: Mapping[str, tuple[int, str]]) -> int:
     if "begun" in words:
         name = Path(words["begun"][1]).name
         _say(f"     look after the bench first; then see how far it came with: hil status {name}")
-        _say(f"     and seal it as it is with: hil seal {words['begun'][1]}")
+        _say(f"     go on with it with: hil resume {words['begun'][1]}")
+        _say(f"     or seal it as it is with: hil seal {words['begun'][1]}")
     else:
         _say("     nothing was recorded and nothing was driven")
     return _INTERNAL
