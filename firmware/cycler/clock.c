@@ -120,7 +120,7 @@ bool clock_arm(void)
 void clock_sleep(const volatile uint8_t *ready)
 {
 	cli();
-	if (!*ready) {
+	if (!*ready && !clock_rang) {
 		sleep_enable();
 		sei();
 		sleep_cpu();

@@ -34,7 +34,7 @@ bool clock_arm(void);
 /* Whether the alarm for which the timer was armed came. */
 extern volatile uint8_t clock_rang;
 
-/* Sleep until any interrupt, unless `ready` is set already. */
+/* Sleep until any interrupt, unless `ready` is set or the alarm came already. */
 void clock_sleep(const volatile uint8_t *ready);
 
 #endif
