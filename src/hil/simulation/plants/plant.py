@@ -45,6 +45,10 @@ class _Moment:
     inputs: Inputs
 
 
+_Ahead = tuple[_Moment | None, Vector, int]
+"""A moment, the state at the next grid point, and the time [ns] between them."""
+
+
 class Plant(ABC):
     """Physics that steps from grid point to grid point; commands are extra break points.
 
@@ -70,7 +74,7 @@ class Plant(ABC):
         self._now_ns = 0
         self._next_ns = grid_ns
         self._moments = deque([_Moment(0, state, MappingProxyType(dict(inputs)))])
-        self._ahead: tuple[_Moment, Vector] | None = None
+        self._ahead: _Ahead = (None, state, grid_ns)
         self._present: tuple[Vector, Inputs, float] | None = None  # what `observe` sees until time or inputs change
         self._past: tuple[int, Vector, Inputs] | None = None  # what `observe_at` saw last; no command changes the past
         self._listeners: list[Callable[[], None]] = []
@@ -116,8 +120,8 @@ class Plant(ABC):
         self._now_ns, self._present = when_ns, None
         moments = self._moments
         while self._next_ns <= when_ns:
-            last = moments[-1]
-            ahead = self._state_ahead(last)
+            last, known = moments[-1], self._ahead
+            _, ahead, _ = known if known[0] is last else self._look_ahead(last)
             if ahead == last.state and last.at_ns % self._grid_ns == 0:
                 # Physics at rest stays there until the next command: its first moment stands for all that follow.
                 self._next_ns = (when_ns // self._grid_ns + 1) * self._grid_ns
@@ -211,7 +215,8 @@ class Plant(ABC):
         self._moments = deque(_Moment(at, tuple(row), MappingProxyType(dict(inputs))) for at, row, inputs in rows)
         self._now_ns = cast("int", state["now_ns"])
         self._next_ns = self._end_ns(self._moments[-1])
-        self._ahead = self._present = self._past = None
+        self._ahead = (None, (), self._grid_ns)
+        self._present = self._past = None
 
     def _see(self) -> tuple[Vector, Inputs, float]:
         """Return state, inputs and the bench's time in s of the present instant, and keep them until it is over."""
@@ -234,7 +239,7 @@ class Plant(ABC):
         end_ns = self._end_ns(moment)
         # Where nobody commanded anything, the following moment is the grid point, and its state is known.
         known = following is not None and following.inputs is moment.inputs
-        ahead = following.state if known and following is not None else self._state_ahead(moment)
+        ahead = following.state if known and following is not None else self._look_ahead(moment)[1]
         value = self.signal(signal, moment.state, moment.inputs, moment.at_ns / NANOSECONDS)
         end = self.signal(signal, ahead, moment.inputs, end_ns / NANOSECONDS)
         return value, (end - value) / (end_ns - moment.at_ns)
@@ -242,16 +247,15 @@ class Plant(ABC):
     def _state_at(self, moment: _Moment, at_ns: int) -> Vector:
         if at_ns <= moment.at_ns:
             return moment.state
-        share = (at_ns - moment.at_ns) / (self._end_ns(moment) - moment.at_ns)
-        return self.between(moment.state, self._state_ahead(moment), share)
+        known = self._ahead
+        _, ahead, span_ns = known if known[0] is moment else self._look_ahead(moment)
+        return self.between(moment.state, ahead, (at_ns - moment.at_ns) / span_ns)
 
     def _end_ns(self, moment: _Moment) -> int:
         return (moment.at_ns // self._grid_ns + 1) * self._grid_ns
 
-    def _state_ahead(self, moment: _Moment) -> Vector:
-        known = self._ahead
-        if known is not None and known[0] is moment:
-            return known[1]
-        ahead = self.step(moment.state, moment.inputs, (self._end_ns(moment) - moment.at_ns) / NANOSECONDS)
-        self._ahead = (moment, ahead)
-        return ahead
+    def _look_ahead(self, moment: _Moment) -> _Ahead:
+        if self._ahead[0] is not moment:
+            span_ns = self._end_ns(moment) - moment.at_ns
+            self._ahead = (moment, self.step(moment.state, moment.inputs, span_ns / NANOSECONDS), span_ns)
+        return self._ahead

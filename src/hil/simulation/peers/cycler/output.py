@@ -56,9 +56,9 @@ class Output:
         if not self._extended:
             self._send(f"{text}\r\n".encode("ascii"))
             return
-        self.number = (self.number + 1) % _WRAP
+        self.number = number = (self.number + 1) % _WRAP
         milliseconds = self.milliseconds() if at_us is None else at_us // _US_PER_MS % _WRAP
-        self._send(seal(f"{text};{self.number};{milliseconds}{tail}"))
+        self._send(seal(f"{text};{number};{milliseconds}{tail}"))
 
     def reply(self, text: str) -> None:
         """Send a reply."""

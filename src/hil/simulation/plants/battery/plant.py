@@ -188,11 +188,11 @@ class Battery(Plant):
         others = [self._readers[name] for name in names if name in self._readers]
         order = [*_FLOWS, *_STATE, *(name for name in names if name in self._readers)]
         pick: Callable[[Vector], Vector] = itemgetter(*(order.index(name) for name in names))
-        flows = self._flows
+        of = self._of
 
         def read(state: Vector, inputs: Inputs, at: float) -> Vector:
             del at
-            return pick((*flows(state, inputs), *state, *[other(state, inputs) for other in others]))
+            return pick((*of(inputs).flows(state), *state, *[other(state, inputs) for other in others]))
 
         return read
 
