@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -122,6 +122,26 @@ class Monitor:
         trip = self.judge(Figure(value=value, unit=self.limit.unit), when_ns) or unwatched
         self.good_ns += by_ns
         return trip
+
+    def all_good(self, when_ns: Sequence[int], values: Sequence[float], by_ns: int) -> bool:
+        """Count a few rows as `judge_row` would one by one if each of them is good and new; else count none.
+
+        Args:
+            when_ns: the instants of the rows in ns of the bench's time, in order, at least one.
+            values: the rows' numbers in the limit's unit, as many.
+            by_ns: how much later the instant of the last one is set.
+        """
+        lowest, highest = self._lowest, self._highest
+        last_ns = when_ns[-1]
+        if last_ns - self.good_ns > self._max_age_ns:
+            return False
+        for value in values:
+            if not lowest <= value <= highest:
+                return False
+        self._outside = 0
+        self.good_ns = good_ns = last_ns + by_ns
+        self.due_ns = good_ns + self._hold_ns
+        return True
 
     def judge_rows(
         self, when_ns: NDArray[np.int64], values: NDArray[np.float64], by_ns: int = 0

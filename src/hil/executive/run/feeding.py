@@ -85,12 +85,16 @@ class Feed:
             monitor.unfeed(now_ns)
 
     def _few(self, rows: list[list[float]], by_ns: int) -> tuple[int, Trip] | None:
+        ahead_ns = self._ahead_ns
+        when_ns = [round(row[0] * NANOSECONDS) + ahead_ns for row in rows]
+        left = [each for each in self._fed if not each[1].all_good(when_ns, [row[each[0]] for row in rows], by_ns)]
+        if not left:
+            return None
         last = len(rows) - 1
         for place, row in enumerate(rows):
-            when_ns = round(row[0] * NANOSECONDS) + self._ahead_ns
             then_ns = by_ns if place == last else 0
-            for column, monitor in self._fed:
-                if trip := monitor.judge_row(when_ns, row[column], then_ns):
+            for column, monitor in left:
+                if trip := monitor.judge_row(when_ns[place], row[column], then_ns):
                     return place, trip
         return None
 

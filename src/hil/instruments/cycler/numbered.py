@@ -19,6 +19,7 @@ _MOST_DRIFT = 1.01 * _MS
 _PHASES = {b"C": ("charge", 1.0), b"D": ("discharge", -1.0), b"R": ("rest", 0.0)}
 _OVER = {b"IDLE": "idle", b"ENDED": "ended", b"STOPPED": "stopped", b"TEST END": "ended", b"TEST STOPPED": "stopped"}
 _FEW = 16
+_SEALED_CODE = 6  # a letter, and the seal
 _ITERATION, _TRIPPED, _STATE_TRIPPED = b"TEST ITERATION ", b"TEST TRIPPED ", b"TRIPPED "
 
 
@@ -52,6 +53,8 @@ class NumberedLines(Told):
     def take(self, lines: list[bytes], now: float) -> None:
         """Take whole lines without their ends, in their order; the bench's time is `now`."""
         last_ms, last_s = self._ms + self._wrapped_ms, self.heard_s
+        if len(lines) > 1:
+            lines = lines[self._in_a_row(lines, now) :]
         for line in lines:
             body = line[:-5]
             if not body or line[-5:-4] != b"*" or b"%04X" % crc_hqx(body, 0xFFFF) != line[-4:]:
@@ -70,6 +73,40 @@ class NumberedLines(Told):
         passed_ms = self._ms + self._wrapped_ms - last_ms
         if passed_ms > 0 and not self.started:
             self._date(last_s + passed_ms * _MOST_DRIFT, now)
+
+    def _in_a_row(self, lines: list[bytes], now: float) -> int:
+        """Take the first lines as far as they are data that follow each other in one phase; return their number."""
+        first, last_ms, taken = self.number, self._ms, 0
+        if first is None or not self.recording:
+            return 0
+        wrapped_ms, zero_ms, rows, reading = self._wrapped_ms, self.zero_ms, self.rows, self.reading
+        state, phase, cycle = self.state, self.phase, self.cycle
+        try:
+            for number, line in enumerate(lines, start=first + 1):
+                voltage, current, energy, temperature, told, ms, code = line.split(b";")
+                at_ms = int(ms)
+                if (
+                    int(told) != number
+                    or at_ms < last_ms
+                    or len(code) != _SEALED_CODE
+                    or _PHASES[code[:1]][0] != state
+                    or b"*%04X" % crc_hqx(line[:-5], 0xFFFF) != code[1:]
+                    or line[0] not in _DATA
+                ):
+                    break
+                reading = (float(voltage), float(current), float(energy), float(temperature))
+                rows += ((at_ms + wrapped_ms - zero_ms) * _MS, *reading, phase, cycle)
+                last_ms = at_ms
+                taken += 1
+        except (ValueError, KeyError):
+            pass  # looked at line by line
+        if taken:
+            self.number = first + taken
+            self._ms = last_ms
+            self.frames += taken
+            self.reading, self.read_s = reading, now
+            self.heard_s = now
+        return taken
 
     def device_ms(self, ms: int) -> int:
         """Return device time in ms without wraps, from what a line shows; lines come in the order of their time."""
