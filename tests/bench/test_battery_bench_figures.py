@@ -12,6 +12,8 @@ from hil.instruments.eurotherm_3216 import Eurotherm3216Thermal
 from hil.instruments.modbus import ModbusSession
 
 LINES = 5000
+LINES_UNREAD = 80
+LINE_NS = 5_000_000_000
 POLLS = 500
 
 
@@ -30,6 +32,18 @@ def test_a_line_of_the_cycler(tester, cost):
     assert (
         cost("five seconds of a battery's test, line and all", lambda: tester.follow(LINES), units=LINES) > 30 * LINES
     )
+
+
+def test_a_line_that_nobody_reads_yet(tester, cost):
+    """Five seconds of the simulated side alone: clock, cell, cycler, and the bytes on their way."""
+    clock = tester.clock
+
+    def unread():
+        tester.follow(1)
+        clock.wait_until(clock.now_ns() + LINES_UNREAD * LINE_NS)
+        return tester.ports["cycler"].in_waiting
+
+    assert cost("five seconds of a battery's test, nobody reading", unread, units=LINES_UNREAD) > 30 * LINES_UNREAD
 
 
 def test_a_poll_of_the_controller(tmp_path, cost):

@@ -9,7 +9,7 @@ from battery_cycles import SECOND_NS, battery
 
 from hil.simulation.plants.battery.build import build
 from hil.simulation.plants.plant import Plant
-from hil.simulation.plants.terminal import PlantPort
+from hil.simulation.plants.terminal import PlantPort, SignalPoint, observing
 from hil.simulation.truth import Truth, TruthError
 
 CHARGE = {"charge_contact": True, "supply_voltage": 4.2, "supply_current": 0.7}
@@ -143,3 +143,22 @@ def test_wrong_truths_are_told(truth, message):
     """What cannot be a battery is refused with its key."""
     with pytest.raises(TruthError, match=message):
         build("cell", SECOND_NS, Truth(truth, ("truth",)))
+
+
+@pytest.mark.parametrize("together", [(), ("temperature",), tuple(sorted(battery().signals))])
+def test_several_signals_with_one_look(together):
+    """What is observed together is what is observed one by one, between grid points and after commands too."""
+    plant = battery(charge="0.4")
+    look = plant.observing(together)
+    for second, charging in ((0, True), (3, True), (7, False), (21, False), (25, True)):
+        plant.advance(second * SECOND_NS)
+        plant.command(charge_contact=charging, discharge_contact=not charging, supply_voltage=4.2, supply_current=0.7)
+        assert look() == tuple(plant.observe(name) for name in together)
+
+
+def test_points_of_several_plants_and_open_inputs():
+    """Points are observed together wherever they are; an open input shows what it is told to."""
+    warm, cold = battery(ambient="30"), battery(ambient="10")
+    points = [SignalPoint(warm, "temperature"), None, SignalPoint(cold, "temperature")]
+    assert observing(points, (0.0, 25.0, 0.0))() == (30.0, 25.0, 10.0)
+    assert observing(points[:1] * 2, (0.0, 0.0))() == (30.0, 30.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.simulation.seeds import Seeds
+from hil.simulation.seeds import BLOCK, Seeds
 
 
 def test_value_depends_on_the_index_only():
@@ -57,3 +57,11 @@ def test_blocks_of_normal_numbers_are_addressed_by_their_number():
     assert abs(block.mean()) < 0.06
     assert abs(block.std() - 1.0) < 0.04
     assert not set(block.tolist()) & {stream.normal(index) for index in range(64)}
+
+
+def test_many_numbers_at_once_are_those_of_the_index():
+    """A block of numbers has those that are asked for one by one, whatever was drawn before."""
+    stream, other = Seeds(3).stream("mag", "x"), Seeds(3).stream("mag", "x")
+    for block in (5, 0, 2**40):
+        assert stream.normals(block) == [other.normal(BLOCK * block + place) for place in range(BLOCK)]
+        stream.normal_block(block, 10)

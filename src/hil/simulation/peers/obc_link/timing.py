@@ -8,7 +8,7 @@ from typing import cast
 __all__ = ["BoardClock"]
 
 _PARTS = 10**12
-_NS_PER_US = 1000
+_PARTS_PER_US = _PARTS * 1000
 
 
 class BoardClock:
@@ -30,11 +30,11 @@ class BoardClock:
 
     def at(self, when_ns: int) -> int:
         """Return what the clock shows at an instant of the bench, whole microseconds that have passed."""
-        return self._offset_us + (when_ns - self._zero_ns) * self._rate // (_PARTS * _NS_PER_US)
+        return self._offset_us + (when_ns - self._zero_ns) * self._rate // _PARTS_PER_US
 
     def instant(self, shown_us: int) -> int:
         """Return the first nanosecond of the bench at which the clock shows `shown_us`."""
-        return self._zero_ns - (self._offset_us - shown_us) * _PARTS * _NS_PER_US // self._rate
+        return self._zero_ns - (self._offset_us - shown_us) * _PARTS_PER_US // self._rate
 
     def state(self) -> Mapping[str, object]:
         """Return from where it counts."""
