@@ -20,6 +20,9 @@ S_PER_H = 3600.0
 BEGINS_WITHIN_S = 60.0
 FIRST_SOAK_S = 7200.0
 CELL_K = 1.5
+BROKEN_OFF = 0.5
+"""A current that fades is not much below that which ends a charge when it ends it; this part of it is."""
+
 LEAST_CYCLES = 3
 BEGINNING = ("voltage", "current", "temperature")
 
@@ -146,12 +149,14 @@ def rows_of(test, parts, parameters):
 
 def row_of(number, part, limits):
     """Return the numbers of one cycle by name of the column; NaN where it lacks a half."""
-    row = {"cycle": number} | {name: math.nan for name, _, _ in COLUMNS}
+    row = {"cycle": number, "end_current": math.nan} | {name: math.nan for name, _, _ in COLUMNS}
     if len(part["time"]) < LEAST_CYCLES:
         return row
     data = series(*(part[name] for name in ("time", *BEGINNING[:2])), temperature=part["temperature"])
     found = cycles_of(data, limits)
     charge, discharge = (found[0].charge, found[0].discharge) if found else (None, None)
+    charging = part["current"][part["phase"] == 1.0]
+    row["end_current"] = float(charging[-1]) if len(charging) else math.nan
     row["duration"] = float(part["time"][-1] - part["time"][0]) + LINE_S
     for name, half in (("charge", charge), ("discharge", discharge)):
         if half is not None:
@@ -234,6 +239,15 @@ def elapsed_ratio(rows, test, parts):
     return Figure(value=len(rows) * sum(durations) / len(durations) / elapsed, unit="1")
 
 
+def broken_off(rows, end_current):
+    """Return a doubt for every charge whose current did not fade to that which ends a charge, but broke off."""
+    return [
+        f"the charge of cycle {row['cycle']} ended with {row['end_current']:.3f} A: it did not fade, it broke off"
+        for row in rows
+        if row["end_current"] < BROKEN_OFF * end_current
+    ]
+
+
 def drift_of(stream):
     """Return the rate of the tester's clock against the bench's, minus 1; not observable where nothing told it."""
     if stream.drift is None:
@@ -283,9 +297,10 @@ def test_degradation(cell, assembly, record, iterations, check, step, artifact, 
         check("EPS-DEG-011", "clock_drift", drift_of(test.stream))
         check("EPS-DEG-009", "elapsed_ratio", elapsed_ratio(rows, test, parts), doubts=ended)
     with step("Judge charges, discharges and temperatures"):
+        charged = [*ended, *broken_off(rows, parameters.end_current)]
         volts, degrees = test.uncertainty("voltage"), test.uncertainty("temperature")
-        check("EPS-DEG-001", "charges", share(rows, "charge_energy"), doubts=ended)
-        check("EPS-DEG-001", "end_of_charge_voltage", extreme(rows, "highest_voltage", "V", min, volts), doubts=ended)
+        check("EPS-DEG-001", "charges", share(rows, "charge_energy"), doubts=charged)
+        check("EPS-DEG-001", "end_of_charge_voltage", extreme(rows, "highest_voltage", "V", min, volts), doubts=charged)
         check("EPS-DEG-002", "discharges", share(rows, "discharge_energy"), doubts=ended)
         check("EPS-DEG-002", "end_of_discharge_voltage", extreme(rows, "lowest_voltage", "V", max, volts), doubts=ended)
         check("EPS-DEG-010", "highest_voltage", Figure(value=test["voltage"].max(), unit="V", uncertainty=volts))
@@ -302,4 +317,4 @@ def test_degradation(cell, assembly, record, iterations, check, step, artifact, 
         artifact("fade.csv", fades_as_csv(fades))
         for name, _, unit in FADES:
             slope = fades[name].slope if name in fades else not_observable(f"{unit}/cycle")
-            check("EPS-DEG-008", name, slope, doubts=ended)
+            check("EPS-DEG-008", name, slope, doubts=charged)

@@ -177,3 +177,14 @@ def test_a_thermistor_that_hangs_in_the_box_between_the_plates(scene, tmp_path, 
     assert ran.verdicts() == {"test_degradation": "ERROR"}
     assert "come to" in ran.reasons("test_degradation") or "no temperature below" in ran.reasons("test_degradation")
     assert scene.still_on() == {}
+
+
+def test_a_charge_that_broke_off_is_a_doubt_of_charges_and_fade(scene, tmp_path):
+    """A charger that was gone for half a minute near the end of a charge looks like a charge that was over."""
+    scene.acts[:] = [(4.0, plant(supply_current=0.0)), (4.01, plant(supply_current=0.7))]
+    ran = battery_workspace(tmp_path / "w", DEGRADATION).run(overrides={"cycles": "4"})
+    (case,) = ran.package.results()["cases"]
+    found = {name for name, verdict in case["requirements"].items() if verdict == "INCONCLUSIVE"}
+    assert found == {"EPS-DEG-001", "EPS-DEG-008"}
+    assert "the charge of cycle 1 ended with" in ran.reasons("test_degradation")
+    assert scene.still_on() == {}
