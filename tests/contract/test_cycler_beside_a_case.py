@@ -9,8 +9,7 @@ from case_parts import Case, limit, monitor, scheduler
 from cell_stream import adopt, facade_of
 from cycler_bench import cycler
 
-from hil.executive.case.during import NotInTime
-from hil.model.errors import Tripped
+from hil.model.errors import NotInTime, Tripped
 
 
 @pytest.fixture

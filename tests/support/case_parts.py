@@ -14,12 +14,12 @@ from hil.executive.case.checks import Checks
 from hil.executive.case.effects import Effects
 from hil.executive.case.facade import Facade
 from hil.executive.case.operator import Operator
-from hil.executive.case.recorder import Recorder
 from hil.executive.case.steps import Steps
+from hil.executive.recording.recorder import Recorder
 from hil.executive.run.answers import Nobody
 from hil.executive.run.row_store import RowStore
-from hil.executive.run.scheduler import Scheduler
 from hil.executive.run.stop import StopFlags
+from hil.executive.watch.scheduler import Scheduler
 from hil.instruments.sampled import Channel
 from hil.model.bench import CalibratedRange, Calibration, EnvelopeLimit, InstrumentSpec, Wire
 from hil.model.figure import Figure

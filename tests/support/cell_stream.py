@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hil.clock.virtual import VirtualClock
 from hil.executive.case.facade import Facade
-from hil.executive.run.scheduler import Scheduler
+from hil.executive.watch.scheduler import Scheduler
 from hil.instruments.sampled import Channel, StreamReport
 from hil.model.bench import InstrumentSpec, Wire
 from hil.model.errors import NoReply

@@ -27,7 +27,7 @@ def check(name: str, source: str, *, energise: bool) -> int:
 
     Exit code 0 if every gate holds, 1 otherwise.
     """
-    from hil.executive.run.bench_visit import check_bench  # noqa: PLC0415 - heavy
+    from hil.executive.watch.bench_visit import check_bench  # noqa: PLC0415 - heavy
 
     ready = True
     for gate in check_bench(Path.cwd(), name, Source(source), energise=energise):
@@ -45,7 +45,7 @@ def safe(name: str, source: str) -> int:
 
     Exit code 0 if every line is proven, 7 otherwise.
     """
-    from hil.executive.run.bench_visit import safe_bench  # noqa: PLC0415 - heavy
+    from hil.executive.watch.bench_visit import safe_bench  # noqa: PLC0415 - heavy
 
     proven = True
     for result in safe_bench(Path.cwd(), name, Source(source)):

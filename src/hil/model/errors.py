@@ -31,6 +31,7 @@ __all__ = [
     "HilError",
     "Implausible",
     "NoReply",
+    "NotInTime",
     "Refused",
     "Rejected",
     "Tripped",
@@ -127,6 +128,10 @@ class Tripped(HilError):
 
 class UnsafeEnd(HilError):
     """An output could not be brought to, or proven in, its safe state."""
+
+
+class NotInTime(HilError):
+    """What a case waited for in the rows of a recording did not come in time."""
 
 
 class Diverged(HilError):

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from hil.bench.binding import BoundBench, bind_resumed, bind_simulated
 from hil.evidence.folder import TRANSCRIPT
+from hil.executive.again.earlier import Answered, Earlier
 from hil.executive.case.case_run import PlannedCase
 from hil.executive.case.operator import AnswerSource
 from hil.executive.run.answers import AnswersFile, FirstOf, Nobody, SimulatedPerson, TerminalPerson, load_answers
-from hil.executive.run.earlier import Answered, Earlier
 from hil.executive.run.events import Listener
 from hil.executive.run.session import Session
 from hil.executive.setup.configuration import Configuration, Request

@@ -11,9 +11,9 @@ from pathlib import Path
 
 from hil.bench.binding import bind_replayed
 from hil.evidence.package.contents import Package
+from hil.executive.again.replaying import STOPPED, differences, replay_of, replay_request, unpack
 from hil.executive.case.case_run import PlannedCase
 from hil.executive.run.answers import Nobody
-from hil.executive.run.replaying import STOPPED, differences, replay_of, replay_request, unpack
 from hil.executive.run.session import Session
 from hil.executive.setup.configuration import Configuration, Request, configure
 from hil.model.errors import Refused

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import NoReturn, Protocol, TextIO
 
 from hil.evidence.folder import JOURNAL, RESULTS, is_sealed
+from hil.executive.again.earlier import Earlier, find_earlier
 from hil.executive.case.case_run import PlannedCase
-from hil.executive.run.earlier import Earlier, find_earlier
 from hil.executive.run.exit_codes import EXIT_INTERRUPTED
 from hil.executive.run.notifying import Notifier
 from hil.executive.run.session import Session

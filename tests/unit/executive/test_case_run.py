@@ -8,8 +8,8 @@ from case_parts import Case, limit, monitor, scheduler
 from hil.executive.case.checks import CheckFailed
 from hil.executive.case.effects import Recall
 from hil.executive.case.given import Misused
-from hil.executive.run.scheduler import CaseTimeout
 from hil.executive.run.stop import Stopped
+from hil.executive.watch.scheduler import CaseTimeout
 from hil.model.errors import Diverged, Implausible, NoReply, Tripped
 from hil.model.figure import Figure
 

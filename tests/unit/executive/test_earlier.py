@@ -7,7 +7,7 @@ import pytest
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.journal.standing import Entry, Voided, entries, standing
 from hil.evidence.journal.writer import Journal
-from hil.executive.run.earlier import find_earlier, go_on_with, require_untouched
+from hil.executive.again.earlier import find_earlier, go_on_with, require_untouched
 from hil.model.errors import Refused
 
 HEAD = [("run", {"format": 1}), ("frozen", {"files": {}}), ("planned", {"cases": []})]

@@ -12,7 +12,7 @@ from case_parts import Case
 from hil.evidence.recordings.hdf5 import Recorded
 from hil.executive.case.facade import RoleSet
 from hil.executive.case.given import Misused
-from hil.executive.case.records import data_checks
+from hil.executive.recording.criteria import data_checks
 from hil.executive.run.row_store import RecordingFacts
 from hil.executive.run.stop import Stopped
 from hil.model.errors import NoReply

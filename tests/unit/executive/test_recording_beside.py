@@ -10,9 +10,8 @@ import pytest
 from case_parts import limit, monitor, scheduler
 from cell_stream import Stream, adopt, beside, facade_of
 
-from hil.executive.case.during import NotInTime
 from hil.executive.case.given import Misused
-from hil.model.errors import NoReply, Tripped
+from hil.model.errors import NoReply, NotInTime, Tripped
 
 MS = 1_000_000
 

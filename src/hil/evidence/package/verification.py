@@ -10,8 +10,8 @@ from pathlib import Path
 
 from hil.evidence.durable import sha256_of
 from hil.evidence.folder import JOURNAL, SEAL, is_held, is_run, is_sealed
-from hil.evidence.journal.standing import standing
 from hil.evidence.journal.reader import UnknownFormat, read_journal, require_known_format
+from hil.evidence.journal.standing import standing
 from hil.evidence.package.bag import digest_of_manifest, manifest_text, payload_of
 from hil.evidence.package.consistent import content_findings, guarded, results_event
 from hil.evidence.package.intact import bag_findings

@@ -10,11 +10,11 @@ from hil.executive.case.artifacts import Artifacts
 from hil.executive.case.checks import CheckFailed, Checks
 from hil.executive.case.effects import Effects
 from hil.executive.case.operator import Operator
-from hil.executive.case.recorder import Recorder
-from hil.executive.case.records import data_checks
 from hil.executive.case.steps import Steps
-from hil.executive.run.scheduler import CaseTimeout, Scheduler
+from hil.executive.recording.criteria import data_checks
+from hil.executive.recording.recorder import Recorder
 from hil.executive.run.stop import Stopped
+from hil.executive.watch.scheduler import CaseTimeout, Scheduler
 from hil.model.bench import InstrumentSpec
 from hil.model.errors import DeviceFault, Diverged, HilError, Implausible
 from hil.model.verdict import Verdict, worst

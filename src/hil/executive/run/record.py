@@ -15,9 +15,9 @@ from hil.evidence.journal.past import Past
 from hil.evidence.journal.standing import Entry
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.sealing import ReportWriter, seal
+from hil.executive.again.checkpoints import Checkpoints
+from hil.executive.again.earlier import Earlier, go_on_with, require_untouched
 from hil.executive.case.case_run import PlannedCase
-from hil.executive.run.checkpoints import Checkpoints
-from hil.executive.run.earlier import Earlier, go_on_with, require_untouched
 from hil.executive.run.events import Events, Listener
 from hil.executive.run.row_store import RowStore
 from hil.executive.run.stop import StopFlags

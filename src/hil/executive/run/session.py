@@ -12,22 +12,22 @@ from typing import Any
 from hil.bench.binding import BoundBench
 from hil.evidence.folder import ATTACHMENTS
 from hil.evidence.package.sealing import ReportWriter
+from hil.executive.again.earlier import Earlier
+from hil.executive.again.entering import Entering, ReplayOf
 from hil.executive.case.artifacts import Artifacts
 from hil.executive.case.case_run import CaseRun, PlannedCase
 from hil.executive.case.checks import Checks
 from hil.executive.case.effects import Effects
 from hil.executive.case.facade import Facade, RoleSet, facades
 from hil.executive.case.operator import AnswerSource, Operator
-from hil.executive.case.recorder import Recorder
 from hil.executive.case.steps import Steps
-from hil.executive.run.earlier import Earlier
-from hil.executive.run.entering import Entering, ReplayOf
+from hil.executive.recording.recorder import Recorder
 from hil.executive.run.events import Listener
 from hil.executive.run.exit_codes import code_of
-from hil.executive.run.keeper import BenchKeeper
 from hil.executive.run.record import Record
 from hil.executive.run.stop import Astray, StopFlags, Stopped, Turn, handle_signals, leave_unsealed
 from hil.executive.setup.configuration import Configuration
+from hil.executive.watch.keeper import BenchKeeper
 from hil.model.verdict import Verdict
 from hil.wire.transcript import Transcript
 

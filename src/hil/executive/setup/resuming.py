@@ -8,8 +8,8 @@ from pathlib import Path
 
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.durable import read_plain
+from hil.executive.again.earlier import Earlier
 from hil.executive.case.case_run import PlannedCase
-from hil.executive.run.earlier import Earlier
 from hil.executive.setup.configuration import Configuration, Request
 from hil.executive.setup.freeze import freeze
 from hil.executive.setup.software import software_identity

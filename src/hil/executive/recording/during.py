@@ -13,22 +13,18 @@ from hil.clock.port import NANOSECONDS
 from hil.documents.suggest import did_you_mean
 from hil.executive.case.effects import Effects
 from hil.executive.case.given import Misused
-from hil.executive.case.intake import Condition
-from hil.executive.case.taking import Taking
-from hil.executive.run.scheduler import Scheduler
-from hil.model.errors import HilError
+from hil.executive.recording.intake import Condition
+from hil.executive.recording.taking import Taking
+from hil.executive.watch.scheduler import Scheduler
+from hil.model.errors import HilError, NotInTime
 from hil.model.figure import Figure
 
 if TYPE_CHECKING:
-    from hil.executive.case.recording import Recording
+    from hil.executive.recording.recording import Recording
 
-__all__ = ["During", "Host", "NotInTime"]
+__all__ = ["During", "Host"]
 
 _HINT = "wait longer, or look at what the device does"
-
-
-class NotInTime(HilError):
-    """What a case waited for in the rows of a recording did not come in time."""
 
 
 class Host(Protocol):

@@ -11,9 +11,9 @@ from hil.bench.safe_off import SafeResult, make_safe
 from hil.clock import wall
 from hil.clock.port import NANOSECONDS
 from hil.executive.case.effects import decoded
-from hil.executive.run.driven import Call, Driven
-from hil.executive.run.scheduler import Scheduler
 from hil.executive.run.stop import StopFlags
+from hil.executive.watch.driven import Call, Driven
+from hil.executive.watch.scheduler import Scheduler
 from hil.model.errors import DeviceFault
 from hil.wire.replay import HOLD, HOLD_END
 

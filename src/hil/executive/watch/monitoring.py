@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from hil.bench.binding import BoundBench
 from hil.bench.envelope import Monitor, Trip
 from hil.clock.port import NANOSECONDS
-from hil.executive.run.watch import Watch
+from hil.executive.watch.reports_to import Watch
 from hil.model.bench import InstrumentSpec
 from hil.model.errors import DeviceFault, NoReply
 from hil.model.figure import Figure

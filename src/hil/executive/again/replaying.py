@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from hil.evidence.journal.standing import Voided, entries
 from hil.evidence.package.contents import Package
+from hil.executive.again.entering import ReplayOf
 from hil.executive.case.effects import Recall
-from hil.executive.run.entering import ReplayOf
 from hil.executive.setup.configuration import Request
 from hil.model.errors import Diverged, EvidenceError
 from hil.model.identity import Purpose, Source

@@ -16,9 +16,9 @@ from hil.evidence.journal.past import is_of_course
 from hil.evidence.journal.reader import Body, JournalLine, cut_torn_tail, read_journal, require_known_format
 from hil.evidence.journal.standing import Entry, entries, standing
 from hil.evidence.journal.writer import Journal
+from hil.executive.again.checkpoints import read_checkpoint
 from hil.executive.case.operator import Answer, AnswerSource, Declined, Question
 from hil.executive.run.answers import SIMULATED_PERSON
-from hil.executive.run.checkpoints import read_checkpoint
 from hil.model.errors import Diverged, EvidenceError, Refused
 from hil.model.verdict import Verdict
 from hil.wire.checkpoint import Checkpoint

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hil.executive.run.feeding import Feed
 from hil.executive.run.row_store import OpenRecording
-from hil.executive.run.scheduler import Scheduler
+from hil.executive.watch.feeding import Feed
+from hil.executive.watch.scheduler import Scheduler
 
 if TYPE_CHECKING:
     import numpy as np

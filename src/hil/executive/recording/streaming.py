@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Protocol, cast
 
 from hil.clock.port import NANOSECONDS
 from hil.executive.case.facade import Facade
-from hil.executive.case.intake import Intake
-from hil.executive.run.watch import Beside
+from hil.executive.recording.intake import Intake
+from hil.executive.watch.reports_to import Beside
 from hil.instruments.sampled import Ending, Patient, Streamed, StreamReport
 from hil.model.errors import DeviceFault
 

@@ -10,8 +10,8 @@ from hil.bench.binding import BoundBench
 from hil.clock.port import NANOSECONDS
 from hil.evidence.journal.standing import Entry, Voided
 from hil.executive.case.effects import Recall
-from hil.executive.run.keeper import BenchKeeper
 from hil.executive.run.record import Record
+from hil.executive.watch.keeper import BenchKeeper
 from hil.model.errors import HilError
 
 if TYPE_CHECKING:

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
 from hil.executive.case.facade import Facade
-from hil.executive.case.intake import Intake
-from hil.executive.case.streaming import SampledTurns, StreamTurns
+from hil.executive.recording.intake import Intake
+from hil.executive.recording.streaming import SampledTurns, StreamTurns
 from hil.executive.run.row_store import OpenRecording, RecordingFacts, RowStore
-from hil.executive.run.scheduler import Scheduler
+from hil.executive.watch.scheduler import Scheduler
 from hil.instruments.sampled import StreamReport
 
 __all__ = ["Taking"]

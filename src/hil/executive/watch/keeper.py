@@ -8,10 +8,10 @@ from hil.bench.binding import BoundBench
 from hil.bench.envelope import Monitor, Trip
 from hil.bench.readiness import Gate, energised_gates, unpowered_gates
 from hil.bench.safe_off import SafeResult, make_safe
-from hil.executive.run.holding import Holding
 from hil.executive.run.row_store import OpenRecording, RecordedChannel, RecordingFacts, RowStore
-from hil.executive.run.scheduler import Scheduler
 from hil.executive.run.stop import StopFlags
+from hil.executive.watch.holding import Holding
+from hil.executive.watch.scheduler import Scheduler
 from hil.model.bench import EnvelopeLimit, SafeStep
 from hil.model.figure import Figure
 from hil.model.identity import Dut

@@ -10,10 +10,10 @@ from hil.bench.binding import BoundBench
 from hil.bench.envelope import Monitor, Trip
 from hil.clock import wall
 from hil.clock.port import NANOSECONDS
-from hil.executive.run.feeding import Feed, monitors_of, pause_allowed
-from hil.executive.run.monitoring import Monitoring
 from hil.executive.run.stop import StopFlags, Stopped
-from hil.executive.run.watch import Beside, Watch
+from hil.executive.watch.feeding import Feed, monitors_of, pause_allowed
+from hil.executive.watch.monitoring import Monitoring
+from hil.executive.watch.reports_to import Beside, Watch
 from hil.model.errors import Tripped
 
 if TYPE_CHECKING:

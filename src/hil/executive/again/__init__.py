@@ -1,0 +1,1 @@
+"""A run again: replayed, gone on with, or entered once more."""
