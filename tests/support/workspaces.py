@@ -214,6 +214,20 @@ def command_line(*arguments: str) -> list[str]:
     return [sys.executable, "-m", "hil.cli", *arguments]
 
 
+STARTED: list[subprocess.Popen[str]] = []
+"""Processes that a test has started and may leave behind; see `end_started`."""
+
+
+def end_started() -> None:
+    """End what a failed test leaves."""
+    while STARTED:
+        process = STARTED.pop()
+        if process.poll() is None:
+            kill(process)
+        if process.stdout is None or not process.stdout.closed:
+            process.communicate()
+
+
 def kill(process: subprocess.Popen[str]) -> None:
     """End a command at once: the process that runs and the one that waits for it."""
     with contextlib.suppress(ProcessLookupError):

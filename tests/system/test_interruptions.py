@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
-from workspaces import DUT, executive, finish, kill, make
+from workspaces import DUT, STARTED, executive, finish, kill, make
 
 from hil.cli.main import main
 from hil.evidence.journal.reader import read_journal
@@ -57,20 +57,6 @@ def test_swallowing(check, clock):
         except Exception:
             pass
 """
-
-
-STARTED: list[subprocess.Popen[str]] = []
-
-
-@pytest.fixture(autouse=True)
-def no_run_is_left():
-    """End the runs that a failed test leaves."""
-    yield
-    while STARTED:
-        process = STARTED.pop()
-        if process.poll() is None:
-            kill(process)
-            process.communicate()
 
 
 def until(process, text: str) -> None:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-import subprocess
 
 import pytest
-from workspaces import finish, kill, make
+from workspaces import STARTED, finish, kill, make
 
 pytestmark = pytest.mark.system
 
@@ -17,20 +16,6 @@ def test_long(field, record, iterations):
     for part in iterations("part", 100_000):
         record("field", field, duration=5.0, rate=40.0)
 """
-
-STARTED: list[subprocess.Popen[str]] = []
-
-
-@pytest.fixture(autouse=True)
-def no_process_is_left():
-    """End what a failed test leaves."""
-    yield
-    while STARTED:
-        process = STARTED.pop()
-        if process.poll() is None:
-            kill(process)
-        if not process.stdout.closed:
-            process.communicate()
 
 
 def until(process, text: str) -> str:

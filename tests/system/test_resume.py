@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from resumed_runs import findings_of, killed, without_git
-from workspaces import Workspace, finish, kill, make
+from workspaces import STARTED, Workspace, finish, make
 
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
@@ -41,19 +41,6 @@ def supply_on(supply):
     yield
     supply.coil.disable()
 """
-
-STARTED: list[subprocess.Popen[str]] = []
-
-
-@pytest.fixture(autouse=True)
-def no_process_is_left():
-    """End what a failed test leaves."""
-    yield
-    while STARTED:
-        process = STARTED.pop()
-        if process.poll() is None:
-            kill(process)
-            process.communicate()
 
 
 def made(root: Path, *cases: str) -> Workspace:

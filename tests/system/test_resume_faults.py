@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from resumed_runs import without_git
-from workspaces import finish, kill, make
+from workspaces import STARTED, finish, kill, make
 
 from hil.evidence.folder import is_held
 from hil.evidence.package.contents import Package
@@ -33,19 +33,6 @@ def test_long(supply, field, operator, record, check, clock, iterations):
             clock.sleep(20.0)
             check("T-050", "voltage", supply.coil.voltage())
 """
-
-STARTED: list[subprocess.Popen[str]] = []
-
-
-@pytest.fixture(autouse=True)
-def no_process_is_left():
-    """End what a failed test leaves."""
-    yield
-    while STARTED:
-        process = STARTED.pop()
-        if process.poll() is None:
-            kill(process)
-            process.communicate()
 
 
 @pytest.fixture(scope="module")
