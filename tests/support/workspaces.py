@@ -224,8 +224,10 @@ def end_started() -> None:
         process = STARTED.pop()
         if process.poll() is None:
             kill(process)
-        if process.stdout is None or not process.stdout.closed:
-            process.communicate()
+        process.wait()
+        for stream in (process.stdout, process.stderr):
+            if stream is not None:
+                stream.close()
 
 
 def kill(process: subprocess.Popen[str]) -> None:
