@@ -24,7 +24,7 @@ MARGIN = 2.0
 UNSEEN = (-16.0, -7.0, 3.0, 18.0, 33.0, 40.0)
 """Temperatures of the remaining error, most of which the calibration has not seen."""
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.system, pytest.mark.timeout(600)]
 
 
 @pytest.fixture(scope="module")

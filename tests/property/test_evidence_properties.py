@@ -56,7 +56,7 @@ def is_found(folder: Path, path: Path, offset: int, flip: int) -> bool:
         path.write_bytes(data)
 
 
-@pytest.mark.timeout(240)
+@pytest.mark.timeout(600)
 def test_any_changed_byte_of_a_tag_file_is_found(small):
     """Every single byte of manifests, facts and seal, each changed in another way."""
     assert verify(small).state is State.SEALED

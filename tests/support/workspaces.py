@@ -179,7 +179,7 @@ class Workspace:
         """Return the command line of `hil run` for the plan on the simulated bench."""
         return command_line(*self.run_arguments)
 
-    def hil(self, *arguments: str, timeout: float = 50) -> Ended:
+    def hil(self, *arguments: str, timeout: float = 150) -> Ended:
         """Run `hil` in a process of its own to its end."""
         return finish(self.start(*arguments), timeout)
 
@@ -242,7 +242,7 @@ def executive(process: subprocess.Popen[str]) -> int:
     return int(children[0])
 
 
-def finish(process: subprocess.Popen[str], timeout: float = 50) -> Ended:
+def finish(process: subprocess.Popen[str], timeout: float = 150) -> Ended:
     """Wait for the end of a command; one that does not end is killed, and fails the test."""
     try:
         out, err = process.communicate(timeout=timeout)

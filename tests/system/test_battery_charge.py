@@ -10,7 +10,7 @@ from battery_runs import battery_workspace
 from hil.evidence.package.verification import verify
 from hil.plugin.rehearsing import replay
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.system, pytest.mark.timeout(600)]
 
 PUBLISHED = """\
 2:47:58 4:18:30 28.6 24.9 32.9 24.1 7.98 7.07

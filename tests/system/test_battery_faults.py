@@ -6,7 +6,7 @@ import pytest
 from battery_faults import Scene, loses_its_output, overshoots, plant
 from battery_runs import battery_workspace
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.system, pytest.mark.timeout(360)]
 
 CHARGE, DEGRADATION = "battery_charge", "battery_degradation"
 SHORT = {"iterations": "1", "rest": "60", "relaxation": "60"}

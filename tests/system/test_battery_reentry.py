@@ -16,7 +16,7 @@ from hil.executive.setup.resuming import resumed_request
 from hil.plugin.rehearsing import replay
 from hil.plugin.running import resume, run
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.system, pytest.mark.timeout(600)]
 
 CHARGE, DEGRADATION = "battery_charge", "battery_degradation"
 THREE = {"iterations": "3", "relaxation": "60"}

@@ -24,7 +24,7 @@ def size_of(folder):
     return sum(path.stat().st_size for path in files if path.exists())
 
 
-@pytest.mark.timeout(900)
+@pytest.mark.timeout(1800)
 def test_twenty_kills_change_nothing(tmp_path):
     """Killed at twenty random moments and resumed each time: recordings and results as if nobody had touched it.
 
@@ -32,7 +32,7 @@ def test_twenty_kills_change_nothing(tmp_path):
     """
     workspace = without_git(battery_workspace(tmp_path / "workspace", "battery_charge"))
     command = ("run", workspace.plan.name, "--bench", "battery", "--dut", "SIM-BAT-1", "--source", "simulated")
-    whole = workspace.hil(*command, timeout=200)
+    whole = workspace.hil(*command, timeout=500)
     assert whole.err == ""
     (undisturbed,) = workspace.folders()
     end, moments, kills = size_of(undisturbed), random.Random(4), 0
@@ -47,7 +47,7 @@ def test_twenty_kills_change_nothing(tmp_path):
         kills += killed(process, moments.uniform(0.0, 0.3))
         assert not (disturbed / "bagit.txt").exists(), f"it had ended before kill {kill + 1}"
         process = workspace.start("resume", str(disturbed), stdout=subprocess.DEVNULL)
-    assert process.wait(200) == whole.code
+    assert process.wait(500) == whole.code
     process.communicate()
     package = Package(disturbed)
     assert kills == KILLS

@@ -408,7 +408,7 @@ def cycled(model, hours):
     return terminal.lines
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(600)
 def test_peer_and_firmware_agree_over_a_cycle():
     """With the same battery every mark is at its place, and every field within its last digit.
 

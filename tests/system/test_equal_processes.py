@@ -9,7 +9,7 @@ from magnetorquer_runs import rows, start_elsewhere, workspace
 
 from hil.evidence.package.contents import Package
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.system, pytest.mark.timeout(600)]
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
 from hil.plugin.rehearsing import replay
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.system, pytest.mark.timeout(600)]
 
 SHORTENED = {
     "rest_duration": 'value: "1200"',
@@ -172,7 +172,7 @@ def test_doubts_about_one_recording_reach_the_whole_calibration(tmp_path, device
     assert ran.left_safe()
 
 
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(900)
 def test_the_plan_as_committed_passes(tmp_path):
     """Four hours at 100 Hz and the whole calibration, in a process of its own with less than 600 MB."""
     workspace = committed_workspace(tmp_path / "workspace")

@@ -116,7 +116,7 @@ def test_two_signals_end_a_case_that_only_computes(tmp_path):
     assert package.results()["safe"] is True
 
 
-@pytest.mark.timeout(120)
+@pytest.mark.timeout(360)
 def test_two_signals_at_any_moment_cut_nothing_in_two(tmp_path):
     """Whatever the executive is at when both signals come, the journal's chain and the package are whole."""
     pauses = random.Random(7)
@@ -146,7 +146,7 @@ def moment(line) -> float:
     return datetime.fromisoformat(line.wall["utc"]).replace(tzinfo=UTC).timestamp()
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(600)
 def test_a_killed_run_loses_nothing_that_was_told(tmp_path):
     """Killed at any of 30 moments, a run is found incomplete, whole up to the kill, and sealed as it is."""
     moments = random.Random(20260101)

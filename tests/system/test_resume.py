@@ -66,10 +66,10 @@ def begun(workspace) -> Path:
                 return folder
 
 
-@pytest.mark.timeout(280)
+@pytest.mark.timeout(600)
 def test_a_run_that_is_killed_again_and_again_comes_to_the_same(workspace):
     """Recordings and results are those of a run that nobody disturbed, and the package verifies and tells of it."""
-    whole = workspace.hil(*workspace.run_arguments, timeout=100)
+    whole = workspace.hil(*workspace.run_arguments, timeout=300)
     assert whole.code == 0, whole.err
     (undisturbed,) = workspace.folders()
     moments = random.Random(11)
@@ -80,7 +80,7 @@ def test_a_run_that_is_killed_again_and_again_comes_to_the_same(workspace):
         if not killed(STARTED[-1], moments.uniform(1.0, 6.0)):
             break
     if not (disturbed / "bagit.txt").exists():
-        ended = workspace.hil("resume", str(disturbed), timeout=100)
+        ended = workspace.hil("resume", str(disturbed), timeout=300)
         assert ended.code == 0, ended.err
         assert ended.last_line == f"reports/{disturbed.name}"
     package = Package(disturbed)
@@ -90,7 +90,7 @@ def test_a_run_that_is_killed_again_and_again_comes_to_the_same(workspace):
     assert [event["number"] for event in resumed] == list(range(1, len(resumed) + 1))
     assert resumed
     assert "the run was interrupted, and went on here" in package.text("data/report/report.html")
-    assert workspace.hil("replay", str(disturbed), timeout=100).code == 0
+    assert workspace.hil("replay", str(disturbed), timeout=300).code == 0
 
 
 @pytest.fixture
@@ -179,7 +179,7 @@ def stopped(workspace, process, until: str) -> None:
     assert "hil resume" in ended.out
 
 
-@pytest.mark.timeout(240)
+@pytest.mark.timeout(600)
 def test_a_run_that_was_stopped_goes_on_at_its_last_turn(tmp_path):
     """It is entered again, twice: the bench armed and driven anew, the turns made again void before, nothing lost."""
     workspace = made(tmp_path / "workspace", TURNS)
@@ -187,7 +187,7 @@ def test_a_run_that_was_stopped_goes_on_at_its_last_turn(tmp_path):
     (folder,) = workspace.folders()
     assert not (folder / "bagit.txt").exists()
     stopped(workspace, workspace.start("resume", "latest", "--verbose"), "part 200 of 400")
-    ended = workspace.hil("resume", "latest", timeout=100)
+    ended = workspace.hil("resume", "latest", timeout=300)
     assert (ended.code, ended.err) == (0, "")
     package = Package(folder)
     assert (verify(folder).findings, verify(folder).ok) == ((), True)
@@ -200,7 +200,7 @@ def test_a_run_that_was_stopped_goes_on_at_its_last_turn(tmp_path):
     beside = next(each for each in package.recordings() if each["name"] == "beside")
     assert len(package.recording(beside["recording"])) > 4 * 20 * 400
     assert "stopped by Ada: weekend, and entered again where" in package.text("data/report/report.html")
-    again = workspace.hil("replay", str(folder), timeout=100)
+    again = workspace.hil("replay", str(folder), timeout=300)
     assert (again.code, again.err) == (0, "")
 
 
@@ -221,7 +221,7 @@ def test_rest(field, record, artifact):
 """
 
 
-@pytest.mark.timeout(240)
+@pytest.mark.timeout(600)
 def test_a_recording_that_continues_is_not_made_again(tmp_path):
     """What was recorded before the stop stands, the rest comes behind a gap, and the requirement tells of the gap."""
     workspace = made(tmp_path / "workspace", RESTING)
@@ -233,7 +233,7 @@ def test_a_recording_that_continues_is_not_made_again(tmp_path):
         folder = next(iter(workspace.folders()), None)
     assert workspace.hil("stop", "latest", "--to-resume").code == 0
     assert finish(process, 60).code == 2
-    ended = workspace.hil("resume", "latest", timeout=100)
+    ended = workspace.hil("resume", "latest", timeout=300)
     package = Package(folder)
     (case,) = package.results()["cases"]
     (recording,) = [each for each in package.recordings() if each["case"]]
@@ -244,4 +244,4 @@ def test_a_recording_that_continues_is_not_made_again(tmp_path):
     assert kept[:2] == ["60000", "60000"]
     assert int(kept[2]) > 1500
     assert verify(folder).findings == ()
-    assert workspace.hil("replay", str(folder), timeout=100).code == 0
+    assert workspace.hil("replay", str(folder), timeout=300).code == 0

@@ -87,7 +87,7 @@ def whole(workspace, folder: Path) -> Package:
     return Package(folder)
 
 
-@pytest.mark.timeout(120)
+@pytest.mark.timeout(360)
 @pytest.mark.parametrize("how", ["SIGINT", "SIGTERM", "hil stop"])
 def test_a_resume_that_is_stopped_on_its_record_leaves_the_run_as_it_was(workspace, interrupted, how):
     """It can be resumed again, and does not stop a second time for what was asked of the process before."""
@@ -109,7 +109,7 @@ def test_a_resume_that_is_stopped_on_its_record_leaves_the_run_as_it_was(workspa
     assert told == (["inbox, unheard by Ada: stop, before the run was resumed"] if how == "hil stop" else [])
 
 
-@pytest.mark.timeout(120)
+@pytest.mark.timeout(360)
 def test_a_run_that_was_stopped_twice_to_be_resumed_goes_on(workspace):
     """The second word neither seals the run, nor stops the resumed one, and it is written down."""
     folder = begun(workspace, 10)
@@ -120,7 +120,7 @@ def test_a_run_that_was_stopped_twice_to_be_resumed_goes_on(workspace):
     whole(workspace, folder)
 
 
-@pytest.mark.timeout(120)
+@pytest.mark.timeout(360)
 def test_a_run_that_was_killed_on_its_way_to_the_safe_state_is_entered_behind_it(workspace):
     """Its last checkpoint is from before the turn that is entered; recorded time goes forward all the same."""
     folder = begun(workspace, 3)
@@ -142,7 +142,7 @@ hold:
 """
 
 
-@pytest.mark.timeout(200)
+@pytest.mark.timeout(480)
 def test_a_run_that_was_killed_while_it_was_held_is_held_again(tmp_path):
     """It is released as any other, killed again behind that, resumed again, and replayed."""
     workspace = without_git(make(tmp_path / "workspace", TURNS))
@@ -186,7 +186,7 @@ def test_a_checkpoint_that_is_not_of_the_run_is_refused(workspace, interrupted, 
     assert (ended.code, word in ended.err, "remove it" in ended.err) == (4, True, True)
 
 
-@pytest.mark.timeout(120)
+@pytest.mark.timeout(360)
 def test_a_run_without_checkpoint_and_half_of_its_record_comes_to_the_same(workspace, interrupted):
     """A simulated bench makes again what a disk lost: transcript, rows, half a header, the reserve."""
     (interrupted / "reserve.bin").unlink()

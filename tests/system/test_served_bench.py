@@ -47,7 +47,7 @@ class Served:
         """End it and return its exit code and what it said on standard error."""
         if self.process.poll() is None:
             self.process.send_signal(number)
-        _, error = self.process.communicate(timeout=20)
+        _, error = self.process.communicate(timeout=60)
         return self.process.returncode, error
 
 
@@ -109,7 +109,7 @@ def test_mbpoll_reads_relays(serve):
     bench = serve()
     command = ["mbpoll", "-m", "rtu", "-a", "1", "-t", "0", "-r", "1", "-c", "8", "-b", "9600", "-P", "none", "-1"]
     read = subprocess.run(
-        [*command, str(bench.folder / "relay1")], capture_output=True, text=True, timeout=20, check=False
+        [*command, str(bench.folder / "relay1")], capture_output=True, text=True, timeout=60, check=False
     )
     assert read.returncode == 0, read.stdout + read.stderr
     assert "[8]: \t0" in read.stdout
@@ -175,7 +175,7 @@ def test_descriptors_outlive_who_opened_them(serve):
     assert bench.ask(state="lines.psu1.open") is True
     assert bench.ask(state="lines.relay1.open") is True
     assert bench.ask(state="peers.psu1.outputs.3.on") is True
-    heir.communicate(timeout=20)
+    heir.communicate(timeout=60)
     deadline = time.monotonic() + 5
     while bench.ask(state="peers.psu1.outputs.3.on") or bench.ask(state="plants.coil.contact_a"):
         assert time.monotonic() < deadline
@@ -196,7 +196,7 @@ def test_stop_ends_it_in_order(serve):
     """Whoever may ask may also end it."""
     bench = serve()
     assert bench.ask(stop=True) is True
-    assert bench.process.wait(timeout=20) == 0
+    assert bench.process.wait(timeout=60) == 0
     assert not bench.folder.exists()
 
 
@@ -208,7 +208,7 @@ def test_a_killed_server_leaves_nothing_that_prevents_the_next(serve):
     assert other.returncode == 4
     assert "another server serves a bench" in other.stderr
     os.kill(bench.process.pid, signal.SIGKILL)
-    bench.process.wait(timeout=20)
+    bench.process.wait(timeout=60)
     assert bench.folder.exists()
     with pytest.raises(Refused, match="no served bench answers"):
         bench.ask(time=None)

@@ -16,7 +16,7 @@ NOT_IN_A_COPY = ("make setup", ". .venv/bin/activate", "git checkout fixtures te
 
 
 @pytest.mark.system
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(1200)
 def test_the_first_run_goes_as_told(tmp_path):
     """Every command of the tutorial gives the output and the exit code that the page shows."""
     for name in ("fixtures", "testplans"):
@@ -28,7 +28,7 @@ def test_the_first_run_goes_as_told(tmp_path):
 
 
 @pytest.mark.system
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(600)
 def test_a_plan_is_written_as_told(tmp_path):
     """In an empty folder, the files and commands of the guide make a plan that runs."""
     steps = steps_of(DOCS / "how-to" / "write-a-plan.md")
@@ -36,7 +36,7 @@ def test_a_plan_is_written_as_told(tmp_path):
 
 
 @pytest.mark.system
-@pytest.mark.timeout(120)
+@pytest.mark.timeout(360)
 @pytest.mark.parametrize("page", [ROOT / "README.md", DOCS / "how-to" / "analyse-a-log.md"], ids=lambda page: page.stem)
 def test_logs_are_analysed_as_told(page, tmp_path):
     """The commands that characterise the example log give what the pages show."""
@@ -47,7 +47,7 @@ def test_logs_are_analysed_as_told(page, tmp_path):
 
 
 @pytest.mark.system
-@pytest.mark.timeout(120)
+@pytest.mark.timeout(360)
 def test_recordings_are_exported_as_told(tmp_path):
     """The commands of the guide export the reference package, and show what the page shows."""
     shutil.copytree(ROOT / "reports" / "reference", tmp_path / "reports" / "reference")

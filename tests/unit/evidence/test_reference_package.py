@@ -73,7 +73,7 @@ def test_any_one_changed_byte_is_found(copy, name):
 
 
 @pytest.mark.parametrize("name", TAGS)
-@pytest.mark.timeout(240)
+@pytest.mark.timeout(600)
 def test_every_byte_of_the_tag_files_counts(copy, name):
     """Not one byte of seal, description and manifests is free, white space included."""
     for place in range(0, (copy / name).stat().st_size, 7):
