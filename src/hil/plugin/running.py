@@ -18,7 +18,7 @@ from hil.executive.run.exit_codes import EXIT_INTERRUPTED
 from hil.executive.run.notifying import Notifier
 from hil.executive.run.session import Session
 from hil.executive.setup.configuration import Configuration, Request, configure
-from hil.executive.setup.resuming import changes, deviation_of
+from hil.executive.setup.resuming import changes, deviation_of, require_answers
 from hil.model.errors import Diverged, EvidenceError, Refused
 from hil.plugin.launch import launch
 from hil.plugin.opening import open_resumed, open_simulated
@@ -107,7 +107,9 @@ def resume(
         Refused: if there is nothing to go on with, or what the run is made of has changed.
     """
     earlier = find_earlier(folder)
-    configuration = configure(request(earlier))
+    wanted = request(earlier)
+    require_answers(earlier, wanted)
+    configuration = configure(wanted)
     if changed := changes(earlier, configuration):
         raise Refused(
             f"{folder.name}: what the run is made of has changed since it began: {'; '.join(changed)}",

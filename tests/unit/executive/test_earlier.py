@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+from pathlib import Path
+
 import pytest
 
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.journal.standing import Entry, Voided, entries, standing
 from hil.evidence.journal.writer import Journal
 from hil.executive.again.earlier import find_earlier, go_on_with, require_untouched
+from hil.executive.setup.configuration import Request
+from hil.executive.setup.resuming import require_answers
 from hil.model.errors import Refused
 
 HEAD = [("run", {"format": 1}), ("frozen", {"files": {}}), ("planned", {"cases": []})]
@@ -100,3 +105,22 @@ def test_a_run_that_somebody_went_on_with_is_not_gone_on_with_twice(tmp_path):
         journal.write("note", 100.0, text="of another process")
     with pytest.raises(Refused, match="another process went on with it"):
         require_untouched(earlier)
+
+
+@pytest.mark.parametrize(
+    ("by", "answers", "person", "refused"),
+    [
+        ("simulated person", None, False, False),
+        ("answers.yaml", None, False, True),
+        ("answers.yaml", Path("answers.yaml"), False, False),
+        ("Ada", None, True, False),
+        ("Ada", None, False, True),
+    ],
+)
+def test_who_answered_before_is_not_replaced_without_a_word(tmp_path, by, answers, person, refused):
+    """Where a file or a person answered, the simulated person does not step in unasked."""
+    answer = [("answer", {"case": "a", "name": "jig", "value": True, "by": by})]
+    earlier = find_earlier(folder_of(tmp_path, CASE, answer))
+    request = Request(start=tmp_path, plans=(), bench="b", dut="d", answers=answers, person=person)
+    with pytest.raises(Refused, match=by) if refused else nullcontext():
+        require_answers(earlier, request)

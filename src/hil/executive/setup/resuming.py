@@ -10,13 +10,14 @@ from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.durable import read_plain
 from hil.executive.again.earlier import Earlier
 from hil.executive.case.case_run import PlannedCase
+from hil.executive.run.answers import SIMULATED_PERSON
 from hil.executive.setup.configuration import Configuration, Request
 from hil.executive.setup.freeze import freeze
 from hil.executive.setup.software import software_identity
 from hil.model.errors import EvidenceError, Refused
 from hil.model.identity import Purpose, Source
 
-__all__ = ["changes", "deviation_of", "require_same_cases", "resumed_request"]
+__all__ = ["changes", "deviation_of", "require_answers", "require_same_cases", "resumed_request"]
 
 _REGISTER = "data/bench/duts.yaml"
 """All articles of the workspace; the one under test has a file of its own."""
@@ -88,6 +89,21 @@ def deviation_of(earlier: Earlier, configuration: Configuration, reason: str) ->
             "install that again, or give a reason with --other-software; it is then a deviation and closes nothing",
         )
     return f"resumed with other software ({told}): {reason}"
+
+
+def require_answers(earlier: Earlier, request: Request) -> None:
+    """Require that somebody answers further questions where not the simulated person has answered so far.
+
+    Raises:
+        Refused: with whoever has answered.
+    """
+    events = (line.body for line in earlier.lines)
+    others = sorted({str(event["by"]) for event in events if event["kind"] == "answer"} - {SIMULATED_PERSON})
+    if others and request.answers is None and not request.person:
+        raise Refused(
+            f"{earlier.folder.name}: questions were answered by {', '.join(others)} so far",
+            "give --answers FILE, or --ask to answer at the terminal",
+        )
 
 
 def require_same_cases(earlier: Earlier, planned: Sequence[PlannedCase]) -> None:
