@@ -136,4 +136,4 @@ def test_a_replay_that_diverges_is_told_of_an_error_too(tmp_path):
     lines = transcript.read_text().splitlines(keepends=True)
     transcript.write_text("".join(lines[: len(lines) // 2]))
     differences = replay(ran.package).differences
-    assert any("the record has ended" in difference for difference in differences)
+    assert any("the record has ended" in difference for difference in differences), differences

@@ -137,6 +137,14 @@ class NotInTime(HilError):
 class Diverged(HilError):
     """A case that is run again asked for something else than the record holds."""
 
+    @property
+    def first(self) -> Diverged:
+        """The disagreement from which this one follows, if it does."""
+        found = self
+        while isinstance(found.__context__, Diverged):
+            found = found.__context__
+        return found
+
 
 class EvidenceError(HilError):
     """A package or journal that is damaged, incomplete, or in the way."""

@@ -168,10 +168,8 @@ def _leave_as_it_is(session: Session, word: Word, error: Diverged) -> NoReturn:
     folder = session.folder
     if session.flags.reason:
         _leave_for_later(folder, word)  # on the way to the safe state it leaves its record
-    cause: BaseException = error
-    while isinstance(cause.__context__, Diverged):
-        cause = cause.__context__
-    _complain(f"hil: {folder.name} cannot be gone on with: {cause}", "     it is as it was; seal it with hil seal")
+    told = f"hil: {folder.name} cannot be gone on with: {error.first}"
+    _complain(told, "     it is as it was; seal it with hil seal")
     word.leave(_INTERNAL)
 
 

@@ -10,7 +10,7 @@ import pytest
 from evidence_runs import begin, record
 
 from hil.evidence.package.contents import Package
-from hil.evidence.recordings.hdf5 import convert, hashes_of, read_hdf5
+from hil.evidence.recordings.hdf5 import convert, hashes_of, read_hdf5, read_recording
 from hil.evidence.recordings.row_file import BLOCK
 from hil.model.errors import EvidenceError
 
@@ -89,3 +89,11 @@ def test_what_is_no_recording_says_so(tmp_path):
             read_hdf5(tmp_path / name)
         with pytest.raises(EvidenceError, match=name):
             hashes_of(tmp_path / name, [1])
+
+
+def test_a_recording_of_a_run_killed_amid_its_seal_is_read(tmp_path):
+    """Its rows are converted and gone already, and whoever makes it again does not know its end yet."""
+    place, begun, ended = ended_recording(tmp_path)
+    convert(place / "001-rest.rows", place / "001-rest.h5", begun=begun, ended=ended)
+    (place / "001-rest.rows").unlink()
+    assert len(read_recording(place, begun, {"complete": True})) == 100

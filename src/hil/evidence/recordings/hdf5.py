@@ -148,7 +148,7 @@ def read_recording(folder: Path, begun: Mapping[str, Any], ended: Mapping[str, A
     name, hdf5 = begun["recording"], folder / f"{begun['recording']}.h5"
     columns: Mapping[str, NDArray[np.float64]]
     if hdf5.exists():
-        columns = _Stored(hdf5) if ended and ended["rows"] > BLOCK else read_hdf5(hdf5)
+        columns = _Stored(hdf5) if ended and ended.get("rows", 0) > BLOCK else read_hdf5(hdf5)
     else:
         columns = _columns(read_rows(folder / f"{name}.rows"))
     return Recorded(

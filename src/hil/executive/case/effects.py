@@ -114,7 +114,7 @@ class Effects:
             try:
                 return self._perform(name, kind, arguments, action)
             except Diverged as error:
-                self.diverged = self.diverged or str(error)
+                self.diverged = self.diverged or str(error.first)
                 raise
 
     def end(self) -> None:
