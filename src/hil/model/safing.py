@@ -1,0 +1,103 @@
+"""How outputs are made safe with nothing but bytes: what the guardian is given, as data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["Exchange", "GuardPlan", "GuardedOutput", "GuardedPort", "SafeBytes"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exchange:
+    """Bytes for one instrument, and the reply that shows they were taken.
+
+    Attributes:
+        send: the bytes; empty where only silence or a reply is waited for.
+        expect: a regular expression over bytes, of which the reply must hold a match (`re.search`, DOTALL); empty
+            where no reply comes.
+        within_s: how long the reply may take [s].
+        quiet_s: how long the line must have been silent before the bytes are sent [s].
+        between: the least and the most that the number in the first group of `expect` may be; None where the match
+            alone says it all.
+    """
+
+    send: bytes
+    expect: bytes = b""
+    within_s: float = 0.2
+    quiet_s: float = 0.0
+    between: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SafeBytes:
+    """How one output comes to one safe state, by bytes alone, from whatever the line was in the middle of.
+
+    Attributes:
+        resync: ends what another process may have left half sent on the line; what is heard meanwhile is thrown away.
+        off: the commands; each may be sent again, and sending one to an output that is safe already does no harm.
+        proof: asks whether it is safe; sends nothing that changes anything.
+    """
+
+    resync: tuple[Exchange, ...] = ()
+    off: tuple[Exchange, ...]
+    proof: tuple[Exchange, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GuardedPort:
+    """One instrument's port, and how it is opened anew where the descriptor that was passed is dead.
+
+    Attributes:
+        device: the instrument's name.
+        url: a path of a serial device, or `socket://host:port`; empty where it must not be opened anew, such as that
+            of a board which a rising DTR resets.
+        baud: of a serial device.
+    """
+
+    device: str
+    url: str = ""
+    baud: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GuardedOutput:
+    """One line of the safe-off for the guardian.
+
+    Attributes:
+        output: dotted name of the role instance.
+        state: the safe state's name.
+        device: the instrument whose port it is.
+        within_s: how long it may take [s].
+        code: the bytes.
+        cut_by: other outputs of the plan whose safe state cuts this one off where its own port is gone.
+    """
+
+    output: str
+    state: str
+    device: str
+    within_s: float
+    code: SafeBytes
+    cut_by: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GuardPlan:
+    """All that the guardian of one run knows.
+
+    Attributes:
+        bench: the bench's name.
+        run: the run's folder.
+        ports: in any order; the descriptors are passed beside.
+        outputs: in the order of the safe-off.
+        hang_s: how long the heartbeat may be silent [s].
+        latches: files that latch the bench, one per instrument that the run leased.
+        journal: the file in which the guardian writes down what it did.
+    """
+
+    bench: str
+    run: str
+    ports: tuple[GuardedPort, ...]
+    outputs: tuple[GuardedOutput, ...]
+    hang_s: float = 1.0
+    latches: tuple[str, ...] = ()
+    journal: str
