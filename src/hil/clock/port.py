@@ -24,6 +24,10 @@ class Clock(Protocol):
         """Return the seconds since the bench's epoch."""
         ...
 
+    def look(self) -> int:
+        """Return the nanoseconds as they are at this moment: time outside of this process goes on between looks."""
+        ...
+
     def sleep(self, seconds: float) -> None:
         """Let `seconds` pass; a negative number is refused."""
         ...

@@ -65,6 +65,8 @@ class VirtualClock:
         """Return the nanoseconds since the bench's epoch."""
         return self._now_ns
 
+    look = now_ns
+
     def now(self) -> float:
         """Return the seconds since the bench's epoch."""
         return self._now_ns / NANOSECONDS

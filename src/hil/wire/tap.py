@@ -49,6 +49,7 @@ class _Tap:
     def __init__(self, device: str, clock: Clock, transcript: Transcript) -> None:
         self.device = device
         self._clock = clock
+        self._look = clock.look
         self._transcript = transcript
 
     def _operate(
@@ -59,7 +60,7 @@ class _Tap:
         sent: bytes = b"",
         received: Callable[[_Result], bytes] | None = None,
     ) -> _Result:
-        start_ns = self._clock.now_ns()
+        start_ns = self._look()
         try:
             result = operation()
         except (OSError, SerialException) as error:
@@ -69,7 +70,7 @@ class _Tap:
             self.device,
             name,
             start_ns,
-            self._clock.now_ns(),
+            self._look(),
             sent=sent,
             received=received(result) if received else b"",
         )
@@ -77,7 +78,7 @@ class _Tap:
 
     def _failed(self, name: str, start_ns: int, error: Exception, sent: bytes = b"") -> None:
         number = getattr(error, "errno", None) or 0
-        self._transcript.note(self.device, name, start_ns, self._clock.now_ns(), sent=sent, error=f"{number}")
+        self._transcript.note(self.device, name, start_ns, self._look(), sent=sent, error=f"{number}")
 
 
 class TappedPort(_Tap):
@@ -122,25 +123,25 @@ class TappedPort(_Tap):
     @property
     def in_waiting(self) -> int:
         """The number of bytes that can be read without waiting."""
-        start_ns = self._clock.now_ns()
+        start_ns = self._look()
         try:
             waiting = self._serial.in_waiting
         except (OSError, SerialException) as error:
             self._failed("waiting", start_ns, error)
             raise self._gone(error) from error
-        now_ns = self._clock.now_ns()
+        now_ns = self._look()
         self._transcript.note(self.device, "waiting", start_ns, now_ns, received=waiting.to_bytes(4))
         return len(self._ahead) + waiting
 
     def write(self, data: bytes) -> int:
         """Write all bytes and return their number."""
-        start_ns = self._clock.now_ns()
+        start_ns = self._look()
         try:
             self._serial.write(data)
         except (OSError, SerialException) as error:
             self._failed("write", start_ns, error, data)
             raise self._gone(error) from error
-        self._transcript.note(self.device, "write", start_ns, self._clock.now_ns(), sent=data)
+        self._transcript.note(self.device, "write", start_ns, self._look(), sent=data)
         return len(data)
 
     def read(self, size: int = 1) -> bytes:
@@ -182,13 +183,13 @@ class TappedPort(_Tap):
         self._serial.dtr = True
 
     def _read(self, size: int) -> bytes:
-        start_ns = self._clock.now_ns()
+        start_ns = self._look()
         try:
             data = self._serial.read(size)
         except (OSError, SerialException) as error:
             self._failed("read", start_ns, error)
             raise self._gone(error) from error
-        self._transcript.note(self.device, "read", start_ns, self._clock.now_ns(), received=data)
+        self._transcript.note(self.device, "read", start_ns, self._look(), received=data)
         return data
 
     def _guard(self, operation: Callable[[], None]) -> None:
