@@ -247,6 +247,18 @@ def test_the_slopes_are_those_of_scipy():
     assert ours.robust == stats.theilslopes(values, NUMBERS).slope
 
 
+@pytest.mark.parametrize("size", [3, 7, 115])
+def test_the_robust_interval_is_that_of_scipy(size):
+    """Cycles and values that come more than once widen or narrow it as scipy.stats has it."""
+    rng = np.random.default_rng(size)
+    for numbers in (np.arange(size), np.sort(rng.integers(0, size, size))):
+        values = np.round(1.4 - 0.001 * numbers + 0.003 * rng.normal(size=size), 3)
+        ours, theirs = fade(numbers, values, "Ah"), stats.theilslopes(values, numbers, alpha=0.95)
+        assert (ours.robust_low, ours.robust, ours.robust_high) == pytest.approx(
+            (theirs.low_slope, theirs.slope, theirs.high_slope)
+        )
+
+
 def test_one_outlier_does_not_move_the_robust_slope():
     """A cycle that a power cut shortened moves least squares by far, and Theil-Sen hardly."""
     values = 1.4 - 0.001 * np.arange(1, 31)
