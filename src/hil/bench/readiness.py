@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from hil.bench.binding import BoundBench
+from hil.bench.bound import BoundBench
 from hil.bench.envelope import self_test
 from hil.bench.safe_off import SafeResult, make_safe
 from hil.instruments.roles import Relays, Supply

@@ -6,15 +6,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 from hil.bench.binding import simulated_twin
 from hil.bench.connections import server_of
 from hil.clock import wall
 from hil.model.bench import BenchSpec
 from hil.simulation.served.bench import ServedBench
+from hil.simulation.served.client import ask
 from hil.simulation.served.server import Server
 
-__all__ = ["ServedEnds", "served"]
+__all__ = ["ServedEnds", "ends_of", "served"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +52,16 @@ def served(spec: BenchSpec, folder: Path, *, speed: float = 1.0, first_port: int
     bench = ServedBench(spec, simulated_twin(spec))
     with Server(bench, folder, wall.monotonic, speed=speed, first_port=first_port) as server:
         yield ServedEnds(spec=spec, where=_where(spec, server), run=server.run, stop=server.stop)
+
+
+def ends_of(folder: Path) -> tuple[dict[str, str], float]:
+    """Return where the instruments of a bench are that is served in a folder, and its speed.
+
+    Raises:
+        Refused: if none is served there.
+    """
+    ends = cast("dict[str, str]", ask(folder, {"ends": None})["ends"])
+    return ends, cast("dict[str, float]", ask(folder, {"time": None})["time"])["speed"]
 
 
 def _where(spec: BenchSpec, server: Server) -> dict[str, str]:

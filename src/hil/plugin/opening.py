@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from hil.bench.binding import BoundBench, bind_resumed, bind_simulated
+from hil.bench.binding import bind_resumed, bind_simulated
+from hil.bench.bound import BoundBench
 from hil.evidence.folder import TRANSCRIPT
 from hil.executive.again.earlier import Answered, Earlier
 from hil.executive.case.case_run import PlannedCase

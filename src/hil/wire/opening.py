@@ -13,7 +13,7 @@ from hil.wire.port import I2cBus
 from hil.wire.tap import LONGEST_TRANSACTION, TappedBus, TappedPort
 from hil.wire.transcript import Transcript
 
-__all__ = ["open_bus", "open_port", "url_of_resource"]
+__all__ = ["hardware_bus", "open_bus", "open_port", "url_of_resource"]
 
 _PROTOCOLS = "hil.wire.protocols"
 _VISA_SERIAL = re.compile(r"^ASRL(?P<port>.+?)(::INSTR)?$", re.IGNORECASE)
@@ -58,11 +58,16 @@ def open_bus(device: str, url: str, clock: Clock, transcript: Transcript) -> Tap
     Raises:
         NoReply: if no such bus is there.
     """
-    bus = find_bus(url) or _hardware_bus(device, url)
+    bus = find_bus(url) or hardware_bus(device, url)
     return TappedBus(device, bus, clock, transcript)
 
 
-def _hardware_bus(device: str, path: str) -> I2cBus:
+def hardware_bus(device: str, path: str) -> I2cBus:
+    """Open an I2C bus of this machine.
+
+    Raises:
+        NoReply: if it is not there.
+    """
     from smbus2 import SMBus  # noqa: PLC0415 - fcntl exists on Linux only, and so does the bus
 
     try:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hil.bench.binding import BoundBench
+from hil.bench.bound import BoundBench
 from hil.clock import wall
 from hil.evidence.durable import open_plain, read_plain, write_whole
 from hil.evidence.folder import CHECKPOINT, JOURNAL, TRANSCRIPT

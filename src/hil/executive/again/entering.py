@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hil.bench.binding import BoundBench
+from hil.bench.bound import BoundBench
 from hil.clock.port import NANOSECONDS
 from hil.evidence.journal.standing import Entry, Voided
 from hil.executive.case.effects import Recall

@@ -8,7 +8,7 @@ from functools import partial
 from io import FileIO
 from pathlib import Path
 
-from hil.bench.binding import BoundBench
+from hil.bench.bound import BoundBench
 from hil.bench.lease import Lease
 from hil.evidence.folder import JOURNAL, RESERVE, TRANSCRIPT, create, hold, renew_reserve, require_space
 from hil.evidence.journal.past import Past

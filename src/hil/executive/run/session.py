@@ -9,7 +9,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from hil.bench.binding import BoundBench
+from hil.bench.bound import BoundBench
 from hil.evidence.folder import ATTACHMENTS
 from hil.evidence.package.sealing import ReportWriter
 from hil.executive.again.earlier import Earlier

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from hil.bench.binding import BoundBench, bind_simulated, check_twin
+from hil.bench.binding import bind_simulated, check_twin
+from hil.bench.bound import BoundBench
 from hil.bench.file.reading import load_bench
 from hil.bench.readiness import Gate, energised_gates, unpowered_gates
 from hil.bench.safe_off import SafeResult, make_safe

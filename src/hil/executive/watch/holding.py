@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any
 
-from hil.bench.binding import BoundBench
+from hil.bench.bound import BoundBench
 from hil.bench.safe_off import SafeResult, make_safe
 from hil.clock import wall
 from hil.clock.port import NANOSECONDS

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from hil.bench.binding import BoundBench
+from hil.bench.bound import BoundBench
 from hil.bench.envelope import Monitor, Trip
 from hil.bench.readiness import Gate, energised_gates, unpowered_gates
 from hil.bench.safe_off import SafeResult, make_safe

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from hil.bench.binding import BoundBench
+from hil.bench.bound import BoundBench
 from hil.bench.envelope import Monitor, Trip
 from hil.clock.port import NANOSECONDS
 from hil.executive.watch.reports_to import Watch

@@ -1,0 +1,169 @@
+"""Benches outside of this process: hardware, and simulated ones that another process serves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from hil.bench.bound import BoundBench, build, url_of
+from hil.bench.connections import server_of
+from hil.bench.serving import ends_of
+from hil.clock.live import LiveClock
+from hil.model.bench import BenchSpec
+from hil.model.errors import Refused
+from hil.model.identity import Source
+from hil.wire.exchange import publish_bus, publish_stream
+from hil.wire.handover import Handed
+from hil.wire.opening import hardware_bus
+from hil.wire.replay import Playback, ReplayedBus, ReplayedStream
+from hil.wire.transcript import Transcript
+
+if TYPE_CHECKING:
+    from hil.wire.live_stream import LiveStream
+
+__all__ = ["Reach", "bind_live", "bind_live_again", "reach_of_hardware", "reach_of_served"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reach:
+    """Where a bench outside of this process is.
+
+    Attributes:
+        source: what it is worth as evidence.
+        ports: by instrument, a path or URL.
+        buses: by name of the host's own I2C buses, their device.
+        served: the folder in which it is served, None for hardware.
+        speed: seconds of the bench in one second; 1 for hardware.
+    """
+
+    source: Source
+    ports: Mapping[str, str]
+    buses: Mapping[str, str] = field(default_factory=dict)
+    served: Path | None = None
+    speed: float = 1.0
+
+    @property
+    def leases(self) -> list[str]:
+        """What only one run may hold at a time."""
+        if self.served is not None:
+            return [f"served bench {self.served.resolve()}"]
+        return [*self.ports.values(), *self.buses.values()]
+
+
+def reach_of_hardware(spec: BenchSpec) -> Reach:
+    """Return where the bench file says that the instruments are."""
+    ports = {item.name: item.port for item in spec.instruments if not item.bus}
+    buses = {bus.name: bus.port for bus in spec.buses if bus.port}
+    return Reach(source=Source.HARDWARE, ports=ports, buses=buses)
+
+
+def reach_of_served(spec: BenchSpec, folder: Path) -> Reach:
+    """Ask the bench that is served in a folder where its instruments are.
+
+    Raises:
+        Refused: if none is served there, or it is another one, or has a bus that cannot be served.
+    """
+    if on_host := [item.name for item in spec.instruments if item.bus and server_of(spec, item) is None]:
+        raise Refused(
+            f"{', '.join(on_host)} of bench '{spec.name}' are on the host's own bus, which cannot be served",
+            "run it with --source simulated alone, in one process",
+        )
+    ports, speed = ends_of(folder)
+    wanted = {item.name for item in spec.instruments if not item.bus}
+    if wanted != set(ports):
+        differing = ", ".join(sorted(wanted ^ set(ports)))
+        raise Refused(f"the bench in {folder} is not '{spec.name}': {differing} differ", "name its folder")
+    return Reach(source=Source.SIMULATED, ports=ports, served=folder, speed=speed)
+
+
+def bind_live(spec: BenchSpec, reach: Reach, epoch: str, transcript: Transcript) -> BoundBench:
+    """Open every port of a bench outside of this process; nothing is sent.
+
+    Args:
+        spec: the bench file.
+        reach: where it is.
+        epoch: UTC of the bench's time zero, ISO 8601.
+        transcript: where every operation is noted.
+
+    Raises:
+        NoReply: if a port cannot be opened.
+    """
+    clock = LiveClock(epoch, speed=reach.speed)
+    ends: dict[str, Any] = {}
+    try:
+        ends |= _open(spec, reach)
+        for name, end in ends.items():
+            publish = publish_bus if name in reach.buses else publish_stream
+            publish(url_of(reach.source, spec, name), end)
+        bench = build(spec, reach.source, clock, transcript, live=clock)
+    except BaseException:
+        _close(ends)
+        raise
+    bench.descriptors |= _descriptors(ends, reach)
+    clock.begin()
+    return bench
+
+
+def bind_live_again(
+    spec: BenchSpec, reach: Reach, epoch: str, transcript: Transcript, record: Path, where: Callable[[], str]
+) -> BoundBench:
+    """Build a bench on the record of a run so far; from `go_on` on it is the bench outside of this process.
+
+    Args:
+        spec: the bench file.
+        reach: where it is.
+        epoch: UTC of the bench's time zero, ISO 8601.
+        transcript: where every operation is noted.
+        record: the transcript of the run so far.
+        where: tells the present step, for messages.
+    """
+    clock = LiveClock(epoch, speed=reach.speed)
+    playback = Playback(record, clock, where)
+    ends: dict[str, Handed[Any]] = {}
+    for instrument in spec.instruments:
+        if server_of(spec, instrument):
+            continue
+        recorded = ReplayedBus if instrument.bus else ReplayedStream
+        end = ends[instrument.name] = Handed(recorded(instrument.name, playback))
+        publish = publish_bus if instrument.bus else publish_stream
+        publish(url_of(reach.source, spec, instrument.name), cast("Any", end))
+    bench = build(spec, reach.source, clock, transcript, playback=playback, live=clock)
+
+    def go_on() -> None:
+        opened = _open(spec, reach)
+        for name, end in ends.items():
+            bus = spec.instrument(name).bus
+            end.hand_to(opened[bus or name])
+        bench.descriptors |= _descriptors(opened, reach)
+        bench.playback = None
+        clock.begin()
+
+    bench.go_on = go_on
+    return bench
+
+
+def _open(spec: BenchSpec, reach: Reach) -> dict[str, Any]:
+    from hil.wire.live_stream import LiveStream  # noqa: PLC0415 - what it imports exists on Linux only
+
+    ends: dict[str, Any] = {}
+    try:
+        for name, url in reach.ports.items():
+            ends[name] = LiveStream(name, url, spec.instrument(name).baud)
+        for name, path in reach.buses.items():
+            ends[name] = hardware_bus(name, path)
+    except BaseException:
+        _close(ends)
+        raise
+    return ends
+
+
+def _close(ends: Mapping[str, Any]) -> None:
+    for end in ends.values():
+        if hasattr(end, "closed"):
+            end.closed()
+
+
+def _descriptors(ends: Mapping[str, LiveStream], reach: Reach) -> dict[str, int]:
+    return {name: ends[name].fileno() for name in reach.ports}

@@ -1,0 +1,82 @@
+"""The end of a byte stream that lies outside of this process: a serial device or a socket."""
+
+from __future__ import annotations
+
+import fcntl
+import struct
+import termios
+from typing import Any
+
+import serial
+
+from hil.clock import wall
+from hil.model.errors import NoReply
+from hil.wire.opening import url_of_resource
+from hil.wire.tap import LONGEST_TRANSACTION
+
+__all__ = ["LiveStream"]
+
+_DTR_LOW_S = 0.1
+
+
+class LiveStream:
+    """An open serial device or socket. See `hil.wire.exchange.Stream`.
+
+    Args:
+        device: the instrument's name.
+        url: a path, a URL of pyserial, or a VISA resource name.
+        baud: of a serial line, 9600 where it is 0.
+
+    Raises:
+        NoReply: if it cannot be opened.
+    """
+
+    def __init__(self, device: str, url: str, baud: int = 0) -> None:
+        where = url_of_resource(url)
+        options: dict[str, Any] = {} if "://" in where else {"exclusive": True}
+        try:
+            self._serial = serial.serial_for_url(
+                where, baudrate=baud or 9600, timeout=0.0, write_timeout=LONGEST_TRANSACTION, **options
+            )
+        except (serial.SerialException, OSError, ValueError) as error:
+            hint = "check cable, power and the bench file"
+            raise NoReply(device, f"{where} cannot be opened ({error})", hint) from error
+
+    def fileno(self) -> int:
+        """Return the descriptor; whoever gets a copy of it needs not open the port."""
+        number: int = self._serial.fileno()
+        return number
+
+    def opened(self) -> None:
+        """Do nothing: it is open since it was made."""
+
+    def closed(self) -> None:
+        """Close it."""
+        self._serial.close()
+
+    def dtr_rose(self) -> None:
+        """Let DTR fall and rise: what asks for it has waited already, but of the fall nobody was told."""
+        self._serial.dtr = False
+        wall.pause(_DTR_LOW_S)
+        self._serial.dtr = True
+
+    def write(self, data: bytes) -> None:
+        """Write all bytes."""
+        self._serial.write(data)
+
+    def read(self, size: int, timeout: float) -> bytes:
+        """Give `size` bytes, or what came within `timeout` seconds of the wall."""
+        if self._serial.timeout != timeout:
+            self._serial.timeout = timeout
+        data: bytes = self._serial.read(size)
+        return data
+
+    def waiting(self) -> int:
+        """Return how many bytes can be read at once."""
+        # pyserial's own count is 0 or 1 for a socket.
+        number: int = struct.unpack("i", fcntl.ioctl(self.fileno(), termios.FIONREAD, b"\0\0\0\0"))[0]
+        return number
+
+    def discard(self) -> None:
+        """Throw received bytes away."""
+        self._serial.reset_input_buffer()

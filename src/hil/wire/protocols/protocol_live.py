@@ -1,0 +1,13 @@
+"""The `live://` ports: a serial device or socket, behind the same face as a simulated or replayed end."""
+
+from __future__ import annotations
+
+from hil.wire.protocols.url_port import UrlPort
+
+__all__ = ["Serial"]
+
+
+class Serial(UrlPort):
+    """A port on an instrument outside of this process; pyserial finds the class by this module's name."""
+
+    scheme = "live"
