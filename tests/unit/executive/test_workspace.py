@@ -30,6 +30,14 @@ def test_a_project_file_makes_a_workspace_if_it_speaks_of_hil(tmp_path):
     assert (found.root, found.name, found.reports) == (tmp_path, "Ours", tmp_path / "evidence")
 
 
+def test_a_workspace_names_what_keeps_its_machine_awake(tmp_path):
+    """Program and arguments, for machines without logind; none by default."""
+    (tmp_path / "hil.toml").touch()
+    assert find_workspace(tmp_path).inhibitor == ()
+    (tmp_path / "hil.toml").write_text('[hardware]\ninhibitor = ["/usr/bin/awake", "--all"]\n')
+    assert find_workspace(tmp_path).inhibitor == ("/usr/bin/awake", "--all")
+
+
 def test_without_a_workspace_there_is_a_way_out(tmp_path):
     """The message says what makes one."""
     with pytest.raises(Refused, match=r"no workspace at .*; put a hil.toml"):
@@ -41,6 +49,9 @@ def test_without_a_workspace_there_is_a_way_out(tmp_path):
     [
         ('report = "x"\n', "hil.toml: unknown key 'report', did you mean 'reports'?"),
         ("reports = 5\n", "hil.toml: 'reports' must be a text"),
+        ("hardware = 5\n", "hil.toml: 'hardware' must be a table"),
+        ("[hardware]\ninhibiter = []\n", "unknown key 'hardware.inhibiter', did you mean 'inhibitor'?"),
+        ('[hardware]\ninhibitor = "awake"\n', "'hardware.inhibitor' must be a list of texts: a program"),
         ("reports = \n", "hil.toml: Invalid value"),
         ("reports = " + "[" * 5000, "hil.toml: "),
         ("reports = 1" + "0" * 5000, "hil.toml: "),

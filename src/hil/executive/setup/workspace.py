@@ -17,7 +17,17 @@ _FOLDERS = {"testplans": "testplans", "fixtures": "fixtures", "reports": "report
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Workspace:
-    """A workspace's folders, absolute, and the command that notifies people of what happens to runs."""
+    """A workspace's folders, absolute, and the commands that work for its runs.
+
+    Attributes:
+        root: its folder.
+        name: as people call it.
+        testplans: holds a folder per plan.
+        fixtures: holds fixture modules and benches.
+        reports: where packages go.
+        notify: notifies people of what happens to runs; program and arguments.
+        inhibitor: holds off sleep and shutdown in the place of logind; program and arguments.
+    """
 
     root: Path
     name: str
@@ -25,6 +35,7 @@ class Workspace:
     fixtures: Path
     reports: Path
     notify: tuple[str, ...] = ()
+    inhibitor: tuple[str, ...] = ()
 
     @property
     def benches(self) -> Path:
@@ -102,19 +113,18 @@ def _toml(path: Path) -> dict[str, Any]:
 
 
 def _workspace(root: Path, settings: dict[str, Any], file: str) -> Workspace:
-    known = ["name", "notify", *_FOLDERS]
+    known = ["hardware", "name", "notify", *_FOLDERS]
     findings = [
         Finding(file, 0, 0, f"unknown key '{key}'{did_you_mean(key, known)}") for key in settings if key not in known
     ]
     findings += [
         Finding(file, 0, 0, f"'{key}' must be a text that can be a name of a file")
         for key, value in settings.items()
-        if key != "notify"
+        if key not in {"hardware", "notify"}
         if not isinstance(value, str) or not value.strip() or "\0" in value
     ]
-    notify = settings.get("notify", [])
-    if not isinstance(notify, list) or not all(_is_argument(part) for part in notify) or notify[:1] == [""]:
-        findings.append(Finding(file, 0, 0, "'notify' must be a list of texts: a program and its arguments"))
+    notify = _command(settings.get("notify", []), "notify", file, findings)
+    inhibitor = _inhibitor(settings.get("hardware", {}), file, findings)
     if findings:
         raise ConfigurationError(tuple(findings))
     root = root.resolve()
@@ -126,7 +136,26 @@ def _workspace(root: Path, settings: dict[str, Any], file: str) -> Workspace:
     ]
     if findings:
         raise ConfigurationError(tuple(findings))
-    return Workspace(root=root, name=settings.get("name", root.name), notify=tuple(notify), **folders)
+    return Workspace(root=root, name=settings.get("name", root.name), notify=notify, inhibitor=inhibitor, **folders)
+
+
+def _inhibitor(hardware: object, file: str, findings: list[Finding]) -> tuple[str, ...]:
+    if not isinstance(hardware, dict):
+        findings.append(Finding(file, 0, 0, "'hardware' must be a table"))
+        return ()
+    findings += [
+        Finding(file, 0, 0, f"unknown key 'hardware.{key}'{did_you_mean(key, ['inhibitor'])}")
+        for key in hardware
+        if key != "inhibitor"
+    ]
+    return _command(hardware.get("inhibitor", []), "hardware.inhibitor", file, findings)
+
+
+def _command(value: object, name: str, file: str, findings: list[Finding]) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(_is_argument(part) for part in value) or value[:1] == [""]:
+        findings.append(Finding(file, 0, 0, f"'{name}' must be a list of texts: a program and its arguments"))
+        return ()
+    return tuple(value)
 
 
 def _is_argument(part: object) -> bool:
