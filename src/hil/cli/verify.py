@@ -31,7 +31,7 @@ def command(run: str, report: bool) -> int:
     found = verify(find_run(run))
     for finding in found.findings:
         click.echo(shown(str(finding)), err=True)
-    short = found.state in {State.SEALED, State.INTERRUPTED} and not found.complete
+    short = found.state in {State.SEALED, State.INTERRUPTED, State.SAFED} and not found.complete
     complete = ", the run did not go to its own end" if short else ""
     click.echo(f"{shown(found.folder.name)}: {found.state}{complete}")
     if found.state is not State.SEALED:

@@ -19,6 +19,7 @@ __all__ = [
     "CALIBRATION",
     "CATALOGUE",
     "CHECKPOINT",
+    "GUARDIAN",
     "INBOX",
     "INBOX_FILES",
     "JOURNAL",
@@ -42,6 +43,7 @@ __all__ = [
 
 JOURNAL = "data/journal.jsonl"
 TORN = "data/journal.torn"
+GUARDIAN = "data/guardian.jsonl"
 RESULTS = "data/results.json"
 CATALOGUE = "data/catalogue/catalogue.json"
 PARAMETERS = "data/catalogue/parameters.json"

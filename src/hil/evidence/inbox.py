@@ -16,9 +16,9 @@ from hil.evidence.durable import PART, read_plain, sha256_of, sync_file, write_w
 from hil.evidence.folder import ATTACHMENTS, INBOX, INBOX_FILES, is_sealed
 from hil.model.errors import EvidenceError, Refused
 
-__all__ = ["KINDS", "LARGEST_ATTACHMENT", "Message", "asks_for_end", "poll", "post", "waiting"]
+__all__ = ["KINDS", "LARGEST_ATTACHMENT", "Message", "asks_for_end", "peek", "poll", "post", "waiting"]
 
-KINDS = frozenset({"ack", "interrupt", "answer", "attachment", "hold", "note", "release", "stop"})
+KINDS = frozenset({"ack", "interrupt", "answer", "attachment", "hold", "note", "reached", "release", "stop"})
 LARGEST_ATTACHMENT = 200_000_000
 
 _ENDS = frozenset({"interrupt", "stop"})
@@ -39,11 +39,11 @@ class Message:
     Attributes:
         kind: one of `KINDS`, or `unreadable` with the reason as text, or `unheard` with what was asked for as text.
         by: who sent it, empty where nobody said.
-        text: a note's text, the reason of a stop, an answer.
+        text: a note's text, the reason of a stop, an answer, the code with which somebody says to have been reached.
         utc: when it was sent, by the sender's clock.
         urgent: whether a stop shall not wait for the end of the step.
         file: an attachment's name in `data/attachments`.
-        sha256: its hash.
+        sha256: its hash; of an acknowledgement, that of the guardian's journal that was seen.
     """
 
     kind: str
@@ -56,9 +56,25 @@ class Message:
 
 
 def post(
-    folder: Path, kind: str, *, by: str = "", text: str = "", urgent: bool = False, attach: Path | None = None
+    folder: Path,
+    kind: str,
+    *,
+    by: str = "",
+    text: str = "",
+    urgent: bool = False,
+    attach: Path | None = None,
+    seen: str = "",
 ) -> str:
     """Put a message into a run's inbox and return its name; it is there whole or not at all.
+
+    Args:
+        folder: the run's folder.
+        kind: one of `KINDS`.
+        by: who sends it.
+        text: what is said.
+        urgent: whether a stop shall not wait for the end of the step.
+        attach: a file to be copied.
+        seen: SHA-256 of what an acknowledgement acknowledges.
 
     Raises:
         Refused: where the run is sealed, the kind unknown, or the text or attachment too large.
@@ -73,7 +89,7 @@ def post(
     moment = wall.utc_now()
     name = f"{re.sub('[^0-9]', '', moment)}-{secrets.token_hex(4)}"
     try:
-        file, sha256 = _bring(attach, folder / INBOX_FILES, name) if attach else ("", "")
+        file, sha256 = _bring(attach, folder / INBOX_FILES, name) if attach else ("", seen)
         message = Message(kind=kind, by=by, text=text, utc=moment, urgent=urgent, file=file, sha256=sha256)
         write_whole(folder / INBOX / f"{name}{_ENDING}", canonical(asdict(message)))
     except OSError as error:
@@ -115,6 +131,12 @@ def poll(folder: Path, left: Collection[str] = ()) -> Iterator[Message]:
             message = replace(message, kind=_UNHEARD, text=text)
         yield message
         _remove(path)
+
+
+def peek(folder: Path) -> Iterator[Message]:
+    """Give the messages that nobody has taken, in the order in which they were sent; they go on waiting."""
+    for name in waiting(folder):
+        yield _read(folder / INBOX / name)
 
 
 def _remove(path: Path) -> None:

@@ -14,6 +14,7 @@ from hil.evidence.folder import JOURNAL, RESULTS, is_held, is_run, is_sealed
 from hil.evidence.journal.reader import Body, JournalLine, JournalReading, read_journal, require_known_format
 from hil.evidence.package.verification import State
 from hil.evidence.results.facts import read_json
+from hil.evidence.safed import was_safed
 from hil.model.errors import EvidenceError, HilError
 
 __all__ = ["RunSummary", "find_runs", "run_folders", "status"]
@@ -29,7 +30,7 @@ class RunSummary:
 
     Attributes:
         folder: the run's folder.
-        state: RUNNING, INTERRUPTED, SEALED, UNKNOWN where its format is, or DAMAGED where it cannot be read.
+        state: RUNNING, INTERRUPTED, SAFED, SEALED, UNKNOWN where its format is, or DAMAGED where it cannot be read.
         problem: why it cannot be read, in a sentence, or empty.
         plans: the plans it was asked for.
         bench: the bench's name.
@@ -134,7 +135,8 @@ def _summary(folder: Path, reading: JournalReading) -> RunSummary:
     planned = {case["case"] for event in events if event["kind"] == "planned" for case in event["cases"]}
     case, step = _current(events)
     held = is_held(folder)
-    state = State.RUNNING if held else State.SEALED if is_sealed(folder) else State.INTERRUPTED
+    ended = State.SAFED if was_safed(folder, events) else State.INTERRUPTED
+    state = State.RUNNING if held else State.SEALED if is_sealed(folder) else ended
     return RunSummary(
         folder=folder,
         state=State.DAMAGED if reading.findings and not held else state,

@@ -14,6 +14,7 @@ __all__ = ["FROM_OUTSIDE", "Past", "is_of_course"]
 
 FROM_OUTSIDE = frozenset(
     {
+        "acknowledged",
         "anomaly",
         "attachment",
         "clock-jump",
@@ -24,6 +25,7 @@ FROM_OUTSIDE = frozenset(
         "note",
         "notified",
         "notify-failed",
+        "reached",
         "reboot",
         "recovered",
         "resumed",

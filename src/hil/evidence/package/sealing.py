@@ -123,6 +123,10 @@ def event_of(message: Message) -> tuple[str, dict[str, Any]]:
             return "attachment", {"file": message.file, "sha256": message.sha256, **said}
         case "note":
             return "note", said
+        case "ack":
+            return "acknowledged", {**said, "guardian": message.sha256}
+        case "reached":
+            return "reached", {"by": message.by, "ok": False}
         case "hold" | "release":
             return "hold-asked", {"release": message.kind == "release", **said}
         case _:

@@ -16,6 +16,7 @@ from hil.evidence.package.bag import digest_of_manifest, manifest_text, payload_
 from hil.evidence.package.consistent import content_findings, guarded, results_event
 from hil.evidence.package.intact import bag_findings
 from hil.evidence.package.listing import list_folder, shown
+from hil.evidence.safed import was_safed
 from hil.model.errors import EvidenceError, Finding
 
 __all__ = ["State", "Verification", "verify"]
@@ -26,6 +27,8 @@ class State(StrEnum):
 
     RUNNING = "RUNNING"
     INTERRUPTED = "INTERRUPTED"
+    SAFED = "SAFED"
+    """The guardian made its bench safe and ended it."""
     SEALED = "SEALED"
     DAMAGED = "DAMAGED"
     UNKNOWN = "UNKNOWN"
@@ -117,14 +120,27 @@ def _hash(folder: Path, path: str, hashes: dict[str, str]) -> Iterator[Finding]:
 
 def _verify_unsealed(folder: Path, state: State) -> Verification:
     running = state is State.RUNNING
-    why = "the run goes on" if running else "the run was interrupted, the package is incomplete"
-    findings = [Finding(SEAL, 0, 0, why), *list_folder(folder).odd]
+    findings = list(list_folder(folder).odd)
     try:
         reading = read_journal(folder / JOURNAL)
     except EvidenceError as error:
-        findings.append(Finding(JOURNAL, 0, 0, error.message))
-        return Verification(folder=folder, state=state, findings=tuple(findings))
+        unread = (_unsealed(state), *findings, Finding(JOURNAL, 0, 0, error.message))
+        return Verification(folder=folder, state=state, findings=unread)
+    if not running and was_safed(folder, reading.events):
+        state = State.SAFED
+    findings.insert(0, _unsealed(state))
     findings += reading.findings
     if reading.torn and not running:
         findings.append(Finding(JOURNAL, 0, 0, f"{len(reading.torn)} bytes at the end are half a line"))
     return Verification(folder=folder, state=state, findings=tuple(findings))
+
+
+def _unsealed(state: State) -> Finding:
+    return Finding(SEAL, 0, 0, _WHY[state])
+
+
+_WHY = {
+    State.RUNNING: "the run goes on",
+    State.INTERRUPTED: "the run was interrupted, the package is incomplete",
+    State.SAFED: "the guardian ended the run, the package is incomplete",
+}

@@ -25,6 +25,7 @@ __all__ = ["ExportRequest", "Exported", "export_package"]
 _HINTS = {
     State.RUNNING: "wait for its end",
     State.INTERRUPTED: "hil seal seals it as it is",
+    State.SAFED: "hil seal seals it as it is",
     State.DAMAGED: "hil verify tells what is wrong",
     State.UNKNOWN: "use a newer version of hil",
 }

@@ -41,9 +41,11 @@ def people(run: Body, events: Sequence[Body]) -> tuple[tuple[str, str], ...]:
     parts: dict[str, dict[str, None]] = {}
     if text(run, "operator"):
         parts.setdefault(text(run, "operator"), {})["operator"] = None
+    if text(run, "on_call"):
+        parts.setdefault(text(run, "on_call"), {})["on call"] = None
     for event in events:
         did = _DID.get(text(event, "kind"))
-        if did and text(event, "by"):
+        if did and text(event, "by") and event.get("ok") is not False:
             parts.setdefault(text(event, "by"), {})[did] = None
     return tuple((name, ", ".join(done)) for name, done in sorted(parts.items()))
 
@@ -151,12 +153,15 @@ def _resumed(event: Body) -> str:
 
 
 _DID = {
+    "acknowledged": "acknowledged what the guardian did",
     "answer": "answered questions",
     "attachment": "attached files",
     "hold-asked": "held or released the bench",
     "note": "wrote notes",
+    "reached": "was reached on call",
 }
 _WORDS = {
+    "acknowledged": "acknowledged",
     "hold": "hold",
     "hold-end": "hold",
     "hold-refused": "hold refused",
@@ -177,6 +182,7 @@ _WORDS = {
     "clock-jump": "clock jump",
 }
 _TOLD: Mapping[str, Callable[[Body], str]] = {
+    "acknowledged": noted,
     "anomaly": lambda event: text(event, "text"),
     "trip": _reading,
     "monitor-late": _reading,

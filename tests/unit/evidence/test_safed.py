@@ -1,0 +1,86 @@
+"""Runs that the guardian ended: how they are told, and when they are acknowledged."""
+
+from __future__ import annotations
+
+import pytest
+from evidence_runs import begin, sealed_run
+
+from hil.evidence.folder import GUARDIAN, create, hold
+from hil.evidence.inbox import peek, post
+from hil.evidence.journal.reader import read_journal
+from hil.evidence.journal.writer import Journal
+from hil.evidence.package.recovery import recover
+from hil.evidence.package.verification import State, verify
+from hil.evidence.runs import status
+from hil.evidence.safed import guardian_hash, guardian_lines, is_acknowledged
+
+ACTED = b'{"kind":"acted","why":"the executive died"}\n'
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Return the folder of a run that the guardian ended."""
+    folder = create(tmp_path, bench="b", dut="d")
+    begin(folder).close()
+    (folder / GUARDIAN).write_bytes(ACTED)
+    return folder
+
+
+def test_a_run_that_the_guardian_ended_is_safed(folder):
+    """It is while nobody holds it; an empty journal of the guardian's is none."""
+    assert status(folder).state is State.SAFED
+    found = verify(folder)
+    assert (found.state, found.ok) == (State.SAFED, False)
+    assert "the guardian ended the run" in str(found.findings[0])
+    with hold(folder):
+        assert status(folder).state is State.RUNNING
+    (folder / GUARDIAN).write_bytes(b"")
+    assert status(folder).state is State.INTERRUPTED
+
+
+def test_what_the_guardian_wrote_is_read_whatever_it_is(folder):
+    """A line that was torn is shown as it is."""
+    (folder / GUARDIAN).write_bytes(ACTED + b'{"kind":"pro')
+    assert guardian_lines(folder) == ({"kind": "acted", "why": "the executive died"}, {"text": '{"kind":"pro'})
+
+
+def test_an_acknowledgement_holds_for_what_was_seen(folder):
+    """It names the guardian's journal by its hash; what the guardian does afterwards wants one of its own."""
+    assert not is_acknowledged(folder)
+    post(folder, "ack", by="Ada", text="fuse replaced", seen=guardian_hash(folder))
+    assert is_acknowledged(folder)
+    assert [message.by for message in peek(folder)] == ["Ada"]
+    assert status(folder).state is State.SAFED
+    with (folder / GUARDIAN).open("ab") as more:
+        more.write(ACTED)
+    assert not is_acknowledged(folder)
+
+
+def test_a_run_that_went_on_is_not_safed_any_more(folder):
+    """The acknowledgement is in its journal by then."""
+    with Journal(folder / "data/journal.jsonl") as journal:
+        journal.write("acknowledged", 0.0, by="Ada", text="fuse replaced", guardian=guardian_hash(folder))
+    assert is_acknowledged(folder)
+    assert status(folder).state is State.INTERRUPTED
+
+
+def test_the_guardians_journal_is_sealed_with_the_run(folder):
+    """It is in the manifest and named by the journal, with the acknowledgement that waited in the inbox."""
+    post(folder, "ack", by="Ada", text="fuse replaced", seen=guardian_hash(folder))
+    recover(folder, write_reports=lambda _: None)
+    found = verify(folder)
+    assert (found.state, found.findings) == (State.SEALED, ())
+    assert GUARDIAN in (folder / "manifest-sha256.txt").read_text()
+    (told,) = [event for event in read_journal(folder / "data/journal.jsonl").events if event["kind"] == "acknowledged"]
+    assert (told["by"], told["text"], told["guardian"]) == ("Ada", "fuse replaced", guardian_hash(folder))
+    (folder / GUARDIAN).chmod(0o644)
+    (folder / GUARDIAN).write_bytes(ACTED * 2)
+    assert verify(folder).state is State.DAMAGED
+
+
+def test_a_run_without_a_guardian_needs_no_acknowledgement(tmp_path):
+    """There is nothing to acknowledge, sealed or not."""
+    folder = create(tmp_path, bench="b", dut="d")
+    sealed_run(folder)
+    assert is_acknowledged(folder)
+    assert status(folder).state is State.SEALED
