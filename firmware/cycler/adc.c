@@ -12,10 +12,12 @@
 #include "sequence.h"
 
 #define CONVERSIONS 64
+#define ONE 1
 #define FULL_SCALE 65472.0f /* 64 x 1023 */
 #define INPUTS 3
 #define SHORTED 9999
 #define OPEN (-2730)
+#define LOOK_TICKS (TICKS_PER_S * 3 / 2) /* half a second before the watchdog resets */
 
 /* 125 kHz, at which all ten bits are good: a conversion takes 104 us. */
 #define ENABLED (_BV(ADEN) | _BV(ADIE) | _BV(ADPS2) | _BV(ADPS1) | _BV(ADPS0))
@@ -26,11 +28,17 @@ static uint8_t measurements;
 /* The interrupt only ends the sleep. */
 EMPTY_INTERRUPT(ADC_vect)
 
+static void set_look(void)
+{
+	alarm_set(ALARM_LOOK, clock_ticks() + LOOK_TICKS);
+}
+
 void adc_start(void)
 {
 	ADMUX = _BV(REFS0);
 	DIDR0 = _BV(ADC0D) | _BV(ADC1D) | _BV(ADC2D);
 	ADCSRA = ENABLED;
+	set_look();
 }
 
 /* A conversion may end between the look and the sleep: interrupts are off until the very instruction that sleeps. */
@@ -50,24 +58,25 @@ static uint16_t convert(void)
 }
 
 /* The first conversion behind a change of the input is thrown away: the input has to settle. */
-static uint16_t sum_of(uint8_t input)
+static uint16_t sum_of(uint8_t input, uint8_t conversions)
 {
 	uint16_t sum = 0;
 	ADMUX = _BV(REFS0) | input;
 	convert();
-	for (uint8_t left = CONVERSIONS; left; left--)
+	while (conversions--)
 		sum += convert();
 	return sum;
 }
 
-static void measure(uint16_t sums[INPUTS])
+static void measure(uint16_t sums[INPUTS], uint8_t conversions)
 {
 	clock_arm();
 	sleep_enable();
 	for (uint8_t input = 0; input < INPUTS; input++)
-		sums[input] = sum_of(input);
+		sums[input] = sum_of(input, conversions);
 	sleep_disable();
 	wdt_reset();
+	set_look();
 }
 
 static int16_t tenths(float u)
@@ -91,10 +100,16 @@ static struct reading reading_of(const uint32_t sums[INPUTS], float whole)
 	return reading;
 }
 
+void adc_look(void)
+{
+	uint16_t sums[INPUTS];
+	measure(sums, ONE);
+}
+
 struct reading adc_measure(void)
 {
 	uint16_t sums[INPUTS];
-	measure(sums);
+	measure(sums, CONVERSIONS);
 	const uint32_t once[INPUTS] = {sums[0], sums[1], sums[2]};
 	return reading_of(once, FULL_SCALE);
 }
@@ -108,7 +123,7 @@ void adc_begin_mean(void)
 void adc_add(void)
 {
 	uint16_t sums[INPUTS];
-	measure(sums);
+	measure(sums, CONVERSIONS);
 	for (uint8_t input = 0; input < INPUTS; input++)
 		totals[input] += sums[input];
 	measurements++;

@@ -78,15 +78,21 @@ void alarm_clear(enum alarm alarm)
 	set &= ~_BV(alarm);
 }
 
+static bool passed(enum alarm alarm, uint32_t now)
+{
+	return (set & _BV(alarm)) && (int32_t)(now - dues[alarm]) >= 0;
+}
+
 bool alarm_passed(enum alarm alarm)
 {
-	return (set & _BV(alarm)) && (int32_t)(clock_ticks() - dues[alarm]) >= 0;
+	return passed(alarm, clock_ticks());
 }
 
 bool alarm_take(enum alarm *alarm, uint32_t *due)
 {
+	const uint32_t now = clock_ticks();
 	for (uint8_t each = 0; each < ALARMS; each++) {
-		if (alarm_passed(each)) {
+		if (passed(each, now)) {
 			alarm_clear(each);
 			*alarm = each;
 			*due = dues[each];
@@ -115,6 +121,12 @@ bool clock_arm(void)
 	if ((int32_t)(clock_ticks() - now) >= nearest)
 		clock_rang = 1;
 	return !clock_rang;
+}
+
+void clock_wait(const volatile uint8_t *ready)
+{
+	while (!*ready && !clock_rang)
+		clock_sleep(ready);
 }
 
 void clock_sleep(const volatile uint8_t *ready)

@@ -8,7 +8,7 @@
 #define TICKS_PER_LINE (5 * TICKS_PER_S)
 
 /* In the order in which they are served where two are due at once. */
-enum alarm { ALARM_BEAT, ALARM_CLOSE, ALARM_IDLE, ALARM_LINE, ALARM_MEASURE, ALARMS };
+enum alarm { ALARM_BEAT, ALARM_CLOSE, ALARM_IDLE, ALARM_LINE, ALARM_MEASURE, ALARM_LOOK, ALARMS };
 
 void clock_start(void);
 
@@ -33,6 +33,9 @@ bool clock_arm(void);
 
 /* Whether the alarm for which the timer was armed came. */
 extern volatile uint8_t clock_rang;
+
+/* Sleep until `ready` is set or the alarm came, through all interrupts in between. */
+void clock_wait(const volatile uint8_t *ready);
 
 /* Sleep until any interrupt, unless `ready` is set or the alarm came already. */
 void clock_sleep(const volatile uint8_t *ready);

@@ -47,38 +47,43 @@ void line_flash(const __flash char *text)
 		line_char(*text++);
 }
 
-/* Digits come from behind; at least `least` of them, with a point before the last `decimals`. */
-static void digits(uint32_t number, uint8_t base, uint8_t least, uint8_t decimals)
+/* The processor cannot divide: each power of ten is taken away as often as it goes. */
+static void decimal(uint32_t number, uint8_t decimals)
 {
-	char reversed[12];
-	uint8_t count = 0, written = 0;
-	while (number || written < least) {
-		if (decimals && written == decimals)
-			reversed[count++] = '.';
-		const uint8_t digit = number % base;
-		reversed[count++] = digit < 10 ? '0' + digit : 'A' + digit - 10;
-		number /= base;
-		written++;
+	static const __flash uint32_t powers[] = {1,      10,      100,      1000,      10000,
+	                                          100000, 1000000, 10000000, 100000000, 1000000000};
+	bool begun = false;
+	for (uint8_t place = sizeof powers / sizeof *powers; place--;) {
+		const uint32_t power = powers[place];
+		char digit = '0';
+		for (; number >= power; digit++)
+			number -= power;
+		begun |= digit != '0' || place <= decimals;
+		if (begun)
+			line_char(digit);
+		if (decimals && place == decimals)
+			line_char('.');
 	}
-	while (count)
-		line_char(reversed[--count]);
 }
 
 void line_number(uint32_t number)
 {
-	digits(number, 10, 1, 0);
+	decimal(number, 0);
 }
 
-void line_hex(uint32_t number, uint8_t least)
+void line_hex(uint32_t number, uint8_t digits)
 {
-	digits(number, 16, least, 0);
+	while (digits--) {
+		const uint8_t digit = number >> 4 * digits & 0xF;
+		line_char(digit < 10 ? '0' + digit : 'A' + digit - 10);
+	}
 }
 
 void line_fixed(int32_t value, uint8_t decimals)
 {
 	if (value < 0)
 		line_char('-');
-	digits(value < 0 ? -(uint32_t)value : (uint32_t)value, 10, decimals + 1, decimals);
+	decimal(value < 0 ? -(uint32_t)value : (uint32_t)value, decimals);
 }
 
 void line_count(void)

@@ -49,6 +49,6 @@ int main(void)
 		else if (uart_waiting)
 			level_receive(uart_take());
 		else if (clock_arm())
-			clock_sleep(&uart_waiting);
+			clock_wait(&uart_waiting);
 	}
 }

@@ -213,6 +213,9 @@ void sequence_alarm(uint8_t alarm, uint32_t ticks)
 	case ALARM_MEASURE:
 		window_measure();
 		break;
+	case ALARM_LOOK:
+		adc_look();
+		break;
 	}
 }
 

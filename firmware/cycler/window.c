@@ -2,12 +2,11 @@
 
 #include "clock.h"
 
-#define TIMES 4
-#define FIRST_OF_MEAN 2
+#define TIMES 2
 #define MS(ms) ((ms) * 125UL / 8)
 
-/* Never more than 1.5 s apart, for the watchdog; the last two each in the middle of its half of the last second. */
-static const __flash uint32_t offsets[TIMES] = {MS(1250), MS(2750), MS(4240), MS(4740)};
+/* Each in the middle of its half of the last second. */
+static const __flash uint32_t offsets[TIMES] = {MS(4240), MS(4740)};
 
 static uint32_t began;
 static uint8_t place;
@@ -30,10 +29,7 @@ void window_begin(uint32_t ticks)
 
 void window_measure(void)
 {
-	if (place < FIRST_OF_MEAN)
-		adc_measure();
-	else
-		adc_add();
+	adc_add();
 	place++;
 	set_next();
 }

@@ -1,4 +1,4 @@
-/* When is measured: four times in the five seconds before a line, two of them in the last second. */
+/* When is measured: twice in the last of the five seconds before a line. */
 #ifndef WINDOW_H
 #define WINDOW_H
 

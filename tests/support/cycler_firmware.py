@@ -21,8 +21,8 @@ FOLDER = Path(__file__).parents[2] / "firmware"
 _HERTZ = 16_000_000
 _UART_BITS = 11
 """What simavr takes for a byte of 8 data bits and 1 stop bit."""
-_AHEAD_NS = 10_000_000
-"""How far the device may be ahead of the bench: bytes of the host come at most so late."""
+_AHEAD_NS = 25_000_000
+"""How far the device may be ahead of the bench, a measurement; bytes of the host come at most so late."""
 _FAST_BYTE = 128
 _BOOT_NS = 1_600_000_000
 _POWER, _EXTERNAL = 0x01, 0x02
@@ -86,7 +86,7 @@ class FirmwarePeer:
     """The board: its bootloader in here, its firmware in a process with simavr.
 
     The device runs until it sleeps, and the bench's clock wakes it when it would wake by itself, so that nothing
-    happens in between. A device that is awake is up to 10 ms ahead of the bench.
+    happens in between. A device that is awake is up to 25 ms ahead of the bench.
 
     Attributes:
         watchdog_resets: instants in ns.

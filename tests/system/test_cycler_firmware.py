@@ -49,6 +49,13 @@ class Board(CyclerUnderTest):
             patch.setattr(cycler_page, "MODEL", FIRMWARE)
             super().__init__(truth)
 
+    def wait(self, seconds):
+        """Let time pass, and return the lines that came; to the last one, where the device is ahead of the bench."""
+        self.clock.sleep(seconds)
+        if self.sent:
+            self.clock.wait_until(max(self.clock.now_ns(), self.sent[-1][0]))
+        return self.fetch()
+
     def ask(self, text):
         """Give a line of the host, and return the lines that came soon."""
         self.peer.receive(sealed(text))
@@ -305,6 +312,30 @@ def test_a_converter_that_does_not_answer(board):
     assert lines[-1] == "START ARDUINO;1;0;2.0;hil-cycler;1.0.0;C0001;43;WATCHDOG"
     assert board.until("IDLE", 6)
     assert len(living().watchdog_resets) == 1
+
+
+def test_the_watchdog_leaves_a_device_that_measures(board):
+    """Whenever a test begins and is stopped between two of the 5 s, nothing is so far apart that it resets."""
+    board.battery.show(3.8, 0.7, 25.0)
+    for number, seconds in enumerate(np.arange(0.3, 5.3, 0.7), start=1):
+        board.start(f"{number:08X}")
+        board.wait(seconds)
+        assert board.ask(":3 STOP")[0] == ":3 OK state=STOPPED"
+        assert not any("START" in line for line in board.wait(11.2))
+        assert board.ask(":4 CLEAR") == [":4 OK state=IDLE"]
+    assert living().watchdog_resets == []
+
+
+@pytest.mark.parametrize("seconds", np.arange(0.0, 5.0, 0.7))
+def test_the_watchdog_leaves_a_device_of_level_1_that_begins(seconds):
+    """Whenever the byte comes that begins a test: it goes on."""
+    under = Board(level="1")
+    under.opened()
+    under.battery.show(3.8, 0.7, 25.0)
+    under.wait(5 + seconds)
+    under.peer.receive(b"x")
+    assert len(under.wait(11)) == 3
+    assert living().watchdog_resets == []
 
 
 def test_the_boot_counter_is_kept(board):
