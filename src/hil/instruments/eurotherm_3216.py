@@ -21,11 +21,15 @@ from hil.instruments import settings
 from hil.instruments.driver import Clamps, Connection, Outlet
 from hil.instruments.marks import drives, reads
 from hil.instruments.modbus import ModbusSession
+from hil.instruments.modbus_line import question, register, register_told
+from hil.instruments.modbus_safing import SILENCE, exchange
 from hil.instruments.roles import Thermal
-from hil.model.bench import Wire
+from hil.instruments.safing import must_be_state
+from hil.model.bench import Proof, Wire
 from hil.model.errors import DeviceFault, Garbled, NoReply, Refused, Rejected
 from hil.model.figure import Figure
 from hil.model.identity import Identity
+from hil.model.safing import SafeBytes
 
 __all__ = ["Eurotherm3216", "Eurotherm3216Thermal"]
 
@@ -135,6 +139,22 @@ class Eurotherm3216Thermal:
     def output(self) -> Figure:
         """Return the working output in %, negative while it cools."""
         return Figure(value=_signed(self._register(_WORKING_OUTPUT)) / 10, unit="%")
+
+    def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:  # noqa: ARG002 - always an output of 0
+        """Return the bytes of standby; see `hil.instruments.roles.SafeByBytes`.
+
+        The mode is written whether or not it differs, which is rare enough for the memory. It is proven by the mode
+        and by a working output of exactly 0 %; a temperature cannot be held to bounds by bytes.
+        """
+        must_be_state("thermal", self._name, state)
+        unit = self._session.unit
+        mode = register(_INSTRUMENT_MODE, _STANDBY, unit)
+        told = ((_INSTRUMENT_MODE, _STANDBY), (_WORKING_OUTPUT, 0))
+        return SafeBytes(
+            resync=(SILENCE,),
+            off=(exchange(mode, mode),),
+            proof=tuple(exchange(question(3, at, 1, unit), register_told(value, unit)) for at, value in told),
+        )
 
     def _agree(self) -> None:
         """Compare decimals and units of the instrument with those of the wiring, once and before every setpoint.

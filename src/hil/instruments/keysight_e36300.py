@@ -40,6 +40,7 @@ E36300 = Dialect(
         get_level="VOLT:PROT? (@{channel})",
         tripped="VOLT:PROT:TRIP? (@{channel})",
     ),
+    framed=True,
 )
 """The commands of the E36300 series."""
 
@@ -57,7 +58,7 @@ class KeysightE36300:
         if connection.port is None:
             raise Refused(f"{connection.device}: a keysight-e36300 is reached by a port", "give it `port:`")
         self._connection = connection
-        self._session = ScpiSession(connection.device, connection.port, framed=True)
+        self._session = ScpiSession(connection.device, connection.port, framed=E36300.framed)
 
     def identify(self) -> Identity:
         """Ask `*IDN?`."""

@@ -14,13 +14,15 @@ from typing import ClassVar
 
 from hil.instruments import settings
 from hil.instruments.driver import Connection, Outlet
-from hil.instruments.korad_line import KoradLine, Question
+from hil.instruments.korad_line import KoradLine, Question, switched_off
 from hil.instruments.marks import drives, reads
 from hil.instruments.roles import Supply
-from hil.model.bench import Wire
+from hil.instruments.safing import must_be_state, own_bounds
+from hil.model.bench import Proof, Wire
 from hil.model.errors import Refused, Rejected
 from hil.model.figure import Figure
 from hil.model.identity import Identity
+from hil.model.safing import SafeBytes
 
 __all__ = ["KoradKa3005p", "KoradOutput"]
 
@@ -41,6 +43,7 @@ _MEASURED = {
     "V": Question(command=b"VOUT1?", form=_VOLTS, width=5),
     "A": Question(command=b"IOUT1?", form=_AMPERES, width=5),
 }
+_SAYS_OFF = rb"[^\x40-\x7f\xc0-\xff]"  # a status byte without the bit 0x40
 _NAMES = {"KORAD": "Korad", "TENMA": "Tenma", "VELLEMAN": "Velleman", "RND": "RND"}
 _IDENTIFICATION = re.compile(rf"({'|'.join(_NAMES)}) ?(.+?) ?V(\d+\.\d+)(?: SN:(\w+))?", re.ASCII)
 
@@ -125,6 +128,16 @@ class KoradOutput:
         if not status & _ON:
             return "off"
         return "CV" if status & _CONSTANT_VOLTAGE else "CC"
+
+    def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
+        """Return the bytes of off; see `hil.instruments.roles.SafeByBytes`. Voltage and current can be asked for."""
+        must_be_state("supply", self._name, state)
+        questions: list[tuple[bytes, bytes, tuple[float, float] | None]] = [(_STATUS.command, _SAYS_OFF, None)] * 2
+        for quantity, unit in (("voltage", "V"), ("current", "A")):
+            if bounds := own_bounds(self._name, proof, quantity):
+                measured = _MEASURED[unit]
+                questions.append((measured.command, b"(" + measured.form.pattern + b")", bounds))
+        return switched_off(tuple(questions))
 
     def _status(self) -> int:
         return self._line.ask(_STATUS)[0]

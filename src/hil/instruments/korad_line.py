@@ -18,15 +18,19 @@ from typing import TypeVar
 
 from hil.clock.port import Clock
 from hil.instruments.pacing import PacedPort
+from hil.instruments.safing import LONGEST_REPLY_S
 from hil.model.errors import DeviceFault, Garbled, NoReply
+from hil.model.safing import Exchange, SafeBytes
 from hil.wire.port import Port
 
-__all__ = ["LONGEST_S", "KoradLine", "Question"]
+__all__ = ["LONGEST_S", "KoradLine", "Question", "switched_off"]
 
 LONGEST_S = 0.5
 """The longest wait for one reply, in seconds."""
 
 _SILENCE_S = 0.05  # what the supply needs between commands; no byte may come in it
+_SAFE_SILENCE_S = 0.06
+"""That, and what it takes until the last byte has left the adapter."""
 _ATTEMPTS = 3
 _MOST_LISTENED = 10
 _MOST_BYTES = 64
@@ -220,3 +224,20 @@ class KoradLine:
     def _dead_port(self, error: OSError) -> NoReply:
         self._in_step = False
         return NoReply(self._device, f"the port failed: {error}", "look at cable and power")
+
+
+def switched_off(questions: tuple[tuple[bytes, bytes, tuple[float, float] | None], ...]) -> SafeBytes:
+    """Return how the output is switched off by bytes alone.
+
+    Where a command ends only a silence tells. So there is one first; and the command leaves twice, for half a command
+    that a killed program left might still spoil the first.
+
+    Args:
+        questions: what is asked, what the reply must be, and the bounds of the number in it, if there is one.
+    """
+    proof = tuple(
+        Exchange(send=command, expect=rb"\A" + reply, within_s=LONGEST_REPLY_S, quiet_s=_SAFE_SILENCE_S, between=bounds)
+        for command, reply, bounds in ((b"*IDN?", _IDENTIFICATION.pattern, None), *questions)
+    )
+    off = Exchange(send=b"OUT0", quiet_s=_SAFE_SILENCE_S)
+    return SafeBytes(resync=(Exchange(send=b"", quiet_s=2 * _SILENCE_S),), off=(off, off), proof=proof)

@@ -55,6 +55,11 @@ class ModbusSession:
         self._settled = True
 
     @property
+    def unit(self) -> int:
+        """The unit's address."""
+        return self._unit
+
+    @property
     def discarded(self) -> int:
         """How many bytes came that nobody had asked for."""
         return self._client.discarded

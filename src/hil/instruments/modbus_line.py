@@ -15,13 +15,34 @@ from typing import Protocol
 from pymodbus.exceptions import ModbusException
 from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU
-from pymodbus.pdu.bit_message import ReadCoilsRequest, WriteMultipleCoilsRequest, WriteSingleCoilRequest
-from pymodbus.pdu.register_message import ReadHoldingRegistersRequest, WriteSingleRegisterRequest
+from pymodbus.pdu.bit_message import (
+    ReadCoilsRequest,
+    ReadCoilsResponse,
+    WriteMultipleCoilsRequest,
+    WriteMultipleCoilsResponse,
+    WriteSingleCoilRequest,
+)
+from pymodbus.pdu.register_message import (
+    ReadHoldingRegistersRequest,
+    ReadHoldingRegistersResponse,
+    WriteSingleRegisterRequest,
+)
 
 from hil.clock.port import Clock
 from hil.wire.port import Port
 
-__all__ = ["LONGEST_S", "ModbusLine", "Reply", "coil", "coils", "question", "register"]
+__all__ = [
+    "LONGEST_S",
+    "ModbusLine",
+    "Reply",
+    "coil",
+    "coils",
+    "coils_taken",
+    "coils_told",
+    "question",
+    "register",
+    "register_told",
+]
 
 LONGEST_S = 0.5
 """The longest that one exchange may take, in seconds."""
@@ -65,6 +86,21 @@ def coils(address: int, values: Sequence[bool], unit: int) -> bytes:
 def register(address: int, value: int, unit: int) -> bytes:
     """Return the frame that writes one holding register (function 06)."""
     return bytes(_FRAMER.buildFrame(WriteSingleRegisterRequest(address=address, registers=[value], dev_id=unit)))
+
+
+def coils_taken(address: int, count: int, unit: int) -> bytes:
+    """Return the frame by which a unit acknowledges that it switched coils (function 0F)."""
+    return bytes(_FRAMER.buildFrame(WriteMultipleCoilsResponse(address=address, count=count, dev_id=unit)))
+
+
+def coils_told(values: Sequence[bool], unit: int) -> bytes:
+    """Return the frame by which a unit tells how its coils are (function 01)."""
+    return bytes(_FRAMER.buildFrame(ReadCoilsResponse(bits=list(values), dev_id=unit)))
+
+
+def register_told(value: int, unit: int) -> bytes:
+    """Return the frame by which a unit tells one holding register (function 03)."""
+    return bytes(_FRAMER.buildFrame(ReadHoldingRegistersResponse(registers=[value], dev_id=unit)))
 
 
 class ModbusLine:

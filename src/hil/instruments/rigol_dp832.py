@@ -23,7 +23,6 @@ from hil.model.identity import Identity
 
 __all__ = ["DP800", "RigolDp832"]
 
-_PAUSE_S = 0.015  # about 10 ms between commands, and half of it again
 _MODES = {"CV": "CV", "CC": "CC", "UR": "unregulated"}
 
 
@@ -76,6 +75,8 @@ DP800 = Dialect(
     as_state=_as_state,
     as_trip=_as_trip,
     as_mode=_as_mode,
+    says_off=b"OFF",
+    pause_s=0.015,  # about 10 ms between commands, and half of it again
 )
 """The commands of the DP800 series; settings are rounded to 10 mV at the coarsest."""
 
@@ -95,7 +96,7 @@ class RigolDp832:
             raise Refused(f"{connection.device}: a rigol-dp832 is reached by a port", "give it `port:`")
         self._connection = connection
         self._session = ClosedSession(
-            connection.device, PacedPort(connection.port, connection.clock, _PAUSE_S), error_query=":SYST:ERR?"
+            connection.device, PacedPort(connection.port, connection.clock, DP800.pause_s), error_query=":SYST:ERR?"
         )
 
     def identify(self) -> Identity:

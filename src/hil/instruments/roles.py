@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from hil.instruments.cycler_role import Cycler
 from hil.instruments.marks import drives, reads
 from hil.instruments.sampled import Sampled, Streamed
+from hil.model.bench import Proof
 from hil.model.figure import Figure
+from hil.model.safing import SafeBytes
 
 __all__ = [
     "ROLES",
@@ -17,6 +19,7 @@ __all__ = [
     "Obc",
     "Relays",
     "RotationTable",
+    "SafeByBytes",
     "Supply",
     "Thermal",
 ]
@@ -217,6 +220,28 @@ class Gyroscope(Streamed, Protocol):
     @reads
     def full_scale(self) -> Figure:
         """Return the largest rate of the chosen range in deg/s."""
+        ...
+
+
+@runtime_checkable
+class SafeByBytes(Protocol):
+    """An output that can be made safe with nothing but bytes, by a process that has no driver.
+
+    Every role that `STATES` lists is one where its instrument has a byte stream of its own. A sensor on an I2C bus has
+    none, also where the bus is served by an instrument that has: what feeds it is what makes it safe.
+    """
+
+    def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
+        """Return how the output comes to a state, from what the driver knows; nothing is sent.
+
+        Args:
+            state: one of its role's in `STATES`.
+            proof: how the bench file proves that state. Where it reads a quantity of this very output that the
+                instrument tells in text, the bytes ask for it too, and hold it to these bounds.
+
+        Raises:
+            Refused: there is no such state, or bytes do not lead there.
+        """
         ...
 
 

@@ -8,9 +8,13 @@ from dataclasses import dataclass
 
 from hil.instruments.driver import Clamps
 from hil.instruments.marks import drives, reads
+from hil.instruments.safing import NUMBER, must_be_state, own_bounds
 from hil.instruments.scpi import ScpiSession, as_number, as_register, as_switch
+from hil.instruments.scpi_safing import switched_off
+from hil.model.bench import Proof
 from hil.model.errors import Refused, Rejected
 from hil.model.figure import Figure
+from hil.model.safing import SafeBytes
 
 __all__ = ["Dialect", "Protection", "ScpiOutput"]
 
@@ -58,6 +62,9 @@ class Dialect:
         as_state: reads whether an output or a protection is on.
         as_trip: reads whether a protection has tripped.
         as_mode: reads `CV`, `CC` or `unregulated`; at first from a condition register.
+        says_off: the reply of `is_on` that means off.
+        framed: whether a question may stand in a line with `*IDN?`.
+        pause_s: what the instrument needs between lines [s].
     """
 
     channels: tuple[int, ...]
@@ -78,6 +85,9 @@ class Dialect:
     as_state: Callable[[str], bool] = as_switch
     as_trip: Callable[[str], bool] = as_switch
     as_mode: Callable[[str], str] = _as_mode
+    says_off: bytes = b"0"
+    framed: bool = False
+    pause_s: float = 0.0
 
 
 class ScpiOutput:
@@ -183,6 +193,20 @@ class ScpiOutput:
         if not self.enabled():
             return "off"
         return self._session.query(self._filled(self._dialect.mode), self._dialect.as_mode)
+
+    def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
+        """Return the bytes of off; see `hil.instruments.roles.SafeByBytes`. Voltage and current can be asked for."""
+        must_be_state("supply", self._name, state)
+        dialect = self._dialect
+        questions: list[tuple[str, bytes, tuple[float, float] | None]] = [
+            (self._filled(dialect.is_on), dialect.says_off, None)
+        ]
+        for quantity, question in (("voltage", dialect.measure_voltage), ("current", dialect.measure_current)):
+            if bounds := own_bounds(self._name, proof, quantity):
+                questions.append((self._filled(question), NUMBER, bounds))
+        return switched_off(
+            self._filled(dialect.switch_off), tuple(questions), framed=dialect.framed, pause_s=dialect.pause_s
+        )
 
     def _must_not_have_tripped(self) -> None:
         for quantity, protection, _ in self._levels:

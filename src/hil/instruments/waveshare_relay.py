@@ -15,10 +15,14 @@ from hil.instruments import settings
 from hil.instruments.driver import Connection, Outlet
 from hil.instruments.marks import drives, reads
 from hil.instruments.modbus import ModbusSession
+from hil.instruments.modbus_line import coils, coils_taken, coils_told, question
+from hil.instruments.modbus_safing import SILENCE, exchange
 from hil.instruments.roles import Relays
-from hil.model.bench import Wire
+from hil.instruments.safing import must_be_state
+from hil.model.bench import Proof, Wire
 from hil.model.errors import DeviceFault, Garbled, NoReply, Refused, Rejected
 from hil.model.identity import Identity
+from hil.model.safing import SafeBytes
 
 __all__ = ["WaveshareRelay", "WaveshareRelays"]
 
@@ -70,6 +74,19 @@ class WaveshareRelays:
         """Return the names of the energised contacts, sorted."""
         states = self._session.read_coils(0, _RELAYS)
         return tuple(sorted(name for name, number in self._contacts.items() if states[number - 1]))
+
+    def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:  # noqa: ARG002 - it measures nothing
+        """Return the bytes that release every relay of the board; see `hil.instruments.roles.SafeByBytes`.
+
+        The proof is the board's own idea of its relays: no byte of it shows a contact that is welded.
+        """
+        must_be_state("relays", self._name, state)
+        unit, released = self._session.unit, [False] * _RELAYS
+        return SafeBytes(
+            resync=(SILENCE,),
+            off=(exchange(coils(0, released, unit), coils_taken(0, _RELAYS, unit)),),
+            proof=(exchange(question(1, 0, _RELAYS, unit), coils_told(released, unit)),),
+        )
 
     def _switch(self, coil: int, *, on: bool) -> None:
         self._prove(lambda: self._session.write_coil(coil, on), {coil: on})

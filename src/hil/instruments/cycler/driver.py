@@ -60,4 +60,4 @@ class BatteryCycler:
             raise Refused(f"wiring {wire.name}: a cycler is no {wire.role}", "it fills the role cycler")
         if wire.channel:
             raise Refused(f"wiring {wire.name}: a cycler has no channels", "leave `channel` out")
-        return BatteryTester(self._session, Wiring.read(wire))
+        return BatteryTester(wire.name, self._session, Wiring.read(wire))

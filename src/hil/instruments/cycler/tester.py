@@ -10,15 +10,19 @@ from hil.instruments.cycler.hearing import MOST_BYTES
 from hil.instruments.cycler.lines import LINE_S
 from hil.instruments.cycler.numbered import NumberedLines
 from hil.instruments.cycler.preparing import Preparing
+from hil.instruments.cycler.safing import stopped
 from hil.instruments.cycler.session import Session
 from hil.instruments.cycler.status import Status
 from hil.instruments.cycler.stream import CHANNELS, Stream
 from hil.instruments.cycler.told import Reading, Told
 from hil.instruments.cycler.wiring import Wiring
 from hil.instruments.marks import drives, reads
+from hil.instruments.safing import must_be_state
 from hil.instruments.sampled import Channel, StreamReport
+from hil.model.bench import Proof
 from hil.model.errors import NoReply, Refused
 from hil.model.figure import Figure
+from hil.model.safing import SafeBytes
 
 __all__ = ["BatteryTester"]
 
@@ -34,11 +38,13 @@ class BatteryTester:
     """One device; fills the role `cycler`.
 
     Args:
+        name: the wire's dotted name.
         session: the session.
         wiring: level, heartbeat, and the cycles of a level 1 device.
     """
 
-    def __init__(self, session: Session, wiring: Wiring) -> None:
+    def __init__(self, name: str, session: Session, wiring: Wiring) -> None:
+        self._name = name
         self._session = session
         self._attendance = Attendance(session)
         self._beat_s = wiring.beat_s
@@ -97,6 +103,23 @@ class BatteryTester:
             DeviceFault: it says that a relay is closed.
         """
         self._preparing.stop()
+
+    def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
+        """Return the bytes of STOP; see `hil.instruments.roles.SafeByBytes`. What it measures can be asked for.
+
+        Raises:
+            Refused: there is no such state; or a level 1 device, or one that has told no level yet: any byte may start
+                its test.
+        """
+        must_be_state("cycler", self._name, state)
+        told = self._session.told
+        if not isinstance(told, NumberedLines):
+            why = "has not told its level yet" if told is None else "speaks level 1"
+            raise Refused(
+                f"{self._name}: {self._session.device} {why}: no byte stops it, and any byte may start its test",
+                "identify it first" if told is None else "only a reset stops it; let supply and load be its cut paths",
+            )
+        return stopped(self._name, proof)
 
     @reads
     def state(self) -> str:

@@ -9,9 +9,13 @@ from hil.clock.port import Clock
 from hil.instruments.driver import Clamps
 from hil.instruments.marks import drives, reads
 from hil.instruments.newport_esp301.encoder import Encoder, Reading
+from hil.instruments.newport_esp301.safing import stopped
 from hil.instruments.newport_esp301.session import EspSession, as_code, as_decimal, as_flag
+from hil.instruments.safing import must_be_state, own_bounds
+from hil.model.bench import Proof
 from hil.model.errors import ClampExceeded, DeviceFault, Refused, Rejected
 from hil.model.figure import Figure
+from hil.model.safing import SafeBytes
 
 __all__ = ["Motion", "Table"]
 
@@ -108,9 +112,9 @@ class Table:
         """
         slowing = abs(self._commanded) / self._motion.acceleration
         queued = self._session.urgent(f"{self._axis}ST")
-        stopped = self._comes_to_rest(slowing)
+        stands = self._comes_to_rest(slowing)
         self._session.setting(f"{self._axis}MF")
-        if not stopped:
+        if not stands:
             cut = "its motor power was cut" + ("" if self._comes_to_rest(slowing) else ", and it still turns")
             raise Rejected(
                 self._device, f"{self._name} was stopped and went on; {cut}", "cut its mains, then look at the drive"
@@ -163,6 +167,14 @@ class Table:
         end = bounds[1] if rate > 0 else bounds[0]
         left = abs(end - self._turns(self._look())) * _TURN - 2 * self._ramp(rate)
         return Figure(value=max(0.0, left / abs(rate)), unit="s")
+
+    def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
+        """Return the bytes of stop and power off; see `hil.instruments.roles.SafeByBytes`.
+
+        Standstill is always asked of the encoder; a rate besides of the controller, which may tell what it commands.
+        """
+        must_be_state("rotation_table", self._name, state)
+        return stopped(self._axis, own_bounds(self._name, proof, "rate"))
 
     def _look(self) -> Reading:
         """Take a reading; a table that is about to leave its turns is stopped."""
@@ -249,14 +261,14 @@ class Table:
                 return
             if self._clock.now() >= deadline:
                 break
-        stopped = "it was stopped"
+        ended = "it was stopped"
         try:
             self.stop()
         except DeviceFault as fault:
-            stopped = f"and it cannot be stopped: {fault.message}"
+            ended = f"and it cannot be stopped: {fault.message}"
         raise Rejected(
             self._device,
-            f"{self._name} was set to {rate:g} deg/s and its encoder shows {shown:.4g} deg/s; {stopped}",
+            f"{self._name} was set to {rate:g} deg/s and its encoder shows {shown:.4g} deg/s; {ended}",
             "look whether the table slips or is held, and at its load",
         )
 

@@ -1,0 +1,36 @@
+"""What drivers share where they say how an output is made safe by bytes alone."""
+
+from __future__ import annotations
+
+from hil.documents.suggest import did_you_mean
+from hil.instruments.roles import STATES
+from hil.model.bench import Proof
+from hil.model.errors import Refused
+
+__all__ = ["LONGEST_REPLY_S", "NUMBER", "must_be_state", "own_bounds"]
+
+LONGEST_REPLY_S = 0.3
+"""How long a reply is waited for that most instruments give within a tenth of it."""
+
+NUMBER = rb"([+-]?(?:\d+\.?\d*|\.\d+)(?:[Ee][+-]?\d+)?)"
+"""A decimal number, as a group."""
+
+
+def must_be_state(role: str, name: str, state: str) -> None:
+    """Return if the role has that safe state; raise Refused otherwise.
+
+    Args:
+        role: such as `supply`.
+        name: of the role instance, for the message.
+        state: such as `off`.
+    """
+    states = STATES[role]
+    if state not in states:
+        raise Refused(f"{name} has no state '{state}'{did_you_mean(state, states)}", f"it has {', '.join(states)}")
+
+
+def own_bounds(name: str, proof: Proof | None, quantity: str) -> tuple[float, float] | None:
+    """Return the bounds of a proof that reads this quantity of this very output, None where it does not."""
+    if proof is None or (proof.output, proof.quantity) != (name, quantity):
+        return None
+    return proof.minimum, proof.maximum
