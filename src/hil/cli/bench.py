@@ -8,8 +8,14 @@ import click
 
 from hil.model.identity import Source
 
-__all__ = ["command"]
+__all__ = ["SERVED", "command"]
 
+SERVED = click.option(
+    "--served",
+    type=click.Path(path_type=Path, exists=True, file_okay=False),
+    metavar="FOLDER",
+    help="Where hil simulate serves the bench.",
+)
 _SOURCES = click.Choice([Source.HARDWARE.value, Source.SIMULATED.value])
 
 
@@ -21,8 +27,9 @@ def command() -> None:
 @command.command(epilog="Example: hil bench check adcs --source simulated")
 @click.argument("name")
 @click.option("--source", type=_SOURCES, default="hardware")
+@SERVED
 @click.option("--energise", is_flag=True, help="Also try every output at its reduced level.")
-def check(name: str, source: str, *, energise: bool) -> int:
+def check(name: str, source: str, served: Path | None, *, energise: bool) -> int:
     """Read the bench file, look at every instrument without driving it, and say what is ready.
 
     Exit code 0 if every gate holds, 1 otherwise.
@@ -30,7 +37,7 @@ def check(name: str, source: str, *, energise: bool) -> int:
     from hil.executive.watch.bench_visit import check_bench  # noqa: PLC0415 - heavy
 
     ready = True
-    for gate in check_bench(Path.cwd(), name, Source(source), energise=energise):
+    for gate in check_bench(Path.cwd(), name, Source(source), energise=energise, served=served):
         ready = ready and gate.ok
         click.echo(f"{'ok    ' if gate.ok else 'NOT OK'}  {gate.name}: {gate.detail}")
     click.echo("ready" if ready else "not ready")
@@ -40,7 +47,8 @@ def check(name: str, source: str, *, energise: bool) -> int:
 @command.command(epilog="Example: hil bench safe adcs --source simulated")
 @click.argument("name")
 @click.option("--source", type=_SOURCES, default="hardware")
-def safe(name: str, source: str) -> int:
+@SERVED
+def safe(name: str, source: str, served: Path | None) -> int:
     """Bring every output to its safe state, in order, and prove it.
 
     Exit code 0 if every line is proven, 7 otherwise.
@@ -48,7 +56,7 @@ def safe(name: str, source: str) -> int:
     from hil.executive.watch.bench_visit import safe_bench  # noqa: PLC0415 - heavy
 
     proven = True
-    for result in safe_bench(Path.cwd(), name, Source(source)):
+    for result in safe_bench(Path.cwd(), name, Source(source), served=served):
         proven = proven and result.ok
         click.echo(f"{'safe    ' if result.ok else 'NOT SAFE'}  {result.output} {result.state}: {result.detail}")
     return 0 if proven else 7

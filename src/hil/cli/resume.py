@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from hil.cli.bench import SERVED
 from hil.cli.folders import find_run
 from hil.cli.supervision import Invocation, supervise
 
@@ -18,6 +19,7 @@ __all__ = ["command"]
 @click.argument("run", metavar="RUN")
 @click.option("--answers", type=click.Path(path_type=Path, exists=True, dir_okay=False), help="Answers to questions.")
 @click.option("--ask", is_flag=True, help="Ask at the terminal, also on a simulated bench.")
+@SERVED
 @click.option(
     "--other-software",
     default="",
@@ -27,7 +29,14 @@ __all__ = ["command"]
 @click.option("-v", "--verbose", is_flag=True, help="Show every step, every driving call, every gate.")
 @click.pass_obj
 def command(
-    invocation: Invocation, *, run: str, answers: Path | None, ask: bool, other_software: str, verbose: bool
+    invocation: Invocation,
+    *,
+    run: str,
+    answers: Path | None,
+    ask: bool,
+    served: Path | None,
+    other_software: str,
+    verbose: bool,
 ) -> int:
     """Go on with a run whose process was killed, or whose machine lost power.
 
@@ -44,5 +53,11 @@ def command(
     from hil.plugin.running import resume  # noqa: PLC0415 - after the pins
 
     invocation.word.listen()
-    request = partial(resumed_request, start=Path.cwd(), answers=answers.resolve() if answers else None, person=ask)
+    request = partial(
+        resumed_request,
+        start=Path.cwd(),
+        answers=answers.resolve() if answers else None,
+        person=ask,
+        served=served.resolve() if served else None,
+    )
     return resume(folder, request, sys.stdout, other_software=other_software, verbose=verbose, word=invocation.word)

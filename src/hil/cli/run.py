@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from hil.cli.bench import SERVED
 from hil.cli.deviating import deviation_options, overrides_of, skips_of
 from hil.cli.display import Display
 from hil.cli.folders import reports_folder
@@ -36,6 +37,7 @@ class Place(click.Path):
 @click.option("--bench", required=True, metavar="NAME", help="The bench: fixtures/benches/NAME.")
 @click.option("--dut", required=True, metavar="SERIAL", help="Serial number of the device under test.")
 @click.option("--source", type=click.Choice([Source.HARDWARE.value, Source.SIMULATED.value]), default="hardware")
+@SERVED
 @click.option("--purpose", type=click.Choice([purpose.value for purpose in Purpose]), default="development")
 @click.option("--operator", default="", metavar="NAME", help="Who runs it.")
 @deviation_options
@@ -52,6 +54,7 @@ def command(  # noqa: PLR0913 - one argument per option
     bench: str,
     dut: str,
     source: str,
+    served: Path | None,
     purpose: str,
     operator: str,
     skips: tuple[str, ...],
@@ -73,6 +76,7 @@ def command(  # noqa: PLR0913 - one argument per option
     _require_text(bench=bench, dut=dut, operator=operator, reason="".join(reasons), parameter="".join(overrides))
     if invocation.word is None:
         return _in_another_process(invocation, output, detach=detach, ask=ask)
+    from hil.clock import wall  # noqa: PLC0415 - the process that waits stays light
     from hil.executive.setup.configuration import Request  # noqa: PLC0415 - after the pins
     from hil.plugin.running import run  # noqa: PLC0415 - after the pins
 
@@ -90,6 +94,8 @@ def command(  # noqa: PLR0913 - one argument per option
         answers=answers.resolve() if answers else None,
         person=ask,
         output=output.resolve() if output else None,
+        served=served.resolve() if served else None,
+        epoch=wall.utc_now() if served or Source(source) is Source.HARDWARE else "",
     )
     code = run(request, sys.stdout, verbose=verbose, word=invocation.word)
     if isinstance(sys.stdout, Display) and not sys.stdout.finish() and invocation.word.folder:

@@ -101,6 +101,10 @@ class LiveClock:
             return self._real_ns() / NANOSECONDS
         return (self._began_ns + (when_ns - self._start_ns) / self._speed) / NANOSECONDS
 
+    def behind_ns(self) -> int:
+        """Return how much `look` would move the bench time on."""
+        return 0 if self._began_ns is None else max(0, self._present_ns(self._began_ns) - self._now_ns)
+
     def soon_ns(self) -> int:
         """Return until when a wait may last before somebody has to look after the bench."""
         present_ns = self._now_ns if self._began_ns is None else self._present_ns(self._began_ns)

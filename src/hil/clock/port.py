@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Protocol
 
-__all__ = ["NANOSECONDS", "Clock", "ClockError"]
+__all__ = ["FOREVER_NS", "NANOSECONDS", "Clock", "ClockError"]
 
 NANOSECONDS = 1_000_000_000
+FOREVER_NS = 2**62
+"""No bench lives that long."""
 
 
 class ClockError(RuntimeError):

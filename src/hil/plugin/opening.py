@@ -1,4 +1,4 @@
-"""Open sessions: on simulated instruments, or on the record of an earlier run."""
+"""Open sessions: on a bench, on its simulated twin, or on the record of an earlier run."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 from hil.bench.binding import bind_resumed, bind_simulated
 from hil.bench.bound import BoundBench
+from hil.bench.live import bind_live, bind_live_again
 from hil.evidence.folder import TRANSCRIPT
 from hil.executive.again.earlier import Answered, Earlier
 from hil.executive.case.case_run import PlannedCase
@@ -21,17 +22,17 @@ from hil.executive.setup.resuming import require_same_cases
 from hil.plugin.prompt import Terminal
 from hil.wire.transcript import Transcript
 
-__all__ = ["open_resumed", "open_simulated"]
+__all__ = ["open_new", "open_resumed"]
 
 
-def open_simulated(
+def open_new(
     configuration: Configuration,
     planned: Sequence[PlannedCase],
     listeners: Sequence[Listener] = (),
     *,
     alone: bool = False,
 ) -> Session:
-    """Open a session on the simulated twin.
+    """Open a session on the bench, or on its simulated twin.
 
     Args:
         configuration: what the run is made of.
@@ -43,7 +44,7 @@ def open_simulated(
     return Session(
         configuration,
         planned,
-        binder=lambda transcript, _where: bind_simulated(configuration.bench, transcript),
+        binder=lambda transcript, _where: _bind(configuration, transcript),
         answers=answers,
         leases=_leases(configuration) if alone else [],
         listeners=listeners,
@@ -71,18 +72,28 @@ def open_resumed(
     )
 
 
+def _bind(configuration: Configuration, transcript: Transcript) -> BoundBench:
+    if (reach := configuration.reach) is not None:
+        return bind_live(configuration.bench, reach, configuration.epoch, transcript)
+    return bind_simulated(configuration.bench, transcript)
+
+
 def _bind_again(
     configuration: Configuration, earlier: Earlier, transcript: Transcript, where: Callable[[], str]
 ) -> BoundBench:
+    record = earlier.folder / TRANSCRIPT
+    if (reach := configuration.reach) is not None:
+        return bind_live_again(configuration.bench, reach, configuration.epoch, transcript, record, where)
     if earlier.checkpoint is None:
         return bind_simulated(configuration.bench, transcript)
     # Killed on its way to the safe state, a run may have its last checkpoint before the place where it is entered.
     asked = earlier.boundary is not None and earlier.boundary.at_ns <= earlier.checkpoint.at_ns
-    record = earlier.folder / TRANSCRIPT
     return bind_resumed(configuration.bench, transcript, record, earlier.checkpoint, where, asked=asked)
 
 
 def _leases(configuration: Configuration) -> list[str]:
+    if (reach := configuration.reach) is not None:
+        return reach.leases
     return [f"simulated bench {configuration.workspace.benches / configuration.bench.name}"]
 
 

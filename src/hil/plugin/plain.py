@@ -11,7 +11,7 @@ from hil.executive.setup.configuration import Request, configure
 from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
 from hil.plugin.campaign import Campaign
-from hil.plugin.opening import open_simulated
+from hil.plugin.opening import open_new
 from hil.report.write import write_reports
 
 __all__ = ["configure_plain"]
@@ -25,7 +25,7 @@ def configure_plain(config: pytest.Config) -> None:
     """
     try:
         _refuse_others(config)
-        campaign = Campaign(configure(_request(config)), partial(open_simulated, alone=True))
+        campaign = Campaign(configure(_request(config)), partial(open_new, alone=True))
     except HilError as error:
         raise pytest.UsageError(str(error)) from None
     config.pluginmanager.register(campaign, "hil_campaign")

@@ -21,7 +21,7 @@ from hil.executive.setup.configuration import Configuration, Request, configure
 from hil.executive.setup.resuming import changes, deviation_of, require_answers
 from hil.model.errors import Diverged, EvidenceError, Refused
 from hil.plugin.launch import launch
-from hil.plugin.opening import open_resumed, open_simulated
+from hil.plugin.opening import open_new, open_resumed
 from hil.plugin.progress import Progress
 from hil.report.summary import closing_lines
 from hil.report.write import write_reports
@@ -81,7 +81,7 @@ def run(request: Request, out: TextIO, *, verbose: bool = False, word: Word | No
         verbose: whether everything is shown.
         word: whoever waits for the run's end.
     """
-    return _run(lambda: configure(request), partial(open_simulated, alone=True), out, word or _Unheard(), verbose)
+    return _run(lambda: configure(request), partial(open_new, alone=True), out, word or _Unheard(), verbose)
 
 
 def resume(

@@ -18,7 +18,10 @@ from hil.wire.transcript import Operation, format_of, read_transcript
 if TYPE_CHECKING:
     from smbus2 import i2c_msg
 
-__all__ = ["HOLD", "HOLD_END", "MONITOR", "OVERDUE", "Handover", "Playback", "ReplayedBus", "ReplayedStream"]
+__all__ = ["CLOCK", "HOLD", "HOLD_END", "MONITOR", "OVERDUE", "Handover", "Playback", "ReplayedBus", "ReplayedStream"]
+
+CLOCK = "clock"
+"""The operation that marks where a bench outside of its process came to the present without any other one."""
 
 HOLD = "hold"
 """The operation that marks where the bench was brought to its hold state."""

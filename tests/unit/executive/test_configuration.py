@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from workspaces import make
 
-from hil.executive.setup.configuration import configure
+from hil.executive.setup.configuration import configure, reach_of
 from hil.model.errors import ConfigurationError, Refused
 from hil.model.identity import Purpose, Source
 
@@ -42,11 +42,28 @@ def test_everything_that_is_wrong_is_told_at_once(tmp_path):
     assert all(finding.line > 0 for finding in caught.value.findings)
 
 
-def test_hardware_is_refused_in_a_plain_sentence(tmp_path):
-    """What cannot be made safe after a kill is not driven."""
-    workspace = make(tmp_path / "workspace", CASES)
-    with pytest.raises(Refused, match="this version does not drive hardware: .*; use --source simulated"):
-        configure(workspace.request(source=Source.HARDWARE))
+def test_hardware_is_refused_where_nothing_can_guard_it(tmp_path, monkeypatch):
+    """What cannot be made safe after a kill is not driven: a guardian needs Linux."""
+    bench = configure(make(tmp_path / "workspace", CASES).request()).bench
+    monkeypatch.setattr("sys.platform", "darwin")
+    with pytest.raises(Refused, match="hardware is driven on Linux only: .*; use --source simulated here"):
+        reach_of(bench, Source.HARDWARE, None)
+
+
+def test_what_is_served_is_no_hardware(tmp_path):
+    """A served bench can never close a requirement."""
+    bench = configure(make(tmp_path / "workspace", CASES).request()).bench
+    with pytest.raises(Refused, match="what is served is no hardware; use --source simulated with --served"):
+        reach_of(bench, Source.HARDWARE, tmp_path)
+
+
+def test_hardware_is_where_the_bench_file_says(tmp_path):
+    """Ports and buses come from the file, and only one run may hold them."""
+    bench = configure(make(tmp_path / "workspace", CASES).request()).bench
+    reach = reach_of(bench, Source.HARDWARE, None)
+    assert reach.ports == {item.name: item.port for item in bench.instruments if not item.bus}
+    assert set(reach.leases) == {*reach.ports.values(), *reach.buses.values()}
+    assert reach.speed == 1.0
 
 
 @pytest.mark.parametrize("purpose", [Purpose.QUALIFICATION, Purpose.ACCEPTANCE])

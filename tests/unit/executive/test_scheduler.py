@@ -103,7 +103,7 @@ def test_silence_trips_when_the_last_reading_is_too_old():
 def test_nothing_is_read_before_and_after_the_watch():
     """Monitors run from arming to the safe state, in between and not else."""
     clock, watch = VirtualClock(), Watch()
-    bench = SimpleNamespace(clock=clock, playback=None, transcript=Transcript(None))
+    bench = SimpleNamespace(clock=clock, live=None, playback=None, transcript=Transcript(None))
     scheduled = Scheduler(bench, [monitor(clock, limit())], StopFlags(), watch)
     scheduled.sleep(5.0)
     assert watch.readings == []
@@ -215,6 +215,10 @@ class Record:
         """Return the end of the wait."""
         return when_ns
 
+    def comes(self, name: str, latest_ns: int) -> bool:  # noqa: ARG002 - as of Playback
+        """Return that no such operation comes."""
+        return False
+
     def take_monitor(self, latest_ns: int, name: str) -> str:
         """Take the turn that comes next, and return its limit."""
         if name != "monitor" or not self.turns or self.turns[0] > latest_ns:
@@ -226,7 +230,7 @@ class Record:
 def test_replayed_monitors_follow_the_record():
     """In a replay a monitor runs in the wait in which the record has it, whatever is due."""
     clock, watch, record = VirtualClock(), Watch(), Record(0, 300_000_000, 2_500_000_000)
-    bench = SimpleNamespace(clock=clock, playback=record, transcript=Transcript(None))
+    bench = SimpleNamespace(clock=clock, live=None, playback=record, transcript=Transcript(None))
     scheduled = Scheduler(bench, [monitor(clock, limit(), takes=0.0)], StopFlags(), watch)
     scheduled.watch_from_now()
     scheduled.sleep(2.0)

@@ -60,7 +60,6 @@ class Earlier:
         checkpoint: where its simulated bench was, None where that was not written down yet.
         deviation: how this resume deviates from the plan, empty where it does not.
         boundary: where it is entered again, None for one that was killed, and goes on where it was.
-        stood_s: how long its bench stood safe before that, in bench time.
     """
 
     folder: Path
@@ -71,7 +70,6 @@ class Earlier:
     checkpoint: Checkpoint | None = None
     deviation: str = ""
     boundary: Boundary | None = None
-    stood_s: float = 0.0
 
     @property
     def own_course(self) -> int:
@@ -101,6 +99,11 @@ class Earlier:
         return self.head[0].body
 
     @property
+    def live(self) -> bool:
+        """Whether its bench is outside of its process, and went on without it."""
+        return "live" in self.run
+
+    @property
     def last_wall(self) -> Body:
         """What the newest event says of its moment."""
         return (self.lines or self.head)[-1].wall
@@ -109,6 +112,19 @@ class Earlier:
     def last_ns(self) -> int:
         """The latest instant of its bench that was written down."""
         return round(max((line.body["t"] for line in self.lines), default=0.0) * NANOSECONDS)
+
+    @property
+    def stood_s(self) -> float:
+        """How long ago that was, in bench time: 0 of a bench that stood still with its process.
+
+        By boot time, which nobody sets; by the time of day where the machine was started anew.
+        """
+        if not self.live:
+            return 0.0
+        last, now = self.last_wall, wall.stamp()
+        same = last["boot_id"] == now.boot_id
+        passed = now.boot - float(last["boot"]) if same else wall.seconds_since(str(last["utc"]))
+        return max(0.0, passed) * float(self.run["live"]["speed"])
 
     @property
     def resumes(self) -> int:
@@ -178,16 +194,17 @@ def _cut(folder: Path) -> int:
 
 
 def _boundary(earlier: Earlier) -> Boundary | None:
-    """Return where a run that was stopped can be entered again, None for one that was not stopped.
+    """Return where a run can be entered again, None for one that was killed, and goes on where it was.
 
-    That is the beginning of the recording that was going on, if it continues, else of the turn of a loop, else of the
-    case, else the end of the case before.
+    A bench outside of its process was made safe when that was killed, as if the run had been stopped. The run is
+    entered at the beginning of the recording that was going on, if it continues, else of the turn of a loop, else of
+    the case, else at the end of the case before.
     """
     events = standing([line.body for line in (*earlier.head, *earlier.lines)])
     stop = next((event for event in events if event["kind"] == "stop"), None)
-    if stop is None:
+    if stop is None and not earlier.live:
         return None
-    if not stop.get("resumable"):
+    if stop is not None and not stop.get("resumable"):
         raise Refused(f"{earlier.folder.name}: the run was asked to stop for good", "seal it as it is with hil seal")
     own = [event for event in events if is_of_course(event["kind"])]
     ended = {event["recording"] for event in own if event["kind"] == "recording-end" and event["complete"]}
@@ -236,9 +253,10 @@ def go_on_with(earlier: Earlier, journal: Journal, now: Callable[[], float], ent
 
 
 def _entered(earlier: Earlier) -> str:
-    stop = next(line.body for line in reversed(earlier.lines) if line.body["kind"] == "stop")
+    stop = next((line.body for line in reversed(earlier.lines) if line.body["kind"] == "stop"), None)
+    how = f"stopped by {stop['reason']}" if stop else "interrupted"
     where = "recording" if earlier.boundary and earlier.boundary.kept else "turn or case"
-    return f"stopped by {stop['reason']}, and entered again where the last {where} began; what came behind that is void"
+    return f"{how}, and entered again where the last {where} began; what came behind that is void"
 
 
 def _told(entry: Entry) -> Mapping[str, object]:

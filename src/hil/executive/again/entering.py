@@ -107,9 +107,12 @@ class Entering:
     def _anew(self, place: int) -> None:
         entry = self._record.entry(place)
         self._pass_over(entry)
-        self._bench.go_on()
+        if self._bench.live is None:
+            self._bench.go_on()
         self._bench.clock.wait_until(self._record.last_ns)  # what is recorded now comes behind what is void
         self._bench.clock.sleep(self._record.stood_s)
+        if self._bench.live is not None:  # a clock that follows boot time would let everybody wait for that
+            self._bench.go_on()
         self._record.resumed(entry)
 
     def _pass_over(self, entry: Entry) -> None:

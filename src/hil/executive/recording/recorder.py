@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from hil.bench.calibration import standard_uncertainty
-from hil.clock.port import NANOSECONDS
+from hil.clock.port import FOREVER_NS, NANOSECONDS
 from hil.evidence.recordings.hdf5 import Recorded, read_recording
 from hil.executive.case.effects import Effects
 from hil.executive.case.facade import Facade, RoleSet
@@ -16,7 +16,7 @@ from hil.executive.case.given import Misused
 from hil.executive.case.steps import Steps, file_part
 from hil.executive.recording.during import During
 from hil.executive.recording.recording import Recording
-from hil.executive.recording.streaming import FOREVER_NS, SampledTurns, StreamTurns
+from hil.executive.recording.streaming import SampledTurns, StreamTurns
 from hil.executive.recording.taking import Taking
 from hil.executive.run.row_store import RecordedChannel, RecordingFacts, RowStore
 from hil.executive.watch.scheduler import Scheduler

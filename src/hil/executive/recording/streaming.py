@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol, cast
 
-from hil.clock.port import NANOSECONDS
+from hil.clock.port import FOREVER_NS, NANOSECONDS
 from hil.executive.case.facade import Facade
 from hil.executive.recording.intake import Intake
 from hil.executive.watch.reports_to import Beside
@@ -16,10 +16,7 @@ from hil.model.errors import DeviceFault
 if TYPE_CHECKING:
     from hil.clock.port import Clock
 
-__all__ = ["FOREVER_NS", "SampledTurns", "StreamTurns", "Turns"]
-
-FOREVER_NS = 2**62
-"""No bench lives that long."""
+__all__ = ["SampledTurns", "StreamTurns", "Turns"]
 
 
 class Turns(Beside, Protocol):

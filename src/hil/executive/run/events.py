@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from types import MappingProxyType
 
 from hil.clock.port import Clock
@@ -31,6 +32,8 @@ class Events:
 
     Attributes:
         at_new: is called once, before the first event that is new in a resumed run.
+        ahead: is called before an event is written: what the event stands on goes to the operating system first.
+        catch_up: is called before every event, see `Scheduler.catch_up`.
         behind: is called with the number of events of the run's own course, after each of them.
         at_divergence: hears why a resumed run does not come to its past again; nothing is to be written any more.
         at_stop: is called before every event of a run that was asked to stop.
@@ -42,6 +45,8 @@ class Events:
         self._past = past
         self._count = count
         self.at_new: Callable[[], None] = lambda: None
+        self.ahead: Callable[[], None] = lambda: None
+        self.catch_up: Callable[[], None] = lambda: None
         self.behind: Callable[[int], None] = lambda _: None
         self.at_divergence: Callable[[Diverged], object] = lambda _: None
         self.at_stop: Callable[[], None] = lambda: None
@@ -70,6 +75,7 @@ class Events:
         """
         if self._flags.reason:
             self.at_stop()
+        self.catch_up()
         t = self._clock.now() if self._clock else 0.0
         with self._flags.undisturbed():
             if not self._comes_again(kind, t, fields):
@@ -104,6 +110,8 @@ class Events:
             self.at_new()
 
     def _append(self, kind: str, t: float, beside: Mapping[str, object], fields: Mapping[str, object]) -> None:
+        with suppress(OSError):  # a full disk is told by who looks after it
+            self.ahead()
         try:
             self._journal.write(kind, t, beside=beside, **fields)
         except EvidenceError:

@@ -88,6 +88,8 @@ class Record:
         """Stamp events with the bench's time, and write down where it is if `checkpoints`."""
         self._bench = bench
         self.events.follow(bench.clock)
+        if bench.live is not None:  # it is not made again from a checkpoint: each event needs the operations before it
+            self.events.ahead = self.transcript.flush
         if self._earlier is not None:
             self._go_on = partial(go_on_with, self._earlier, self._journal, bench.clock.now)
             self.events.at_new = self._go_on

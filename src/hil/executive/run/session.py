@@ -118,6 +118,7 @@ class Session:
             self.record.upkeep.tick,
         )
         self._events.listen(self.keeper.holding)
+        self._events.catch_up = self.keeper.scheduler.catch_up
         self.flags.make_safe, self.flags.give_up = self.keeper.safe, self.give_up
         self._answers = answers(self.bench, self.keeper.scheduler.idle)
 

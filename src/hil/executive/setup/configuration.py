@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -11,6 +12,7 @@ from typing import TypeVar
 from hil.bench.binding import check_twin, simulated_twin
 from hil.bench.file.duts import find_dut, load_duts
 from hil.bench.file.reading import load_bench
+from hil.bench.live import Reach, reach_of_hardware, reach_of_served
 from hil.documents.findings import Findings
 from hil.executive.setup.workspace import Workspace, find_workspace
 from hil.model.bench import BenchSpec
@@ -19,8 +21,9 @@ from hil.model.identity import Dut, Purpose, Source
 from hil.requirements.catalogue import Catalogue, load_catalogue
 from hil.requirements.parameters import Parameters, load_parameters
 
-__all__ = ["Configuration", "Request", "configure", "refuse_hardware"]
+__all__ = ["Configuration", "Request", "configure", "reach_of"]
 
+_ELSEWHERE = "use --source simulated here"
 _Loaded = TypeVar("_Loaded")
 
 
@@ -41,6 +44,8 @@ class Request:
         answers: a file with answers to questions.
         person: whether a person at the terminal answers, also on a simulated bench.
         output: where the package goes, the workspace's reports where None.
+        served: the folder in which another process serves the simulated bench, None where none does.
+        epoch: UTC of bench time zero, ISO 8601, for a bench outside of this process.
     """
 
     start: Path
@@ -55,6 +60,8 @@ class Request:
     answers: Path | None = None
     person: bool = False
     output: Path | None = None
+    served: Path | None = None
+    epoch: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,6 +82,16 @@ class Configuration:
         return self.request.output or self.workspace.reports
 
     @property
+    def reach(self) -> Reach | None:
+        """Where the bench is, None where it lives in this process. See `reach_of`."""
+        return reach_of(self.bench, self.request.source, self.request.served)
+
+    @property
+    def epoch(self) -> str:
+        """UTC of bench time zero, ISO 8601; empty where nothing tells it."""
+        return self.request.epoch or (self.bench.simulated.epoch if self.bench.simulated else "")
+
+    @property
     def deviations(self) -> tuple[str, ...]:
         """What differs from the plans, a sentence each."""
         skipped = [f"case {case} is skipped: {reason}" for case, reason in sorted(self.request.skips.items())]
@@ -85,7 +102,7 @@ def configure(request: Request) -> Configuration:
     """Read everything that the request names.
 
     Raises:
-        Refused: for a name that does not exist, and for hardware.
+        Refused: for a name that does not exist.
         ConfigurationError: with everything that is wrong with all files.
     """
     workspace = find_workspace(request.start)
@@ -108,22 +125,25 @@ def configure(request: Request) -> Configuration:
     )
 
 
-def refuse_hardware(source: Source) -> None:
-    """Refuse to drive hardware.
+def reach_of(bench: BenchSpec, source: Source, served: Path | None) -> Reach | None:
+    """Return where a bench outside of this process is, None for one that lives in it.
 
     Raises:
-        Refused: always for hardware, until a guardian process can make the bench safe when this one dies.
+        Refused: for hardware on a system that cannot guard it, and for a folder in which no such bench is served.
     """
-    if source is Source.HARDWARE:
-        raise Refused(
-            "this version does not drive hardware: nothing would switch the outputs off if it were killed",
-            "use --source simulated",
-        )
+    if source is Source.HARDWARE and served is not None:
+        raise Refused("what is served is no hardware", "use --source simulated with --served")
+    if served is not None:
+        return reach_of_served(bench, served)
+    if source is not Source.HARDWARE:
+        return None
+    if sys.platform != "linux":
+        raise Refused("hardware is driven on Linux only: no other system lets a guardian watch over it", _ELSEWHERE)
+    return reach_of_hardware(bench)
 
 
 def _bench(workspace: Workspace, request: Request) -> BenchSpec:
     bench = load_bench(workspace.benches, request.bench, workspace.root)
-    refuse_hardware(request.source)
     if request.source is Source.SIMULATED:
         simulated_twin(bench)
         path = workspace.benches / request.bench / "bench.yaml"

@@ -41,7 +41,7 @@ def write_head(
         operator=configuration.request.operator,
         plans=[plan.name for plan in configuration.plans],
         seed=str(twin.seed) if twin else "",
-        epoch=twin.epoch if twin else "",
+        epoch=configuration.epoch,
         catalogue=frozen.catalogue,
         parameters=frozen.parameters,
         sources=frozen.sources,
@@ -50,6 +50,7 @@ def write_head(
         deviations=list(configuration.deviations),
         overrides=dict(configuration.request.overrides),
         skips=dict(configuration.request.skips),
+        **_live(configuration),
     )
     write("frozen", files=frozen.files, beside={"files": frozen.beside})
     cases = [
@@ -69,3 +70,9 @@ def write_head(
         requirement = configuration.catalogue.requirement(name)
         if requirement.anomaly:
             write("anomaly", text=f"{requirement.id}, source {requirement.source}: {requirement.anomaly}")
+
+
+def _live(configuration: Configuration) -> dict[str, object]:
+    """Return what is told of a bench outside of the run's process, and nothing of another."""
+    reach = configuration.reach
+    return {"live": {"speed": reach.speed, "served": reach.served is not None}} if reach else {}

@@ -32,7 +32,14 @@ _SOFTWARE = ("hil", "python", "packages", "numeric", "byte_order")
 """What of the software decides how numbers come out."""
 
 
-def resumed_request(earlier: Earlier, start: Path, *, answers: Path | None = None, person: bool = False) -> Request:
+def resumed_request(
+    earlier: Earlier,
+    start: Path,
+    *,
+    answers: Path | None = None,
+    person: bool = False,
+    served: Path | None = None,
+) -> Request:
     """Return the request that the run began with.
 
     Args:
@@ -40,8 +47,19 @@ def resumed_request(earlier: Earlier, start: Path, *, answers: Path | None = Non
         start: the folder where the workspace is looked for.
         answers: a file with answers to further questions.
         person: whether a person at the terminal answers.
+        served: the folder in which its bench is served, None where it is not.
+
+    Raises:
+        Refused: if its bench was served and no folder is named, or the other way round.
     """
     run = earlier.run
+    was_served = bool(run.get("live", {}).get("served"))
+    if was_served and served is None:
+        raise Refused(
+            f"{earlier.folder.name}: its bench was served by another process", "name its folder with --served"
+        )
+    if served is not None and not was_served:
+        raise Refused(f"{earlier.folder.name}: its bench was not served", "leave --served out")
     return Request(
         start=start,
         plans=tuple(run["plans"]),
@@ -55,6 +73,8 @@ def resumed_request(earlier: Earlier, start: Path, *, answers: Path | None = Non
         answers=answers,
         person=person,
         output=earlier.folder.parent,
+        served=served,
+        epoch=str(run["epoch"]) if earlier.live else "",
     )
 
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from hil.bench.binding import bind_simulated, check_twin
 from hil.bench.bound import BoundBench
 from hil.bench.file.reading import load_bench
+from hil.bench.lease import Lease
+from hil.bench.live import bind_live
 from hil.bench.readiness import Gate, energised_gates, unpowered_gates
 from hil.bench.safe_off import SafeResult, make_safe
 from hil.bench.serving import ServedEnds, served
-from hil.executive.setup.configuration import refuse_hardware
+from hil.clock import wall
+from hil.executive.setup.configuration import reach_of
 from hil.executive.setup.workspace import find_workspace
 from hil.model.bench import BenchSpec
 from hil.model.identity import Source
@@ -21,14 +24,23 @@ from hil.wire.transcript import Transcript
 __all__ = ["check_bench", "safe_bench", "serve_bench"]
 
 
-def check_bench(start: Path, name: str, source: Source, *, energise: bool) -> Iterator[Gate]:
+def check_bench(
+    start: Path, name: str, source: Source, *, energise: bool, served: Path | None = None
+) -> Iterator[Gate]:
     """Yield the readiness gates of a bench; without `energise`, or if one does not hold, nothing is driven.
 
+    Args:
+        start: the folder where the workspace is looked for.
+        name: the bench's.
+        source: hardware or simulated.
+        energise: whether outputs are tried at their reduced level.
+        served: the folder in which another process serves the bench.
+
     Raises:
-        Refused: for hardware, or an unknown bench.
+        Refused: for an unknown bench, or one that a run holds.
         ConfigurationError: with everything that is wrong with the bench file.
     """
-    with _visit(start, name, source) as bench:
+    with _visit(start, name, source, served) as bench:
         ready = True
         for gate in unpowered_gates(bench, None):
             ready = ready and gate.ok
@@ -37,15 +49,10 @@ def check_bench(start: Path, name: str, source: Source, *, energise: bool) -> It
             yield from energised_gates(bench, None)
 
 
-def safe_bench(start: Path, name: str, source: Source) -> list[SafeResult]:
-    """Take every line of a bench's safe-off and return what became of each.
-
-    Raises:
-        Refused: for hardware, or an unknown bench.
-        ConfigurationError: with everything that is wrong with the bench file.
-    """
+def safe_bench(start: Path, name: str, source: Source, *, served: Path | None = None) -> list[SafeResult]:
+    """Take every line of a bench's safe-off and return what became of each; see `check_bench`."""
     results: list[SafeResult] = []
-    with _visit(start, name, source) as bench:
+    with _visit(start, name, source, served) as bench:
         make_safe(bench.spec.safe_off, bench.roles, bench.clock, results.append)
     return results
 
@@ -63,19 +70,28 @@ def serve_bench(start: Path, name: str, folder: Path, *, speed: float, first_por
 
 
 @contextmanager
-def _visit(start: Path, name: str, source: Source) -> Iterator[BoundBench]:
-    bench = bind_simulated(_simulated(start, name, source), Transcript(None))
-    try:
+def _visit(start: Path, name: str, source: Source, served: Path | None) -> Iterator[BoundBench]:
+    spec = _simulated(start, name) if source is Source.SIMULATED else _read(start, name)
+    reach = reach_of(spec, source, served)
+    with ExitStack() as stack:
+        if reach is None:
+            bench = bind_simulated(spec, Transcript(None))
+        else:
+            lease = Lease(reach.leases, "hil bench")
+            stack.callback(lease.release)
+            bench = bind_live(spec, reach, wall.utc_now(), Transcript(None))
+        stack.callback(bench.close)
         yield bench
-    finally:
-        bench.close()
 
 
-def _simulated(start: Path, name: str, source: Source = Source.SIMULATED) -> BenchSpec:
-    """Return a bench file whose simulated twin was checked."""
+def _read(start: Path, name: str) -> BenchSpec:
     workspace = find_workspace(start)
-    spec = load_bench(workspace.benches, name, workspace.root)
-    refuse_hardware(source)
+    return load_bench(workspace.benches, name, workspace.root)
+
+
+def _simulated(start: Path, name: str) -> BenchSpec:
+    """Return a bench file whose simulated twin was checked."""
+    workspace, spec = find_workspace(start), _read(start, name)
     path = workspace.benches / name / "bench.yaml"
     check_twin(spec, path, workspace.shown(path))
     return spec

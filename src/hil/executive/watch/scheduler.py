@@ -9,18 +9,23 @@ from typing import TYPE_CHECKING, NoReturn
 from hil.bench.bound import BoundBench
 from hil.bench.envelope import Monitor, Trip
 from hil.clock import wall
-from hil.clock.port import NANOSECONDS
+from hil.clock.port import FOREVER_NS, NANOSECONDS
 from hil.executive.run.stop import StopFlags, Stopped
 from hil.executive.watch.feeding import Feed, monitors_of, pause_allowed
 from hil.executive.watch.monitoring import Monitoring
 from hil.executive.watch.reports_to import Beside, Watch
 from hil.model.errors import Tripped
+from hil.wire.replay import CLOCK
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
 __all__ = ["CaseTimeout", "Scheduler"]
+
+_BENCH = "bench"
+_BEHIND_NS = 50_000_000
+"""Up to this, what a case computes between its calls is not told."""
 
 _TICK_S = 0.2
 _SWALLOWED = 10
@@ -102,6 +107,7 @@ class Scheduler:
         """
         with self._flags.undisturbed():
             self._look()
+            self._come_to_present()
             now_ns = self.clock.now_ns()
             if self._beside:
                 self._take_turns(now_ns, None)
@@ -163,6 +169,18 @@ class Scheduler:
         feed.end(self.clock.now_ns())
         self.monitoring.soonest_ns = 0
 
+    def catch_up(self) -> None:
+        """Pass the points of a replayed bench at which it came to the present amid computations and questions."""
+        playback = self._bench.playback
+        while playback is not None and playback.comes(CLOCK, FOREVER_NS):
+            began_ns = self.clock.now_ns()
+            now_ns = playback.take(_BENCH, CLOCK).end_ns
+            self._bench.transcript.note(_BENCH, CLOCK, began_ns, now_ns)
+            if self._beside:
+                self._take_turns(now_ns, None)
+            self._run_monitors(self.clock.now_ns())
+            playback = self._bench.playback
+
     def idle(self) -> None:
         """Be a scheduling point while a person is awaited; monitors take their turn as in any other wait."""
         self.point()
@@ -193,12 +211,22 @@ class Scheduler:
             if self.monitoring.soonest_ns <= when_ns:
                 self._run_monitors(when_ns)
                 turn_ns = self._next_turn_ns(when_ns)
+            if (live := self._bench.live) is not None and live.began:
+                turn_ns = min(turn_ns, live.soon_ns())
             self.clock.wait_until(turn_ns)
             self._look()
             if self.clock.now_ns() >= when_ns:
                 return True
 
+    def _come_to_present(self) -> None:
+        """Let a bench outside of this process come to the present, and write down that it did."""
+        live = self._bench.live
+        if live is not None and live.behind_ns() > _BEHIND_NS:
+            began_ns = live.now_ns()
+            self._bench.transcript.note(_BENCH, CLOCK, began_ns, live.look())
+
     def _look(self) -> None:
+        self.catch_up()
         if self._bench.playback is not None:
             self._bench.playback.hand_over_if_due()
         self.again()
