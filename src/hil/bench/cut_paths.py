@@ -1,0 +1,60 @@
+"""What cuts an output off when its own port is gone: which paths count, and where there are too few of them."""
+
+from __future__ import annotations
+
+from hil.bench.connections import line_of
+from hil.model.bench import BenchSpec, Wire
+from hil.model.cutting import CutPath
+
+__all__ = ["HAZARDOUS", "charges_a_battery", "cut_path_shortfall", "hazardous_wires", "paths_of"]
+
+HAZARDOUS = frozenset({"cycler", "supply", "relays", "rotation_table", "thermal"})
+"""Roles whose outputs can do harm."""
+
+
+def hazardous_wires(spec: BenchSpec) -> tuple[Wire, ...]:
+    """Return the wires whose outputs must not stay on when nobody can reach them."""
+    return tuple(wire for wire in spec.wiring if wire.role in HAZARDOUS and wire.hazardous)
+
+
+def charges_a_battery(spec: BenchSpec) -> bool:
+    """Return whether one of the supplies charges a battery."""
+    return any(wire.charges for wire in spec.wiring)
+
+
+def paths_of(spec: BenchSpec, output: str) -> dict[str, CutPath]:
+    """Return the cut paths of one output that do not share anything: by the port that they go through, or in words.
+
+    A path through the output's own port is none, and two through one port are one: a line that is dead is dead for
+    both.
+
+    Args:
+        spec: the bench file; it was checked.
+        output: dotted name of a wire.
+    """
+    own = line_of(spec, spec.wire(output).instrument)
+    found: dict[str, CutPath] = {}
+    for path in spec.cut_paths:
+        if path.output != output:
+            continue
+        through = line_of(spec, spec.wire(path.by).instrument) if path.by else path.hardware
+        if through != own:
+            found.setdefault(through, path)
+    return found
+
+
+def cut_path_shortfall(spec: BenchSpec, least: int) -> list[str]:
+    """Return what is said of every output that can do harm and has fewer independent cut paths, nothing if none is.
+
+    Args:
+        spec: the bench file; it was checked.
+        least: how many each needs besides its own port.
+    """
+    told = []
+    for wire in hazardous_wires(spec):
+        paths = paths_of(spec, wire.name)
+        if len(paths) < least:
+            there = " and ".join(path.means for path in paths.values())
+            have = f"{len(paths)}: {there}" if paths else "none"
+            told.append(f"{wire.name} needs {least} cut path{'s' * (least > 1)} besides its own port, it has {have}")
+    return told

@@ -1,0 +1,140 @@
+"""What must hold for cut paths, for the watch behind a run, and for who a serial port must be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from hil.bench.connections import line_of
+from hil.bench.cut_paths import HAZARDOUS, charges_a_battery, hazardous_wires, paths_of
+from hil.bench.file.complaints import Complaints, known, quantity_of
+from hil.model.bench import BenchSpec, InstrumentSpec
+from hil.model.cutting import CutPath, WatchAfter
+from hil.wire.opening import url_of_resource
+
+__all__ = ["cut_off", "cut_paths", "usb_ports", "watched_after"]
+
+
+def cut_paths(spec: BenchSpec) -> Complaints:
+    """Check that every cut path can be taken, and that it does not go through the port of what it cuts off."""
+    outputs = [wire.name for wire in spec.wiring]
+    seen: set[tuple[str, str]] = set()
+    for path in spec.cut_paths:
+        yield from known(path, "output", path.output, outputs)
+        yield from known(path, "output", path.by, outputs)
+        for problem in _path_problems(spec, path):
+            yield path, f"cut path of {path.output}: {problem}"
+        if path.output and path.means and (path.output, path.means) in seen:
+            yield path, f"cut path of {path.output}: {path.means} is given twice"
+        seen.add((path.output, path.means))
+
+
+def _path_problems(spec: BenchSpec, path: CutPath) -> Iterator[str]:
+    if bool(path.by) == bool(path.hardware):
+        yield "it needs either by, an output whose safe state cuts it off, or hardware, in words"
+    if path.within_s <= 0:
+        yield "within must be longer than zero"
+    if path.hardware and path.state:
+        yield "only an output has a state; leave it out beside hardware"
+    if path.by:
+        yield from _by_problems(spec, path)
+
+
+def _by_problems(spec: BenchSpec, path: CutPath) -> Iterator[str]:
+    wires = {wire.name: wire for wire in spec.wiring}
+    if path.by not in wires:
+        return
+    states = {step.output: step.state for step in spec.safe_off}
+    if path.by not in states:
+        yield f"{path.by} is missing from safe_off, so that nothing brings it to '{path.state}'"
+    elif not path.state:
+        yield f"write 'state: {states[path.by]}', the safe state of {path.by}"
+    elif states[path.by] != path.state:
+        yield f"safe_off brings {path.by} to '{states[path.by]}', not to '{path.state}'"
+    if path.output in wires and path.by == path.output:
+        yield "an output does not cut itself off"
+    elif path.output in wires and _one_line(spec, wires[path.output].instrument, wires[path.by].instrument):
+        yield f"{path.by} is behind the same port, and gone with it"
+
+
+def _one_line(spec: BenchSpec, one: str, other: str) -> bool:
+    names = {item.name for item in spec.instruments}
+    return {one, other} <= names and line_of(spec, one) == line_of(spec, other)
+
+
+def cut_off(spec: BenchSpec) -> Complaints:
+    """Check that nothing that can do harm hangs on one port alone."""
+    names = {item.name for item in spec.instruments}
+    battery = charges_a_battery(spec)
+    for wire in spec.wiring:
+        if not wire.hazardous and wire.role not in HAZARDOUS:
+            yield wire, f"{wire.name}: only what drives something can be marked as not hazardous"
+        if not wire.hazardous and wire.charges:
+            yield wire, f"{wire.name} charges a battery, which is hazardous"
+    for wire in hazardous_wires(spec):
+        if wire.instrument not in names or _paths(spec, wire.name):
+            continue
+        if battery:
+            yield (
+                wire,
+                (
+                    f"{wire.name} has one path only, its own port, and this bench charges a battery: give it a line in"
+                    " cut_paths that opens it when that port is gone"
+                ),
+            )
+        else:
+            yield (
+                wire,
+                (
+                    f"{wire.name} has no cut path: say in cut_paths what opens it when its own port is gone, or mark"
+                    " the wire 'hazardous: false' where it can do no harm"
+                ),
+            )
+
+
+def _paths(spec: BenchSpec, output: str) -> bool:
+    wired = {wire.name for wire in spec.wiring}
+    names = {item.name for item in spec.instruments}
+    if any(path.by and path.by not in wired for path in spec.cut_paths):
+        return True  # that is told where it stands
+    if any(path.by and spec.wire(path.by).instrument not in names for path in spec.cut_paths):
+        return True
+    return bool(paths_of(spec, output))
+
+
+def watched_after(spec: BenchSpec) -> Complaints:
+    """Check that what is watched behind the safe-off can be read, and can hold."""
+    outputs = [wire.name for wire in spec.wiring]
+    seen: set[tuple[str, str]] = set()
+    for watch in spec.watch_after:
+        yield from known(watch, "output", watch.output, outputs)
+        yield from quantity_of(watch, watch.output, watch.quantity, watch.unit)
+        for problem in _watch_problems(watch):
+            yield watch, f"watch_after of {watch.output}: {problem}"
+        if (watch.output, watch.quantity) in seen:
+            yield watch, f"watch_after of {watch.output}: its {watch.quantity} is watched twice"
+        seen.add((watch.output, watch.quantity))
+
+
+def _watch_problems(watch: WatchAfter) -> Iterator[str]:
+    if watch.minimum is not None and watch.maximum is not None and watch.minimum > watch.maximum:
+        yield f"min {watch.minimum:g} is above max {watch.maximum:g}"
+    if watch.toward is not None and watch.tolerance <= 0:
+        yield "tolerance must be above zero"
+    if watch.seconds <= 0:
+        yield f"{'for' if watch.toward is None else 'within'} must be longer than zero"
+
+
+def usb_ports(spec: BenchSpec) -> Complaints:
+    """Check that only serial devices are said to be USB devices, and that no two are the same one."""
+    seen: dict[str, InstrumentSpec] = {}
+    for item in spec.instruments:
+        usb = item.usb
+        if usb is None:
+            continue
+        if not item.port or not url_of_resource(item.port).startswith("/dev/"):
+            yield usb, f"{item.name}: only a serial device of this computer has a USB identity"
+        if bool(usb.serial) == bool(usb.path):
+            yield usb, f"{item.name}: usb needs either a serial or a path"
+        if usb.path and usb.path in seen:
+            yield usb, f"{item.name} and {seen[usb.path].name} are both plugged in at '{usb.path}'"
+        seen.setdefault(usb.path, item)

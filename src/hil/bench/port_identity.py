@@ -1,0 +1,104 @@
+"""Which USB device a serial port is, by what the operating system says: before the port is opened, without a byte."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from typing import Protocol
+
+from hil.bench.gate import Gate
+from hil.model.bench import BenchSpec, InstrumentSpec, UsbPort
+from hil.wire.opening import url_of_resource
+
+__all__ = ["ListedPort", "check_port", "is_serial_device", "listed_ports", "port_gates"]
+
+_BY_PATH = "/dev/serial/by-path"
+
+
+class ListedPort(Protocol):
+    """A serial port as pyserial lists it (`serial.tools.list_ports_common.ListPortInfo`)."""
+
+    device: str
+    product: str | None
+    serial_number: str | None
+    location: str | None
+
+
+def listed_ports() -> list[ListedPort]:
+    """Return the serial ports of this computer; none of them is opened."""
+    from serial.tools.list_ports import comports  # noqa: PLC0415 - only hardware needs it
+
+    return list(comports())
+
+
+def is_serial_device(instrument: InstrumentSpec) -> bool:
+    """Return whether an instrument is at a serial device of this computer, which may be another one after a replug."""
+    return bool(instrument.port) and url_of_resource(instrument.port).startswith("/dev/")
+
+
+def port_gates(
+    spec: BenchSpec,
+    listing: Callable[[], Iterable[ListedPort]] = listed_ports,
+    real_path: Callable[[str], str] = os.path.realpath,
+) -> Iterator[Gate]:
+    """Yield a gate for every serial device of a bench. The ports of a served bench have no such identity: ask not."""
+    ports = list(listing())
+    for instrument in spec.instruments:
+        if is_serial_device(instrument):
+            yield check_port(instrument, ports, real_path)
+
+
+def check_port(
+    instrument: InstrumentSpec, ports: Iterable[ListedPort], real_path: Callable[[str], str] = os.path.realpath
+) -> Gate:
+    """Compare who an instrument's serial port is with who it must be; nothing is opened.
+
+    Args:
+        instrument: at a serial device.
+        ports: what the operating system lists.
+        real_path: follows the links of a path, such as those of /dev/serial/by-id.
+    """
+    name = f"port of {instrument.name}"
+    device = real_path(url_of_resource(instrument.port))
+    ports = list(ports)
+    found = next((port for port in ports if real_path(port.device) == device), None)
+    if found is None:
+        return Gate(name, ok=False, detail=f"{instrument.port} is not there{_elsewhere(instrument.usb, ports)}")
+    if instrument.usb is None:
+        own = f"serial: {found.serial_number}" if found.serial_number else f"path: its name in {_BY_PATH}"
+        detail = f"{device} is {_spoken(found)}; write 'usb: {{{own}}}' so that it is never taken for another"
+        return Gate(name, ok=False, detail=detail)
+    problem = _difference(instrument.usb, found, ports, real_path)
+    return Gate(name, ok=not problem, detail=problem or f"{device} is {_spoken(found)}")
+
+
+def _difference(usb: UsbPort, found: ListedPort, ports: Iterable[ListedPort], real_path: Callable[[str], str]) -> str:
+    if usb.path:
+        expected = real_path(f"{_BY_PATH}/{usb.path}")
+        if expected == real_path(found.device):
+            return ""
+        there = expected if any(real_path(port.device) == expected for port in ports) else "nothing"
+        return f"{found.device} is {_spoken(found)}, and at '{usb.path}' is {there}: was it plugged in elsewhere?"
+    if found.serial_number != usb.serial:
+        return f"{found.device} is {_spoken(found)}, expected serial '{usb.serial}'{_elsewhere(usb, ports)}"
+    places = sorted({_plug(port) for port in ports if port.serial_number == usb.serial})
+    if len(places) > 1:
+        return (
+            f"{' and '.join(places)} have the same serial '{usb.serial}': tell them apart by 'usb: {{path: …}}', the"
+            f" name in {_BY_PATH}"
+        )
+    return ""
+
+
+def _elsewhere(usb: UsbPort | None, ports: Iterable[ListedPort]) -> str:
+    there = [port.device for port in ports if usb and usb.serial and port.serial_number == usb.serial]
+    return f"; that one is {' and '.join(there)}" if there else ""
+
+
+def _plug(port: ListedPort) -> str:
+    """Return where a device is plugged in; the interfaces of one device are at one place."""
+    return (port.location or port.device).partition(":")[0]
+
+
+def _spoken(port: ListedPort) -> str:
+    return f"{port.product or 'no USB device'}, {f'serial {port.serial_number}' if port.serial_number else 'no serial'}"

@@ -1,0 +1,52 @@
+"""A supply rail that feeds other simulated instruments: relays, a load, an amplifier."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import ClassVar
+
+from hil.simulation.plants.plant import Inputs, Plant, Port, Vector
+from hil.simulation.truth import Truth
+
+__all__ = ["PowerFeed", "build"]
+
+
+class PowerFeed(Plant):
+    """A rail with a resistor on it: what its consumers draw when they do nothing.
+
+    Inputs `given` [V] and `limit` [A] are those of the port `supply`, signals `voltage` [V] and `current` [A] are there.
+
+    Args:
+        name: the plant's name.
+        grid_ns: distance of grid points; nothing here moves by itself.
+        resistance: between the rail and ground [ohm].
+    """
+
+    ports: ClassVar[Mapping[str, Port]] = MappingProxyType({"supply": Port("given", "limit", "voltage", "current")})
+
+    def __init__(self, name: str, grid_ns: int, resistance: float) -> None:
+        super().__init__(name, grid_ns, (), {"given": 0.0, "limit": 0.0}, frozenset({"current", "voltage"}))
+        self._resistance = resistance
+
+    def step(self, state: Vector, inputs: Inputs, dt: float) -> Vector:
+        """Return the state, which never changes."""
+        del inputs, dt
+        return state
+
+    def signal(self, name: str, state: Vector, inputs: Inputs, at: float) -> float:
+        """Return voltage or current of the rail."""
+        del state, at
+        amperes = min(float(inputs["given"]) / self._resistance, float(inputs["limit"]))
+        return amperes if name == "current" else amperes * self._resistance
+
+
+def build(name: str, grid_ns: int, truth: Truth) -> PowerFeed:
+    """Build the plant from its truth.
+
+    Raises:
+        TruthError: with everything that is wrong.
+    """
+    resistance = truth.number("resistance", 150.0, above=0)
+    truth.finish()
+    return PowerFeed(name, grid_ns, resistance)
