@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 
 from hil.bench.binding import bind_resumed, bind_simulated
 from hil.bench.bound import BoundBench
@@ -13,13 +11,11 @@ from hil.bench.live import bind_live, bind_live_again
 from hil.evidence.folder import TRANSCRIPT
 from hil.executive.again.earlier import Answered, Earlier
 from hil.executive.case.case_run import PlannedCase
-from hil.executive.case.operator import AnswerSource
-from hil.executive.run.answers import AnswersFile, FirstOf, Nobody, SimulatedPerson, TerminalPerson, load_answers
 from hil.executive.run.events import Listener
 from hil.executive.run.session import Session
-from hil.executive.setup.configuration import Configuration, Request
+from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.resuming import require_same_cases
-from hil.plugin.prompt import Terminal
+from hil.plugin.answering import answers_of
 from hil.wire.transcript import Transcript
 
 __all__ = ["open_new", "open_resumed"]
@@ -40,7 +36,7 @@ def open_new(
         listeners: are shown every event.
         alone: whether no other run may be on the bench; a rehearsal disturbs nobody.
     """
-    answers = _answers_of(configuration.request, configuration.workspace.shown)
+    answers = answers_of(configuration.request, configuration.workspace.shown)
     return Session(
         configuration,
         planned,
@@ -60,7 +56,7 @@ def open_resumed(
         Refused: if other cases were collected than before.
     """
     require_same_cases(earlier, planned)
-    fresh = _answers_of(configuration.request, configuration.workspace.shown)
+    fresh = answers_of(configuration.request, configuration.workspace.shown)
     return Session(
         configuration,
         planned,
@@ -95,26 +91,3 @@ def _leases(configuration: Configuration) -> list[str]:
     if (reach := configuration.reach) is not None:
         return reach.leases
     return [f"simulated bench {configuration.workspace.benches / configuration.bench.name}"]
-
-
-def _answers_of(
-    request: Request, shown: Callable[[Path], str]
-) -> Callable[[BoundBench, Callable[[], None]], AnswerSource]:
-    prepared = load_answers(request.answers, shown(request.answers)) if request.answers else None
-
-    def make(bench: BoundBench, idle: Callable[[], None]) -> AnswerSource:
-        last = _person(request, bench, idle)
-        if prepared is None or request.answers is None:
-            return last
-        file = AnswersFile(prepared, shown(request.answers))
-        return file if isinstance(last, Nobody) else FirstOf(file, last, frozenset(prepared))
-
-    return make
-
-
-def _person(request: Request, bench: BoundBench, idle: Callable[[], None]) -> AnswerSource:
-    if not request.person and bench.has_person:
-        return SimulatedPerson(lambda: bench.person)
-    if sys.stdin.isatty():
-        return TerminalPerson(Terminal(), request.operator or "person at the terminal", idle)
-    return Nobody()

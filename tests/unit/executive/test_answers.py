@@ -6,11 +6,21 @@ import pytest
 from case_parts import Case
 
 from hil.executive.case.operator import Answer, Declined, Question
-from hil.executive.run.answers import AnswersFile, FirstOf, Nobody, SimulatedPerson, TerminalPerson, load_answers
+from hil.executive.run.answers import (
+    AnswersFile,
+    AskedLive,
+    FirstOf,
+    Nobody,
+    NobodyLive,
+    SimulatedPerson,
+    TerminalPerson,
+    load_answers,
+)
 from hil.executive.run.stop import Stopped
 from hil.model.errors import ConfigurationError
 
 CONFIRM = Question(name="jig", form="confirm", text="Closed?")
+SAFETY = Question(name="fuse", form="confirm", text="Is the fuse in?", safety=True)
 CHOOSE = Question(name="phone", form="choose", text="Which way?", options=("outward", "inward"))
 MEASURE = Question(name="meter", form="measure", text="Read it", unit="V")
 ATTACH = Question(name="board", form="attach", text="Connect x", options=("x", "y"))
@@ -176,3 +186,45 @@ def test_an_answer_that_does_not_fit_is_declined(tmp_path, value, ask, message):
     case = Case(tmp_path, answers=Says(value))
     with pytest.raises(Declined, match=message.replace("?", r"\?")):
         ask(case.run.operator)
+
+
+def test_a_safety_confirmation_is_a_persons_alone():
+    """A file that has its name is not asked, and everything else is still the file's."""
+    file = AnswersFile({"fuse": "yes", "jig": "yes"}, "answers.yaml")
+    source = AskedLive(TerminalPerson(Typed("yes\n"), "Ada", lambda: None), file)
+    assert source.answer(SAFETY) == Answer(True, "Ada")
+    assert source.answer(CONFIRM) == Answer(True, "answers file")
+
+
+def test_without_a_person_a_safety_confirmation_is_declined():
+    """Whatever a file says; the way out is a terminal."""
+    source = AskedLive(NobodyLive(), AnswersFile({"fuse": "yes"}, "answers.yaml"))
+    with pytest.raises(Declined, match=r"'Is the fuse in\?' is a safety confirmation.*run from a terminal"):
+        source.answer(SAFETY)
+
+
+def test_a_safety_confirmation_is_given_by_name():
+    """Where the run was not told who operates it, the person is asked, until a name comes or the input ends."""
+    terminal = Typed("yes\n", "\n", None, "Ada\n")
+    assert TerminalPerson(terminal, "", lambda: None).answer(SAFETY) == Answer(True, "Ada")
+    assert terminal.shown[1:] == ["Your name:", "Your name:"]
+    assert TerminalPerson(Typed("yes\n"), "", lambda: None).answer(CONFIRM) == Answer(True, "person at the terminal")
+    with pytest.raises(Declined, match="answered without a name"):
+        TerminalPerson(Typed("yes\n"), "", lambda: None).answer(SAFETY)
+
+
+def test_what_is_asked_for_safety_is_in_the_events(tmp_path):
+    """Question and effect say so; those of other questions are as they always were."""
+    case = Case(tmp_path, answers=Willing())
+    case.run.operator.confirm("Is the fuse in?", name="fuse", safety=True)
+    case.run.operator.confirm("Closed?", name="jig")
+    assert [event.get("safety") for event in case.written.of("question")] == [True, None]
+    assert ["safety" in event["arguments"] for event in case.written.of("effect")] == [True, False]
+
+
+class Willing:
+    """Somebody who says yes to everything."""
+
+    def answer(self, question):
+        """Say yes."""
+        return Answer(True, "Ada")

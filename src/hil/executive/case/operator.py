@@ -28,6 +28,7 @@ class Question:
         text: what the person reads.
         options: for `choose` and `attach`, what can be answered.
         unit: for `measure`, the unit of the number.
+        safety: whether somebody's safety hangs on it: on a bench outside of this process a person answers it live.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Question:
     text: str
     options: tuple[str, ...] = ()
     unit: str = ""
+    safety: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,13 +80,19 @@ class Operator:
         self._write = write
         self._point = point
 
-    def confirm(self, text: str, *, name: str) -> None:
+    def confirm(self, text: str, *, name: str, safety: bool = False) -> None:
         """Ask for a confirmation.
+
+        Args:
+            text: what the person reads.
+            name: the question's name.
+            safety: whether somebody's safety hangs on it. On hardware, and on a served bench, no file answers it: a
+                person does, live and by name, and again whenever the bench is armed anew.
 
         Raises:
             Declined: if it is not given.
         """
-        if not self._ask(Question(name=name, form="confirm", text=text)):
+        if not self._ask(Question(name=name, form="confirm", text=text, safety=safety)):
             raise Declined(f"'{text}' was not confirmed")
 
     def choose(self, text: str, options: Sequence[str], *, name: str) -> str:
@@ -120,16 +128,23 @@ class Operator:
             "text": question.text,
             "options": list(question.options),
             "unit": question.unit,
+            **_safety(question),
         }
         return self._effects.perform(f"operator.{question.name}", "asks", arguments, lambda: self._asked(question))
 
     def _asked(self, question: Question) -> str | float | bool:
         where = {"case": self._where.case, "step": self._where.number, "name": question.name}
-        self._write("question", **where, form=question.form, text=question.text, options=list(question.options))
+        asked = {"form": question.form, "text": question.text, "options": list(question.options)}
+        self._write("question", **where, **asked, **_safety(question))
         answer = self._source.answer(question)
         _check(question, answer.value)
         self._write("answer", **where, value=answer.value, by=answer.by)
         return answer.value
+
+
+def _safety(question: Question) -> dict[str, bool]:
+    """Return what an event says of it: nothing where it is none, as in all packages before there were any."""
+    return {"safety": True} if question.safety else {}
 
 
 def _check(question: Question, value: str | float | bool) -> None:

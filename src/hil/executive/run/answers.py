@@ -15,8 +15,10 @@ from hil.executive.case.operator import Answer, AnswerSource, Declined, Question
 __all__ = [
     "SIMULATED_PERSON",
     "AnswersFile",
+    "AskedLive",
     "FirstOf",
     "Nobody",
+    "NobodyLive",
     "Prompt",
     "SimulatedPerson",
     "TerminalPerson",
@@ -27,6 +29,7 @@ SIMULATED_PERSON = "simulated person"
 """The name under which the simulated bench's own person answers."""
 
 _SCHEMA = "hil/answers/1"
+_SOMEBODY = "person at the terminal"
 _YES = frozenset({"true", "y", "yes"})
 _NO = frozenset({"false", "n", "no"})
 
@@ -101,7 +104,7 @@ class TerminalPerson:
 
     Args:
         prompt: the terminal.
-        name: the person's name.
+        name: the person's name; asked for, with a safety confirmation, where it is empty.
         idle: the scheduling point to pass while waiting.
     """
 
@@ -123,8 +126,17 @@ class TerminalPerson:
                 raise Declined(f"'{question.text}' was not answered: the terminal's input has ended")
             value = _understood(question, line)
             if value is not None:
-                return Answer(value, self._name)
+                return Answer(value, self._name or self._named(question))
             self._prompt.show(f"Please answer {_form(question)}")
+
+    def _named(self, question: Question) -> str:
+        name = "" if question.safety else _SOMEBODY
+        while not name:
+            self._prompt.show("Your name:")
+            if not (line := self._line()):
+                raise Declined(f"'{question.text}' was answered without a name: the terminal's input has ended")
+            name = line.strip()
+        return name
 
     def _line(self) -> str:
         while (line := self._prompt.line()) is None:
@@ -141,6 +153,34 @@ class Nobody:
             f"'{question.text}' needs a person, and there is no terminal",
             f"run from a terminal, or give an answer to '{question.name}' with --answers FILE",
         )
+
+
+class NobodyLive:
+    """What answers safety confirmations where no person can."""
+
+    def answer(self, question: Question) -> Answer:
+        """Decline, and say what to do."""
+        raise Declined(
+            f"'{question.text}' is a safety confirmation: a person gives it live, by name, at each arm",
+            "run from a terminal; on a bench outside of this process no file and nobody simulated can give it",
+        )
+
+
+class AskedLive:
+    """Lets a safety confirmation be given by a person only, whatever answers everything else.
+
+    Args:
+        person: the person, or `NobodyLive`.
+        otherwise: answers all other questions.
+    """
+
+    def __init__(self, person: AnswerSource, otherwise: AnswerSource) -> None:
+        self._person = person
+        self._otherwise = otherwise
+
+    def answer(self, question: Question) -> Answer:
+        """Answer, or let the person answer."""
+        return (self._person if question.safety else self._otherwise).answer(question)
 
 
 class FirstOf:

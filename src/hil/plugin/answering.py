@@ -1,0 +1,61 @@
+"""Who answers the questions of a run: a file, the simulated person, or the person at the terminal."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from hil.bench.bound import BoundBench
+from hil.executive.case.operator import AnswerSource
+from hil.executive.run.answers import (
+    AnswersFile,
+    AskedLive,
+    FirstOf,
+    Nobody,
+    NobodyLive,
+    SimulatedPerson,
+    TerminalPerson,
+    load_answers,
+)
+from hil.executive.setup.configuration import Request
+from hil.plugin.prompt import Terminal
+
+__all__ = ["answers_of"]
+
+
+def answers_of(
+    request: Request, shown: Callable[[Path], str]
+) -> Callable[[BoundBench, Callable[[], None]], AnswerSource]:
+    """Return what makes the source of answers, from the bench and the scheduling point to pass while waiting.
+
+    On a bench outside of this process safety confirmations are a person's alone, whatever file was prepared.
+
+    Args:
+        request: names the answers file, and says whether a person answers in the place of the simulated one.
+        shown: returns a path as people see it.
+
+    Raises:
+        ConfigurationError: with everything that is wrong with the answers file.
+    """
+    prepared = load_answers(request.answers, shown(request.answers)) if request.answers else None
+
+    def make(bench: BoundBench, idle: Callable[[], None]) -> AnswerSource:
+        last = _person(request, bench, idle)
+        source = last
+        if prepared is not None and request.answers is not None:
+            file = AnswersFile(prepared, shown(request.answers))
+            source = file if isinstance(last, Nobody) else FirstOf(file, last, frozenset(prepared))
+        if bench.live is None:
+            return source
+        return AskedLive(last if isinstance(last, TerminalPerson) else NobodyLive(), source)
+
+    return make
+
+
+def _person(request: Request, bench: BoundBench, idle: Callable[[], None]) -> AnswerSource:
+    if not request.person and bench.has_person:
+        return SimulatedPerson(lambda: bench.person)
+    if sys.stdin.isatty():
+        return TerminalPerson(Terminal(), request.operator, idle)
+    return Nobody()

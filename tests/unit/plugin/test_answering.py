@@ -1,0 +1,65 @@
+"""Who answers on which bench: safety confirmations are a person's wherever something real hangs on them."""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from hil.executive.case.operator import Answer, Declined, Question
+from hil.executive.setup.configuration import Request
+from hil.model.identity import Source
+from hil.plugin.answering import answers_of
+
+SAFETY = Question(name="fuse", form="confirm", text="Is the fuse in?", safety=True)
+JIG = Question(name="jig", form="confirm", text="Closed?")
+
+
+class Yes:
+    """A simulated person who knows everything."""
+
+    def answer(self, *_):
+        """Say yes."""
+        return True
+
+
+def source_on(tmp_path, *, live, source=Source.SIMULATED, **wanted):
+    """Return what answers on a bench of this process or, if `live`, outside of it, with a file that has all answers."""
+    file = tmp_path / "answers.yaml"
+    file.write_text('schema: hil/answers/1\nanswers: {fuse: "yes", jig: "yes"}\n', encoding="utf-8")
+    request = Request(start=tmp_path, plans=(), bench="b", dut="d", source=source, answers=file, **wanted)
+    bench = SimpleNamespace(live=object() if live else None, has_person=not live, person=Yes())
+    return answers_of(request, Path.name.fget)(bench, lambda: None)
+
+
+@pytest.fixture(params=[Source.HARDWARE, Source.SIMULATED], ids=["hardware", "served"])
+def source(request):
+    """Return the source of a bench outside of this process."""
+    return request.param
+
+
+def test_no_file_answers_a_safety_confirmation_outside_of_this_process(tmp_path, source, monkeypatch):
+    """On hardware as on a served bench, and whether or not somebody asked for a terminal that is not there."""
+    monkeypatch.setattr(sys, "stdin", io.StringIO("yes\n"))
+    for person in (False, True):
+        answers = source_on(tmp_path, live=True, source=source, person=person)
+        assert answers.answer(JIG) == Answer(True, "answers file")
+        with pytest.raises(Declined, match="is a safety confirmation"):
+            answers.answer(SAFETY)
+
+
+def test_the_person_at_the_terminal_answers_it(tmp_path, source, monkeypatch):
+    """By the name that the run was given; the file goes on answering the rest."""
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(isatty=lambda: True))
+    monkeypatch.setattr("hil.plugin.answering.Terminal", lambda: SimpleNamespace(show=print, line=lambda: "yes\n"))
+    answers = source_on(tmp_path, live=True, source=source, operator="Ada")
+    assert answers.answer(SAFETY) == Answer(True, "Ada")
+    assert answers.answer(JIG) == Answer(True, "answers file")
+
+
+def test_on_a_bench_of_this_process_a_file_may_answer(tmp_path):
+    """Nothing real hangs on it there, and cases are the same on every bench."""
+    assert source_on(tmp_path, live=False).answer(SAFETY) == Answer(True, "answers file")
