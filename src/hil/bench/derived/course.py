@@ -1,0 +1,89 @@
+"""A few rows of a stream at once, as derived quantities look at them: what most of them need is worked out once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+__all__ = ["NONE", "Course", "direction", "micro"]
+
+NONE = (math.nan, math.nan)
+"""The extremes of a column that holds something that is no number: nothing is within any bounds then."""
+
+_MICRO = 1_000_000
+
+
+def direction(current: float, threshold: float) -> int:
+    """Return 1 for a current into the cell, -1 for one out of it, 0 for none: nearer to zero than the threshold."""
+    return 1 if current >= threshold else -1 if current <= -threshold else 0
+
+
+def micro(number: float) -> int:
+    """Return how many millionths a number is, rounded: whole numbers add up to the same in any order."""
+    return round(number * _MICRO)
+
+
+class Course:
+    """Rows in their order.
+
+    Args:
+        at_ns: their instants by the clock that stamped them, in ns, at least one.
+        rows: the rows.
+        places: which place of a row holds which quantity.
+
+    Attributes:
+        at_ns: as given.
+    """
+
+    def __init__(self, at_ns: Sequence[int], rows: Sequence[Sequence[float]], places: Mapping[str, int]) -> None:
+        self.at_ns = at_ns
+        self._rows = rows
+        self._places = places
+        self._columns: dict[str, list[float]] = {}
+        self._extremes: dict[str, tuple[float, float]] = {}
+        self._weights: dict[str, list[int]] = {}
+        self._sums: dict[str, int] = {}
+
+    def column(self, quantity: str) -> list[float]:
+        """Return the numbers of a quantity."""
+        if (found := self._columns.get(quantity)) is None:
+            place = self._places[quantity]
+            found = self._columns[quantity] = [row[place] for row in self._rows]
+        return found
+
+    def extremes(self, quantity: str) -> tuple[float, float]:
+        """Return the lowest and the highest number of a quantity; `NONE` where one is no number, or infinite."""
+        if (found := self._extremes.get(quantity)) is None:
+            numbers = self.column(quantity)
+            found = (min(numbers), max(numbers)) if math.isfinite(sum(numbers)) else NONE
+            self._extremes[quantity] = found
+        return found
+
+    def flow(self, threshold: float) -> int | None:
+        """Return the direction of the current of every row, None where it changes or is not known. See `direction`."""
+        low, high = self.extremes("current")
+        if low >= threshold:
+            return 1
+        if high <= -threshold:
+            return -1
+        return 0 if -threshold < low and high < threshold else None
+
+    def weights(self, quantity: str) -> list[int]:
+        """Return current in uA or power in uW of every row, whatever the direction; they must be finite."""
+        if (found := self._weights.get(quantity)) is None:
+            numbers = self.column("current")
+            if quantity == "energy":
+                numbers = [a * b for a, b in zip(self.column("voltage"), numbers, strict=True)]
+            found = self._weights[quantity] = [abs(micro(number)) for number in numbers]
+        return found
+
+    def sum(self, quantity: str) -> int:
+        """Return twice the integral of the weights from the first row to the last, in uA.ns or uW.ns."""
+        if (found := self._sums.get(quantity)) is None:
+            weights = self.weights(quantity)
+            found = 0
+            for (began, ended), (before, after) in zip(pairwise(self.at_ns), pairwise(weights), strict=True):
+                found += (before + after) * max(0, ended - began)
+            self._sums[quantity] = found
+        return found

@@ -1,0 +1,92 @@
+"""What derived quantities have in common: what they are made of, their units, and how rows are counted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Protocol
+
+from hil.bench.derived.course import Course, direction
+from hil.model.envelope import Derived, EnvelopeLimit
+
+__all__ = ["INTEGRALS", "MADE_OF", "TIMES", "UNITS", "Derivation", "Watching"]
+
+_MINUTE_S, _HOUR_S = 60.0, 3600.0
+
+INTEGRALS = ("charge", "energy", "duration")
+"""What adds up while a current flows in one direction."""
+
+MADE_OF = {
+    "charge": ("current",),
+    "energy": ("voltage", "current"),
+    "duration": ("current",),
+    "slope": (),
+    "unchanged": (),
+}
+"""Derived quantities, and what they are computed from besides what the limit names."""
+
+TIMES = {"s": 1.0, "min": _MINUTE_S, "h": _HOUR_S}
+"""Units of time, in s."""
+
+UNITS: dict[str, dict[str, float]] = {
+    "charge": {"A.h": _HOUR_S, "mA.h": 0.001 * _HOUR_S},
+    "energy": {"W.h": _HOUR_S, "mW.h": 0.001 * _HOUR_S},
+    "duration": TIMES,
+    "unchanged": TIMES,
+}
+"""Units of derived quantities, each in A.s, W.s or s. A slope has the unit of its quantity per unit of time."""
+
+
+class Derivation(Protocol):
+    """Computes one quantity row by row. Times are ns of the clock that stamps the rows.
+
+    Attributes:
+        applies: whether the limit counts at the newest row.
+    """
+
+    applies: bool
+
+    @property
+    def sources(self) -> tuple[tuple[str, str], ...]:
+        """Output and quantity of the numbers that it takes, in their order."""
+        ...
+
+    def row(self, at_ns: int, numbers: Sequence[float]) -> float:
+        """Count one row and return the quantity in the limit's unit; NaN, and nothing counted, without its numbers."""
+        ...
+
+    def quiet(self, course: Course) -> bool:
+        """Count some rows as `row` would if that is known to leave each of them within the limit; else count none."""
+        ...
+
+    def pause(self) -> None:
+        """Count nothing between the newest row and the next: nobody knows what was there."""
+        ...
+
+    def settle(self, now_ns: int) -> None:
+        """Let the newest row be of this instant: the next one is stamped by another clock."""
+        ...
+
+
+class Watching:
+    """What all derivations have in common: their limit, their sources, and the flow without which it does not count."""
+
+    def __init__(self, limit: EnvelopeLimit, how: Derived, *quantities: str) -> None:
+        if how.flow and "current" not in quantities:
+            quantities = (*quantities, "current")
+        self.sources = tuple((limit.output, quantity) for quantity in quantities)
+        self.applies = True
+        self._threshold = how.threshold or 0.0
+        self._flows = {"": (-1, 0, 1), "charging": (1,), "discharging": (-1,), "flowing": (-1, 1)}[how.flow]
+        self._gated = bool(how.flow)
+        self._current = quantities.index("current") if how.flow else 0
+        self._lowest = -math.inf if limit.minimum is None else limit.minimum
+        self._highest = math.inf if limit.maximum is None else limit.maximum
+
+    def flow_of(self, numbers: Sequence[float]) -> int:
+        """Return the direction of a row's current; 0 where the limit always counts."""
+        return direction(numbers[self._current], self._threshold) if self._gated else 0
+
+    def flow_through(self, course: Course) -> int | None:
+        """Return the direction of all rows, None where it is not one; 0 where the limit always counts."""
+        return course.flow(self._threshold) if self._gated else 0
