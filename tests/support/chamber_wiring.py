@@ -37,6 +37,11 @@ _SAFE = """\
    proof: {output: thermal, quantity: output, unit: "%", min: "-0.05", max: "0.05"}}
 """
 
+_CUT_PATH = """\
+cut_paths:
+- {output: thermal, hardware: thermal cut-out opens the cooler's feed at 70 degC, within: 300 s}
+"""
+
 _PLANT = "    chamber: {model: thermal-chamber, grid: 1 s}\n"
 
 _PEER = """\
@@ -57,6 +62,7 @@ def chamber_changes(*faults: str, lamp: str = "") -> dict[str, str]:
         "\nenvelope:\n": f"\nenvelope:\n{_LIMIT}",
         "\nsafe_off:\n": f"\nsafe_off:\n{_SAFE}",
         "\nrest:\n": f"\nrest:\n{_SAFE}",
+        "\nsimulated:\n": f"\n{_CUT_PATH}\nsimulated:\n",
         "grid: 10 ms": "grid: 200 ms",
         "\n  plants:\n": f"\n  plants:\n{_PLANT}",
         "\n  peers:\n": f"\n  peers:\n{peer}",

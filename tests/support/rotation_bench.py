@@ -54,6 +54,9 @@ rest:
 - {output: rotation_table, state: stopped, within: 15 s,
    proof: {output: rotation_table, quantity: rate, unit: deg/s, min: "-0.05", max: "0.05"}}
 
+cut_paths:
+- {output: rotation_table, hardware: interlock of the cover takes the motor's power away, within: 2 s}
+
 simulated:
   epoch: "2026-01-01T08:00:00Z"
   seed: "20260102"

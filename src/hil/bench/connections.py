@@ -5,7 +5,7 @@ from __future__ import annotations
 from hil.instruments.driver import Clamps
 from hil.model.bench import BenchSpec, InstrumentSpec
 
-__all__ = ["clamps_of", "server_of", "servers_first"]
+__all__ = ["clamps_of", "line_of", "server_of", "servers_first"]
 
 
 def server_of(spec: BenchSpec, instrument: InstrumentSpec) -> InstrumentSpec | None:
@@ -32,3 +32,11 @@ def clamps_of(spec: BenchSpec, instrument: str) -> Clamps:
         if wire.instrument == instrument
     }
     return Clamps(by_channel)
+
+
+def line_of(spec: BenchSpec, instrument: str) -> str:
+    """Return the instrument of the host's own whose port or bus carries all that one instrument is told."""
+    found = spec.instrument(instrument)
+    while server := server_of(spec, found):
+        found = server
+    return found.bus or found.name

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import cast
 
 from hil.bench.bound import BoundBench
+from hil.bench.cut_trials import cut_path_gates
 from hil.bench.envelope import self_test
-from hil.bench.safe_off import SafeResult, make_safe
+from hil.bench.gate import Gate
+from hil.bench.port_identity import port_gates
+from hil.bench.safe_off import left_on
+from hil.instruments.cycler_role import Cycler
 from hil.instruments.roles import Relays, Supply
 from hil.model.bench import InstrumentSpec, Position, ReducedLevel, SafeStep, Wire
 from hil.model.errors import HilError
-from hil.model.identity import Dut, Identity
+from hil.model.identity import Dut, Identity, Source
 from hil.model.prefixed import prefixed
 
 __all__ = ["Gate", "energised_gates", "unpowered_gates"]
@@ -20,22 +23,17 @@ __all__ = ["Gate", "energised_gates", "unpowered_gates"]
 _SETTLE_S = 0.2
 _VOLTAGE_TOLERANCE = 0.05
 _LEAST_SHARE = 0.05
+_LEAST_CELL_V = 0.5
+"""Below, a cell is reversed (a tester that cannot measure below zero reads zero), or there is none."""
 
 
-@dataclass(frozen=True, slots=True)
-class Gate:
-    """One condition of readiness, whether it holds, and what was seen."""
+def unpowered_gates(bench: BoundBench, dut: Dut | None = None, *, served: bool = False) -> Iterator[Gate]:
+    """Look without driving anything: ports, identities, outputs found on, and which way round a battery is.
 
-    name: str
-    ok: bool
-    detail: str
-
-
-def unpowered_gates(bench: BoundBench, dut: Dut | None = None) -> Iterator[Gate]:
-    """Look without driving anything: identities, and outputs found on.
-
-    Instruments that the bench itself feeds are identified later, under power.
+    Instruments that the bench itself feeds are identified later, under power. The ports of a served bench are nobody's.
     """
+    if bench.source is Source.HARDWARE and not served:
+        yield from port_gates(bench.spec)
     for instrument in bench.spec.instruments:
         if not instrument.powered_by:
             yield _identity(bench, instrument, dut)
@@ -43,6 +41,9 @@ def unpowered_gates(bench: BoundBench, dut: Dut | None = None) -> Iterator[Gate]
         detail = f"it is recognised by {', '.join(sorted(dut.recognised))}, and this bench has no such instrument"
         yield Gate(f"identity of {dut.serial}", ok=False, detail=detail)
     yield from _found_on(bench)
+    for wire in bench.spec.wiring:
+        if wire.role == "cycler":
+            yield _polarity(bench, wire)
 
 
 def energised_gates(bench: BoundBench, dut: Dut | None) -> Iterator[Gate]:
@@ -51,17 +52,21 @@ def energised_gates(bench: BoundBench, dut: Dut | None) -> Iterator[Gate]:
     Whatever is tried is off again, and proven to be, when its gates are given. Nothing is tried on a bench
     that cannot be made safe, and nothing more once an output stayed on.
     """
-    left_on = _left_on(bench, bench.spec.safe_off)
-    yield Gate("safe state reached", not left_on, left_on or "every line of safe_off is proven")
-    if left_on:
+    stayed = _left_on(bench, bench.spec.safe_off)
+    yield Gate("safe state reached", not stayed, stayed or "every line of safe_off is proven")
+    if stayed:
         return
     for wire in bench.spec.wiring:
         if wire.reduced is not None:
-            gates, left_on = _reduced_level(bench, wire, wire.reduced, dut)
+            gates, stayed = _reduced_level(bench, wire, wire.reduced, dut)
             yield from gates
-            if left_on:
-                yield Gate(f"{wire.name} off again", ok=False, detail=left_on)
+            if stayed:
+                yield Gate(f"{wire.name} off again", ok=False, detail=stayed)
                 return
+    for gate in cut_path_gates(bench):
+        yield gate
+        if not gate.ok:
+            return
     for limit in bench.spec.envelope:
         trips = self_test(limit)
         detail = "trips on what it must trip on, and only on that" if trips else "does not trip as it says"
@@ -69,10 +74,7 @@ def energised_gates(bench: BoundBench, dut: Dut | None) -> Iterator[Gate]:
 
 
 def _left_on(bench: BoundBench, steps: Sequence[SafeStep]) -> str:
-    """Take lines of the safe-off and return what could not be made safe, or nothing."""
-    results: list[SafeResult] = []
-    make_safe(steps, bench.roles, bench.clock, results.append)
-    return "; ".join(f"{result.output} is not {result.state}: {result.detail}" for result in results if not result.ok)
+    return left_on(steps, bench.roles, bench.clock)
 
 
 def _identity(bench: BoundBench, instrument: InstrumentSpec, dut: Dut | None) -> Gate:
@@ -95,6 +97,21 @@ def _difference(expected: Identity, found: Identity) -> str:
         if wanted and wanted != got:
             return f"expected {what} '{wanted}', found '{got}'"
     return ""
+
+
+def _polarity(bench: BoundBench, wire: Wire) -> Gate:
+    """Look at a cell before anything is connected to it: a reversed one must not be charged."""
+    name, cycler = f"polarity at {wire.name}", cast("Cycler", bench.roles[wire.name])
+    try:
+        if cycler.level() == "1":
+            return Gate(name, ok=True, detail="not looked at: a device of level 1 measures in a test only")
+        volts = cycler.voltage().value
+    except HilError as error:
+        return Gate(name, ok=False, detail=str(error))
+    detail = f"the cell has {volts:.3f} V"
+    if volts >= _LEAST_CELL_V:
+        return Gate(name, ok=True, detail=detail)
+    return Gate(name, ok=False, detail=f"{detail}: is it reversed, is it connected, is its fuse whole?")
 
 
 def _found_on(bench: BoundBench) -> Iterator[Gate]:
@@ -128,10 +145,10 @@ def _reduced_level(bench: BoundBench, wire: Wire, level: ReducedLevel, dut: Dut 
     """Try one output in every position; return its gates, and why it is not off again, if it is not."""
     gates: list[Gate] = []
     for position in level.positions or (None,):
-        tried, left_on = _position(bench, wire, level, position, dut)
+        tried, stayed = _position(bench, wire, level, position, dut)
         gates += tried
-        if left_on:
-            return gates, left_on
+        if stayed:
+            return gates, stayed
     return gates, ""
 
 
@@ -155,8 +172,8 @@ def _position(
         gates.append(Gate(name, ok=False, detail=str(error)))
     finally:
         moved = {wire.name, position.relays} if position else {wire.name}
-        left_on = _left_on(bench, [step for step in bench.spec.safe_off if step.output in moved])
-    return gates, left_on
+        stayed = _left_on(bench, [step for step in bench.spec.safe_off if step.output in moved])
+    return gates, stayed
 
 
 def _move(relays: Relays, position: Position) -> None:

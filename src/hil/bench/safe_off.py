@@ -12,7 +12,7 @@ from hil.model.errors import HilError
 from hil.model.figure import Figure
 from hil.model.prefixed import prefixed
 
-__all__ = ["SafeResult", "make_safe"]
+__all__ = ["SafeResult", "left_on", "make_safe"]
 
 _PAUSE_S = 0.05
 _ATTEMPTS = 3
@@ -59,6 +59,13 @@ def make_safe(
     if trouble:
         raise trouble
     return safe
+
+
+def left_on(steps: Sequence[SafeStep], roles: Mapping[str, object], clock: Clock) -> str:
+    """Take lines of the safe-off and return what could not be made safe, or nothing."""
+    results: list[SafeResult] = []
+    make_safe(steps, roles, clock, results.append)
+    return "; ".join(f"{result.output} is not {result.state}: {result.detail}" for result in results if not result.ok)
 
 
 def _take(step: SafeStep, roles: Mapping[str, object], clock: Clock) -> SafeResult:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from hil.model.cutting import CutPath, WatchAfter
 from hil.model.identity import Identity
 
 __all__ = [
@@ -13,6 +14,7 @@ __all__ = [
     "CalibratedRange",
     "Calibration",
     "Clamp",
+    "CutPath",
     "EnvelopeLimit",
     "InstrumentSpec",
     "PeerSpec",
@@ -23,6 +25,8 @@ __all__ = [
     "ReducedLevel",
     "SafeStep",
     "SimulatedBench",
+    "UsbPort",
+    "WatchAfter",
     "Wire",
 ]
 
@@ -73,11 +77,24 @@ class Rating:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class UsbPort:
+    """Which USB device a serial port must be: its serial number, or the place in which it is plugged in.
+
+    Attributes:
+        serial: serial number of the device, empty where it has none of its own.
+        path: name of the port in `/dev/serial/by-path`, for devices whose serial numbers are all alike.
+    """
+
+    serial: str = ""
+    path: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentSpec:
     """One instrument: its driver, where it is, who it must be, what it may do.
 
     Either `port` (a URL for pyserial) or `bus` and `address` (I2C) is set. `powered_by` names the
-    output that feeds it, empty where it has power of its own.
+    output that feeds it, empty where it has power of its own. `usb` says which device a serial port must be.
     """
 
     name: str
@@ -91,6 +108,7 @@ class InstrumentSpec:
     ratings: tuple[Rating, ...] = ()
     calibration: Calibration | None = None
     dut: bool = False
+    usb: UsbPort | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,6 +150,7 @@ class Wire:
         settings: what the role needs besides (measurement range, output rate), as strings.
         reduced: for supplies, the level at which arm tries the output.
         charges: for supplies, the cycler through which the output charges a battery; empty where it charges none.
+        hazardous: whether its output can do harm when nobody can reach it; only roles that drive anything are asked.
         note: polarity, fuse, cable: printed in the report's wiring table.
     """
 
@@ -143,6 +162,7 @@ class Wire:
     settings: Mapping[str, str] = field(default_factory=dict)
     reduced: ReducedLevel | None = None
     charges: str = ""
+    hazardous: bool = True
     note: str = ""
 
     @property
@@ -265,6 +285,8 @@ class BenchSpec:
     safe_off: tuple[SafeStep, ...]
     rest: tuple[SafeStep, ...]
     hold: tuple[SafeStep, ...] = ()
+    cut_paths: tuple[CutPath, ...] = ()
+    watch_after: tuple[WatchAfter, ...] = ()
     simulated: SimulatedBench | None
 
     def instrument(self, name: str) -> InstrumentSpec:

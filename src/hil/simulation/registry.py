@@ -12,7 +12,7 @@ from hil.simulation.peers.eurotherm import article as eurotherm_3216
 from hil.simulation.peers.iim42652 import model as iim42652
 from hil.simulation.peers.model import PeerModel
 from hil.simulation.peers.obc_link import model as obc_link
-from hil.simulation.plants import coil, rotation_table, thermal_chamber
+from hil.simulation.plants import coil, power_feed, rotation_table, thermal_chamber
 from hil.simulation.plants.battery import build as battery
 from hil.simulation.plants.plant import Plant
 from hil.simulation.truth import Path, Truth, TruthError, suggestion
@@ -24,6 +24,7 @@ _GROUP = "hil.peers"
 PLANTS: Mapping[str, Callable[[str, int, Truth], Plant]] = {
     "battery": battery.build,
     "coil-and-earth-field": coil.build,
+    "power-feed": power_feed.build,
     "rotation-table": rotation_table.build,
     "thermal-chamber": thermal_chamber.build,
 }

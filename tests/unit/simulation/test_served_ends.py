@@ -343,4 +343,4 @@ def test_network_instruments_listen_from_the_first_port_on(folder):
 def test_a_bench_of_the_workspace_is_what_is_served():
     """Both benches have a twin, and a line for every instrument that is no device on a bus."""
     assert set(bench_of("adcs").lines) == {"psu1", "relay1", "obc1", "tec1", "table1"}
-    assert set(bench_of("battery").lines) == {"psu1", "cycler1", "tec1"}
+    assert set(bench_of("battery").lines) == {"psu1", "cycler1", "tec1", "psu2"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from hil.bench.file import charging_checks, limit_checks
+from hil.bench.file import charging_checks, cutting_checks, limit_checks
 from hil.bench.file.complaints import Complaints, Located, known
 from hil.clock.virtual import VirtualClock
 from hil.documents.findings import Findings
@@ -38,6 +38,10 @@ def check_bench(spec: BenchSpec, places: Located, findings: Findings) -> None:
         limit_checks.safe_steps,
         limit_checks.covered,
         charging_checks.charging,
+        cutting_checks.cut_paths,
+        cutting_checks.cut_off,
+        cutting_checks.watched_after,
+        cutting_checks.usb_ports,
         _twin,
     ):
         for thing, message in check(spec):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
+from hil.bench.cut_paths import HAZARDOUS
 from hil.bench.file.complaints import Complaints, known, quantity, quantity_of
 from hil.documents.suggest import did_you_mean
 from hil.instruments.roles import STATES
@@ -11,7 +12,6 @@ from hil.model.bench import BenchSpec, CalibratedRange, Clamp, EnvelopeLimit, Pr
 
 __all__ = ["certificates", "clamps", "covered", "envelope", "ratings", "reduced_levels", "safe_steps"]
 
-_HAZARDOUS = frozenset({"cycler", "supply", "relays", "rotation_table", "thermal"})
 _CLAMPED = {"supply": ("voltage", "current"), "rotation_table": ("rate", "turns"), "thermal": ("temperature",)}
 """What an output that can do harm must have clamps for."""
 
@@ -159,7 +159,7 @@ def covered(spec: BenchSpec) -> Complaints:
     made_safe = {step.output for step in spec.safe_off}
     proven = {step.output for step in spec.safe_off if step.proof}
     for wire in spec.wiring:
-        if wire.role in _HAZARDOUS and wire.name not in made_safe:
+        if wire.role in HAZARDOUS and wire.name not in made_safe:
             yield wire, f"{wire.name} is missing from safe_off"
         elif wire.role == "supply" and wire.name not in proven:
             yield wire, f"{wire.name}: its line in safe_off needs a proof, such as its current near zero"

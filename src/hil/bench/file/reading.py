@@ -6,6 +6,7 @@ from pathlib import Path
 
 from hil.bench.file.checks import check_bench
 from hil.bench.file.complaints import Located
+from hil.bench.file.cutting_sections import read_cut_paths, read_watch_after
 from hil.bench.file.sections import (
     read_buses,
     read_clamp,
@@ -77,6 +78,8 @@ def read_bench(path: Path, shown: str, findings: Findings) -> BenchSpec | None:
         safe_off=_steps(document, "safe_off", places),
         rest=_steps(document, "rest", places),
         hold=_steps(document, "hold", places, required=False),
+        cut_paths=read_cut_paths(document, places),
+        watch_after=read_watch_after(document, places),
         simulated=read_twin(document, places),
     )
     if head:

@@ -23,6 +23,7 @@ from hil.model.bench import (
     ReducedLevel,
     SafeStep,
     SimulatedBench,
+    UsbPort,
     Wire,
 )
 from hil.model.identity import Identity
@@ -81,6 +82,7 @@ def read_wire(reader: MappingReader) -> Wire:
         settings=_texts(reader, "settings"),
         reduced=_reduced(reader.child("reduced")),
         charges=reader.text("charges", ""),
+        hazardous=reader.flag("hazardous", default=True),
         note=reader.text("note", ""),
     )
     reader.done()
@@ -164,7 +166,16 @@ def _instrument(name: str, reader: MappingReader, places: Located) -> Instrument
         ratings=tuple(places.keep(_rating(item), item.place()) for item in reader.children("ratings")),
         calibration=_calibration(reader.child("calibration"), places),
         dut=reader.flag("dut", default=False),
+        usb=_usb(reader.child("usb"), places),
     )
+
+
+def _usb(reader: MappingReader | None, places: Located) -> UsbPort | None:
+    if reader is None:
+        return None
+    usb = UsbPort(serial=reader.text("serial", ""), path=reader.text("path", ""))
+    reader.done()
+    return places.keep(usb, reader.place())
 
 
 def _identity(reader: MappingReader | None) -> Identity:

@@ -11,6 +11,7 @@ from hil.simulation.peers.cycler.output import Output
 from hil.simulation.peers.cycler.relays import CHARGE, DISCHARGE, Relays
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.obc_link.timing import BoardClock
+from hil.simulation.peers.power import Power
 from hil.simulation.truth import Truth
 
 __all__ = ["MODEL", "build"]
@@ -22,7 +23,8 @@ def build(setup: PeerSetup) -> Firmware:
     """Build the cycler.
 
     Terminals `voltage` [V], `current` [A, positive into the battery] and `temperature` [degC] go to signals, `charge`
-    and `discharge` to inputs that are true where the relay is closed.
+    and `discharge` to inputs that are true where the relay is closed; `power` [V] to the signal of the rail that feeds
+    the coils, where they are not fed with the device.
 
     Raises:
         TruthError: with everything that is wrong in its truth or terminals.
@@ -33,8 +35,9 @@ def build(setup: PeerSetup) -> Firmware:
     article = _article(setup, extended=extended)
     boots = truth.integer("boots", 41)
     contacts = {relay: setup.connections.input(relay) for relay in (CHARGE, DISCHARGE)}
+    power = Power(setup.connections.signal("power"))
     setup.finish()
-    relays = Relays({relay: point for relay, point in contacts.items() if point is not None}, setup.faults)
+    relays = Relays({relay: point for relay, point in contacts.items() if point is not None}, setup.faults, power)
     output = Output(
         extended=extended, device_clock=device_clock, faults=setup.faults, chance=setup.stream("torn lines")
     )

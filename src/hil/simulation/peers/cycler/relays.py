@@ -7,6 +7,7 @@ from typing import cast
 
 from hil.simulation.faults import Faults
 from hil.simulation.peers.alarm import Alarm, Alarms
+from hil.simulation.peers.power import Power
 from hil.simulation.plants.terminal import InputPoint
 from hil.wire.peer import PeerClock
 
@@ -19,15 +20,17 @@ _PAUSE_NS = 100_000_000
 class Relays:
     """Coils as the firmware drives them, and contacts that follow unless they are stuck.
 
-    The fault `stuck-relay` keeps a contact where it is while the fault lasts.
+    The fault `stuck-relay` keeps a contact where it is while the fault lasts. Without power no coil holds its contact.
 
     Args:
         contacts: plant inputs by relay.
         faults: what goes wrong.
+        power: of the coils.
     """
 
-    def __init__(self, contacts: Mapping[str, InputPoint], faults: Faults) -> None:
+    def __init__(self, contacts: Mapping[str, InputPoint], faults: Faults, power: Power) -> None:
         self._points = contacts
+        self._power = power
         self._stuck = faults.of("stuck-relay")
         self._coil = ""
         self._coming = ""
@@ -41,6 +44,7 @@ class Relays:
         self._clock = clock
         self._pause = Alarm(clock, self._close)
         self._freed = Alarms(clock, [(fault.end_ns, self._follow) for fault in self._stuck])
+        self._power.listen(self._follow)
 
     @property
     def letter(self) -> str:
@@ -81,10 +85,10 @@ class Relays:
         self._follow()
 
     def _follow(self) -> None:
-        now_ns = self._clock.now_ns()
+        now_ns, pulled = self._clock.now_ns(), self._coil if self._power.there else ""
         for relay in self._closed:
             if any(fault.text == relay and fault.holds(now_ns) for fault in self._stuck):
                 continue
-            self._closed[relay] = relay == self._coil
+            self._closed[relay] = relay == pulled
             if relay in self._points:
                 self._points[relay].command(self._closed[relay])

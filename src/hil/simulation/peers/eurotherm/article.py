@@ -7,6 +7,7 @@ from hil.simulation.peers.eurotherm.controller import Eurotherm3216, Make
 from hil.simulation.peers.eurotherm.memory import Memory
 from hil.simulation.peers.eurotherm.sensor_input import SensorInput, SensorTruth
 from hil.simulation.peers.model import PeerModel, PeerSetup
+from hil.simulation.peers.power import Power
 from hil.simulation.truth import Truth
 
 __all__ = ["MODEL", "build"]
@@ -17,7 +18,7 @@ _MODES = {"operating": at.OPERATING, "standby": at.STANDBY}
 
 
 def build(setup: PeerSetup) -> Eurotherm3216:
-    """Build the controller; terminals are `sensor` and `ambient`, signals, and `drive`, an input.
+    """Build the controller; terminals are `sensor`, `ambient` and `power`, signals, and `drive`, an input.
 
     Raises:
         TruthError: with everything that is wrong in its truth or terminals.
@@ -36,9 +37,9 @@ def build(setup: PeerSetup) -> Eurotherm3216:
         faults=setup.faults,
         noise=setup.stream("sensor"),
     )
-    drive = setup.connections.input("drive")
+    drive, power = setup.connections.input("drive"), Power(setup.connections.signal("power"))
     setup.finish()
-    return Eurotherm3216(make=make, memory=memory, sensor=sensor, drive=drive, faults=setup.faults)
+    return Eurotherm3216(make=make, memory=memory, sensor=sensor, drive=drive, power=power, faults=setup.faults)
 
 
 def _make(setup: PeerSetup, truth: Truth) -> Make:

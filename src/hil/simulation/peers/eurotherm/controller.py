@@ -20,6 +20,7 @@ from hil.simulation.peers.eurotherm.regulation import Regulation, Tuning
 from hil.simulation.peers.eurotherm.requests import Requests
 from hil.simulation.peers.eurotherm.sensor_input import SensorInput
 from hil.simulation.peers.modbus_rtu import FrameReader, checked, seal
+from hil.simulation.peers.power import Power
 from hil.simulation.plants.terminal import InputPoint
 from hil.wire.peer import Line, PeerClock
 
@@ -78,16 +79,26 @@ class Eurotherm3216:
         memory: its parameters.
         sensor: its input.
         drive: the plant's input behind its output, -1 to 1.
+        power: of the amplifier between output and cooler; without it nothing drives the cooler.
         faults: what goes wrong.
     """
 
     def __init__(
-        self, *, make: Make, memory: Memory, sensor: SensorInput, drive: InputPoint | None, faults: Faults
+        self,
+        *,
+        make: Make,
+        memory: Memory,
+        sensor: SensorInput,
+        drive: InputPoint | None,
+        power: Power,
+        faults: Faults,
     ) -> None:
         self._make = make
         self._memory = memory
         self._sensor = sensor
         self._drive = drive
+        self._power = power
+        self._asked = 0.0  # of the amplifier, in %
         self._faults = faults
         self._regulation = Regulation()
         self._tuned: Tuning | None = None  # until a parameter is written
@@ -109,6 +120,7 @@ class Eurotherm3216:
         self._clock = clock
         self._next_turn = Alarm(clock, self._turn)
         self._next_turn.set(clock.now_ns())
+        self._power.listen(self._amplify)
 
     def receive(self, data: bytes) -> None:
         """Take bytes of the line."""
@@ -122,6 +134,7 @@ class Eurotherm3216:
             "reader": dict(self._reader.state()),
             "remote_ns": self._remote_ns,
             "turn": self._next_turn.state(),
+            "asked": self._asked,
         }
 
     def restore(self, state: Mapping[str, object]) -> None:
@@ -132,6 +145,7 @@ class Eurotherm3216:
         self._reader.restore(cast("dict[str, object]", state["reader"]), self._clock)
         self._remote_ns = cast("int", state["remote_ns"])
         self._next_turn.restore(state["turn"])
+        self._asked = cast("float", state["asked"])
 
     def _turn(self) -> None:
         """Convert, regulate, drive the output, and show all of it."""
@@ -192,8 +206,12 @@ class Eurotherm3216:
                 output = 0.0
             elif self._faults.now("runaway", now_ns):
                 output = _ALL
+        self._asked = output
+        self._amplify()
+
+    def _amplify(self) -> None:
         if self._drive is not None:
-            self._drive.command(output / _ALL)
+            self._drive.command(self._asked / _ALL if self._power.there else 0.0)
 
     def _frame(self, frame: bytes) -> None:
         body = checked(frame)
