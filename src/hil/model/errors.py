@@ -12,6 +12,7 @@ HilError                      anything a person can cause or must know; never a 
 ├── ClampExceeded             a setting beyond what the bench file allows; no byte was sent
 ├── Tripped                   the envelope was left; the bench is being made safe
 ├── UnsafeEnd                 an output could not be proven safe
+├── GuardianLost              the guardian is gone, or does not answer; the bench is being made safe
 ├── Diverged                  a case run again asked for something else than the record says
 └── EvidenceError             a package or journal that is damaged, incomplete or in the way
 """
@@ -28,6 +29,7 @@ __all__ = [
     "EvidenceError",
     "Finding",
     "Garbled",
+    "GuardianLost",
     "HilError",
     "Implausible",
     "NoReply",
@@ -128,6 +130,10 @@ class Tripped(HilError):
 
 class UnsafeEnd(HilError):
     """An output could not be brought to, or proven in, its safe state."""
+
+
+class GuardianLost(HilError):
+    """The guardian is gone, or does not answer: nobody would make the bench safe in the executive's place."""
 
 
 class NotInTime(HilError):

@@ -1,0 +1,1 @@
+"""The guardian: a small process that leaves the bench safe when the executive cannot."""

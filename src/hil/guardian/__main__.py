@@ -1,0 +1,17 @@
+"""Start the guardian's process: `python -I -S …/hil/guardian/__main__.py DESCRIPTOR`, as the tether does.
+
+Started by its path, without the site packages, it needs nothing of the environment that its executive runs in: no
+variables, no present folder, no hooks of other packages. The folder that holds `hil` comes last on the path, so that
+nothing in it can stand in for a module of the standard library.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+if __name__ == "__main__":
+    sys.path.append(str(Path(__file__).resolve().parents[2]))
+    from hil.guardian.duty.process import main
+
+    main(int(sys.argv[1]))

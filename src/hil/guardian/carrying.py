@@ -1,0 +1,79 @@
+"""The guardian's plan as JSON, bytes as hexadecimal digits: that is how it comes into its process."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+from hil.model.safing import Exchange, GuardedOutput, GuardedPort, GuardPlan, SafeBytes
+
+__all__ = ["every_exchange", "read_plan", "seconds_of", "written_plan"]
+
+
+def written_plan(plan: GuardPlan) -> bytes:
+    """Return the plan as JSON."""
+    return json.dumps(asdict(plan), default=bytes.hex).encode()
+
+
+def read_plan(data: bytes) -> GuardPlan:
+    """Return the plan that was written so.
+
+    Raises:
+        ValueError: if it is none, names a port that it does not hold, or expects what is no regular expression.
+        KeyError, TypeError: if something is missing or too much.
+    """
+    told = json.loads(data)
+    plan = GuardPlan(
+        bench=told["bench"],
+        run=told["run"],
+        ports=tuple(GuardedPort(**port) for port in told["ports"]),
+        outputs=tuple(_output(output) for output in told["outputs"]),
+        hang_s=told["hang_s"],
+        latches=tuple(told["latches"]),
+        journal=told["journal"],
+    )
+    devices = {port.device for port in plan.ports}
+    for output in plan.outputs:
+        if output.device not in devices:
+            raise ValueError(f"{output.output} is behind {output.device}, which has no port")
+        for exchange in every_exchange(output.code):
+            _compiles(output.output, exchange)
+    return plan
+
+
+def every_exchange(code: SafeBytes) -> tuple[Exchange, ...]:
+    """Return all exchanges of an output, in their order."""
+    return (*code.resync, *code.off, *code.proof)
+
+
+def seconds_of(exchanges: Iterable[Exchange]) -> float:
+    """Return how long exchanges may take at most [s]: silence that does not come, bytes not taken, and no reply."""
+    return sum(each.quiet_s + 3 * each.within_s for each in exchanges)
+
+
+def _output(told: Mapping[str, Any]) -> GuardedOutput:
+    code = {part: tuple(_exchange(each) for each in told["code"][part]) for part in ("resync", "off", "proof")}
+    return GuardedOutput(**{**told, "code": SafeBytes(**code), "cut_by": tuple(told["cut_by"])})
+
+
+def _exchange(told: Mapping[str, Any]) -> Exchange:
+    between = told["between"]
+    return Exchange(
+        send=bytes.fromhex(told["send"]),
+        expect=bytes.fromhex(told["expect"]),
+        within_s=told["within_s"],
+        quiet_s=told["quiet_s"],
+        between=None if between is None else (between[0], between[1]),
+    )
+
+
+def _compiles(output: str, exchange: Exchange) -> None:
+    try:
+        groups = re.compile(exchange.expect, re.DOTALL).groups
+    except re.error as error:
+        raise ValueError(f"{output} expects {exchange.expect!r}, which is no regular expression: {error}") from error
+    if exchange.between is not None and not groups:
+        raise ValueError(f"{output} expects {exchange.expect!r} between limits, and it has no group with a number")

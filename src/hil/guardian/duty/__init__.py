@@ -1,0 +1,1 @@
+"""What the guardian's process does: watch, act once, write down."""

@@ -1,0 +1,220 @@
+"""The guardian's process: it does what the executive asks, watches it, and acts once."""
+
+from __future__ import annotations
+
+import math
+import os
+import select
+import signal
+import socket
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from typing import Any
+
+from hil.guardian import channel
+from hil.guardian.carrying import read_plan
+from hil.guardian.channel import Drilled, HungUp
+from hil.guardian.duty.ending import Ending
+from hil.guardian.duty.record import Record
+from hil.guardian.duty.vigil import Vigil
+from hil.guardian.ports.acting import Acting
+from hil.guardian.ports.hand import Hand
+from hil.model.safing import GuardedOutput, GuardPlan
+
+__all__ = ["Guard", "main"]
+
+_IGNORED = ("HUP", "INT", "QUIT", "TERM", "TSTP", "TTIN", "TTOU", "USR1", "USR2", "ALRM", "VTALRM", "PROF", "PIPE")
+_IDLE_S = 0.5
+_FOR_DEATH_MS = 50
+_FOR_A_PLAN_MS = 10_000
+_LATE_S = 0.5
+_MOST_AT_ONCE = 64
+
+
+class _Ended(Exception):
+    """The executive is dead, or does not do what it has to."""
+
+
+class Guard:
+    """Serves one executive.
+
+    Args:
+        end: this process' end of the channel.
+        plan: what is guarded.
+        executive: descriptor of the executive's process.
+        hands: by device.
+    """
+
+    def __init__(self, end: socket.socket, plan: GuardPlan, executive: int, hands: dict[str, Hand]) -> None:
+        self._end = end
+        self._plan = plan
+        self._executive = executive
+        self._acting = Acting(plan, hands, self._look)
+        self._record = Record(plan)
+        self._vigil = Vigil(plan.hang_s)
+        self._watching = False
+        self._disarmed = False
+        self._left = False
+        self._poll = select.poll()
+        self._poll.register(end, select.POLLIN)
+        self._poll.register(executive, select.POLLIN)
+
+    def serve(self) -> bool:
+        """Serve until the executive leaves, or is acted upon; return whether all outputs are safe as far as is known.
+
+        An executive that leaves in order, without its outputs proven, is not killed: it has let go of its ports.
+        """
+        try:
+            self._record.check()
+            self._tell("ready")
+            while not self._left:
+                self._turn()
+            why = "the executive left without having proven its outputs safe" if self._watching else ""
+        except (_Ended, HungUp) as ended:
+            why = "" if self._disarmed else self._told(ended)
+        except Exception as error:  # noqa: BLE001 - a guardian that breaks acts before it goes
+            why = f"the guardian itself failed: {error!r}"
+        if not why:
+            return True
+        ending = Ending(self._plan, self._acting, self._record, self._executive, self._tell_acted)
+        return ending.act(why, kill=not self._left)
+
+    def _turn(self) -> None:
+        self._poll.poll((self._vigil.next_s() if self._watching else _IDLE_S) * 1000)
+        for told in self._messages():
+            self._answer(told)
+        self._look_for_death()
+        if self._watching and (why := self._vigil.why()):
+            raise _Ended(why)
+
+    def _messages(self) -> Iterator[dict[str, Any]]:
+        for _ in range(_MOST_AT_ONCE):
+            packet = None if self._left else channel.receive(self._end)
+            if packet is None:
+                return
+            yield packet[0]
+
+    def _answer(self, told: dict[str, Any]) -> None:
+        """Do what the executive asks for.
+
+        Raises:
+            KeyError: if it asks for what nobody knows: then it is out of its mind.
+        """
+        answers: dict[str, Callable[[dict[str, Any]], None]] = {
+            "beat": self._hear_beat,
+            "drill": self._drill,
+            "watch": self._watch,
+            "disarm": self._disarm,
+            "leave": self._leave,
+        }
+        answers[told["kind"]](told)
+
+    def _hear_beat(self, told: dict[str, Any]) -> None:
+        self._vigil.beat(told["fresh_until"])
+        self._tell("heard", number=told["number"])
+
+    def _drill(self, _told: dict[str, Any]) -> None:
+        self._report(self._acting.drill, self._plan.outputs)
+        self._tell_result(self._drill_heartbeat())
+        self._tell("done")
+
+    def _watch(self, _told: dict[str, Any]) -> None:
+        self._vigil.excuse()
+        self._watching, self._disarmed = True, False
+        self._tell("watching")
+
+    def _disarm(self, _told: dict[str, Any]) -> None:
+        if self._report(self._acting.prove, self._plan.outputs):
+            self._watching, self._disarmed = False, True
+        self._vigil.excuse()
+        self._tell("done")
+
+    def _leave(self, _told: dict[str, Any]) -> None:
+        self._left = True
+
+    def _drill_heartbeat(self) -> Drilled:
+        """Let the executive beat, then be silent, and see when its silence would make the guardian act."""
+        vigil, heard = Vigil(self._plan.hang_s), 0
+        self._tell("beats")
+        while not vigil.why():
+            self._poll.poll(vigil.next_s() * 1000)
+            for told in self._messages():
+                vigil.beat(math.inf)
+                heard += 1
+                self._tell("heard", number=told["number"])
+            self._look_for_death()
+        silent_s = vigil.silent_s
+        ok = heard > 0 and self._plan.hang_s <= silent_s < self._plan.hang_s + _LATE_S
+        said = f"heard {heard} beats; would have acted after {silent_s:.2f} s of silence"
+        return Drilled(output="heartbeat", ok=ok, detail=said, seconds=silent_s)
+
+    def _report(self, ask: Callable[[GuardedOutput], Drilled], outputs: Sequence[GuardedOutput]) -> bool:
+        results = []
+        for each in outputs:
+            results.append(ask(each))
+            self._tell_result(results[-1])
+        return all(result.ok for result in results)
+
+    def _tell_result(self, result: Drilled) -> None:
+        self._tell("result", output=result.output, ok=result.ok, detail=result.detail, seconds=result.seconds)
+
+    def _tell(self, kind: str, **told: object) -> None:
+        channel.send(self._end, kind, **told)  # an executive that is stopped does not read, and is not waited for
+
+    def _tell_acted(self) -> None:
+        with suppress(HungUp):  # most often nobody is left to hear it
+            self._tell("acted")
+
+    def _look(self) -> None:
+        """Notice a death in the midst of other work."""
+        self._look_for_death()
+        if any(event & (select.POLLHUP | select.POLLERR) for _, event in self._poll.poll(0)):
+            raise HungUp("closed")
+
+    def _look_for_death(self) -> None:
+        if _is_dead(self._executive, 0):
+            raise _Ended("the executive died")
+
+    def _told(self, ended: Exception) -> str:
+        if isinstance(ended, _Ended):
+            return str(ended)
+        dead = _is_dead(self._executive, _FOR_DEATH_MS)
+        return "the executive died" if dead else "the executive hung up without a word"
+
+
+def main(descriptor: int) -> None:
+    """Run the guardian at its end of the channel, and end the process; nothing is left to exit handlers."""
+    for name in _IGNORED:
+        signal.signal(getattr(signal, f"SIG{name}"), signal.SIG_IGN)
+    os.chdir("/")
+    end = socket.socket(fileno=descriptor)
+    try:
+        guard = _received(end)
+    except Exception as error:  # noqa: BLE001 - the executive has it told, nothing was driven yet
+        channel.send(end, "refused", why=str(error) or repr(error))
+        os._exit(2)
+    code = 0 if guard.serve() else 1
+    sys.stderr = None
+    os._exit(code)
+
+
+def _received(end: socket.socket) -> Guard:
+    """Wait for the plan and its descriptors: the executive's process, the plan as a file, ports, leases."""
+    poll = select.poll()
+    poll.register(end, select.POLLIN)
+    poll.poll(_FOR_A_PLAN_MS)
+    packet = channel.receive(end)
+    if packet is None:
+        raise TimeoutError("no plan came")
+    executive, written, *passed = packet[1]
+    with os.fdopen(written, "rb") as file:
+        plan = read_plan(file.read())
+    hands = {port.device: Hand(port, each) for port, each in zip(plan.ports, passed, strict=False)}
+    return Guard(end, plan, executive, hands)  # the descriptors of leases stay open until the process ends
+
+
+def _is_dead(process: int, wait_ms: int) -> bool:
+    poll = select.poll()
+    poll.register(process, select.POLLIN)
+    return bool(poll.poll(wait_ms))

@@ -1,0 +1,98 @@
+"""What the guardian leaves behind once it acted: latches, a journal of its own, one line on standard error."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+
+from hil.guardian import latch
+from hil.guardian.latch import Latch
+from hil.model.errors import HilError
+from hil.model.safing import GuardPlan
+
+__all__ = ["Record", "say", "utc_now"]
+
+_STANDARD_ERROR = 2
+_LONGEST_LINE = 1000
+_SAYING_MS = 200
+
+
+class Record:
+    """Notes what happens in memory, and writes it down once there is time.
+
+    Args:
+        plan: names bench, run, latches and journal.
+
+    Attributes:
+        latched: says whether the bench is latched, for people.
+    """
+
+    def __init__(self, plan: GuardPlan) -> None:
+        self._plan = plan
+        self._lines: list[str] = []
+        self.latched = "the bench could not be latched"
+
+    def note(self, event: str, **told: object) -> None:
+        """Keep one line."""
+        now = {"utc": utc_now(), "boot": round(time.clock_gettime(time.CLOCK_BOOTTIME), 6)}
+        self._lines.append(json.dumps({**now, "event": event, **told}))
+
+    def check(self) -> None:
+        """See that latches and journal can be written.
+
+        Raises:
+            HilError: if not.
+        """
+        for folder in {Path(path).parent for path in self._plan.latches}:
+            latch.share(folder)
+        if self._plan.journal and not os.access(Path(self._plan.journal).parent, os.W_OK | os.X_OK):
+            raise HilError(f"the guardian cannot write its journal {self._plan.journal}")
+
+    def latch(self, why: str, since: str, unproven: tuple[str, ...]) -> None:
+        """Latch the bench; what cannot be latched is noted."""
+        told = Latch(bench=self._plan.bench, run=self._plan.run, why=why, since=since, outputs=unproven)
+        for path in self._plan.latches:
+            try:
+                latch.write(Path(path), told)
+                self.note("latched", path=path)
+                self.latched = "the bench is latched"
+            except (OSError, HilError) as error:
+                self.note("not latched", path=path, why=str(error))
+
+    def save(self) -> None:
+        """Append what was noted to the journal, on disk before this returns.
+
+        Raises:
+            OSError: if that is not possible; it stays noted.
+        """
+        if not self._plan.journal:
+            return
+        file = os.open(self._plan.journal, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW, 0o644)
+        try:
+            left = memoryview("".join(f"{line}\n" for line in self._lines).encode())
+            while left:
+                left = left[os.write(file, left) :]
+            os.fsync(file)
+        finally:
+            os.close(file)
+        self._lines.clear()
+
+
+def utc_now() -> str:
+    """Return the wall's UTC, ISO 8601 with microseconds and `Z`."""
+    return datetime.now(UTC).isoformat(timespec="microseconds").replace("+00:00", "Z")
+
+
+def say(text: str) -> None:
+    """Write one line to standard error; a reader that is gone or stopped keeps nobody waiting."""
+    poll = select.poll()
+    poll.register(_STANDARD_ERROR, select.POLLOUT)
+    try:
+        if poll.poll(_SAYING_MS):
+            os.write(_STANDARD_ERROR, f"hil guardian: {text[:_LONGEST_LINE]}\n".encode())
+    except OSError:
+        return

@@ -1,0 +1,174 @@
+"""Latches: files that keep a bench from being used until a named person has looked at it.
+
+They survive a reboot, and are shared by all users of the host, as leases are. Whatever lies where a latch would lie
+and cannot be read as one counts as a latch: who doubts looks at the bench.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import os
+import stat
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from hil.model.errors import Refused
+
+__all__ = ["FOLDER", "Latch", "clear", "path_of", "read", "share", "write"]
+
+FOLDER = Path("/var/tmp/hil-latches")  # noqa: S108 - the same for every user, and kept over a reboot
+_MOST_BYTES = 65_536
+_FLAGS = os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Latch:
+    """Why a bench is latched.
+
+    Attributes:
+        bench: its name.
+        run: the folder of the run that the guardian ended.
+        why: what the guardian saw.
+        since: when, UTC.
+        outputs: those that could not be proven safe; empty where all were.
+    """
+
+    bench: str
+    run: str
+    why: str
+    since: str
+    outputs: tuple[str, ...]
+
+
+def path_of(key: str, folder: Path = FOLDER) -> Path:
+    """Return where the latch of an instrument lies, by the key of its lease."""
+    return folder / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.latch"
+
+
+def share(folder: Path = FOLDER) -> None:
+    """Make the folder so that every user can latch in it.
+
+    Raises:
+        Refused: if it is not there and cannot be made, is no folder, or nothing can be written in it.
+    """
+    try:
+        with suppress(FileExistsError):
+            folder.mkdir(parents=True)
+            folder.chmod(0o1777)
+        if not stat.S_ISDIR(folder.lstat().st_mode):
+            raise NotADirectoryError(errno.ENOTDIR, "it is no folder")
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, "nothing can be written in it")
+    except OSError as error:
+        raise Refused(
+            f"benches cannot be latched in {folder}: {error.strerror}", "check who owns it, and its permissions"
+        ) from error
+
+
+def write(path: Path, latch: Latch) -> None:
+    """Latch, on disk before this returns. One that is there already is replaced.
+
+    Raises:
+        Refused: if the folder is not as it has to be.
+        OSError: if it cannot be written.
+    """
+    share(path.parent)
+    file = _opened_to_write(path)
+    try:
+        data = json.dumps(asdict(latch)).encode()
+        os.pwrite(file, data, 0)
+        os.ftruncate(file, len(data))  # after the words, so that there is no moment without any
+        os.fsync(file)
+    finally:
+        os.close(file)
+    _sync(path.parent)
+
+
+def read(path: Path) -> Latch | None:
+    """Return the latch, None where there is none."""
+    try:
+        file = os.open(path, os.O_RDONLY | _FLAGS)
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        return _unreadable(path, str(error.strerror))
+    try:
+        if not stat.S_ISREG(os.fstat(file).st_mode):
+            return _unreadable(path, "it is no file")
+        data = os.pread(file, _MOST_BYTES, 0)
+    except OSError as error:
+        return _unreadable(path, str(error.strerror))
+    finally:
+        os.close(file)
+    return _told(path, data) if data else None
+
+
+def clear(path: Path) -> None:
+    """Take the latch away; where there is none, nothing happens.
+
+    Raises:
+        Refused: if that is not permitted.
+    """
+    try:
+        if stat.S_ISREG(path.lstat().st_mode):
+            _empty(path)
+        with suppress(PermissionError):  # in a shared folder only its owner removes a file; an empty one is no latch
+            path.unlink()
+        _sync(path.parent)
+        left = read(path)
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise _stays(path, str(error.strerror)) from error
+    if left is not None:
+        raise _stays(path, "it belongs to another user")
+
+
+def _stays(path: Path, why: str) -> Refused:
+    return Refused(f"the latch {path} cannot be taken away: {why}", "ask its owner, or remove it as root")
+
+
+def _empty(path: Path) -> None:
+    file = os.open(path, os.O_RDWR | _FLAGS)
+    try:
+        os.ftruncate(file, 0)
+        os.fsync(file)
+    finally:
+        os.close(file)
+
+
+def _opened_to_write(path: Path) -> int:
+    """Open for every user; in a shared folder another user's file opens only where nobody asks to create it."""
+    try:
+        file = os.open(path, os.O_RDWR | _FLAGS)
+    except FileNotFoundError:
+        file = os.open(path, os.O_RDWR | os.O_CREAT | _FLAGS)
+        os.fchmod(file, 0o666)
+    if not stat.S_ISREG(os.fstat(file).st_mode):
+        os.close(file)
+        raise OSError(errno.EINVAL, "something that is no file lies where the latch goes", str(path))
+    return file
+
+
+def _sync(folder: Path) -> None:
+    file = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(file)
+    finally:
+        os.close(file)
+
+
+def _told(path: Path, data: bytes) -> Latch:
+    try:
+        told = json.loads(data)
+        words = {name: str(told[name]) for name in ("bench", "run", "why", "since")}
+        return Latch(**words, outputs=tuple(str(each) for each in told["outputs"]))
+    except (ValueError, KeyError, TypeError):
+        return _unreadable(path, "it is damaged")
+
+
+def _unreadable(path: Path, why: str) -> Latch:
+    return Latch(bench="", run="", why=f"the latch {path} cannot be read: {why}", since="", outputs=())

@@ -1,0 +1,160 @@
+"""One port by its descriptor: bytes out and in until an instant, and never a wait that has no end.
+
+The descriptor is shared with the executive. Whatever belongs to the open file (the flags, a terminal's settings)
+stays as it is; what would wait is asked first, and asked for little.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import select
+import socket
+import stat
+import termios
+import time
+from threading import Event
+
+from hil.model.safing import GuardedPort
+
+__all__ = ["Gone", "Interrupted", "Line", "opened"]
+
+_SLICE_S = 0.02
+_CONNECT_S = 0.5
+_AT_ONCE = 4096
+_DEAD = select.POLLHUP | select.POLLERR | select.POLLNVAL
+
+
+class Gone(Exception):
+    """Nothing will ever go through this descriptor again."""
+
+
+class Interrupted(Exception):
+    """Something more urgent has to be done with this port."""
+
+
+class Line:
+    """One open port.
+
+    Args:
+        descriptor: of a terminal, or of a connected socket.
+        baud: of a serial device, 0 if unknown: then bytes count as gone out once they are written.
+        interrupt: whoever sets it ends whatever waits.
+
+    Attributes:
+        busy_until: when the last byte went or came, on the monotonic clock [s].
+    """
+
+    def __init__(self, descriptor: int, baud: int = 0, interrupt: Event | None = None) -> None:
+        self.descriptor = descriptor
+        self._byte_s = 10 / baud if baud else 0.0
+        self._interrupt = interrupt or Event()
+        is_socket = stat.S_ISSOCK(os.fstat(descriptor).st_mode)
+        self._socket = socket.socket(fileno=os.dup(descriptor)) if is_socket else None
+        self._waits = not is_socket and os.get_blocking(descriptor)
+        self.busy_until = time.monotonic()
+
+    def hear(self, until: float) -> bytes:
+        """Return what comes first, or nothing if nothing comes until that instant.
+
+        Raises:
+            Gone: if nothing ever will.
+        """
+        while True:
+            events = self._poll(select.POLLIN, until)
+            data = self._read() if events else b""
+            if data:
+                self.busy_until = time.monotonic()
+                return data
+            if events & _DEAD or (events and self._socket):
+                raise Gone("the other end hung up")
+            if time.monotonic() >= until:
+                return b""
+
+    def say(self, data: bytes, until: float) -> int:
+        """Write until all is out or the instant has come; return how many bytes were taken.
+
+        Raises:
+            Gone: if nothing ever will be.
+        """
+        done = 0
+        while done < len(data):
+            events = self._poll(select.POLLOUT, until)
+            if events & (select.POLLERR | select.POLLNVAL) or (events & select.POLLHUP and not self._socket):
+                raise Gone("the other end hung up")
+            done += self._write(data[done:]) if events else 0
+            if time.monotonic() >= until:
+                break
+        self.busy_until = time.monotonic() + done * self._byte_s
+        return done
+
+    def close(self) -> None:
+        """Close it; its open file may live on in other processes."""
+        if self._socket:
+            self._socket.close()
+        os.close(self.descriptor)
+
+    def _poll(self, wanted: int, until: float) -> int:
+        poll = select.poll()
+        poll.register(self.descriptor, wanted)
+        while True:
+            if self._interrupt.is_set():
+                raise Interrupted
+            left = min(until - time.monotonic(), _SLICE_S)
+            events = sum(event for _, event in poll.poll(max(left, 0) * 1000))
+            if events or left <= 0:
+                return events
+
+    def _read(self) -> bytes:
+        try:
+            if self._socket:
+                return self._socket.recv(_AT_ONCE, socket.MSG_DONTWAIT)
+            return os.read(self.descriptor, _AT_ONCE)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise Gone(error.strerror) from error
+
+    def _write(self, data: bytes) -> int:
+        try:
+            if self._socket:
+                return self._socket.send(data, socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
+            return os.write(self.descriptor, data[:1] if self._waits else data)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            raise Gone(error.strerror) from error
+
+
+def opened(port: GuardedPort, interrupt: Event | None = None) -> Line:
+    """Open a port anew.
+
+    Raises:
+        OSError, ValueError: if that is not possible.
+    """
+    if port.url.startswith("socket://"):
+        host, _, number = port.url.removeprefix("socket://").rpartition(":")
+        connected = socket.create_connection((host.strip("[]"), int(number)), _CONNECT_S)
+        connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return Line(connected.detach(), 0, interrupt)
+    descriptor = os.open(port.url, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        _make_raw(descriptor, port.baud)
+        return Line(descriptor, port.baud, interrupt)
+    except BaseException:
+        os.close(descriptor)
+        raise
+
+
+def _make_raw(descriptor: int, baud: int) -> None:
+    """Set eight bits, no parity, no handshake, no line editing; a closing does not drop DTR."""
+    _, _, control, _, in_speed, out_speed, characters = termios.tcgetattr(descriptor)
+    if baud:
+        in_speed = out_speed = getattr(termios, f"B{baud}", 0)
+        if not in_speed:
+            raise OSError(errno.EINVAL, f"{baud} baud is no speed of this system")
+    control &= ~(termios.CSIZE | termios.PARENB | termios.CSTOPB | termios.CRTSCTS | termios.HUPCL)
+    control |= termios.CS8 | termios.CREAD | termios.CLOCAL
+    characters[termios.VMIN], characters[termios.VTIME] = 0, 0
+    termios.tcsetattr(descriptor, termios.TCSANOW, [0, 0, control, 0, in_speed, out_speed, characters])
+    termios.tcflush(descriptor, termios.TCIOFLUSH)

@@ -1,0 +1,224 @@
+"""The executive's side of the guardian: it starts it, drills it, beats, and is told when it is gone."""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import subprocess
+import time
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from hil.guardian import channel
+from hil.guardian.carrying import every_exchange, seconds_of, written_plan
+from hil.guardian.channel import Drilled, HungUp
+from hil.guardian.starting import started, with_whole_paths
+from hil.model.errors import GuardianLost, HilError, Refused
+from hil.model.safing import GuardPlan
+
+__all__ = ["Guardian"]
+
+_START_S = 10.0
+_MARGIN_S = 5.0
+_LEAVING_S = 15.0
+_LOST_S = 1.0
+_BEATS_IN_A_DRILL = 3
+_HINT = "look whether somebody stopped it, and at the load of this machine; the bench is made safe without it"
+
+_AT_WORK: list[subprocess.Popen[bytes]] = []  # guardians that act: they are left alone, and fetched when they are done
+
+
+class Guardian:
+    """A guardian that runs. One thread of the executive uses it.
+
+    Args:
+        process: the guardian's.
+        end: this process' end of the channel.
+        plan: what is guarded.
+    """
+
+    def __init__(self, process: subprocess.Popen[bytes], end: socket.socket, plan: GuardPlan) -> None:
+        self._process = process
+        self._end = end
+        self._plan = plan
+        self._poll = select.poll()
+        self._poll.register(end, select.POLLIN)
+        self._number = 0
+        self._unanswered: deque[tuple[int, float]] = deque()
+        self._watched = False
+        self._disarmed = False
+        self._closed = False
+        self._lost = False
+
+    @classmethod
+    def start(cls, plan: GuardPlan, descriptors: Mapping[str, int], lock_descriptors: Sequence[int] = ()) -> Guardian:
+        """Start the process, and give it what it guards.
+
+        Args:
+            plan: what is guarded; relative paths in it are meant from the present folder.
+            descriptors: of every port of the plan, open, by device.
+            lock_descriptors: of leases; the guardian holds them until it is done.
+
+        Raises:
+            Refused: if it does not come up, or cannot work with the plan.
+        """
+        _AT_WORK[:] = [process for process in _AT_WORK if process.poll() is None]
+        plan = with_whole_paths(plan)
+        missing = [port.device for port in plan.ports if port.device not in descriptors]
+        if missing:
+            raise Refused(f"the guardian is given no port of {', '.join(missing)}", "open every port of its plan first")
+        mine, its = channel.pair()
+        with its:
+            guardian = cls(started(its), mine, plan)
+        try:
+            guardian._give([*(descriptors[port.device] for port in plan.ports), *lock_descriptors])
+            guardian._await("ready", _START_S)
+        except (HilError, OSError, HungUp) as error:
+            guardian._end_process()
+            raise Refused(
+                f"the guardian does not start: {error}", "nothing was driven; mend this and try again"
+            ) from error
+        return guardian
+
+    @property
+    def pid(self) -> int:
+        """The guardian's process."""
+        return self._process.pid
+
+    def drill(self) -> tuple[Drilled, ...]:
+        """Let the guardian make every output safe and prove it, then be silent until it would have acted.
+
+        Nothing else may use the ports meanwhile.
+
+        Raises:
+            GuardianLost: if it is gone or does not answer.
+        """
+        return self._results("drill")
+
+    def watch(self) -> None:
+        """Have the guardian act on death and silence from now on; the first beat is due within `hang_s`.
+
+        Raises:
+            GuardianLost: if it is gone or does not answer.
+        """
+        self._send("watch")
+        self._await("watching", self._plan.hang_s + _MARGIN_S)
+        self._watched, self._disarmed = True, False
+
+    def beat(self, fresh_until: float) -> None:
+        """Tell that the executive is well, without waiting for anything.
+
+        Args:
+            fresh_until: up to when the last look at the envelope is good, in seconds since boot (CLOCK_BOOTTIME).
+
+        Raises:
+            GuardianLost: if the guardian is gone, or has answered no beat for `hang_s`.
+        """
+        self._hear_answers()
+        now = time.monotonic()
+        if self._unanswered and now - self._unanswered[0][1] > self._plan.hang_s:
+            self._lost = True
+            raise GuardianLost(f"the guardian has not answered for {now - self._unanswered[0][1]:.1f} s", _HINT)
+        self._number += 1
+        if self._send("beat", number=self._number, fresh_until=fresh_until) or not self._unanswered:
+            self._unanswered.append((self._number, now))
+
+    def disarm(self) -> tuple[Drilled, ...]:
+        """Let the guardian prove every output by itself; only if all hold does it watch no more.
+
+        Nothing else may use the ports meanwhile. If something does not hold it goes on watching, and beats are due.
+
+        Raises:
+            GuardianLost: if it is gone or does not answer.
+        """
+        results = self._results("disarm")
+        self._disarmed = all(result.ok for result in results)
+        return results
+
+    def close(self) -> None:
+        """Leave. A guardian that watches acts, and this returns once it has latched the bench; it kills nobody then.
+
+        A guardian that cannot be reached or does not end is killed. Closing twice is harmless.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            self._send("leave")
+            if self._watched and not self._disarmed:
+                self._await("acted", _LOST_S if self._lost else _LEAVING_S)
+                _AT_WORK.append(self._process)
+                self._end.close()
+                return
+        except GuardianLost:
+            self._process.kill()
+        self._end_process()
+
+    def _results(self, kind: str) -> tuple[Drilled, ...]:
+        results = []
+        longest = [seconds_of(every_exchange(output.code)) for output in self._plan.outputs]
+        limit_s = self._plan.hang_s + _MARGIN_S + 2 * max(longest, default=0.0)
+        self._send(kind)
+        while (told := self._next(limit_s))["kind"] != "done":
+            if told["kind"] == "result":
+                del told["kind"]
+                results.append(Drilled(**told))
+            elif told["kind"] == "beats":
+                for _ in range(_BEATS_IN_A_DRILL):
+                    self.beat(0.0)
+        self._unanswered.clear()
+        return tuple(results)
+
+    def _await(self, kind: str, limit_s: float) -> None:
+        until = time.monotonic() + limit_s
+        while (told := self._next(until - time.monotonic()))["kind"] != kind:
+            if told["kind"] == "refused":
+                raise GuardianLost(told["why"])
+
+    def _next(self, limit_s: float) -> dict[str, Any]:
+        """Return the guardian's next word."""
+        if not self._poll.poll(max(limit_s, 0) * 1000):
+            raise GuardianLost("the guardian does not answer", _HINT)
+        told = self._received()
+        return {"kind": "nothing"} if told is None else told
+
+    def _hear_answers(self) -> None:
+        while (told := self._received()) is not None:
+            while told["kind"] == "heard" and self._unanswered and self._unanswered[0][0] <= told["number"]:
+                self._unanswered.popleft()
+
+    def _received(self) -> dict[str, Any] | None:
+        try:
+            packet = channel.receive(self._end)
+        except HungUp as error:
+            raise GuardianLost("the guardian is gone", _HINT) from error
+        return None if packet is None else packet[0]
+
+    def _send(self, kind: str, **told: object) -> bool:
+        try:
+            return channel.send(self._end, kind, **told)
+        except HungUp as error:
+            raise GuardianLost("the guardian is gone", _HINT) from error
+
+    def _give(self, descriptors: Sequence[int]) -> None:
+        """Pass the plan as a file, so that it may be of any length, and what is open."""
+        if len(descriptors) + 2 > channel.MOST_DESCRIPTORS:
+            raise HilError(f"{len(descriptors)} ports and leases are more than a process can be given at once")
+        passed = [os.pidfd_open(os.getpid()), os.memfd_create("guardian-plan")]
+        try:
+            os.pwrite(passed[1], written_plan(self._plan), 0)
+            channel.send(self._end, "plan", *passed, *descriptors)
+        finally:
+            for each in passed:
+                os.close(each)
+
+    def _end_process(self) -> None:
+        """Close this end, and see that the guardian ends."""
+        self._end.close()
+        try:
+            self._process.wait(_MARGIN_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
