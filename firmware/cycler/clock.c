@@ -15,7 +15,7 @@ volatile uint8_t clock_rang;
 static volatile uint16_t overflows;
 static uint32_t anchor_ticks, anchor_ms;
 static uint32_t dues[ALARMS];
-static uint8_t set;
+static bool set[ALARMS];
 
 ISR(TIMER1_OVF_vect)
 {
@@ -70,17 +70,17 @@ uint32_t clock_milliseconds(uint32_t ticks)
 void alarm_set(enum alarm alarm, uint32_t due)
 {
 	dues[alarm] = due;
-	set |= _BV(alarm);
+	set[alarm] = true;
 }
 
 void alarm_clear(enum alarm alarm)
 {
-	set &= ~_BV(alarm);
+	set[alarm] = false;
 }
 
 static bool passed(enum alarm alarm, uint32_t now)
 {
-	return (set & _BV(alarm)) && (int32_t)(now - dues[alarm]) >= 0;
+	return set[alarm] && (int32_t)(now - dues[alarm]) >= 0;
 }
 
 bool alarm_passed(enum alarm alarm)
@@ -108,7 +108,7 @@ bool clock_arm(void)
 	int32_t nearest = FARTHEST;
 	for (uint8_t each = 0; each < ALARMS; each++) {
 		const int32_t left = dues[each] - now;
-		if ((set & _BV(each)) && left < nearest)
+		if (set[each] && left < nearest)
 			nearest = left;
 	}
 	clock_rang = nearest <= 0;

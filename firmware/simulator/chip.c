@@ -22,6 +22,7 @@
 #define RAM_BEGIN 0x100
 #define UNTOUCHED 0xA5
 #define CONVERSIONS 64
+#define CYCLES_AT_ONCE 1000 /* 62 us: so far a device that is awake may run beyond its limit */
 
 uint8_t chip_events[MOST_EVENTS + 300];
 uint16_t chip_event_bytes, chip_sums[3];
@@ -163,8 +164,10 @@ static void skip(void)
 	avr_cycle_timer_process(avr);
 }
 
+/* A reset lets simavr run single instructions again. */
 void chip_run(uint64_t limit)
 {
+	avr->run_cycle_limit = CYCLES_AT_ONCE;
 	while (avr->cycle < limit) {
 		if (asleep()) {
 			if (next_wake() > limit)

@@ -13,11 +13,14 @@ from pathlib import Path
 
 import pytest
 
+from hil.model.errors import Refused
 from hil.simulation.peers.model import PeerModel
 
-__all__ = ["FIRMWARE", "FirmwarePeer", "built", "close_all", "living", "size_of"]
+__all__ = ["FIRMWARE", "OUT", "FirmwarePeer", "built", "close_all", "declared_in", "living", "size_of"]
 
 FOLDER = Path(__file__).parents[2] / "firmware"
+OUT = "CYCLER_FIRMWARE_OUT"
+"""Variable of the environment: where firmware and simulator are built; else a folder that goes with the process."""
 _HERTZ = 16_000_000
 _UART_BITS = 11
 """What simavr takes for a byte of 8 data bits and 1 stop bit."""
@@ -30,6 +33,12 @@ _ROOM_K, _BETA, _ZERO_K = 298.15, 3950.0, 273.15
 _SCALE = 65472
 _USUAL = (0.0, 10.0, -5.0, 10.0, 0.0)
 _NEVER = 2**64 - 1
+_COIL_VOLTS = 9.0
+"""Below, relays for 12 V let go."""
+_PARTS = 10**12
+_LINE_NS = 5_000_000_000
+_BEFORE_NS = 770_000_000
+"""What a data line tells is measured within this time before it."""
 
 
 def _needs():
@@ -43,6 +52,8 @@ def _needs():
 
 @functools.cache
 def _out():
+    if OUT in os.environ:
+        return Path(os.environ[OUT]), None
     folder = tempfile.TemporaryDirectory(prefix="hil-firmware-")
     return Path(folder.name), folder
 
@@ -95,15 +106,30 @@ class FirmwarePeer:
         elf: the firmware.
         signals: voltage, current and temperature.
         contacts: inputs of charge and discharge relay.
+        feed: voltage of the rail for their coils; None where they are fed with the device.
         boots: what the EEPROM has counted.
         serial: what it has as the serial number.
         coefficients: a0, b0, a1, b1, a2; None leaves them erased.
         real_baud: whether bytes take the time that the firmware's own settings give them; else the line has a speed.
         powered: whether it runs from the bench's epoch on; else from the first opening of its port on.
+        drift: rate of its resonator against the bench's clock, minus 1.
+        noises: for each signal a stream and the standard deviation of a data line; it changes every 5 s of the bench.
     """
 
     def __init__(
-        self, elf, signals, contacts, *, boots=41, serial="C0001", coefficients=None, real_baud=False, powered=False
+        self,
+        elf,
+        signals,
+        contacts,
+        *,
+        feed=None,
+        boots=41,
+        serial="C0001",
+        coefficients=None,
+        real_baud=False,
+        powered=False,
+        drift=0.0,
+        noises=(),
     ):
         image = boots.to_bytes(4, "little") + serial.encode("ascii").ljust(8, b"\0")
         image += struct.pack("<5f", *coefficients) if coefficients else 20 * b"\xff"
@@ -116,7 +142,11 @@ class FirmwarePeer:
         self._coefficients = coefficients or _USUAL
         self._signals = signals
         self._contacts = contacts
+        self._feed = feed
+        self._closed = 0
         self._powered = powered
+        self._rate = round((1 + drift) * _PARTS)
+        self._noises = noises or ((None, 0.0),) * len(signals)
         self._running = False
         self._base_ns = self._base_cycle = 0
         self._pending = []
@@ -127,6 +157,8 @@ class FirmwarePeer:
     def attach(self, line, clock):
         """Connect line and clock; a board with power starts at once."""
         self._line, self._clock = line, clock
+        if self._feed:
+            self._feed.plant.listen(self._follow)
         if self._powered:
             self._boot(_POWER)
 
@@ -145,12 +177,16 @@ class FirmwarePeer:
             self._step(data)
 
     def state(self):
-        """Refuse: the state of a simulated processor is not kept."""
-        raise NotImplementedError("the firmware's state cannot be kept")
+        """Keep nothing: the state of a simulated processor stays in it. Checkpoints are written and cannot be used."""
+        return {}
 
     def restore(self, state):
-        """Refuse, as `state` does."""
-        raise NotImplementedError("the firmware's state cannot be restored")
+        """Refuse, since `state` keeps nothing.
+
+        Raises:
+            Refused: always.
+        """
+        raise Refused("the state of the real firmware was not kept", hint="begin the run anew")
 
     def close(self):
         """End the simulator."""
@@ -176,15 +212,20 @@ class FirmwarePeer:
         self._step()
 
     def _cycle(self, when_ns):
-        return self._base_cycle + (when_ns - self._base_ns) * 2 // 125
+        return self._base_cycle + (when_ns - self._base_ns) * 2 * self._rate // (125 * _PARTS)
 
     def _instant(self, cycle):
-        return self._base_ns + -(-(cycle - self._base_cycle) * 125 // 2)
+        return self._base_ns + -(-(cycle - self._base_cycle) * 125 * _PARTS // (2 * self._rate))
 
     def _sums(self):
-        voltage, current, temperature = (plant.plant.observe(plant.name) for plant in self._signals)
+        voltage, current, temperature = map(self._shown, self._signals, self._noises)
         a0, b0, a1, b1, a2 = self._coefficients
         return _sum_of(voltage, a0, b0), _sum_of(current, a1, b1), _sum_of_temperature(temperature, a2)
+
+    def _shown(self, signal, noise):
+        stream, deviation = noise
+        value = signal.plant.observe(signal.name)
+        return value + deviation * stream.normal((self._clock.now_ns() + _BEFORE_NS) // _LINE_NS) if stream else value
 
     def _step(self, data=b""):
         now_ns = self._clock.now_ns()
@@ -209,10 +250,15 @@ class FirmwarePeer:
             self._pending.append(self._clock.at(when_ns, lambda: self._drive(payload[0])))
 
     def _drive(self, pins):
-        for bit, contact in enumerate(self._contacts):
-            if (pins ^ self._pins) >> bit & 1:
-                contact.command(bool(pins >> bit & 1))
         self._pins = pins
+        self._follow()
+
+    def _follow(self):
+        closed = self._pins if not self._feed or self._feed.observe() >= _COIL_VOLTS else 0
+        changed, self._closed = closed ^ self._closed, closed
+        for bit, contact in enumerate(self._contacts):
+            if changed >> bit & 1:
+                contact.command(bool(closed >> bit & 1))
 
     def _write(self, data):
         os.write(self._process.stdin.fileno(), data)
@@ -237,6 +283,7 @@ class FirmwarePeer:
 
 
 _LIVING = []
+_SIGNALS = ("voltage", "current", "temperature")
 
 
 def _build(setup):
@@ -244,8 +291,11 @@ def _build(setup):
     level, cycles = truth.integer("level", 2, minimum=1, maximum=2), truth.integer("cycles", 10, minimum=1)
     choices = {"boots": truth.integer("boots", 41), "serial": truth.text("serial", "C0001")}
     choices |= {name: truth.flag(name, False) for name in ("real_baud", "powered")}
-    signals = [setup.connections.signal(name) for name in ("voltage", "current", "temperature")]
+    choices["drift"] = truth.number("clock_drift", 0.0)
+    choices["noises"] = [(setup.stream(name), truth.number(f"{name}_noise", 0.0, minimum=0)) for name in _SIGNALS]
+    signals = [setup.connections.signal(name) for name in _SIGNALS]
     contacts = [setup.connections.input(name) for name in ("charge", "discharge")]
+    choices["feed"] = setup.connections.signal("power")
     setup.finish()
     peer = FirmwarePeer(built(level, cycles) / "cycler.elf", signals, contacts, **choices)
     _LIVING.append(peer)
@@ -265,3 +315,23 @@ def close_all():
 
 FIRMWARE = PeerModel(link="serial", fault_kinds=(), build=_build)
 """The firmware in the place of the simulated cycler's model; its five terminals must be connected."""
+
+
+def declared_in(folder):
+    """Declare the firmware as the peer `cycler-firmware`, as an installed package would, and build it.
+
+    Args:
+        folder: where the declaration is put.
+
+    Returns:
+        The variables of the environment with which a process finds it.
+    """
+    package = folder / "cycler_firmware-1.0.dist-info"
+    package.mkdir(parents=True)
+    (package / "METADATA").write_text("Metadata-Version: 2.1\nName: cycler-firmware\nVersion: 1.0\n", encoding="utf-8")
+    (package / "entry_points.txt").write_text(
+        "[hil.peers]\ncycler-firmware = cycler_firmware:FIRMWARE\n", encoding="utf-8"
+    )
+    built()
+    _simulator()
+    return {OUT: str(_out()[0]), "PYTHONPATH": os.pathsep.join((str(folder), str(Path(__file__).parent)))}
