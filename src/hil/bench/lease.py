@@ -12,7 +12,7 @@ from pathlib import Path
 from hil.clock import wall
 from hil.model.errors import Refused
 
-__all__ = ["Lease"]
+__all__ = ["Lease", "holds_a_lease"]
 
 _FOLDER = Path("/tmp/hil-leases")  # noqa: S108 - the same for every user, whatever TMPDIR says; see _open and _share
 
@@ -45,6 +45,11 @@ class Lease:
                 f"leases in {self._folder} cannot be taken: {error.strerror}", "check who owns it, and its permissions"
             ) from error
 
+    @property
+    def descriptors(self) -> list[int]:
+        """The open files; a lease is held as long as any process has its file open."""
+        return list(self._files)
+
     def name(self, run: str) -> None:
         """Tell others the name of the run, once it has one."""
         self._note["run"] = run
@@ -69,6 +74,30 @@ class Lease:
     def _write(self, file: int) -> None:
         os.ftruncate(file, 0)
         os.pwrite(file, json.dumps(self._note).encode(), 0)
+
+
+def holds_a_lease(run: str, folder: Path | None = None) -> bool:
+    """Return whether any process still holds what a run, given by its name, had leased: its own, or its guardian."""
+    place = folder or _FOLDER
+    return any(_is_held(path, run) for path in (place.glob("*.lease") if place.is_dir() else ()))
+
+
+def _is_held(path: Path, run: str) -> bool:
+    try:
+        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+    except OSError:
+        return False
+    try:
+        if json.loads(os.pread(file, 4096, 0))["run"] != run:
+            return False
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+    finally:
+        os.close(file)
+    return False
 
 
 def _share(folder: Path) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from hil.cli.status import latch_word
 from hil.clock import wall
 from hil.evidence.folder import RESULTS
 from hil.evidence.package.listing import shown
@@ -66,6 +67,7 @@ def _document(follower: Follower, found: RunSummary, *, goes_on: bool) -> dict[s
         "dut": found.dut,
         "purpose": found.purpose,
         "verdict": found.verdict,
+        "latched": bool(latch_word(found.folder)),
         "age": found.age,
         "last_event": follower.last_utc,
     }
@@ -135,4 +137,6 @@ def _end(follower: Follower) -> Iterator[str]:
         return
     since = follower.last_utc or "its beginning"
     yield f"{name} is not going on since {since}, and is not sealed"
+    if latch := latch_word(follower.folder):
+        yield f"  {latch}"
     yield f"  hil resume {name} goes on with it, hil seal {name} seals it as it is"

@@ -20,6 +20,7 @@ from hil.model.errors import ConfigurationError, HilError
 __all__ = ["COMMANDS", "cli", "main"]
 
 COMMANDS: Mapping[str, str] = {
+    "ack": "Acknowledge what the guardian did to a bench.",
     "analyse": "Characterise an existing log.",
     "attach": "Attach a file to a run that is going on.",
     "bench": "Check a bench, or make it safe.",

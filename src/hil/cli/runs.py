@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hil.cli.folders import reports_folder
+from hil.cli.status import latch_word
 from hil.documents.suggest import did_you_mean
 from hil.model.errors import Refused
 
@@ -99,6 +100,8 @@ def _lines(runs: Sequence[RunSummary], width: int) -> Iterator[str]:
             yield "  ".join(columns).rstrip()
         if run.problem:
             yield f"  {_printable(run.problem)}"
+        if latch := latch_word(run.folder):
+            yield f"  {_printable(latch)}"
 
 
 def _cells(run: RunSummary) -> tuple[str, ...]:

@@ -60,6 +60,7 @@ def status_lines(folder: Path) -> list[str]:
         "held": "" if outlook.held is None else outlook.held or "yes",
         "last event": "" if found.age is None else f"{duration(found.age)} ago",
         "verdict": found.verdict,
+        "latch": latch_word(folder),
         "problem": found.problem,
     }
     told = {"note": noted, "attachment": attached}
@@ -72,6 +73,13 @@ def status_lines(folder: Path) -> list[str]:
             for event in found.added
         ),
     ]
+
+
+def latch_word(folder: Path) -> str:
+    """Return what a run waits for that left its bench by force; nothing for any other."""
+    from hil.executive.live.acknowledging import waits_for_ack  # noqa: PLC0415 - heavy
+
+    return f"latched, waits for hil ack {folder.name}" if waits_for_ack(folder) else ""
 
 
 def _machine(folder: Path, *, follow: bool) -> int:

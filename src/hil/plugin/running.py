@@ -14,6 +14,7 @@ from typing import NoReturn, Protocol, TextIO
 from hil.evidence.folder import JOURNAL, RESULTS, is_sealed
 from hil.executive.again.earlier import Earlier, find_earlier
 from hil.executive.case.case_run import PlannedCase
+from hil.executive.live.acknowledging import require_acknowledged
 from hil.executive.run.exit_codes import EXIT_INTERRUPTED
 from hil.executive.run.notifying import Notifier
 from hil.executive.run.session import Session
@@ -104,9 +105,11 @@ def resume(
         word: whoever waits for the run's end.
 
     Raises:
-        Refused: if there is nothing to go on with, or what the run is made of has changed.
+        Refused: if there is nothing to go on with, what the run is made of has changed, or the guardian ended it and
+            nobody has acknowledged that.
     """
     earlier = find_earlier(folder)
+    require_acknowledged(folder)
     wanted = request(earlier)
     require_answers(earlier, wanted)
     configuration = configure(wanted)

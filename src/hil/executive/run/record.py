@@ -9,6 +9,7 @@ from io import FileIO
 from pathlib import Path
 
 from hil.bench.bound import BoundBench
+from hil.bench.latching import refuse_latched
 from hil.bench.lease import Lease
 from hil.evidence.folder import JOURNAL, RESERVE, TRANSCRIPT, create, hold, renew_reserve, require_space
 from hil.evidence.journal.past import Past
@@ -188,6 +189,7 @@ class Record:
         require_space(configuration.reports, _LEAST_SPACE)
         lease = Lease(leases, f"a run of {', '.join(plan.name for plan in configuration.plans)}")
         closing.callback(lease.release)
+        refuse_latched(leases)
         if self._earlier is not None:
             folder = self._earlier.folder
         else:

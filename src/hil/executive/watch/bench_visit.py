@@ -9,6 +9,7 @@ from pathlib import Path
 from hil.bench.binding import bind_simulated, check_twin
 from hil.bench.bound import BoundBench
 from hil.bench.file.reading import load_bench
+from hil.bench.latching import refuse_latched
 from hil.bench.lease import Lease
 from hil.bench.live import bind_live
 from hil.bench.readiness import Gate, energised_gates, unpowered_gates
@@ -37,10 +38,10 @@ def check_bench(
         served: the folder in which another process serves the bench.
 
     Raises:
-        Refused: for an unknown bench, or one that a run holds.
+        Refused: for an unknown bench, one that a run holds, or one to be driven that is latched.
         ConfigurationError: with everything that is wrong with the bench file.
     """
-    with _visit(start, name, source, served) as bench:
+    with _visit(start, name, source, served, driven=energise) as bench:
         ready = True
         for gate in unpowered_gates(bench, None):
             ready = ready and gate.ok
@@ -70,7 +71,9 @@ def serve_bench(start: Path, name: str, folder: Path, *, speed: float, first_por
 
 
 @contextmanager
-def _visit(start: Path, name: str, source: Source, served: Path | None) -> Iterator[BoundBench]:
+def _visit(
+    start: Path, name: str, source: Source, served: Path | None, *, driven: bool = False
+) -> Iterator[BoundBench]:
     spec = _simulated(start, name) if source is Source.SIMULATED else _read(start, name)
     reach = reach_of(spec, source, served)
     with ExitStack() as stack:
@@ -79,6 +82,8 @@ def _visit(start: Path, name: str, source: Source, served: Path | None) -> Itera
         else:
             lease = Lease(reach.leases, "hil bench")
             stack.callback(lease.release)
+            if driven:
+                refuse_latched(reach.leases)
             bench = bind_live(spec, reach, wall.utc_now(), Transcript(None))
         stack.callback(bench.close)
         yield bench

@@ -1,0 +1,63 @@
+"""`hil ack`: acknowledge what was done to a bench by force, or that the person on call was reached."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from hil.cli.folders import find_run, find_running, reports_folder, shown
+from hil.model.errors import Refused
+
+__all__ = ["command"]
+
+
+@click.command(name="ack", epilog='Example: hil ack latest --by "A. Engineer" --text "fuse F2 blown, replaced"')
+@click.argument("run", metavar="RUN")
+@click.option("--by", default="", metavar="NAME", help="Who acknowledges.")
+@click.option("--text", default="", metavar="TEXT", help="What was seen and done.")
+@click.option("--code", default="", metavar="CODE", help="The code that the person on call was sent.")
+def command(run: str, by: str, text: str, code: str) -> int:
+    """Tell what the guardian did to the bench of a run, and acknowledge it by name.
+
+    Until then the bench is latched: it is driven by no run and no check. With --code it says instead that whoever is
+    on call was reached by an unattended run that waits for it.
+    """
+    if code.strip():
+        return _reached(run, by, code)
+    from hil.evidence.package.listing import shown as printable  # noqa: PLC0415 - heavy
+    from hil.executive.live.acknowledging import acknowledge, what_happened  # noqa: PLC0415 - heavy
+
+    folder = _run_or_latched(run)
+    for line in what_happened(folder):
+        click.echo(printable(line))
+    done = acknowledge(folder, reports_folder(), by=by, text=text)
+    if done.entry is not None:
+        click.echo(f"written into {shown(done.entry)}")
+    else:
+        click.echo("the run takes it into its journal when it is resumed or sealed")
+    for bench in done.benches:
+        click.echo(f"bench {printable(bench)} is not latched any more")
+    return 0
+
+
+def _run_or_latched(asked: str) -> Path:
+    """Return the folder of a run, also of one that is gone and has left a latch."""
+    from hil.bench.latching import latches_of  # noqa: PLC0415 - only where something is latched
+
+    try:
+        return find_run(asked)
+    except Refused:
+        if asked.strip() and latches_of(asked):
+            return reports_folder() / Path(asked).name
+        raise
+
+
+def _reached(run: str, by: str, code: str) -> int:
+    from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
+
+    if not by.strip():
+        raise Refused("whoever was reached gives a name", "say it with --by NAME")
+    post(find_running(run), "reached", by=by.strip(), text=code.strip())
+    click.echo("the run will compare the code; hil status tells whether it goes on")
+    return 0

@@ -1,0 +1,122 @@
+"""Acknowledging what was done to a bench by force: what happened is told, and a named person says what was seen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hil.bench.latching import ack_line, clear_latches_of, latches_of
+from hil.bench.lease import holds_a_lease
+from hil.evidence.folder import JOURNAL, is_held, is_run, is_sealed
+from hil.evidence.inbox import post
+from hil.evidence.journal.reader import Body, read_journal
+from hil.evidence.ledger import ACKNOWLEDGEMENTS, enter
+from hil.evidence.safed import guardian_hash, guardian_lines, is_acknowledged
+from hil.model.errors import EvidenceError, Refused
+
+__all__ = ["Acknowledged", "acknowledge", "require_acknowledged", "waits_for_ack", "what_happened"]
+
+
+@dataclass(frozen=True, slots=True)
+class Acknowledged:
+    """What became of an acknowledgement: the benches that were latched, and the file of the ledger it is in, if any."""
+
+    benches: tuple[str, ...]
+    entry: Path | None
+
+
+def what_happened(folder: Path) -> list[str]:
+    """Return what latched the bench, what the guardian did, and what tripped or stayed unsafe: a line each."""
+    latches = latches_of(folder.name).values()
+    told = [f"bench {each.bench} latched since {each.since}: {each.why}" for each in latches]
+    told += [f"not proven safe: {', '.join(each.outputs)}" for each in latches if each.outputs]
+    told += [f"guardian: {_facts(line)}" for line in guardian_lines(folder)]
+    told += _of_journal(folder)
+    return list(dict.fromkeys(told))
+
+
+def waits_for_ack(folder: Path) -> bool:
+    """Return whether a run has left a latch, or the guardian ended it and nobody has acknowledged that."""
+    return bool(latches_of(folder.name)) or not (is_sealed(folder) or is_acknowledged(folder))
+
+
+def require_acknowledged(folder: Path) -> None:
+    """Require that somebody acknowledged what the guardian did, before a run goes on.
+
+    Raises:
+        Refused: if nobody did.
+    """
+    if not is_acknowledged(folder):
+        raise Refused(
+            f"{folder.name}: the guardian ended this run, and nobody has acknowledged it",
+            f"look at the bench, then: {ack_line(folder.name)}",
+        )
+
+
+def acknowledge(folder: Path, reports: Path, *, by: str, text: str) -> Acknowledged:
+    """Write down that a person looked at the bench that a run left by force, and take back the run's latches.
+
+    Args:
+        folder: the run's folder; it may be gone, as long as a latch names it.
+        reports: the folder of reports of the workspace, for the ledger of runs that are sealed or gone.
+        by: who looked.
+        text: what was seen and done.
+
+    Raises:
+        Refused: where name or text is missing, the run or its guardian is still at work, or nothing waits for it.
+        EvidenceError: where it cannot be written down; the latches are then still there.
+    """
+    by, text = by.strip(), text.strip()
+    if not by or not text:
+        missing = " and ".join(name for name, value in (("--by NAME", by), ("--text TEXT", text)) if not value)
+        raise Refused(f"an acknowledgement needs {missing}", ack_line(folder.name))
+    latches = tuple(latches_of(folder.name).values())
+    _require_over(folder)
+    there = is_run(folder)
+    if not latches and not (there and waits_for_ack(folder)):
+        raise Refused(f"{folder.name}: nothing waits for an acknowledgement", "hil status tells how a run stands")
+    entry = None
+    if there and not is_sealed(folder):
+        post(folder, "ack", by=by, text=text, seen=guardian_hash(folder))
+    else:
+        why = [each.why for each in latches]
+        entry = enter(reports, ACKNOWLEDGEMENTS, folder.name, {"by": by, "text": text, "why": why})
+    clear_latches_of(folder.name)
+    return Acknowledged(tuple(dict.fromkeys(each.bench for each in latches)), entry)
+
+
+def _require_over(folder: Path) -> None:
+    hint = "wait for its end, or stop it with hil stop"
+    if is_run(folder) and is_held(folder):
+        raise Refused(f"{folder.name}: the run, or its guardian, is still going on", hint)
+    if holds_a_lease(folder.name):
+        raise Refused(f"{folder.name}: its guardian still holds the bench", "wait until it is done, some seconds")
+
+
+def _of_journal(folder: Path) -> Iterator[str]:
+    """Give trips, what could not be made safe, and how the run was stopped."""
+    try:
+        events = read_journal(folder / JOURNAL).events
+    except EvidenceError:
+        return
+    for event in events:
+        if told := _told(event):
+            yield told
+
+
+def _told(event: Body) -> str:
+    match event["kind"]:
+        case "trip":
+            return f"trip: {event['text']}"
+        case "safe" if not event["ok"]:
+            return f"not safe: {event['output']} is not {event['state']}: {event['detail']}"
+        case "stop":
+            return f"stop: {event['reason']}"
+        case _:
+            return ""
+
+
+def _facts(line: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} {value}" for name, value in line.items())

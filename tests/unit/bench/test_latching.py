@@ -1,0 +1,53 @@
+"""A latched bench is driven by nobody until somebody takes the latch back."""
+
+from __future__ import annotations
+
+import pytest
+
+from hil.bench.latching import clear_latches_of, latch_bench, latches_of, refuse_latched
+from hil.guardian.latch import Latch, path_of
+from hil.model.errors import Refused
+
+LATCH = Latch(
+    bench="battery",
+    run="/reports/20261121T093100Z-battery-x-cd60b0",
+    why="the executive died",
+    since="2026-11-21T09:40:00Z",
+    outputs=("supply.charge",),
+)
+
+
+def test_a_latched_bench_is_refused(tmp_path):
+    """One latch of its leases is enough; who, when, why and which outputs are told, and how it is acknowledged."""
+    refuse_latched(["port a", "port b"], tmp_path)
+    latch_bench(["port b", "port c"], LATCH, tmp_path)
+    refuse_latched(["port a"], tmp_path)
+    with pytest.raises(Refused) as refused:
+        refuse_latched(["port a", "port b"], tmp_path)
+    assert refused.value.message == (
+        f"bench 'battery' is latched since 2026-11-21T09:40:00Z by {LATCH.run}: the executive died; "
+        "not proven safe: supply.charge"
+    )
+    assert f'hil ack {LATCH.run} --by NAME --text "what was seen and done"' in refused.value.hint
+
+
+def test_latches_are_found_by_their_run(tmp_path):
+    """By its path or its name, and no other's are taken back."""
+    other = Latch(bench="adcs", run="/reports/other", why="hang", since="2026-11-21T09:40:00Z", outputs=())
+    latch_bench(["a", "b"], LATCH, tmp_path)
+    latch_bench(["c"], other, tmp_path)
+    assert set(latches_of(LATCH.run, tmp_path).values()) == {LATCH}
+    assert clear_latches_of("20261121T093100Z-battery-x-cd60b0", tmp_path) == (LATCH, LATCH)
+    refuse_latched(["a", "b"], tmp_path)
+    with pytest.raises(Refused, match="bench 'adcs'"):
+        refuse_latched(["c"], tmp_path)
+    assert clear_latches_of("nobody", tmp_path / "missing") == ()
+
+
+def test_a_latch_that_cannot_be_read_latches(tmp_path):
+    """Nobody knows what it was about, so a person removes the file; no run has left it."""
+    path_of("a", tmp_path).write_text("{")
+    with pytest.raises(Refused, match="it is damaged") as refused:
+        refuse_latched(["a"], tmp_path)
+    assert str(path_of("a", tmp_path)) in refused.value.hint
+    assert latches_of("", tmp_path) == {}

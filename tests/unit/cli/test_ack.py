@@ -1,0 +1,170 @@
+"""`hil ack`: what happened is told, a named person acknowledges it, and only then the bench may be driven again."""
+
+from __future__ import annotations
+
+import json
+import os
+
+import pytest
+from evidence_runs import begin, sealed_run
+
+from hil.bench.latching import latch_bench, latches_of
+from hil.bench.lease import Lease
+from hil.cli.main import main
+from hil.evidence.folder import GUARDIAN, hold
+from hil.evidence.inbox import peek
+from hil.evidence.package.verification import verify
+from hil.guardian.latch import Latch
+
+SAFED = "20261121T093100Z-battery-x-cd60b0"
+SEALED = "20261120T093100Z-battery-x-ab12cd"
+TEXT = "cell warm, fuse F2 replaced"
+
+
+@pytest.fixture
+def reports(tmp_path, monkeypatch):
+    """Be in a workspace with a run that the guardian ended, and one that was sealed with an unsafe end; both latch."""
+    monkeypatch.setattr("hil.bench.latching.FOLDER", tmp_path / "latches")
+    monkeypatch.setattr("hil.bench.lease._FOLDER", tmp_path / "leases")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "hil.toml").touch()
+    reports = tmp_path / "reports"
+    with begin(reports / SAFED) as journal:
+        journal.write("trip", 1.0, limit="cell", text="cell voltage above 4.25 V")
+        journal.write("safe", 1.0, output="supply.charge", state="off", ok=False, detail="no reply", duration=0.5)
+    (reports / SAFED / "inbox/files").mkdir(parents=True)
+    (reports / SAFED / GUARDIAN).write_text('{"event":"acting","why":"the executive died"}\n')
+    sealed_run(reports / SEALED)
+    for name, key in ((SAFED, "/dev/psu"), (SEALED, "/dev/tec")):
+        latch = Latch(bench="battery", run=str(reports / name), why="it died", since="2026-11-21", outputs=("tec",))
+        latch_bench([key], latch)
+    return reports
+
+
+def said(capsys, *arguments):
+    """Return exit code, output and errors of one command."""
+    with pytest.raises(SystemExit) as left:
+        main(arguments)
+    told = capsys.readouterr()
+    return left.value.code, told.out, told.err
+
+
+@pytest.mark.usefixtures("reports")
+def test_what_happened_is_told_before_anything_is_acknowledged(capsys):
+    """Without name and text nothing changes, and the refusal shows the whole command."""
+    code, out, err = said(capsys, "ack", "cd60b0")
+    assert code == 4
+    assert out.splitlines() == [
+        "bench battery latched since 2026-11-21: it died",
+        "not proven safe: tec",
+        "guardian: event acting, why the executive died",
+        "trip: cell voltage above 4.25 V",
+        "not safe: supply.charge is not off: no reply",
+    ]
+    assert "needs --by NAME and --text TEXT" in err
+    assert f'hil ack {SAFED} --by NAME --text "what was seen and done"' in err
+    assert "needs --text TEXT" in said(capsys, "ack", "cd60b0", "--by", "Ada", "--text", "  ")[2]
+    assert latches_of(SAFED)
+
+
+def test_the_acknowledgement_of_an_open_run_waits_in_its_inbox(reports, capsys):
+    """The executive is the journal's only writer; the latches of this run go, and no other's."""
+    code, out, _ = said(capsys, "ack", "cd60b0", "--by", "Ada", "--text", TEXT)
+    assert code == 0
+    assert "takes it into its journal when it is resumed or sealed" in out
+    assert "bench battery is not latched any more" in out
+    (message,) = peek(reports / SAFED)
+    assert (message.kind, message.by, message.text, len(message.sha256)) == ("ack", "Ada", TEXT, 64)
+    assert not latches_of(SAFED)
+    assert latches_of(SEALED)
+    assert "nothing waits for an acknowledgement" in said(capsys, "ack", "cd60b0", "--by", "A", "--text", "b")[2]
+
+
+def test_the_acknowledgement_of_a_sealed_run_is_in_the_ledger(reports, capsys):
+    """Beside the package, which is not changed; nobody's entry is ever in the place of another's."""
+    code, out, _ = said(capsys, "ack", SEALED, "--by", "Ada", "--text", TEXT)
+    assert code == 0
+    (entry,) = (reports / ".ledger/acknowledgements").iterdir()
+    told = json.loads(entry.read_text())
+    assert f"written into reports/.ledger/acknowledgements/{entry.name}" in out
+    assert {key: told[key] for key in ("format", "run", "by", "text", "why")} == {
+        "format": 1,
+        "run": SEALED,
+        "by": "Ada",
+        "text": TEXT,
+        "why": ["it died"],
+    }
+    assert verify(reports / SEALED).ok
+    assert not latches_of(SEALED)
+
+
+def test_a_run_that_is_gone_is_acknowledged_in_the_ledger(reports, capsys):
+    """Its latch names it, and would stand for ever."""
+    (reports / SAFED).rename(reports.parent / "elsewhere")
+    assert said(capsys, "ack", str(reports / SAFED), "--by", "Ada", "--text", TEXT)[0] == 0
+    assert len(list((reports / ".ledger/acknowledgements").iterdir())) == 1
+    assert said(capsys, "ack", SAFED, "--by", "Ada", "--text", TEXT)[0] == 4
+
+
+def test_nobody_acknowledges_what_still_goes_on(reports, capsys):
+    """Neither while the run is held, nor while its guardian has the leases."""
+    wanted = ("ack", SAFED, "--by", "Ada", "--text", TEXT)
+    with hold(reports / SAFED):
+        assert "the run, or its guardian, is still going on" in said(capsys, *wanted)[2]
+    lease = Lease(["/dev/psu"], "a run of battery")
+    lease.name(SAFED)
+    assert "its guardian still holds the bench" in said(capsys, *wanted)[2]
+    lease.release()
+    assert latches_of(SAFED)
+    assert said(capsys, *wanted)[0] == 0
+
+
+@pytest.mark.usefixtures("reports")
+def test_a_ledger_that_cannot_be_written_leaves_the_latch(capsys, monkeypatch):
+    """What is not evidence has not happened."""
+
+    def full(*_, **__):
+        raise OSError(28, os.strerror(28))
+
+    monkeypatch.setattr("hil.evidence.ledger.os.link", full)
+    code, _, err = said(capsys, "ack", SEALED, "--by", "Ada", "--text", TEXT)
+    assert code == 4
+    assert "the ledger cannot be written: No space left on device" in err
+    assert latches_of(SEALED)
+
+
+@pytest.mark.usefixtures("reports")
+def test_a_latched_run_is_told_wherever_runs_are_told(capsys):
+    """With its state, until it is acknowledged."""
+    assert f"latched, waits for hil ack {SAFED}" in said(capsys, "runs")[1]
+    out = said(capsys, "status", SAFED)[1]
+    assert "state       SAFED" in out
+    assert f"latch       latched, waits for hil ack {SAFED}" in out
+    assert json.loads(said(capsys, "status", SAFED, "--json")[1])["latched"] is True
+    said(capsys, "ack", SAFED, "--by", "Ada", "--text", TEXT)
+    out = said(capsys, "status", SAFED)[1]
+    assert "state       SAFED" in out
+    assert "latch " not in out
+    assert json.loads(said(capsys, "status", SAFED, "--json")[1])["latched"] is False
+
+
+def test_a_safed_run_is_not_resumed_before_it_is_acknowledged(reports):
+    """Whoever resumes it would drive the bench that nobody has looked at."""
+    from hil.executive.live.acknowledging import acknowledge, require_acknowledged  # noqa: PLC0415
+    from hil.model.errors import Refused  # noqa: PLC0415
+
+    with pytest.raises(Refused, match="nobody has acknowledged it") as refused:
+        require_acknowledged(reports / SAFED)
+    assert f"hil ack {SAFED}" in refused.value.hint
+    acknowledge(reports / SAFED, reports, by="Ada", text=TEXT)
+    require_acknowledged(reports / SAFED)
+
+
+def test_being_reached_needs_a_name_and_a_run_that_waits(reports, capsys):
+    """The code goes into the inbox of a run that is going on."""
+    assert "gives a name" in said(capsys, "ack", SAFED, "--code", "K7")[2]
+    assert "it was interrupted" in said(capsys, "ack", SAFED, "--code", "K7", "--by", "Ada")[2]
+    with hold(reports / SAFED):
+        assert said(capsys, "ack", SAFED, "--code", " K7 ", "--by", "Ada")[0] == 0
+    (message,) = peek(reports / SAFED)
+    assert (message.kind, message.by, message.text) == ("reached", "Ada", "K7")
