@@ -47,6 +47,7 @@ class BoundBench:
         go_on: lets a resumed bench go on from its checkpoint, where its record does not tell when.
         live: the clock of a bench outside of this process, None for all others.
         descriptors: of the open ports of such a bench, by instrument.
+        where: such a port's path or URL, by instrument.
     """
 
     spec: BenchSpec
@@ -62,6 +63,7 @@ class BoundBench:
     go_on: Callable[[], None] = lambda: None
     live: LiveClock | None = None
     descriptors: dict[str, int] = field(default_factory=dict)
+    where: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def roles(self) -> Mapping[str, object]:

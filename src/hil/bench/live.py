@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from hil.bench.bound import BoundBench, build, url_of
 from hil.bench.connections import server_of
+from hil.bench.port_identity import port_gates
 from hil.bench.serving import ends_of
 from hil.clock.live import LiveClock
 from hil.model.bench import BenchSpec
@@ -88,6 +89,7 @@ def bind_live(spec: BenchSpec, reach: Reach, epoch: str, transcript: Transcript)
         transcript: where every operation is noted.
 
     Raises:
+        Refused: if a serial port is not that of the board that the bench file names.
         NoReply: if a port cannot be opened.
     """
     clock = LiveClock(epoch, speed=reach.speed)
@@ -101,7 +103,7 @@ def bind_live(spec: BenchSpec, reach: Reach, epoch: str, transcript: Transcript)
     except BaseException:
         _close(ends)
         raise
-    bench.descriptors |= _descriptors(ends, reach)
+    bench.descriptors, bench.where = _descriptors(ends, reach), reach.ports
     clock.begin()
     return bench
 
@@ -136,7 +138,7 @@ def bind_live_again(
         for name, end in ends.items():
             bus = spec.instrument(name).bus
             end.hand_to(opened[bus or name])
-        bench.descriptors |= _descriptors(opened, reach)
+        bench.descriptors, bench.where = _descriptors(opened, reach), reach.ports
         bench.playback = None
         clock.begin()
 
@@ -147,6 +149,8 @@ def bind_live_again(
 def _open(spec: BenchSpec, reach: Reach) -> dict[str, Any]:
     from hil.wire.live_stream import LiveStream  # noqa: PLC0415 - what it imports exists on Linux only
 
+    if reach.source is Source.HARDWARE:
+        _require_own_ports(spec)
     ends: dict[str, Any] = {}
     try:
         for name, url in reach.ports.items():
@@ -157,6 +161,13 @@ def _open(spec: BenchSpec, reach: Reach) -> dict[str, Any]:
         _close(ends)
         raise
     return ends
+
+
+def _require_own_ports(spec: BenchSpec) -> None:
+    """Require that every serial port is the board's that the bench file names: a first byte may start another one."""
+    for gate in port_gates(spec):
+        if not gate.ok:
+            raise Refused(f"{gate.name}: {gate.detail}", "plug the boards as the bench file says, or mend it")
 
 
 def _close(ends: Mapping[str, Any]) -> None:

@@ -187,7 +187,8 @@ class Record:
     def _open_folder(self, leases: Sequence[str], closing: ExitStack) -> Path:
         configuration = self._configuration
         require_space(configuration.reports, _LEAST_SPACE)
-        lease = Lease(leases, f"a run of {', '.join(plan.name for plan in configuration.plans)}")
+        self.leases = leases
+        self.lease = lease = Lease(leases, f"a run of {', '.join(plan.name for plan in configuration.plans)}")
         closing.callback(lease.release)
         refuse_latched(leases)
         if self._earlier is not None:

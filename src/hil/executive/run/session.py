@@ -21,6 +21,7 @@ from hil.executive.case.effects import Effects
 from hil.executive.case.facade import Facade, RoleSet, facades
 from hil.executive.case.operator import AnswerSource, Operator
 from hil.executive.case.steps import Steps
+from hil.executive.live.host import host_of
 from hil.executive.recording.recorder import Recorder
 from hil.executive.run.events import Listener
 from hil.executive.run.exit_codes import code_of
@@ -102,7 +103,7 @@ class Session:
         From here to the seal signals are requests to stop.
         """
         configuration = self.configuration
-        self._closing.enter_context(handle_signals(self.flags))
+        alarm = self._closing.enter_context(handle_signals(self.flags))
         self.record = Record(configuration, self.flags, leases, listeners, self._earlier, self._closing)
         self.record.begin(planned)
         self._events = self.record.events
@@ -120,6 +121,10 @@ class Session:
         self._events.listen(self.keeper.holding)
         self._events.catch_up = self.keeper.scheduler.catch_up
         self.flags.make_safe, self.flags.give_up = self.keeper.safe, self.give_up
+        if self.bench.live is not None:
+            host = host_of(self.bench, self.bench.live, self.flags, self.keeper.scheduler, self.record, configuration)
+            self.keeper.outside = host
+            alarm.keep()
         self._answers = answers(self.bench, self.keeper.scheduler.idle)
 
     def _may_be_entered(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import sys
@@ -11,9 +12,10 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import NoReturn
 
+from hil.clock import wall
 from hil.model.errors import HilError
 
-__all__ = ["Astray", "StopFlags", "Stopped", "Turn", "handle_signals", "leave_unsealed"]
+__all__ = ["Alarm", "Astray", "StopFlags", "Stopped", "Turn", "handle_signals", "leave_unsealed"]
 
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 _UNATTENDED = frozenset(number for number in _SIGNALS if number != signal.SIGINT)
@@ -21,6 +23,8 @@ _UNATTENDED = frozenset(number for number in _SIGNALS if number != signal.SIGINT
 
 _PATIENCE_S = 5.0
 _AGAIN_S = 0.3
+_LOOK_S = 0.2
+_SLACK_S = 0.01
 _MOST_CUTS = 10
 _INTERNAL = 3
 
@@ -48,6 +52,7 @@ class StopFlags:
         turns: how many cases had or have their turn.
         astray: why another thread, process or case was turned away, empty where none was.
         make_safe: makes the bench safe; called before a case's own code is cut.
+        amid: looks after a bench outside of this process amid a case's own code.
         give_up: ends the run from where it is; called for a case that was cut again and again and goes on.
     """
 
@@ -63,12 +68,18 @@ class StopFlags:
         self.urgent = False
         self.astray = ""
         self.make_safe: Callable[[], None] = lambda: None
+        self.amid: Callable[[], None] = lambda: None
         self.give_up: Callable[[], None] = lambda: None
 
     @property
     def in_case(self) -> bool:
         """Whether a case's own code runs."""
         return self._in_case > 0
+
+    @property
+    def is_shielded(self) -> bool:
+        """Whether nothing may interrupt what goes on."""
+        return self._shielded > 0
 
     @property
     def is_copy(self) -> bool:
@@ -96,6 +107,11 @@ class StopFlags:
             if self.cuts > _MOST_CUTS:
                 self.give_up()
             raise Stopped(self.reason)
+
+    def interlude(self) -> None:
+        """Look after the bench if a case's own code is at nothing that must not be disturbed."""
+        if self._in_case and not self._undisturbed and not self._shielded:
+            self.amid()
 
     @contextmanager
     def case_code(self) -> Iterator[None]:
@@ -192,13 +208,15 @@ class Turn:
 
 
 @contextmanager
-def handle_signals(flags: StopFlags) -> Iterator[None]:
+def handle_signals(flags: StopFlags) -> Iterator[Alarm]:
     """Turn SIGINT, SIGTERM and SIGHUP into requests to stop; the handlers before are put back.
+
+    Given is what rings in the case's own code.
 
     An ignored SIGHUP stays ignored (`nohup`). A case that does not come to a scheduling point for some seconds after
     a program's signal is cut as by a second one, and is cut again for as long as it goes on.
     """
-    alarm = _Alarm(flags)
+    alarm = Alarm(flags)
 
     def handler(number: int, _frame: FrameType | None) -> None:
         name = signal.Signals(number).name
@@ -211,7 +229,7 @@ def handle_signals(flags: StopFlags) -> Iterator[None]:
     heard = [number for number in _SIGNALS if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN]
     before = {number: signal.signal(number, handler) for number in heard}
     try:
-        yield
+        yield alarm
     finally:
         alarm.put_back()
         for number, action in before.items():
@@ -225,21 +243,30 @@ def leave_unsealed() -> None:
     os._exit(_INTERNAL)
 
 
-class _Alarm:
-    """Cuts a case's code again and again, while there is a case."""
+class Alarm:
+    """Rings in the case's own code: to look after a bench outside of this process, and to cut what does not end.
+
+    Args:
+        flags: know whether a case's own code runs, and what is to be done amid it.
+    """
 
     def __init__(self, flags: StopFlags) -> None:
         self._flags = flags
         self._before: tuple[float, float] | None = None
         self._handler: object = None
+        self._kept = False
+        self._cut_at = math.inf
+
+    def keep(self) -> None:
+        """Ring a few times a second from now on, whether or not somebody asked for the run's end."""
+        self._kept = True
+        self._start(_LOOK_S, _LOOK_S)
 
     def set(self, seconds: float) -> None:
-        """Begin in `seconds`."""
-        if self._before is None:
-            self._handler = signal.signal(signal.SIGALRM, self._ring)
-            self._before = signal.setitimer(signal.ITIMER_REAL, seconds, _AGAIN_S)
-        else:
-            signal.setitimer(signal.ITIMER_REAL, seconds, _AGAIN_S)
+        """Begin to cut in `seconds`, again and again."""
+        self._cut_at = wall.monotonic() + seconds
+        if not self._kept:
+            self._start(seconds, _AGAIN_S)
 
     def put_back(self) -> None:
         """End, and let the alarm be whose it was."""
@@ -248,7 +275,18 @@ class _Alarm:
             signal.signal(signal.SIGALRM, self._handler)  # type: ignore[arg-type]  # what signal() returned
             self._before = None
 
+    def _start(self, seconds: float, again_s: float) -> None:
+        if self._before is None:
+            self._handler = signal.signal(signal.SIGALRM, self._ring)
+            self._before = signal.setitimer(signal.ITIMER_REAL, seconds, again_s)
+        else:
+            signal.setitimer(signal.ITIMER_REAL, seconds, again_s)
+
     def _ring(self, _number: int, _frame: FrameType | None) -> None:
-        if self._flags.in_case:
+        if not self._flags.in_case:
+            return
+        if wall.monotonic() >= self._cut_at - _SLACK_S:
             self._flags.urgent = True
             self._flags.interrupt()
+        elif self._kept:
+            self._flags.interlude()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Protocol
 
 from hil.bench.envelope import Trip
+from hil.bench.gate import Gate
 from hil.model.figure import Figure
 
-__all__ = ["Beside", "Watch"]
+__all__ = ["Beside", "Outside", "Watch"]
 
 
 class Watch(Protocol):
@@ -56,4 +58,21 @@ class Beside(Protocol):
 
     def begin_again(self) -> None:
         """Begin anew: the bench was made safe in the meantime."""
+        ...
+
+
+class Outside(Protocol):
+    """What a bench outside of this process needs of the machine that drives it."""
+
+    def gates(self) -> Iterator[Gate]:
+        """Yield what has to hold before anything is driven."""
+        ...
+
+    @property
+    def distress(self) -> str:
+        """Why the bench cannot be driven any more, empty while it can."""
+        ...
+
+    def end(self) -> list[str]:
+        """Let go of it; return what is not safe."""
         ...

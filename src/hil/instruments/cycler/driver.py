@@ -26,6 +26,7 @@ class BatteryCycler:
     """
 
     roles: ClassVar[frozenset[str]] = frozenset({"cycler"})
+    resets_on_open: ClassVar[bool] = True
 
     def __init__(self, connection: Connection) -> None:
         if connection.port is None:
