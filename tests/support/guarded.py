@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 import tty
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from hil.guardian.carrying import written_plan
@@ -255,7 +255,11 @@ class Executive:
     def _end(self) -> None:
         if self.process.poll() is None:
             self.process.kill()
-        self.process.communicate()
+        with suppress(BrokenPipeError):
+            self.process.stdin.close()
+        self.process.stdout.close()
+        self.process.stderr.close()
+        self.process.wait(_LONGEST_S)
 
 
 def until(descriptor: int, seconds: float = _LONGEST_S) -> bool:
