@@ -8,15 +8,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from hil.bench.derived.derivation import Derivation
+from hil.bench.derived.making import derivation_of
+from hil.bench.derived.rehearsal import rehearsals
 from hil.clock.port import NANOSECONDS
-from hil.model.bench import EnvelopeLimit
+from hil.model.envelope import Derived, EnvelopeLimit
 from hil.model.figure import Figure
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Monitor", "Trip", "self_test"]
+__all__ = ["Monitor", "Trip", "all_fresh", "self_test"]
 
 
 _UNKNOWN_NS = 40_000_000
@@ -47,15 +50,33 @@ class Monitor:
         limit: the limit of the bench file.
         read: takes a reading through the driver.
         start_ns: the bench time at which watching begins.
+        derivation: what computes the limit's quantity, None where it is what is read.
+
+    Attributes:
+        limit: as given.
+        derivation: as given.
+        inside: a value that is within the limit.
+        catch_up: counts rows that wait to be counted, before anything else is.
+        due_ns: when the next reading is due.
+        good_ns: when the last good one was taken.
     """
 
-    def __init__(self, limit: EnvelopeLimit, read: Callable[[], Figure], start_ns: int) -> None:
+    def __init__(
+        self,
+        limit: EnvelopeLimit,
+        read: Callable[[], Figure],
+        start_ns: int,
+        derivation: Derivation | None = None,
+    ) -> None:
         self.limit = limit
+        self.derivation = derivation
         self._read = read
         self._period_ns = round(limit.period_s * NANOSECONDS)
         self._max_age_ns = round(limit.max_age_s * NANOSECONDS)
         self._lowest = limit.minimum if limit.minimum is not None else -sys.float_info.max
         self._highest = limit.maximum if limit.maximum is not None else sys.float_info.max
+        self.catch_up: Callable[[], None] = lambda: None
+        self.inside = min(max(0.0, self._lowest), self._highest)
         self._start_ns = start_ns
         self._outside = 0
         self._lasts_ns = _UNKNOWN_NS
@@ -73,6 +94,11 @@ class Monitor:
         """The instant from which on it is read wherever the case is: a period late, or soon too old."""
         return min(self.due_ns + self._period_ns, self.good_ns + self._max_age_ns - self._period_ns)
 
+    @property
+    def good_until_ns(self) -> int:
+        """The instant from which on the last good reading is too old."""
+        return self.good_ns + self._max_age_ns
+
     def late_s(self, now_ns: int) -> float:
         """Return how long after it was due a reading now would be, 0 up to a period after it was overdue."""
         late = now_ns > self.overdue_ns + self._period_ns
@@ -80,8 +106,11 @@ class Monitor:
 
     def restart(self, now_ns: int) -> None:
         """Begin anew after a time in which nothing could be read, such as a safe-off."""
+        self.catch_up()
         self._start_ns = self.due_ns = self.good_ns = now_ns
         self._outside = 0
+        if self.derivation:
+            self.derivation.pause()
 
     def take(self, now: Callable[[], int]) -> tuple[Figure, Trip | None]:
         """Take a reading and judge it; the next is due on the period's grid, or soon after one outside."""
@@ -89,12 +118,19 @@ class Monitor:
         elapsed = max(0, began_ns - self._start_ns) // self._period_ns
         self.due_ns = self._start_ns + (elapsed + 1) * self._period_ns
         unwatched = self.stale(began_ns)
+        self.catch_up()
         figure = self._read()
         self._lasts_ns = now() - began_ns
-        trip = self.judge(figure, now()) or unwatched
+        trip = self.judge(self.counted(figure), now()) or unwatched
         if self._outside:
             self.due_ns = min(self.due_ns, began_ns + self._period_ns // _SOONER)
         return figure, trip
+
+    def counted(self, figure: Figure) -> Figure:
+        """Return a reading that was just taken as it counts: within the limit where that does not apply now."""
+        if self.derivation is None or self.derivation.applies:
+            return figure
+        return Figure(value=self.inside, unit=figure.unit)
 
     def judge(self, figure: Figure, now_ns: int) -> Trip | None:
         """Count a reading and return the trip that it causes, if any."""
@@ -183,6 +219,8 @@ class Monitor:
     def unfeed(self, now_ns: int) -> None:
         """Take readings again: no more rows will come."""
         self.due_ns = min(self.due_ns, max(now_ns, self.good_ns + self._period_ns))
+        if self.derivation:
+            self.derivation.settle(now_ns)
 
     def stale(self, now_ns: int) -> Trip | None:
         """Return a trip if the last good reading is older than allowed."""
@@ -190,17 +228,39 @@ class Monitor:
         if age_ns <= self._max_age_ns:
             return None
         text = (
-            f"{self.limit.output}: no good {self.limit.quantity} for {age_ns / NANOSECONDS:.3g} s,"
+            f"{self.limit.output}: no good {self.limit.words} for {age_ns / NANOSECONDS:.3g} s,"
             f" {self.limit.max_age_s:g} s allowed"
         )
         return Trip(self.limit.id, None, self.limit.unit, text)
 
 
+def all_fresh(monitors: Sequence[Monitor], when_ns: int, by_ns: int) -> bool:
+    """Note for several monitors that all rows up to this instant were good; note none where one's last is too old.
+
+    Args:
+        monitors: those that the rows feed.
+        when_ns: the instant of the last row in ns of the bench's time.
+        by_ns: how much later it is set.
+    """
+    for monitor in monitors:
+        if when_ns - monitor.good_ns > monitor._max_age_ns:  # noqa: SLF001 - it is one of them
+            return False
+    good_ns = when_ns + by_ns
+    for monitor in monitors:
+        monitor._outside = 0  # noqa: SLF001
+        monitor.good_ns = good_ns
+        monitor.due_ns = good_ns + monitor._hold_ns  # noqa: SLF001
+    return True
+
+
 def self_test(limit: EnvelopeLimit) -> bool:
     """Return whether a monitor of this limit trips on what it must trip on, and only on that.
 
-    Tried are a value beyond each bound, a value that is no number, and a value inside.
+    Tried are a value beyond each bound, a value that is no number, and a value inside; where the quantity is derived,
+    courses of numbers that come to such values, and such as look like them.
     """
+    if limit.derived is not None:
+        return _derived_self_test(limit, limit.derived)
     low = limit.minimum if limit.minimum is not None else -math.inf
     high = limit.maximum if limit.maximum is not None else math.inf
     inside = min(max(0.0, low), high)
@@ -210,6 +270,16 @@ def self_test(limit: EnvelopeLimit) -> bool:
     return all(_trips(limit, value) for value in bad) and not _trips(limit, inside)
 
 
+def _derived_self_test(limit: EnvelopeLimit, how: Derived) -> bool:
+    for rows, trips in rehearsals(limit, how, derivation_of(limit, how)):
+        derivation = derivation_of(limit, how)
+        monitor = Monitor(limit, lambda: Figure(value=math.nan, unit=limit.unit), 0, derivation)
+        found = [monitor.judge(monitor.counted(Figure(value=derivation.row(*row), unit=limit.unit)), 0) for row in rows]
+        if any(found) is not trips:
+            return False
+    return True
+
+
 def _trips(limit: EnvelopeLimit, value: float) -> bool:
     monitor = Monitor(limit, lambda: Figure(value=value, unit=limit.unit), 0)
     return any(monitor.judge(Figure(value=value, unit=limit.unit), 0) for _ in range(limit.debounce))
@@ -217,11 +287,11 @@ def _trips(limit: EnvelopeLimit, value: float) -> bool:
 
 def _problem(limit: EnvelopeLimit, value: float) -> str:
     if not math.isfinite(value):
-        return f"{limit.quantity} is not a number"
+        return f"{limit.words} is not a number"
     if limit.maximum is not None and value > limit.maximum:
-        return f"{limit.quantity} {value:.6g} {limit.unit} is above {limit.maximum:g} {limit.unit}"
+        return f"{limit.words} {value:.6g} {limit.unit} is above {limit.maximum:g} {limit.unit}"
     if limit.minimum is not None and value < limit.minimum:
-        return f"{limit.quantity} {value:.6g} {limit.unit} is below {limit.minimum:g} {limit.unit}"
+        return f"{limit.words} {value:.6g} {limit.unit} is below {limit.minimum:g} {limit.unit}"
     return ""
 
 

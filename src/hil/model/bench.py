@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from hil.model.cutting import CutPath, WatchAfter
+from hil.model.envelope import EnvelopeLimit
 from hil.model.identity import Identity
 
 __all__ = [
@@ -183,33 +184,6 @@ class Clamp:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EnvelopeLimit:
-    """A quantity that trips the bench, watched whether or not a case reads it.
-
-    Attributes:
-        id: its name in events and messages.
-        output: the role instance that is read.
-        quantity: which of its reads (`current`, `voltage`, `temperature`).
-        unit: unit of the limits.
-        minimum: lowest allowed value, or None.
-        maximum: highest allowed value, or None.
-        period_s: how often it is read.
-        max_age_s: how old the last good reading may get before that alone is a trip.
-        debounce: how many readings in a row must be outside.
-    """
-
-    id: str
-    output: str
-    quantity: str
-    unit: str
-    minimum: float | None
-    maximum: float | None
-    period_s: float
-    max_age_s: float
-    debounce: int = 1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Proof:
     """How a safe state is proven: this read must be within these bounds."""
 
@@ -272,7 +246,7 @@ class SimulatedBench:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchSpec:
-    """One bench file, read and checked."""
+    """One bench file, read and checked; `dew_point` is that of its air in degC, None where nobody knows it."""
 
     name: str
     title: str
@@ -287,6 +261,7 @@ class BenchSpec:
     hold: tuple[SafeStep, ...] = ()
     cut_paths: tuple[CutPath, ...] = ()
     watch_after: tuple[WatchAfter, ...] = ()
+    dew_point: float | None = None
     simulated: SimulatedBench | None
 
     def instrument(self, name: str) -> InstrumentSpec:

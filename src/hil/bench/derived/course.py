@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from operator import add, mul
 
 __all__ = ["NONE", "Course", "direction", "micro"]
 
@@ -44,6 +45,7 @@ class Course:
         self._extremes: dict[str, tuple[float, float]] = {}
         self._weights: dict[str, list[int]] = {}
         self._sums: dict[str, int] = {}
+        self._between: list[int] | None = None
 
     def column(self, quantity: str) -> list[float]:
         """Return the numbers of a quantity."""
@@ -74,16 +76,20 @@ class Course:
         if (found := self._weights.get(quantity)) is None:
             numbers = self.column("current")
             if quantity == "energy":
-                numbers = [a * b for a, b in zip(self.column("voltage"), numbers, strict=True)]
-            found = self._weights[quantity] = [abs(micro(number)) for number in numbers]
+                numbers = list(map(mul, self.column("voltage"), numbers))
+            found = self._weights[quantity] = [abs(round(number * _MICRO)) for number in numbers]
         return found
 
     def sum(self, quantity: str) -> int:
         """Return twice the integral of the weights from the first row to the last, in uA.ns or uW.ns."""
         if (found := self._sums.get(quantity)) is None:
             weights = self.weights(quantity)
-            found = 0
-            for (began, ended), (before, after) in zip(pairwise(self.at_ns), pairwise(weights), strict=True):
-                found += (before + after) * max(0, ended - began)
+            found = sum(map(mul, map(add, weights, weights[1:]), self._steps()))
             self._sums[quantity] = found
         return found
+
+    def _steps(self) -> list[int]:
+        """Return the times between rows in ns."""
+        if self._between is None:
+            self._between = [max(0, ended - began) for began, ended in pairwise(self.at_ns)]
+        return self._between

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from hil.bench.derived.course import Course, direction
+from hil.bench.derived.room import Room, flow_bounds
 from hil.model.envelope import Derived, EnvelopeLimit
 
 __all__ = ["INTEGRALS", "MADE_OF", "TIMES", "UNITS", "Derivation", "Watching"]
@@ -59,6 +60,10 @@ class Derivation(Protocol):
         """Count some rows as `row` would if that is known to leave each of them within the limit; else count none."""
         ...
 
+    def room(self) -> Room | None:
+        """Return how far rows may go without anything to be seen, all of them `quiet`; None where that is not known."""
+        ...
+
     def pause(self) -> None:
         """Count nothing between the newest row and the next: nobody knows what was there."""
         ...
@@ -86,6 +91,10 @@ class Watching:
     def flow_of(self, numbers: Sequence[float]) -> int:
         """Return the direction of a row's current; 0 where the limit always counts."""
         return direction(numbers[self._current], self._threshold) if self._gated else 0
+
+    def flow_room(self, flow: int) -> dict[str, tuple[float, float]]:
+        """Return between which currents the flow stays as it is; nothing where the limit always counts."""
+        return {"current": flow_bounds(flow, self._threshold)} if self._gated else {}
 
     def flow_through(self, course: Course) -> int | None:
         """Return the direction of all rows, None where it is not one; 0 where the limit always counts."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from hil.bench.derived.course import Course
 from hil.bench.derived.derivation import Watching
+from hil.bench.derived.room import Room
 from hil.model.envelope import Derived, EnvelopeLimit
 
 __all__ = ["Gated"]
@@ -38,6 +39,11 @@ class Gated(Watching):
             return False
         flow = course.flow(self._threshold)
         return (self._lowest <= low and high <= self._highest) or (flow is not None and flow not in self._flows)
+
+    def room(self) -> Room | None:
+        """See `Derivation`."""
+        bounds = {self._quantity: (self._lowest, self._highest), "current": (-math.inf, math.inf)}
+        return None if self._against else Room(2**62, bounds)
 
     def pause(self) -> None:
         """See `Derivation`; it remembers nothing."""

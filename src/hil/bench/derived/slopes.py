@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections import deque
+from bisect import bisect_right
 from collections.abc import Sequence
 
 from hil.bench.derived.course import Course
 from hil.bench.derived.derivation import TIMES, Watching
+from hil.bench.derived.room import AHEAD_NS, Room
 from hil.clock.port import NANOSECONDS
 from hil.model.envelope import Derived, EnvelopeLimit
 
 __all__ = ["Slope"]
+
+_WITHIN = 0.999
+"""Rounding makes no slope too steep."""
 
 
 class Slope(Watching):
@@ -23,15 +27,17 @@ class Slope(Watching):
         self._over_ns = round((how.over_s or 0.0) * NANOSECONDS)
         self._unit_ns = TIMES[limit.unit.partition("/")[2]] * NANOSECONDS
         self._steepest = min(self._highest, -self._lowest)
-        self._times: deque[int] = deque()
-        self._numbers: deque[float] = deque()
+        self._flow = 0
+        self._times: list[int] = []
+        self._numbers: list[float] = []
 
     def row(self, at_ns: int, numbers: Sequence[float]) -> float:
         """See `Derivation`."""
         if not all(map(math.isfinite, numbers)):
             self.applies = True
             return math.nan
-        self.applies = self.flow_of(numbers) in self._flows
+        self._flow = self.flow_of(numbers)
+        self.applies = self._flow in self._flows
         self._times.append(at_ns)
         self._numbers.append(numbers[0])
         self._forget(at_ns)
@@ -42,15 +48,32 @@ class Slope(Watching):
     def quiet(self, course: Course) -> bool:
         """See `Derivation`."""
         low, high = course.extremes(self._of)
-        if not self._numbers or self.flow_through(course) is None:
+        flow = self.flow_through(course)
+        if not self._numbers or flow is None:
             return False
         spread = max(high, *self._numbers) - min(low, *self._numbers)
-        if not spread / (self._over_ns / self._unit_ns) <= self._steepest:
+        steep = not spread / (self._over_ns / self._unit_ns) <= self._steepest
+        if not math.isfinite(spread) or (steep and flow in self._flows):
             return False
+        self._flow = flow
         self._times.extend(course.at_ns)
         self._numbers.extend(course.column(self._of))
         self._forget(course.at_ns[-1])
         return True
+
+    def room(self) -> Room | None:
+        """See `Derivation`: no two numbers may lie further apart than the steepest slope makes in its time."""
+        if not self._numbers:
+            return None
+        until_ns, bounds = self._times[-1] + AHEAD_NS, self.flow_room(self._flow)
+        if self._flow not in self._flows:
+            return Room(until_ns, {**bounds, self._of: (-math.inf, math.inf)})
+        low, high = min(self._numbers), max(self._numbers)
+        apart = _WITHIN * self._steepest * (self._over_ns / self._unit_ns)
+        if not high - low < apart:
+            return None
+        middle = (low + high) / 2
+        return Room(until_ns, {**bounds, self._of: (middle - apart / 2, middle + apart / 2)})
 
     def pause(self) -> None:
         """See `Derivation`."""
@@ -60,9 +83,8 @@ class Slope(Watching):
     def settle(self, now_ns: int) -> None:
         """See `Derivation`."""
         later_ns = now_ns - self._times[-1] if self._times else 0
-        self._times = deque(at_ns + later_ns for at_ns in self._times)
+        self._times = [at_ns + later_ns for at_ns in self._times]
 
     def _forget(self, now_ns: int) -> None:
-        while len(self._times) > 1 and self._times[1] <= now_ns - self._over_ns:
-            self._times.popleft()
-            self._numbers.popleft()
+        if (place := bisect_right(self._times, now_ns - self._over_ns) - 1) > 0:
+            del self._times[:place], self._numbers[:place]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from hil.bench.derived.course import NONE, Course, micro
 from hil.bench.derived.derivation import MADE_OF, UNITS, Watching
+from hil.bench.derived.room import AHEAD_NS, Room, flow_bounds
 from hil.clock.port import NANOSECONDS
 from hil.model.envelope import Derived, EnvelopeLimit
 
@@ -14,6 +15,11 @@ __all__ = ["Integral", "Unchanged"]
 
 _HALF_NS = 2 * NANOSECONDS
 _MICRO = 1_000_000
+_MOST_VOLTS = 10.0
+"""With a higher voltage, energies are looked at in every block."""
+
+_WITHIN = 0.999
+"""Rounding does not use up the rest."""
 
 
 class Integral(Watching):
@@ -71,6 +77,22 @@ class Integral(Watching):
             self._sum, self._weight = total, weight
         self._at_ns = times[-1]
         return True
+
+    def room(self) -> Room | None:
+        """See `Derivation`: what is left of the most may not be used up until then, whatever the current does."""
+        if self._at_ns is None or self._flow is None:
+            return None
+        low, high = flow_bounds(self._flow, self._threshold)
+        left = max(0.0, self._highest * self._per_unit - self._sum) * _WITHIN
+        bounds = {"voltage": (-_MOST_VOLTS, _MOST_VOLTS)} if self._quantity == "energy" else {}
+        if self._timed or self._flow != self._wanted:
+            left_ns = left / 2 if self._timed and self._flow == self._wanted else AHEAD_NS
+            return Room(self._at_ns + min(AHEAD_NS, int(left_ns)), {**bounds, "current": (low, high)})
+        weight = left / (2 * AHEAD_NS)
+        if self._weight > weight:
+            return None
+        most = weight / _MICRO / (_MOST_VOLTS if bounds else 1.0)
+        return Room(self._at_ns + AHEAD_NS, {**bounds, "current": (max(low, -most), min(high, most))})
 
     def pause(self) -> None:
         """See `Derivation`; what was counted stays."""
@@ -130,6 +152,16 @@ class Unchanged(Watching):
             self._from, self._sum = since, counts * (times[-1] - left_ns)
         self._at_ns = times[-1]
         return True
+
+    def room(self) -> Room | None:
+        """See `Derivation`."""
+        if self._at_ns is None or self._flow is None:
+            return None
+        left = max(0.0, self._highest * self._per_unit - self._sum) * _WITHIN
+        left_ns = int(left / 2) if self._counts else AHEAD_NS
+        return Room(
+            self._at_ns + min(AHEAD_NS, left_ns), {self._of: (-math.inf, math.inf), **self.flow_room(self._flow)}
+        )
 
     def pause(self) -> None:
         """See `Derivation`; what was counted stays."""

@@ -49,5 +49,6 @@ def _problems(spec: BenchSpec, wire: Wire) -> Iterator[str]:
 def _measured(spec: BenchSpec, cycler: str) -> bool:
     """Return whether the envelope holds the battery's voltage down."""
     return any(
-        limit.output == cycler and limit.quantity == "voltage" and limit.maximum is not None for limit in spec.envelope
+        (limit.output, limit.quantity, limit.derived) == (cycler, "voltage", None) and limit.maximum is not None
+        for limit in spec.envelope
     )

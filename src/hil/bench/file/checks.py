@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from hil.bench.file import charging_checks, cutting_checks, limit_checks
+from hil.bench.file import charging_checks, cutting_checks, derived_checks, limit_checks
 from hil.bench.file.complaints import Complaints, Located, known
 from hil.clock.virtual import VirtualClock
 from hil.documents.findings import Findings
@@ -35,6 +35,7 @@ def check_bench(spec: BenchSpec, places: Located, findings: Findings) -> None:
         limit_checks.clamps,
         limit_checks.reduced_levels,
         limit_checks.envelope,
+        derived_checks.air,
         limit_checks.safe_steps,
         limit_checks.covered,
         charging_checks.charging,

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterator
 
 from hil.bench.cut_paths import HAZARDOUS
 from hil.bench.file.complaints import Complaints, known, quantity, quantity_of
+from hil.bench.file.derived_checks import derived
 from hil.documents.suggest import did_you_mean
 from hil.instruments.roles import STATES
 from hil.model.bench import BenchSpec, CalibratedRange, Clamp, EnvelopeLimit, Proof, ReducedLevel, SafeStep, Wire
@@ -113,7 +114,10 @@ def envelope(spec: BenchSpec) -> Complaints:
     seen: set[str] = set()
     for limit in spec.envelope:
         yield from known(limit, "output", limit.output, _outputs(spec))
-        yield from quantity_of(limit, limit.output, limit.quantity, limit.unit)
+        if limit.derived:
+            yield from derived(spec, limit, limit.derived)
+        else:
+            yield from quantity_of(limit, limit.output, limit.quantity, limit.unit)
         for problem in _bound_problems(limit):
             yield limit, f"{limit.id}: {problem}"
         if limit.id and limit.id in seen:

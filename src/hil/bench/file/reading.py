@@ -7,10 +7,10 @@ from pathlib import Path
 from hil.bench.file.checks import check_bench
 from hil.bench.file.complaints import Located
 from hil.bench.file.cutting_sections import read_cut_paths, read_watch_after
+from hil.bench.file.envelope_sections import read_envelope_limit
 from hil.bench.file.sections import (
     read_buses,
     read_clamp,
-    read_envelope_limit,
     read_instruments,
     read_safe_step,
     read_twin,
@@ -70,6 +70,7 @@ def read_bench(path: Path, shown: str, findings: Findings) -> BenchSpec | None:
         name=head.text("name", pattern="[a-z][a-z0-9-]*") if head else "",
         title=head.text("title") if head else "",
         place=head.text("place", "") if head else "",
+        dew_point=head.number("dew_point", None) if head else None,
         buses=read_buses(document, places),
         instruments=read_instruments(document, places),
         wiring=tuple(places.keep(read_wire(item), item.place()) for item in document.children("wiring", required=True)),

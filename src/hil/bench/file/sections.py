@@ -13,7 +13,6 @@ from hil.model.bench import (
     CalibratedRange,
     Calibration,
     Clamp,
-    EnvelopeLimit,
     InstrumentSpec,
     PeerSpec,
     PlantSpec,
@@ -31,7 +30,6 @@ from hil.model.identity import Identity
 __all__ = [
     "read_buses",
     "read_clamp",
-    "read_envelope_limit",
     "read_instruments",
     "read_safe_step",
     "read_twin",
@@ -92,23 +90,6 @@ def read_wire(reader: MappingReader) -> Wire:
 def read_clamp(reader: MappingReader) -> Clamp:
     """Read one clamp."""
     return _bounded(reader, Clamp)
-
-
-def read_envelope_limit(reader: MappingReader) -> EnvelopeLimit:
-    """Read one limit of the envelope."""
-    limit = EnvelopeLimit(
-        id=reader.text("id", pattern="[a-z][a-z0-9-]*"),
-        output=reader.text("output"),
-        quantity=reader.text("quantity"),
-        unit=reader.text("unit"),
-        minimum=reader.number("min", None),
-        maximum=reader.number("max", None),
-        period_s=reader.duration("period"),
-        max_age_s=reader.duration("max_age"),
-        debounce=reader.integer("debounce", 1, minimum=1),
-    )
-    reader.done()
-    return limit
 
 
 def read_safe_step(reader: MappingReader) -> SafeStep:

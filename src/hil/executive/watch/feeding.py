@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from hil.bench.envelope import Monitor, Trip
+from hil.bench.file.complaints import QUANTITIES
 from hil.clock.port import NANOSECONDS
+from hil.executive.watch.derived_feed import Columns, DerivedFeed, Fed
+from hil.executive.watch.glance import Glance
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,8 +22,8 @@ __all__ = ["Feed", "monitors_of", "pause_allowed"]
 
 def monitors_of(
     output: str, columns: Mapping[tuple[str, str], int], every_s: float, monitors: Sequence[Monitor]
-) -> list[tuple[int, Monitor]]:
-    """Return the monitors that a stream can feed, each with the column of a row that holds its quantity.
+) -> Fed:
+    """Return the monitors that a stream can feed, each with the columns of a row that hold its quantity.
 
     Rows have to come often enough for the maximum age, with time left to take a reading where none do any more.
 
@@ -30,15 +34,23 @@ def monitors_of(
         monitors: those to choose from.
     """
     return [
-        (columns[limit.quantity, limit.unit], monitor)
+        (found, monitor)
         for monitor in monitors
-        if (limit := monitor.limit).output == output
-        and (limit.quantity, limit.unit) in columns
-        and every_s <= limit.max_age_s - limit.period_s
+        if every_s <= monitor.limit.max_age_s - monitor.limit.period_s
+        and (found := _columns_of(monitor, output, columns)) is not None
     ]
 
 
-def pause_allowed(monitors: Sequence[tuple[int, Monitor]], row_s: float) -> float:
+def _columns_of(monitor: Monitor, output: str, columns: Mapping[tuple[str, str], int]) -> Columns | None:
+    limit, derivation = monitor.limit, monitor.derivation
+    if derivation is None:
+        return columns.get((limit.quantity, limit.unit)) if limit.output == output else None
+    found = [columns.get((name, QUANTITIES[name])) for at, name in derivation.sources if at == output]
+    places = tuple(place for place in found if place is not None)
+    return places if len(places) == len(derivation.sources) else None
+
+
+def pause_allowed(monitors: Fed, row_s: float) -> float:
     """Return how long rows may wait in seconds: no limit is looked at more seldom than its period, and none trips.
 
     Args:
@@ -56,23 +68,36 @@ class Feed:
     which it was fetched. So a clock that goes otherwise than the bench's makes no row older than it is.
 
     Args:
-        monitors: each with the column of a row that holds its quantity.
+        monitors: each with the columns of a row that hold its quantity.
         every_s: how far apart rows may come.
         recording: the recording's id, for the words of a trip.
     """
 
-    def __init__(self, monitors: Sequence[tuple[int, Monitor]], every_s: float, recording: str) -> None:
+    def __init__(self, monitors: Fed, every_s: float, recording: str) -> None:
         self._recording = recording
-        self._fed = list(monitors)
+        self._fed = [(columns, monitor) for columns, monitor in monitors if isinstance(columns, int)]
+        self._derived = DerivedFeed(monitors)
+        self._monitors = [monitor for _, monitor in monitors]
         self._ahead_ns = 0
-        for _, monitor in self._fed:
+        places = {monitor.limit.quantity: column for column, monitor in self._fed} | self._derived.places
+        self._glance = Glance(self._monitors, places, self._derived.count)
+        for monitor in self._monitors:
             monitor.feed(every_s)
+            monitor.catch_up = self._glance.catch_up
 
     def judge(self, rows: list[list[float]] | NDArray[np.float64], now_ns: int) -> Trip | None:
         """Judge rows that were fetched now, at least one; return the trip of the first one that trips, if any."""
         ahead_ns = now_ns - round(rows[-1][0] * NANOSECONDS)
         by_ns = ahead_ns - self._ahead_ns
+        if self._derived.any:
+            if isinstance(rows, list) and self._glance.passes(rows, self._ahead_ns, by_ns):
+                self._ahead_ns = ahead_ns
+                return None
+            self._glance.catch_up()
         found = self._few(rows, by_ns) if isinstance(rows, list) else self._many(rows, by_ns)
+        if self._derived.any:
+            derived = self._derived.judge(rows, self._ahead_ns, by_ns)
+            found = min((each for each in (found, derived) if each), key=itemgetter(0), default=None)
         self._ahead_ns = ahead_ns
         if found is None:
             return None
@@ -81,7 +106,9 @@ class Feed:
 
     def end(self, now_ns: int) -> None:
         """Let the monitors take readings again."""
-        for _, monitor in self._fed:
+        self._glance.catch_up()
+        for monitor in self._monitors:
+            monitor.catch_up = _nothing
             monitor.unfeed(now_ns)
 
     def _few(self, rows: list[list[float]], by_ns: int) -> tuple[int, Trip] | None:
@@ -103,4 +130,8 @@ class Feed:
 
         when_ns = np.rint(rows[:, 0] * NANOSECONDS).astype(np.int64) + self._ahead_ns
         found = [monitor.judge_rows(when_ns, rows[:, column], by_ns) for column, monitor in self._fed]
-        return min((each for each in found if each), key=lambda each: each[0], default=None)
+        return min((each for each in found if each), key=itemgetter(0), default=None)
+
+
+def _nothing() -> None:
+    """No rows wait any more."""

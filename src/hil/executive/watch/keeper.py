@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 from hil.bench.bound import BoundBench
-from hil.bench.envelope import Monitor, Trip
+from hil.bench.envelope import Trip
 from hil.bench.readiness import Gate, energised_gates, unpowered_gates
 from hil.bench.safe_off import SafeResult, make_safe
 from hil.executive.run.row_store import OpenRecording, RecordedChannel, RecordingFacts, RowStore
 from hil.executive.run.stop import StopFlags
 from hil.executive.watch.holding import Holding
+from hil.executive.watch.monitors import monitor_of
 from hil.executive.watch.scheduler import Scheduler
 from hil.model.bench import EnvelopeLimit, SafeStep
 from hil.model.figure import Figure
@@ -54,7 +55,7 @@ class BenchKeeper:
         self._watched: dict[str, OpenRecording] = {}
         self.unsafe = False
         self.touched = False
-        self.scheduler = Scheduler(bench, [self._monitor(limit) for limit in bench.spec.envelope], flags, self)
+        self.scheduler = Scheduler(bench, [monitor_of(bench, limit) for limit in bench.spec.envelope], flags, self)
         self.holding = Holding(bench, flags, write, self.scheduler)
         self._ticks = [tick, self.holding.tick]
         self.scheduler.again = self.holding.again
@@ -164,15 +165,6 @@ class BenchKeeper:
 
         make_safe(steps, self._bench.roles, self._bench.clock, tell)
         return problems
-
-    def _monitor(self, limit: EnvelopeLimit) -> Monitor:
-        role = self._bench.roles[limit.output]
-
-        def read() -> Figure:
-            figure: Figure = getattr(role, limit.quantity)()
-            return figure
-
-        return Monitor(limit, read, 0)
 
     def _facts(self, limit: EnvelopeLimit) -> RecordingFacts:
         instrument = self._bench.spec.instrument(self._bench.spec.wire(limit.output).instrument)

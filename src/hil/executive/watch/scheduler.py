@@ -11,6 +11,7 @@ from hil.bench.envelope import Monitor, Trip
 from hil.clock import wall
 from hil.clock.port import FOREVER_NS, NANOSECONDS
 from hil.executive.run.stop import StopFlags, Stopped
+from hil.executive.watch.derived_feed import Fed
 from hil.executive.watch.feeding import Feed, monitors_of, pause_allowed
 from hil.executive.watch.monitoring import Monitoring
 from hil.executive.watch.reports_to import Beside, Watch
@@ -140,16 +141,16 @@ class Scheduler:
         for beside in tuple(self._beside):
             beside.begin_again()
 
-    def fed_by(self, output: str, columns: Mapping[tuple[str, str], int], every_s: float) -> list[tuple[int, Monitor]]:
+    def fed_by(self, output: str, columns: Mapping[tuple[str, str], int], every_s: float) -> Fed:
         """Return the monitors that a recording's rows feed. See `monitors_of`."""
         return monitors_of(output, columns, every_s, self.monitoring.all)
 
-    def pause_allowed(self, fed: Sequence[tuple[int, Monitor]], row_s: float) -> float:
+    def pause_allowed(self, fed: Fed, row_s: float) -> float:
         """Return how long rows may wait in seconds, 0 where they did not in the record. See `pause_allowed`."""
         playback = self._bench.playback
         return pause_allowed(fed, row_s) if playback is None or playback.rows_wait else 0.0
 
-    def feed(self, fed: Sequence[tuple[int, Monitor]], every_s: float, recording: str) -> Feed:
+    def feed(self, fed: Fed, every_s: float, recording: str) -> Feed:
         """Return what judges a recording's rows. See `Feed`."""
         for _, monitor in fed:
             self._watch.fed(monitor.limit.id, recording)

@@ -1,0 +1,142 @@
+"""What must hold for limits of the envelope on derived quantities."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from hil.bench.derived.derivation import INTEGRALS, MADE_OF, TIMES, UNITS
+from hil.bench.file.complaints import QUANTITIES, Complaints, known, quantity_of
+from hil.documents.suggest import did_you_mean
+from hil.instruments.roles import ROLES
+from hil.model.bench import BenchSpec, Wire
+from hil.model.envelope import Derived, EnvelopeLimit
+
+__all__ = ["air", "derived"]
+
+_NEEDED = {
+    **dict.fromkeys(INTEGRALS, ("while", "threshold", "since")),
+    "slope": ("of", "over"),
+    "unchanged": ("of", "band"),
+}
+_FLOW = ("while", "threshold")
+_ALLOWED = {**dict.fromkeys(INTEGRALS, ()), "slope": _FLOW, "unchanged": _FLOW}
+_OF_WHAT_IS_READ = (*_FLOW, "against")
+_DIRECTIONS = ("charging", "discharging")
+_SHORTEST_S = 0.001
+
+
+def derived(spec: BenchSpec, limit: EnvelopeLimit, how: Derived) -> Complaints:
+    """Check one limit on a derived quantity."""
+    if limit.quantity in MADE_OF:
+        yield from _unit(limit, how)
+    else:
+        yield from known(limit, "quantity", limit.quantity, (*QUANTITIES, *MADE_OF))
+        if limit.quantity in QUANTITIES:
+            yield from quantity_of(limit, limit.output, limit.quantity, limit.unit)
+    for problem in (*_keys(limit, how), *_sources(spec, limit, how), *_numbers(limit, how)):
+        yield limit, f"{limit.id}: {problem}"
+
+
+def air(spec: BenchSpec) -> Complaints:
+    """Check that nothing is cooled below the dew point of the air around it, where the bench knows that."""
+    if spec.dew_point is None:
+        return
+    lowest = f"the dew point {spec.dew_point:g} degC"
+    for wire in spec.wiring:
+        if wire.role != "thermal":
+            continue
+        for clamp in spec.clamps:
+            if (clamp.output, clamp.quantity) == (wire.name, "temperature") and clamp.minimum < spec.dew_point:
+                allowed = f"its clamp allows {clamp.minimum:g} degC"
+                yield clamp, f"{wire.name}: {allowed}, below {lowest}, at which water condenses"
+        if not _guarded(spec, wire, spec.dew_point):
+            yield wire, f"{wire.name}: the envelope needs a limit on its temperature, with min at {lowest} or above"
+
+
+def _guarded(spec: BenchSpec, wire: Wire, lowest: float) -> bool:
+    return any(
+        (limit.output, limit.quantity, limit.derived) == (wire.name, "temperature", None)
+        and limit.minimum is not None
+        and limit.minimum >= lowest
+        for limit in spec.envelope
+    )
+
+
+def _given(how: Derived) -> dict[str, bool]:
+    return {
+        "of": bool(how.of),
+        "while": bool(how.flow),
+        "threshold": how.threshold is not None,
+        "since": bool(how.since),
+        "over": how.over_s is not None,
+        "band": how.band is not None,
+        "against": bool(how.against),
+    }
+
+
+def _keys(limit: EnvelopeLimit, how: Derived) -> Iterator[str]:
+    """What a quantity needs, what it takes besides, and nothing else."""
+    given = _given(how)
+    needed = _NEEDED.get(limit.quantity, ())
+    allowed = (*needed, *_ALLOWED.get(limit.quantity, _OF_WHAT_IS_READ))
+    for key, there in given.items():
+        if key in needed and not there:
+            yield f"{limit.quantity} needs '{key}'"
+        elif there and key not in allowed:
+            yield f"{limit.quantity} takes no '{key}'"
+    if "threshold" not in needed and given["while"] != given["threshold"]:
+        yield "'while' and 'threshold' belong together: from the threshold on, a current flows"
+    if limit.quantity in INTEGRALS and how.flow == "flowing":
+        yield f"{limit.quantity} adds up in one direction: while is charging or discharging"
+    if how.flow and limit.quantity not in INTEGRALS and "current" in {how.of, limit.quantity}:
+        yield "a current cannot be the condition of its own limit"
+
+
+def _unit(limit: EnvelopeLimit, how: Derived) -> Complaints:
+    if limit.quantity == "slope":
+        if how.of not in QUANTITIES:
+            return
+        base = {"degC": "K"}.get(QUANTITIES[how.of], QUANTITIES[how.of])
+        name, units = f"slope of {how.of}", [f"{base}/{time}" for time in TIMES]
+    else:
+        name, units = limit.quantity, list(UNITS[limit.quantity])
+    if limit.unit and limit.unit not in units:
+        listed = f"{', '.join(units[:-1])} or {units[-1]}"
+        yield limit, f"{name} is given in {listed} here, not in '{limit.unit}'{did_you_mean(limit.unit, units)}"
+
+
+def _sources(spec: BenchSpec, limit: EnvelopeLimit, how: Derived) -> Iterator[str]:
+    """What is derived needs what it is derived from."""
+    role = ROLES.get(limit.output.partition(".")[0])
+    if how.of and how.of not in QUANTITIES:
+        yield f"unknown quantity '{how.of}'{did_you_mean(how.of, QUANTITIES)}"
+    made_of = {*MADE_OF.get(limit.quantity, ()), *({how.of} & set(QUANTITIES)), *(("current",) if how.flow else ())}
+    for name in sorted(made_of) if role else ():
+        if not hasattr(role, name):
+            yield f"{limit.output} has no {name}, of which this is made"
+    outputs = [wire.name for wire in spec.wiring]
+    if not how.against:
+        return
+    other = ROLES.get(how.against.partition(".")[0])
+    if how.against not in outputs:
+        yield f"unknown output '{how.against}'{did_you_mean(how.against, outputs)}"
+    elif how.against == limit.output:
+        yield f"{limit.output} cannot be held against itself"
+    elif limit.quantity in QUANTITIES and other and not hasattr(other, limit.quantity):
+        yield f"{how.against} has no {limit.quantity}"
+
+
+def _numbers(limit: EnvelopeLimit, how: Derived) -> Iterator[str]:
+    if how.threshold is not None and how.threshold <= 0:
+        yield "the threshold must be above zero, in A: noise is no current"
+    if how.over_s is not None and how.over_s < _SHORTEST_S:
+        yield "over must be 1 ms at least"
+    if how.band is not None and how.band < 0:
+        yield "the band cannot be below zero"
+    if limit.quantity in (*INTEGRALS, "unchanged"):
+        if limit.minimum is not None:
+            yield f"{limit.quantity} begins at zero, it takes no min"
+        if limit.maximum is not None and limit.maximum <= 0:
+            yield f"the max of {limit.quantity} must be above zero"
+    if limit.quantity == "slope" and not (limit.minimum or 0.0) <= 0 <= (limit.maximum or 0.0):
+        yield "what does not change has a slope of zero, so min and max must let it be"
