@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from hil.cli.answered import answer_of
 from hil.cli.folders import find_run, find_running, reports_folder, shown
 from hil.model.errors import Refused
 
@@ -21,7 +22,8 @@ def command(run: str, by: str, text: str, code: str) -> int:
     """Tell what the guardian did to the bench of a run, and acknowledge it by name.
 
     Until then the bench is latched: it is driven by no run and no check. With --code it says instead that whoever is
-    on call was reached by an unattended run that waits for it.
+    on call was reached by an unattended run that waits for it. Exit codes: 0, and 1 for a code that is not the one
+    that the run waits for.
     """
     if code.strip():
         return _reached(run, by, code)
@@ -55,9 +57,20 @@ def _run_or_latched(asked: str) -> Path:
 
 def _reached(run: str, by: str, code: str) -> int:
     from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
+    from hil.report.live.following import Follower  # noqa: PLC0415 - only when it is used
 
     if not by.strip():
         raise Refused("whoever was reached gives a name", "say it with --by NAME")
-    post(find_running(run), "reached", by=by.strip(), text=code.strip())
-    click.echo("the run will compare the code; hil status tells whether it goes on")
+    folder = find_running(run)
+    follower = Follower(folder)
+    follower.read()
+    post(folder, "reached", by=by.strip(), text=code.strip())
+    answer = answer_of(follower, {"reached"})
+    if answer is None:
+        click.echo("the run has not looked at the code yet; hil status tells whether it goes on")
+        return 0
+    if not answer["ok"]:
+        click.echo("refused: this is not the code that the run waits for", err=True)
+        return 1
+    click.echo("the code is right, and the bench will be armed")
     return 0

@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
-
 import click
 
+from hil.cli.answered import answer_of
 from hil.cli.folders import find_running
 
-if TYPE_CHECKING:
-    from hil.report.live.following import Follower
-
 __all__ = ["command"]
-
-_PATIENCE_S = 10.0
-_LOOK_S = 0.1
 
 
 @click.command(name="hold", epilog='Example: hil hold 20261121T093100Z --reason "open the door" --by "A. Engineer"')
@@ -36,7 +28,7 @@ def command(run: str, *, release: bool, reason: str, by: str) -> int:
     follower = Follower(folder)
     follower.read()
     post(folder, "release" if release else "hold", by=by, text=reason)
-    answer = _answer(follower, "hold-end" if release else "hold")
+    answer = answer_of(follower, {"hold-end" if release else "hold", "hold-refused"})
     if answer is None:
         click.echo(f"the run will {'go on' if release else 'hold'} at its next scheduling point; hil status tells")
         return 0
@@ -50,16 +42,3 @@ def command(run: str, *, release: bool, reason: str, by: str) -> int:
         word = "" if line["ok"] else "NOT "
         click.echo(shown(f"{line['output']} {word}{line['state']}, {line['detail']}"))
     return 0 if all(line["ok"] for line in answer["outputs"]) else 1
-
-
-def _answer(follower: Follower, awaited: str) -> Mapping[str, Any] | None:
-    """Return the event with which the run answers, None where none comes in time or the run ends."""
-    from hil.clock import wall  # noqa: PLC0415 - only when it is used
-
-    end = wall.monotonic() + _PATIENCE_S
-    while wall.monotonic() < end and follower.goes_on():
-        for line in follower.read():
-            if line.body["kind"] in {awaited, "hold-refused"}:
-                return line.body
-        wall.pause(_LOOK_S)
-    return None

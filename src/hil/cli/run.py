@@ -5,17 +5,21 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from hil.cli.attending import attendance_of, attendance_options
 from hil.cli.bench import SERVED
 from hil.cli.deviating import deviation_options, overrides_of, skips_of
 from hil.cli.display import Display
 from hil.cli.folders import reports_folder
-from hil.cli.supervision import ONLOOKER, Invocation, supervise
+from hil.cli.supervision import ONLOOKER, Invocation, Word, supervise
 from hil.model.errors import Refused
 from hil.model.identity import Purpose, Source
+
+if TYPE_CHECKING:
+    from hil.executive.setup.configuration import Request
 
 __all__ = ["command"]
 
@@ -45,10 +49,12 @@ class Place(click.Path):
 @click.option("--ask", is_flag=True, help="Ask at the terminal, also on a simulated bench.")
 @click.option("--output", type=Place(path_type=Path, file_okay=False), help="Where the package goes.")
 @click.option("--detach", is_flag=True, help="Go on without this terminal; return once the run has begun.")
+@attendance_options
 @click.option("-v", "--verbose", is_flag=True, help="Show every step, every driving call, every gate.")
 @click.pass_obj
 def command(  # noqa: PLR0913 - one argument per option
     invocation: Invocation,
+    /,
     *,
     plans: tuple[str, ...],
     bench: str,
@@ -65,6 +71,7 @@ def command(  # noqa: PLR0913 - one argument per option
     output: Path | None,
     detach: bool,
     verbose: bool,
+    **attendance: Any,  # noqa: ANN401 - those of attendance_options
 ) -> int:
     """Run plans on a bench and seal the evidence.
 
@@ -74,11 +81,13 @@ def command(  # noqa: PLR0913 - one argument per option
     """
     given = skips_of(skips, reasons), overrides_of(overrides)
     _require_text(bench=bench, dut=dut, operator=operator, reason="".join(reasons), parameter="".join(overrides))
+    live = served is not None or Source(source) is Source.HARDWARE
+    attended = attendance_of(attendance, left_alone=detach and live)
+    _require_text(**{"on-call": attended["on_call"]})
     if invocation.word is None:
         return _in_another_process(invocation, output, detach=detach, ask=ask)
     from hil.clock import wall  # noqa: PLC0415 - the process that waits stays light
     from hil.executive.setup.configuration import Request  # noqa: PLC0415 - after the pins
-    from hil.plugin.running import run  # noqa: PLC0415 - after the pins
 
     invocation.word.listen()
     request = Request(
@@ -95,11 +104,18 @@ def command(  # noqa: PLR0913 - one argument per option
         person=ask,
         output=output.resolve() if output else None,
         served=served.resolve() if served else None,
-        epoch=wall.utc_now() if served or Source(source) is Source.HARDWARE else "",
+        epoch=wall.utc_now() if live else "",
+        **attended,
     )
-    code = run(request, sys.stdout, verbose=verbose, word=invocation.word)
-    if isinstance(sys.stdout, Display) and not sys.stdout.finish() and invocation.word.folder:
-        click.echo(f"hil: standard output could not be written; the package is {invocation.word.folder}", err=True)
+    return _run(request, invocation.word, verbose=verbose)
+
+
+def _run(request: Request, word: Word, *, verbose: bool) -> int:
+    from hil.plugin.running import run  # noqa: PLC0415 - after the pins
+
+    code = run(request, sys.stdout, verbose=verbose, word=word)
+    if isinstance(sys.stdout, Display) and not sys.stdout.finish() and word.folder:
+        click.echo(f"hil: standard output could not be written; the package is {word.folder}", err=True)
     return code
 
 

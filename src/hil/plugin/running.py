@@ -15,12 +15,14 @@ from hil.evidence.folder import JOURNAL, RESULTS, is_sealed
 from hil.executive.again.earlier import Earlier, find_earlier
 from hil.executive.case.case_run import PlannedCase
 from hil.executive.live.acknowledging import require_acknowledged
+from hil.executive.live.unattended import require_unattended
 from hil.executive.run.exit_codes import EXIT_INTERRUPTED
 from hil.executive.run.notifying import Notifier
 from hil.executive.run.session import Session
 from hil.executive.setup.configuration import Configuration, Request, configure
 from hil.executive.setup.resuming import changes, deviation_of, require_answers
 from hil.model.errors import Diverged, EvidenceError, Refused
+from hil.plugin.attending import attend
 from hil.plugin.launch import launch
 from hil.plugin.opening import open_new, open_resumed
 from hil.plugin.progress import Progress
@@ -128,7 +130,9 @@ def _run(
 ) -> int:
     opened = partial(_open, opener=opener, out=out, verbose=verbose, word=word)
     try:
-        launched = launch(configured(), opened)
+        configuration = configured()
+        require_unattended(configuration)
+        launched = launch(configuration, opened)
     except KeyboardInterrupt:
         return _nothing(out, EXIT_INTERRUPTED)
     if launched.session is None:
@@ -153,6 +157,7 @@ def _open(
     session.keeper.beside(notifier.tick)
     notifier.attach(session.folder.name, session.keeper.write)
     session.keeper.last = notifier.finish
+    attend(session, notifier)
     session.record.if_diverged(partial(_leave_as_it_is, session, word))
     session.record.if_stopped(partial(_leave_for_later, session.folder, word))
     session.at_last = lambda: word.leave(_close(session, _FAILED, out, word))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from hil.bench.bound import BoundBench
 from hil.bench.gate import Gate
@@ -31,6 +31,9 @@ class Host:
         guarding: the guardian.
         inhibitor: holds off sleep and shutdown.
         served: whether the bench is served by another process.
+
+    Attributes:
+        people: gives the gates that people open.
     """
 
     def __init__(self, spec: BenchSpec, guarding: Guarding, inhibitor: Inhibitor, *, served: bool) -> None:
@@ -38,12 +41,14 @@ class Host:
         self._guarding = guarding
         self._inhibitor = inhibitor
         self._served = served
+        self.people: Callable[[], Iterable[Gate]] = tuple
 
     def gates(self) -> Iterator[Gate]:
         """Yield what has to hold before anything is driven; with the last one the guardian watches."""
         if not self._served:
             yield from port_gates(self._spec)
         yield self._awake()
+        yield from self.people()
         yield from self._guarding.begin()
 
     @property

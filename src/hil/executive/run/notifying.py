@@ -80,6 +80,14 @@ class Notifier:
             case "answer" | "effect" | "case-end":
                 self._question = ""
 
+    def send(self, event: str, text: str) -> Callable[[], str | None]:
+        """Notify of something that is no event of the run; return what tells what became of it.
+
+        That is None while it is under way, empty once the command succeeded, and otherwise what kept it.
+        """
+        sent = self._send(event, text)
+        return lambda: sent.problem if sent else "no command notifies anybody here"
+
     def tick(self) -> None:
         """Notify of a question that waits for a person, and look after the commands that run."""
         if self._question:
@@ -108,21 +116,21 @@ class Notifier:
         if self._write is not None:
             self._write(kind, **fields)
 
-    def _send(self, event: str, text: str) -> None:
-        """Start the command; what keeps it from starting is kept, not raised."""
+    def _send(self, event: str, text: str) -> _Sent | None:
+        """Start the command and return what becomes of it; what keeps it from starting is kept, not raised."""
         if not self._command or self._write is None:
-            return
+            return None
         sent = _Sent(event, wall.monotonic())
         self._sent.append(sent)
         if sum(each.problem is None for each in self._sent) > _MOST_AT_ONCE:
             self._end(sent, "too many commands were still going on")
-            return
+            return sent
         text = text.replace("\0", "")[:_LONGEST_TEXT]
         try:
             sent.process = self._started(event, text)
         except (OSError, ValueError) as error:
             self._end(sent, getattr(error, "strerror", None) or type(error).__name__)
-            return
+            return sent
         told = canonical({"event": event, "run": self._run, "text": text})
         if sent.process.stdin is not None:
             with suppress(OSError):  # it may have ended without reading; the pipe holds all of it, so nobody waits
@@ -130,6 +138,7 @@ class Notifier:
                 sent.process.stdin.flush()
             with suppress(OSError):
                 sent.process.stdin.close()
+        return sent
 
     def _started(self, event: str, text: str) -> subprocess.Popen[bytes]:
         return subprocess.Popen(  # noqa: S603 - the workspace names it, and no shell reads it

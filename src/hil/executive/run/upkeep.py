@@ -30,11 +30,13 @@ class Upkeep:
 
     Attributes:
         checkpoint: writes down where the bench is, if it is time.
+        knows_code: tells whether a code is the one that the person on call was sent.
         retraces: tells whether the run still comes to what it came to before; nothing from outside can be taken then.
     """
 
     def __init__(self, folder: Path, events: Events, store: RowStore, transcript: Transcript, flags: StopFlags) -> None:
         self.checkpoint: Callable[[], None] = lambda: None
+        self.knows_code: Callable[[str], bool] = lambda _: False
         self.retraces: Callable[[], bool] = lambda: False
         self._left = waiting(folder)
         self._timekeeping = Timekeeping(events.write)
@@ -61,6 +63,8 @@ class Upkeep:
             may_stay_open = self._flags.leave_open or not self._flags.reason
             self._flags.leave_open = message.kind == "interrupt" and may_stay_open
             self._flags.request(f"{message.by or 'another terminal'}: {message.text}".rstrip(": "))
+        elif message.kind == "reached":
+            self._events.write("reached", by=message.by, ok=self.knows_code(message.text))
         else:
             kind, fields = event_of(message)
             self._events.write(kind, **fields)

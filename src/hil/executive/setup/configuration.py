@@ -46,6 +46,9 @@ class Request:
         output: where the package goes, the workspace's reports where None.
         served: the folder in which another process serves the simulated bench, None where none does.
         epoch: UTC of bench time zero, ISO 8601, for a bench outside of this process.
+        unattended: whether nobody stays with the run; that takes more of a bench outside of this process.
+        on_call: who comes if something happens then.
+        acknowledge_within_s: how long that person may take to answer when the bench is armed [s].
     """
 
     start: Path
@@ -62,6 +65,9 @@ class Request:
     output: Path | None = None
     served: Path | None = None
     epoch: str = ""
+    unattended: bool = False
+    on_call: str = ""
+    acknowledge_within_s: float = 600.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -51,6 +51,7 @@ def write_head(
         overrides=dict(configuration.request.overrides),
         skips=dict(configuration.request.skips),
         **_live(configuration),
+        **({"unattended": True, "on_call": configuration.request.on_call} if configuration.request.unattended else {}),
     )
     write("frozen", files=frozen.files, beside={"files": frozen.beside})
     cases = [

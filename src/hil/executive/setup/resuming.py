@@ -75,6 +75,8 @@ def resumed_request(
         output=earlier.folder.parent,
         served=served,
         epoch=str(run["epoch"]) if earlier.live else "",
+        unattended=bool(run.get("unattended", False)),
+        on_call=str(run.get("on_call", "")),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Protocol
 
 from hil.bench.envelope import Trip
@@ -62,7 +62,13 @@ class Beside(Protocol):
 
 
 class Outside(Protocol):
-    """What a bench outside of this process needs of the machine that drives it."""
+    """What a bench outside of this process needs of the machine that drives it, and of people.
+
+    Attributes:
+        people: gives the gates that people open.
+    """
+
+    people: Callable[[], Iterable[Gate]]
 
     def gates(self) -> Iterator[Gate]:
         """Yield what has to hold before anything is driven."""

@@ -156,12 +156,14 @@ _DID = {
     "acknowledged": "acknowledged what the guardian did",
     "answer": "answered questions",
     "attachment": "attached files",
+    "confirmed": "confirmed what is safe",
     "hold-asked": "held or released the bench",
     "note": "wrote notes",
     "reached": "was reached on call",
 }
 _WORDS = {
     "acknowledged": "acknowledged",
+    "confirmed": "confirmed again",
     "hold": "hold",
     "hold-end": "hold",
     "hold-refused": "hold refused",
@@ -183,6 +185,7 @@ _WORDS = {
 }
 _TOLD: Mapping[str, Callable[[Body], str]] = {
     "acknowledged": noted,
+    "confirmed": lambda event: f"{text(event, 'text')} {'yes' if flag(event, 'value') else 'no'} ({_by(event)})",
     "anomaly": lambda event: text(event, "text"),
     "trip": _reading,
     "monitor-late": _reading,
