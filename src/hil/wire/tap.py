@@ -60,7 +60,7 @@ class _Tap:
         sent: bytes = b"",
         received: Callable[[_Result], bytes] | None = None,
     ) -> _Result:
-        start_ns = self._look()
+        start_ns = self._clock.now_ns()
         try:
             result = operation()
         except (OSError, SerialException) as error:
@@ -123,7 +123,7 @@ class TappedPort(_Tap):
     @property
     def in_waiting(self) -> int:
         """The number of bytes that can be read without waiting."""
-        start_ns = self._look()
+        start_ns = self._clock.now_ns()
         try:
             waiting = self._serial.in_waiting
         except (OSError, SerialException) as error:
@@ -135,7 +135,7 @@ class TappedPort(_Tap):
 
     def write(self, data: bytes) -> int:
         """Write all bytes and return their number."""
-        start_ns = self._look()
+        start_ns = self._clock.now_ns()
         try:
             self._serial.write(data)
         except (OSError, SerialException) as error:
@@ -183,7 +183,7 @@ class TappedPort(_Tap):
         self._serial.dtr = True
 
     def _read(self, size: int) -> bytes:
-        start_ns = self._look()
+        start_ns = self._clock.now_ns()
         try:
             data = self._serial.read(size)
         except (OSError, SerialException) as error:
