@@ -77,12 +77,11 @@ def test_every_end_of_an_executive_leaves_its_outputs_safe(tmp_path, stack, inst
     psu.wait(lambda: not psu.on)
     cycler.wait(lambda: not cycler.on)
     assert max(psu.said(b"OFF 2")[0], cycler.said(b"OFF 1")[0]) - began < limit_s + SLOW_MACHINE_S
-    executive.wait_for_guardian()
+    said = executive.wait_for_words()
     assert executive.wait() != 0 or end == "end of input"
     assert latched(plan).outputs == ()
     assert [line["output"] for line in events(plan, "off")] == ["one", "relay", "two"]
     assert {line["detail"] for line in events(plan, "proof")} == {"safe"}
-    said = executive.process.stderr.read().decode()
     assert said.count("hil guardian: ") == 1
     assert latched(plan).why in said
     assert "all outputs are safe; the bench is latched" in said
@@ -97,7 +96,7 @@ def test_outputs_are_made_safe_in_their_order(tmp_path, stack, instruments):
     executive.arm()
     began = time.monotonic()
     executive.process.kill()
-    executive.wait_for_guardian()
+    executive.wait_for_words()
     times = [ports[device].said(b"OFF %d" % channel)[0] for device, channel in order]
     assert times == sorted(times)
     assert events(plan, "first pass over")[0]["seconds"] < 0.3
@@ -114,11 +113,11 @@ def test_a_dead_port_costs_the_others_a_moment_only(tmp_path, stack, instruments
     dead.dead = True
     executive.process.kill()
     alive.wait(lambda: not alive.on)
-    executive.wait_for_guardian()
+    said = executive.wait_for_words()
     assert dead.said(b"OFF 1")[0] < dead.said(b"OFF 2")[0]
     assert alive.said(b"OFF 1")[0] - dead.said(b"SYNC")[0] < 0.4
     assert latched(plan).outputs == ("one", "two")
-    assert "NOT PROVEN SAFE: one, two" in executive.process.stderr.read().decode()
+    assert "NOT PROVEN SAFE: one, two" in said
 
 
 def test_a_half_sent_frame_is_ended_first(tmp_path, stack, instruments):
@@ -131,7 +130,7 @@ def test_a_half_sent_frame_is_ended_first(tmp_path, stack, instruments):
     os.kill(executive.process.pid, signal.SIGSTOP)
     psu.wait(lambda: not psu.on)
     assert [line for _, line in psu.heard][:3] == [b"VOLT 4.", b"SYNC", b"OFF 1"]
-    executive.wait_for_guardian()
+    executive.wait_for_words()
     assert executive.wait() == -signal.SIGKILL
 
 
@@ -143,7 +142,7 @@ def test_a_reply_is_found_among_what_else_is_said(tmp_path, stack, instruments):
     executive = started(stack, plan, cycler=cycler)
     executive.arm()
     executive.process.kill()
-    executive.wait_for_guardian()
+    executive.wait_for_words()
     assert latched(plan).outputs == ()
 
 
@@ -155,7 +154,7 @@ def test_what_refuses_is_never_said_to_be_safe(tmp_path, stack, instruments):
     executive = started(stack, plan, psu=psu, board=relay)
     executive.arm()
     executive.process.kill()
-    executive.wait_for_guardian()
+    executive.wait_for_words()
     assert latched(plan).outputs == ("supply",)
     assert "b'on 1 yes" in events(plan, "proof")[0]["detail"]
 
@@ -168,7 +167,7 @@ def test_a_pulled_port_is_cut_off_by_another(tmp_path, stack, instruments):
     executive.arm()
     psu.close()
     executive.process.kill()
-    executive.wait_for_guardian()
+    executive.wait_for_words()
     assert not relay.on
     assert latched(plan).outputs == ()
     assert events(plan, "proof")[0]["detail"].startswith("cut off by relay, which is safe; its port is gone")
@@ -187,7 +186,7 @@ def test_a_port_that_came_back_is_opened_anew(tmp_path, stack, instruments):
     link.symlink_to(again.url)
     executive.process.kill()
     again.wait(lambda: not again.on)
-    executive.wait_for_guardian()
+    executive.wait_for_words()
     assert latched(plan).outputs == ()
 
 
@@ -202,7 +201,7 @@ def test_a_connection_is_used_while_it_stands_and_made_anew_when_it_does_not(tmp
     executive.process.kill()
     kept.wait(lambda: not kept.on)
     shut.wait(lambda: not shut.on)
-    executive.wait_for_guardian()
+    executive.wait_for_words()
     assert (kept.clients, shut.clients) == (1, 2)
     assert latched(plan).outputs == ()
 
@@ -217,7 +216,7 @@ def test_a_child_that_keeps_everything_open_hides_no_death(tmp_path, stack, inst
     stack.callback(os.kill, child, signal.SIGKILL)
     executive.process.kill()
     psu.wait(lambda: not psu.on)
-    executive.wait_for_guardian()
+    executive.wait_for_words()
     assert latched(plan).why == "the executive died"
 
 
@@ -230,7 +229,7 @@ def test_a_death_in_the_midst_of_the_drill_is_acted_upon(tmp_path, stack, instru
     executive.tell("drill")
     psu.wait(lambda: psu.heard)
     executive.process.kill()
-    executive.wait_for_guardian()
+    executive.wait_for_words()
     assert latched(plan).outputs == ("one",)
 
 
@@ -318,7 +317,7 @@ def test_signals_of_a_terminal_do_not_end_it(tmp_path, stack, instruments):
     assert {name for name in held if name.startswith("/dev/pts")} == {psu.url}
     executive.process.kill()
     psu.wait(lambda: not psu.on)
-    executive.wait_for_guardian()
+    executive.wait_for_words()
 
 
 def test_two_guardians_do_not_know_each_other(tmp_path, stack, instruments):
@@ -331,6 +330,6 @@ def test_two_guardians_do_not_know_each_other(tmp_path, stack, instruments):
     first.arm()
     second.arm()
     first.process.kill()
-    first.wait_for_guardian()
+    first.wait_for_words()
     assert (one.on, other.on) == (set(), {1})
     assert latch.read(plan.latches[0]) is None

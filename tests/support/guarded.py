@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import select
+import signal
 import socket
 import subprocess
 import sys
@@ -221,6 +222,7 @@ class Executive:
         self.guardian = self.ask("start")["pid"]
         self.watched = os.pidfd_open(self.guardian)
         stack.callback(os.close, self.watched)
+        stack.callback(self._end_guardian)
 
     def tell(self, word: str, **told) -> None:
         """Tell it to do something."""
@@ -245,12 +247,25 @@ class Executive:
         assert self.ask("beats") == {"ok": True}
 
     def wait_for_guardian(self) -> None:
-        """Wait until the guardian is done."""
+        """Wait until the guardian has ended."""
         assert until(self.watched), "the guardian does not end"
+
+    def wait_for_words(self) -> str:
+        """Return what the guardian says on standard error once it has acted and written everything down."""
+        came = b""
+        while b"hil guardian: " not in came or not came.endswith(b"\n"):
+            assert until(self.process.stderr.fileno()), came
+            came += os.read(self.process.stderr.fileno(), 4096)
+        return came.decode()
 
     def wait(self) -> int:
         """Wait until it has ended; return its exit code."""
         return self.process.wait(_LONGEST_S)
+
+    def _end_guardian(self) -> None:
+        with suppress(ProcessLookupError):
+            signal.pidfd_send_signal(self.watched, signal.SIGKILL)
+        assert until(self.watched)
 
     def _end(self) -> None:
         if self.process.poll() is None:
