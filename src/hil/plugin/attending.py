@@ -41,6 +41,8 @@ def _on_call(session: Session, notifier: Notifier) -> OnCall | None:
     request = session.configuration.request
     if not request.unattended:
         return None
-    on_call = OnCall(request.on_call, session.folder.name, request.acknowledge_within_s, notifier.send)
+    on_call = OnCall(
+        request.on_call, session.folder.name, request.acknowledge_within_s, notifier.send, session.keeper.write
+    )
     session.record.upkeep.knows_code = on_call.knows
     return on_call

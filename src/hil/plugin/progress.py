@@ -107,6 +107,14 @@ class Progress:
                 f"  {'ok  ' if event['ok'] else 'NOT OK'} {event['name']}: {event['detail']}", _good(event["ok"])
             )
 
+    _host_gate = _gate
+
+    def _called(self, event: Mapping[str, Any]) -> None:
+        self._line(f"  {event['text']}", "bold")
+
+    def _reached(self, event: Mapping[str, Any]) -> None:
+        self._line(f"  {event['by']} gave {'the code' if event['ok'] else 'a wrong code'} back", _good(event["ok"]))
+
     def _armed(self, _: Mapping[str, Any]) -> None:
         self._line("armed: every readiness gate holds", "green")
 

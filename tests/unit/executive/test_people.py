@@ -51,7 +51,7 @@ def called(on_call, phone, give, turns=3):
 def test_the_code_of_the_notification_reaches_whoever_is_on_call():
     """Upper or lower case; the text is the command that is to be typed."""
     phone = Phone()
-    on_call = OnCall("Ada", RUN, 600, phone)
+    on_call = OnCall("Ada", RUN, 600, phone, Written())
     assert called(on_call, phone, str.lower) == ""
     ((event, text),) = phone.sent
     assert event == "test"
@@ -63,7 +63,7 @@ def test_another_code_reaches_nobody(monkeypatch):
     """Nor does one that was sent before, or one that comes when none is awaited."""
     monkeypatch.setattr("hil.executive.live.unattended.wall.pause", lambda _: None)
     phone = Phone()
-    on_call = OnCall("Ada", RUN, 600, phone)
+    on_call = OnCall("Ada", RUN, 600, phone, Written())
     assert not on_call.knows("")
     assert called(on_call, phone, lambda code: code[:-1]) == "the run is to end"
     old = phone.code
@@ -74,14 +74,14 @@ def test_another_code_reaches_nobody(monkeypatch):
 
 def test_nobody_is_awaited_for_ever():
     """Within the time that was given, which is not long here."""
-    told = OnCall("Ada", RUN, 0.0, Phone()).reach(lambda: True)
+    told = OnCall("Ada", RUN, 0.0, Phone(), Written()).reach(lambda: True)
     assert told == "nobody gave the code of the notification back within 0 s"
 
 
 def test_a_notification_that_was_not_sent_ends_the_wait():
     """Nobody has the code then."""
     phone = Phone("exit code 3")
-    told = OnCall("Ada", RUN, 600, phone).reach(lambda: True)
+    told = OnCall("Ada", RUN, 600, phone, Written()).reach(lambda: True)
     assert told == "the notification was not sent: exit code 3"
 
 
@@ -135,11 +135,11 @@ def test_what_was_confirmed_for_safety_is_asked_again_at_the_next_arm(value, ok,
 def test_nobody_on_call_means_not_armed():
     """The gate says why, and who was to be reached where somebody was."""
     phone = Phone("exit code 3")
-    (gate,) = People(OnCall("Ada", RUN, 600, phone), Saying(True), Written(), lambda: True).gates()
+    (gate,) = People(OnCall("Ada", RUN, 600, phone, Written()), Saying(True), Written(), lambda: True).gates()
     assert (gate.name, gate.ok) == ("person on call", False)
     assert gate.detail == "the notification was not sent: exit code 3"
     phone = Phone()
-    people = People(OnCall("Ada", RUN, 600, phone), Saying(True), Written(), lambda: True)
+    people = People(OnCall("Ada", RUN, 600, phone, Written()), Saying(True), Written(), lambda: True)
     people._idle = lambda: people({"kind": "reached", "by": "Bob", "ok": True}) is None
     (gate,) = people.gates()
     assert (gate.ok, gate.detail) == (True, "Ada was reached")

@@ -17,6 +17,7 @@ FROM_OUTSIDE = frozenset(
         "acknowledged",
         "anomaly",
         "attachment",
+        "called",
         "clock-jump",
         "confirmed",
         "hold",

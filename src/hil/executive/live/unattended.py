@@ -66,13 +66,22 @@ class OnCall:
         run: the run's name, for the command that the person types.
         within_s: how long an answer may take in wall time [s].
         notify: sends a notification, given its event and text; returns what tells what became of it.
+        write: writes an event.
     """
 
-    def __init__(self, name: str, run: str, within_s: float, notify: Callable[[str, str], Became]) -> None:
+    def __init__(
+        self,
+        name: str,
+        run: str,
+        within_s: float,
+        notify: Callable[[str, str], Became],
+        write: Callable[..., None],
+    ) -> None:
         self.name = name
         self._run = run
         self._within_s = within_s
         self._notify = notify
+        self._write = write
         self._code = ""
         self._by = ""
 
@@ -96,6 +105,8 @@ class OnCall:
         became = self._notify(
             "test", f"{self.name} is on call. Type: hil ack {self._run} --code {self._code} --by NAME"
         )
+        wait = f"{self._within_s / 60:g} min"
+        self._write("called", name=self.name, text=f"{self.name} was sent a code, and has {wait} to give it back")
         until = wall.monotonic() + self._within_s
         try:
             while not self._by:

@@ -16,7 +16,7 @@ def gates(events: Sequence[Body]) -> tuple[GateRow, ...]:
     return tuple(
         GateRow(name=text(event, "name"), ok=flag(event, "ok"), detail=text(event, "detail"))
         for event in events
-        if event["kind"] == "gate"
+        if event["kind"] in {"gate", "host-gate"}
     )
 
 
