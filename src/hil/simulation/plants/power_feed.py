@@ -15,7 +15,7 @@ __all__ = ["PowerFeed", "build"]
 class PowerFeed(Plant):
     """A rail with a resistor on it: what its consumers draw when they do nothing.
 
-    Inputs `given` [V] and `limit` [A] are those of the port `supply`, signals `voltage` [V] and `current` [A] are there.
+    Inputs `given` [V] and `limit` [A], and signals `voltage` [V] and `current` [A], are those of its port `supply`.
 
     Args:
         name: the plant's name.

@@ -1,0 +1,222 @@
+"""Cut paths, the watch behind a run and USB identities in a bench file: what must be said of them, and where."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+from workspaces import ROOT
+
+from hil.bench.cut_paths import cut_path_shortfall, hazardous_wires, paths_of
+from hil.bench.file.reading import load_bench
+from hil.model.errors import ConfigurationError
+
+FILE = "fixtures/benches/{}/bench.yaml"
+CHARGE = "{output: supply.charge, by: cycler, state: stopped, within: 10 s}"
+CHARGE_BEAT = "{output: supply.charge, hardware: heartbeat of the tester opens its relays, within: 300 s}"
+COOLERS = "{output: thermal, by: supply.tec"
+TEMPERATURE = "{output: thermal, quantity: temperature, unit: degC, toward:"
+CURRENT = "- {output: cycler, quantity: current, unit: A, min:"
+
+
+def laid(root, changes, bench="battery"):
+    """Lay the committed bench with some texts changed into the workspace `root`; return its text."""
+    shutil.copytree(ROOT / "fixtures", root / "fixtures", ignore=shutil.ignore_patterns("__pycache__"))
+    file = root / FILE.format(bench)
+    text = file.read_text(encoding="utf-8")
+    for old, new in changes.items():
+        assert text.count(old) == 1, (text.count(old), old)
+        text = text.replace(old, new)
+    file.write_text(text, encoding="utf-8")
+    return text
+
+
+def loaded(root, changes, bench="battery"):
+    """Return the bench with some texts changed."""
+    laid(root, changes, bench)
+    return load_bench(root / "fixtures/benches", bench, root)
+
+
+def found(root, changes, bench="battery"):
+    """Return the text of the file, and what is said of it."""
+    text = laid(root, changes, bench)
+    try:
+        load_bench(root / "fixtures/benches", bench, root)
+    except ConfigurationError as error:
+        return text, [str(finding) for finding in error.findings]
+    return text, []
+
+
+def place(text, snippet, bench):
+    """Return file, line and column of a snippet; that of a list's item begins behind its dash."""
+    before = text[: text.index(snippet) + 2 * snippet.startswith("- ")]
+    return f"{FILE.format(bench)}:{before.count(chr(10)) + 1}:{len(before) - (before.rfind(chr(10)) + 1) + 1}: "
+
+
+BATTERY = [
+    (
+        {CHARGE: CHARGE.replace("supply.charge", "supply.charg")},
+        "{output: supply.charg,",
+        "did you mean 'supply.charge'?",
+    ),
+    ({CHARGE: CHARGE.replace("cycler", "cyclor")}, "{output: supply.charge, by", "did you mean 'cycler'?"),
+    (
+        {CHARGE: CHARGE.replace("stopped", "idle")},
+        "{output: supply.charge, by",
+        "cut path of supply.charge: safe_off brings cycler to 'stopped', not to 'idle'",
+    ),
+    (
+        {CHARGE: CHARGE.replace(" state: stopped,", "")},
+        "{output: supply.charge, by",
+        "write 'state: stopped', the safe state of cycler",
+    ),
+    (
+        {CHARGE: CHARGE.replace("within", "hardware: fuse, within")},
+        "{output: supply.charge, by",
+        "it needs either by, an output whose safe state cuts it off, or hardware, in words",
+    ),
+    (
+        {CHARGE: CHARGE.replace(" by: cycler, state: stopped,", "")},
+        "{output: supply.charge, within",
+        "it needs either by",
+    ),
+    (
+        {CHARGE_BEAT: CHARGE_BEAT.replace("within", "state: stopped, within")},
+        "{output: supply.charge, hardware",
+        "only an output has a state; leave it out beside hardware",
+    ),
+    ({CHARGE: CHARGE.replace("10 s", "0 s")}, "{output: supply.charge, by", "within must be longer than zero"),
+    ({CHARGE: CHARGE.replace("within", "witin")}, "witin", "unknown key 'witin', did you mean 'within'?"),
+    (
+        {CHARGE: CHARGE.replace("by: cycler, state: stopped", 'by: supply.apparatus, state: "off"')},
+        "{output: supply.charge, by",
+        "supply.apparatus is behind the same port, and gone with it",
+    ),
+    (
+        {CHARGE: CHARGE.replace("by: cycler, state: stopped", 'by: supply.charge, state: "off"')},
+        "{output: supply.charge, by",
+        "an output does not cut itself off",
+    ),
+    ({CHARGE: f"{CHARGE}\n- {CHARGE}"}, f"{CHARGE}\n- {CHARGE_BEAT}", "cycler stopped is given twice"),
+    (
+        {f"- {CHARGE}\n": "", f"- {CHARGE_BEAT}\n": ""},
+        "{role: supply, instance: charge",
+        "supply.charge has one path only, its own port, and this bench charges a battery: give it a line in cut_paths",
+    ),
+    (
+        {"charges: cycler,": "charges: cycler, hazardous: false,"},
+        "{role: supply, instance: charge",
+        "supply.charge charges a battery, which is hazardous",
+    ),
+    ({"charges: cycler,": "charges: cycler, hazardous: no,"}, "no,", "'hazardous' must be"),
+    (
+        {
+            f"- {CHARGE}\n": "",
+            f"- {CHARGE_BEAT}\n": f"- {CHARGE.replace('by: cycler, state: stopped', 'by: cyclor')}\n",
+        },
+        "{output: supply.charge, by",
+        "unknown output 'cyclor'",
+    ),
+    ({TEMPERATURE: TEMPERATURE.replace("thermal", "termal")}, "{output: termal", "did you mean 'thermal'?"),
+    (
+        {TEMPERATURE: TEMPERATURE.replace("temperature", "angle")},
+        "{output: thermal, quantity: angle",
+        "thermal has no angle",
+    ),
+    ({'tolerance: "4", ': ""}, TEMPERATURE, "key 'tolerance' is missing"),
+    ({'tolerance: "4"': 'tolerance: "0"'}, TEMPERATURE, "watch_after of thermal: tolerance must be above zero"),
+    ({'tolerance: "4", within: 180 s': 'tolerance: "4", within: 0 s'}, TEMPERATURE, "within must be longer than zero"),
+    ({'toward: "24.5"': 'toward: "24.5", min: "1"'}, 'min: "1"', "unknown key 'min'"),
+    ({'max: "0.02", for: 60 s': 'max: "0.02"'}, CURRENT, "key 'for' is missing"),
+    ({'max: "0.02", for: 60 s': 'max: "0.02", for: 0 s'}, CURRENT, "for must be longer than zero"),
+    ({'max: "0.02", for: 60 s': 'max: "-0.2", for: 60 s'}, CURRENT, "min -0.02 is above max -0.2"),
+    (
+        {'max: "0.02", for: 60 s}': f'max: "0.02", for: 60 s}}\n{CURRENT} "0", max: "0", for: 1 s}}'},
+        f'{CURRENT} "0"',
+        "watch_after of cycler: its current is watched twice",
+    ),
+    (
+        {"{serial: A50285BK}": "{serial: A50285BK, path: x}"},
+        "{serial: A50285BK",
+        "tec1: usb needs either a serial or a path",
+    ),
+    ({"{serial: A50285BK}": "{}"}, "{}", "tec1: usb needs either a serial or a path"),
+    ({"{serial: A50285BK}": "{seriell: A50285BK}"}, "seriell", "unknown key 'seriell', did you mean 'serial'?"),
+    (
+        {"{serial: A50285BK}": '{path: "pci-0000:00:14.0-usb-0:4:1.0"}'},
+        '{path: "pci-0000:00:14.0-usb-0:4:1.0"}\n    baud: "9600"',
+        "psu2 and tec1 are both plugged in at 'pci-0000:00:14.0-usb-0:4:1.0'",
+    ),
+    (
+        {"port: TCPIP::192.168.10.22::5555::SOCKET": "port: TCPIP::192.168.10.22::5555::SOCKET\n    usb: {serial: D}"},
+        "{serial: D}",
+        "psu1: only a serial device of this computer has a USB identity",
+    ),
+]
+
+ADCS = [
+    (
+        {"- {output: thermal, hardware: thermal cut-out opens the cooler's feed at 70 degC, within: 300 s}\n": ""},
+        "{role: thermal",
+        "thermal has no cut path: say in cut_paths what opens it when its own port is gone, or mark the wire",
+    ),
+    (
+        {"{role: gyroscope, instrument: gyro1,": "{role: gyroscope, instrument: gyro1, hazardous: false,"},
+        "{role: gyroscope",
+        "gyroscope: only what drives something can be marked as not hazardous",
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("bench", "changes", "at", "message"),
+    [*(("battery", *each) for each in BATTERY), *(("adcs", *each) for each in ADCS)],
+)
+def test_every_mistake_is_told_where_it_is(tmp_path, bench, changes, at, message):
+    """One thing changed in a committed bench is told at its place, with what to write instead."""
+    text, told = found(tmp_path, changes, bench)
+    assert any(line.startswith(place(text, at, bench)) and message in line for line in told), told
+
+
+@pytest.mark.parametrize("bench", ["adcs", "battery"])
+def test_the_committed_benches_are_clean(tmp_path, bench):
+    """Neither has anything wrong."""
+    assert found(tmp_path, {}, bench)[1] == []
+
+
+def test_what_is_independent_counts(tmp_path):
+    """Two paths through one port are one path, and so are two that are the same words."""
+    spec = loaded(tmp_path, {})
+    assert list(paths_of(spec, "supply.charge")) == ["cycler1", "heartbeat of the tester opens its relays"]
+    assert list(paths_of(spec, "cycler")) == ["psu1", "heartbeat of the tester opens its relays"]
+    assert cut_path_shortfall(spec, 2) == []
+    assert cut_path_shortfall(spec, 3)[0] == (
+        "supply.charge needs 3 cut paths besides its own port, it has 2: cycler stopped and heartbeat of the tester"
+        " opens its relays"
+    )
+
+
+def test_two_paths_through_one_port_are_one(tmp_path):
+    """Two outputs of one supply that cut the coolers off are gone together."""
+    short = loaded(
+        tmp_path / "second",
+        {
+            f'- {COOLERS}, state: "off", within: 3 s}}\n': (
+                '- {output: thermal, by: supply.charge, state: "off", within: 3 s}\n'
+                '- {output: thermal, by: supply.apparatus, state: "off", within: 3 s}\n'
+            ),
+            "- {output: thermal, hardware: thermal cut-out opens the coolers' feed at 70 degC, within: 300 s}\n": "",
+        },
+    )
+    assert cut_path_shortfall(short, 1) == []
+    assert cut_path_shortfall(short, 2) == [
+        "thermal needs 2 cut paths besides its own port, it has 1: supply.charge off"
+    ]
+
+
+def test_the_attitude_bench_is_not_for_nobody(tmp_path):
+    """Each of its outputs that can do harm has one cut path; the two small supplies are not among them."""
+    spec = loaded(tmp_path, {}, "adcs")
+    assert [wire.name for wire in hazardous_wires(spec)] == ["relays", "thermal", "rotation_table"]
+    assert cut_path_shortfall(spec, 1) == []
+    assert [line.split(" ")[0] for line in cut_path_shortfall(spec, 2)] == ["relays", "thermal", "rotation_table"]

@@ -1,0 +1,147 @@
+"""Serial ports compared with what the operating system lists, before anything is opened."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import pytest
+from adcs_bench import adcs, bound
+
+from hil.bench import readiness
+from hil.bench.port_identity import check_port, is_serial_device, listed_ports, port_gates
+from hil.bench.readiness import unpowered_gates
+from hil.model.bench import InstrumentSpec, UsbPort
+from hil.model.identity import Source
+
+BY_ID = "/dev/serial/by-id/usb-FTDI_FT232R_A50285BI-if00-port0"
+BY_PATH = "/dev/serial/by-path/"
+
+
+@dataclass
+class Listed:
+    """A port as pyserial lists it."""
+
+    device: str
+    serial_number: str | None = None
+    product: str | None = "FT232R USB UART"
+    location: str | None = "1-2:1.0"
+
+
+RELAYS = Listed("/dev/ttyUSB0", "A50285BI")
+RELAYS_ARE = "/dev/ttyUSB0 is FT232R USB UART"
+OTHER = Listed("/dev/ttyUSB1", "A50285BK", location="1-3:1.0")
+
+
+def instrument(usb=None, port=BY_ID):
+    """Return an instrument at a serial port."""
+    return InstrumentSpec(name="relay1", driver="waveshare-relay", port=port, usb=usb)
+
+
+def links(**to):
+    """Return what follows links: those of by-id and by-path lead where they are said to lead."""
+    known = {BY_ID: to.pop("by_id", "/dev/ttyUSB0"), **{BY_PATH + name: device for name, device in to.items()}}
+    return lambda path: known.get(path, path)
+
+
+def gate(usb, *ports, **to):
+    """Return the gate of the port."""
+    return check_port(instrument(usb), ports, links(**to))
+
+
+def test_the_device_that_it_must_be_is_told():
+    """Its serial number is the one of the bench file."""
+    found = gate(UsbPort(serial="A50285BI"), RELAYS, OTHER)
+    assert (found.name, found.ok) == ("port of relay1", True)
+    assert found.detail == "/dev/ttyUSB0 is FT232R USB UART, serial A50285BI"
+
+
+def test_a_link_that_leads_to_another_board_is_told():
+    """The name says A50285BI, the board there is another one, and where the right one is, is told."""
+    found = gate(UsbPort(serial="A50285BI"), RELAYS, OTHER, by_id="/dev/ttyUSB1")
+    assert not found.ok
+    assert found.detail == (
+        "/dev/ttyUSB1 is FT232R USB UART, serial A50285BK, expected serial 'A50285BI'; that one is /dev/ttyUSB0"
+    )
+
+
+@pytest.mark.parametrize(
+    ("usb", "ports", "detail"),
+    [
+        (None, (OTHER,), f"{BY_ID} is not there"),
+        (UsbPort(serial="A50285BI"), (), f"{BY_ID} is not there"),
+        (UsbPort(serial="A50285BK"), (OTHER,), f"{BY_ID} is not there; that one is /dev/ttyUSB1"),
+        (
+            None,
+            (RELAYS,),
+            f"{RELAYS_ARE}, serial A50285BI; write 'usb: {{serial: A50285BI}}' so that it is never taken for another",
+        ),
+        (
+            None,
+            (replace(RELAYS, serial_number=None),),
+            f"{RELAYS_ARE}, no serial; write 'usb: {{path: its name in /dev/serial/by-path}}'",
+        ),
+        (
+            UsbPort(serial="A50285BI"),
+            (Listed("/dev/ttyUSB0", product=None, location=None),),
+            "/dev/ttyUSB0 is no USB device, no serial, expected serial 'A50285BI'",
+        ),
+        (
+            UsbPort(serial="A50285BI"),
+            (RELAYS, replace(OTHER, serial_number="A50285BI")),
+            "1-2 and 1-3 have the same serial 'A50285BI': tell them apart by 'usb: {path: …}'",
+        ),
+    ],
+)
+def test_what_is_not_proven_is_not_opened(usb, ports, detail):
+    """Nothing there, no identity in the bench file, another device, or two that look alike."""
+    found = gate(usb, *ports)
+    assert not found.ok
+    assert found.detail.startswith(detail)
+
+
+def test_the_interfaces_of_one_device_are_one():
+    """A device with four ports has one serial number and is no two devices."""
+    second = Listed("/dev/ttyUSB1", "A50285BI", location="1-2:1.1")
+    assert gate(UsbPort(serial="A50285BI"), RELAYS, second).ok
+
+
+def test_a_place_stands_for_a_device_without_a_serial_number():
+    """The port must be what is plugged in there."""
+    usb, nameless = UsbPort(path="pci-0-usb-0:4"), replace(RELAYS, serial_number=None)
+    assert gate(usb, nameless, **{"pci-0-usb-0:4": "/dev/ttyUSB0"}).ok
+    moved = gate(usb, nameless, OTHER, **{"pci-0-usb-0:4": "/dev/ttyUSB1"})
+    assert (moved.ok, moved.detail) == (
+        False,
+        f"{RELAYS_ARE}, no serial, and at 'pci-0-usb-0:4' is /dev/ttyUSB1: was it plugged in elsewhere?",
+    )
+    assert gate(usb, nameless).detail.endswith("and at 'pci-0-usb-0:4' is nothing: was it plugged in elsewhere?")
+
+
+def test_only_serial_devices_have_an_identity():
+    """Sockets, buses and other URLs are not asked; a VISA name of a serial line is."""
+    assert is_serial_device(instrument(port="ASRL/dev/ttyUSB0::INSTR"))
+    assert not is_serial_device(instrument(port="TCPIP::192.168.10.22::5555::SOCKET"))
+    assert not is_serial_device(InstrumentSpec(name="mag1", driver="lis3mdl", bus="i2c1", address=0x1C))
+
+
+def test_every_serial_device_of_a_bench_has_its_gate():
+    """The bench of the tests has one."""
+    assert [found.name for found in port_gates(adcs(), lambda: [RELAYS], links())] == ["port of relay1"]
+    assert all(found.ok for found in port_gates(adcs(), lambda: [RELAYS], links()))
+
+
+def test_the_listing_opens_nothing():
+    """It can be asked on any machine, whatever is plugged in."""
+    assert isinstance(listed_ports(), list)
+
+
+@pytest.mark.parametrize(
+    ("source", "served", "asked"), [("hardware", False, 1), ("hardware", True, 0), ("simulated", False, 0)]
+)
+def test_hardware_alone_is_asked_for_its_ports(monkeypatch, source, served, asked):
+    """A simulated bench has none, and the ports of a served one are nobody's."""
+    monkeypatch.setattr(readiness, "port_gates", lambda spec: port_gates(spec, list))
+    with bound(adcs()) as bench:
+        bench.source = Source(source)
+        names = [found.name for found in unpowered_gates(bench, served=served)]
+    assert names.count("port of relay1") == asked
