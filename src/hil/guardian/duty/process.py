@@ -117,6 +117,7 @@ class Guard:
     def _drill(self, _told: dict[str, Any]) -> None:
         self._report(self._acting.drill, self._plan.outputs)
         self._tell_result(self._drill_heartbeat())
+        self._vigil.excuse()
         self._tell("done")
 
     def _watch(self, _told: dict[str, Any]) -> None:

@@ -75,4 +75,4 @@ class Vigil:
         """Return after how long to look again [s]."""
         now = self._clocks.boot()
         left = min(self._beat + self._hang_s, self._fresh_until) - now
-        return min(max(left, _LEAST_LOOK_S), _MOST_LOOK_S) if left == left else _LEAST_LOOK_S  # noqa: PLR0124 - NaN
+        return min(max(left, _LEAST_LOOK_S), _MOST_LOOK_S)

@@ -81,13 +81,10 @@ class Exchanging:
         pattern = re.compile(exchange.expect, re.DOTALL)
         began = time.monotonic()
         until = began + patience.of(exchange.within_s)
-        while True:
-            wrong = self._judged(pattern, exchange.between)
-            if not wrong or time.monotonic() >= until:
+        while wrong := self._judged(pattern, exchange.between):
+            if not self._hear(until):
+                patience.spent(time.monotonic() - began)
                 break
-            self._hear(until)
-        if wrong:
-            patience.spent(time.monotonic() - began)
         return wrong
 
     def _judged(self, pattern: re.Pattern[bytes], between: tuple[float, float] | None) -> str:
@@ -101,10 +98,13 @@ class Exchanging:
         self._heard = self._heard[newest.end() :]
         return ""
 
-    def _hear(self, until: float) -> None:
-        if data := self.line.hear(until):
+    def _hear(self, until: float) -> bool:
+        """Take what comes until then, or is there already; return whether something was."""
+        data = self.line.hear(until)
+        if data:
             self.heard_anything = True
             self._heard = (self._heard + data)[-_MOST_HEARD:]
+        return bool(data)
 
     def _forget(self) -> None:
         for _ in range(8):  # a line that never falls silent must not hold this up

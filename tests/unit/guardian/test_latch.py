@@ -1,0 +1,133 @@
+"""Latches on disk: whole, damaged, hostile, unreadable."""
+
+from __future__ import annotations
+
+import os
+import stat
+
+import pytest
+
+from hil.guardian import latch
+from hil.guardian.latch import Latch
+from hil.model.errors import Refused
+
+ONE = Latch(bench="adcs", run="reports/1", why="the executive died", since="2026-11-21T12:00:00Z", outputs=("a", "b"))
+
+
+@pytest.fixture
+def path(tmp_path):
+    """Return where a latch lies."""
+    return latch.path_of("/dev/ttyUSB0", tmp_path / "latches")
+
+
+def test_a_latch_is_read_as_it_was_written(path):
+    """The folder is made, every user can change the latch, and a second writing replaces the first."""
+    assert latch.read(path) is None
+    latch.write(path, Latch(bench="x" * 500, run="", why="", since="", outputs=()))
+    latch.write(path, ONE)
+    assert latch.read(path) == ONE
+    assert stat.S_IMODE(path.stat().st_mode) == 0o666
+    assert stat.S_IMODE(path.parent.stat().st_mode) == 0o1777
+
+
+def test_every_key_has_its_own_place(tmp_path):
+    """Places are the same in every process, and tell nothing of the key."""
+    one, other = latch.path_of("socket://a:1", tmp_path), latch.path_of("socket://a:2", tmp_path)
+    assert one != other
+    assert one == latch.path_of("socket://a:1", tmp_path)
+    assert one.parent == tmp_path
+    assert latch.path_of("x").parent == latch.FOLDER
+
+
+def test_a_latch_is_taken_away(path):
+    """Once, or again where there is none, or where its folder never was."""
+    latch.clear(path)
+    latch.write(path, ONE)
+    latch.clear(path)
+    latch.clear(path)
+    assert latch.read(path) is None
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("data", [b"{", b"[]", b"null", b'{"bench": "adcs"}', b"\xff\xfe", b"x" * 100_000])
+def test_a_damaged_latch_latches(path, data):
+    """Whoever doubts looks at the bench."""
+    latch.share(path.parent)
+    path.write_bytes(data)
+    told = latch.read(path)
+    assert told is not None
+    assert "cannot be read: it is damaged" in told.why
+    latch.clear(path)
+    assert latch.read(path) is None
+
+
+def test_an_empty_file_is_no_latch(path):
+    """Another user cannot remove a file from a shared folder, but can empty it."""
+    latch.share(path.parent)
+    path.touch()
+    assert latch.read(path) is None
+
+
+@pytest.mark.parametrize("kind", ["link", "dangling link", "folder", "pipe"])
+def test_what_is_no_file_latches_and_is_not_written_through(tmp_path, path, kind):
+    """A link is never followed, a pipe never waited for."""
+    victim = tmp_path / "victim"
+    latch.share(path.parent)
+    if kind == "folder":
+        path.mkdir()
+    elif kind == "pipe":
+        os.mkfifo(path)
+    else:
+        path.symlink_to(victim)
+    if kind == "link":
+        victim.write_text("precious")
+    assert latch.read(path) is not None
+    with pytest.raises(OSError):  # noqa: PT011 - which one, the kernel says
+        latch.write(path, ONE)
+    assert victim.exists() is (kind == "link")
+    if kind == "folder":
+        with pytest.raises(Refused, match="cannot be taken away"):
+            latch.clear(path)
+    else:
+        latch.clear(path)
+        assert latch.read(path) is None
+    assert not victim.exists() or victim.read_text() == "precious"
+
+
+@pytest.mark.parametrize("kind", ["link", "file"])
+def test_a_folder_that_is_none_is_refused(tmp_path, kind):
+    """Where somebody else put something in the folder's place, nothing can be latched, and that is said."""
+    folder = tmp_path / "latches"
+    if kind == "link":
+        (tmp_path / "elsewhere").mkdir()
+        folder.symlink_to(tmp_path / "elsewhere")
+    else:
+        folder.touch()
+    with pytest.raises(Refused, match="it is no folder; check who owns it"):
+        latch.write(folder / "one.latch", ONE)
+
+
+def test_what_cannot_be_read_latches(path, monkeypatch):
+    """An error of the disk is no permission to go on."""
+    latch.write(path, ONE)
+
+    def broken(*_):
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr(os, "pread", broken)
+    told = latch.read(path)
+    assert told is not None
+    assert "Input/output error" in told.why
+
+
+def test_a_latch_of_another_user_is_emptied_where_it_cannot_be_removed(path, monkeypatch):
+    """In a shared folder only the owner removes a file."""
+    latch.write(path, ONE)
+
+    def not_permitted(*_, **__):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(type(path), "unlink", not_permitted)
+    latch.clear(path)
+    assert latch.read(path) is None
+    assert path.exists()
