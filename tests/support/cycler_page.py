@@ -62,8 +62,8 @@ class Battery:
         return self.shown[name]
 
     def observing(self, names):
-        """Return a function that observes several signals."""
-        return lambda: tuple(self.observe(name) for name in names)
+        """Return a function that observes several signals; what is shown now is shown until somebody changes it."""
+        return lambda times_ns: [tuple(self.observe(name) for name in names)] * len(times_ns)
 
     def command(self, **values):
         """Keep the inputs, and what changed."""

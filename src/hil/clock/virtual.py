@@ -60,6 +60,7 @@ class VirtualClock:
         self._plants: list[Callable[[int], None]] = []
         self._at_this_instant = 0
         self._waiting = "nobody"
+        self._awaited_ns = 0  # until when somebody lets time pass, whatever happens meanwhile
 
     def now_ns(self) -> int:
         """Return the nanoseconds since the bench's epoch."""
@@ -102,6 +103,15 @@ class VirtualClock:
             heappop(events)
         return events[0][0] if events else None
 
+    def calm_until_ns(self) -> int:
+        """Return the last instant up to which nothing else is due and somebody waits, whatever happens; it may be past.
+
+        Asked amid an event. A device that speaks every few seconds for weeks says at once what it says until then: who
+        asks for it finds each part at its instant, and nobody can ask in between.
+        """
+        events = self._events
+        return min(self._awaited_ns, events[0][0] - 1) if events else self._awaited_ns
+
     def sleep(self, seconds: float) -> None:
         """Let `seconds` pass, with everything that is due on the way."""
         if not seconds >= 0:
@@ -114,6 +124,7 @@ class VirtualClock:
         while events and events[0][0] <= when_ns:
             due_ns, _, _, event = heappop(events)
             if not event.cancelled:
+                self._awaited_ns = when_ns
                 self._happen(due_ns, event)
         self._move(when_ns)
 
@@ -131,6 +142,7 @@ class VirtualClock:
                 self._move(deadline_ns)
                 return done()
             due_ns, _, _, event = heappop(events)
+            self._awaited_ns = 0  # any event may be what is waited for
             self._happen(due_ns, event)
         return True
 

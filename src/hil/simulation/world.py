@@ -26,7 +26,7 @@ __all__ = ["DeviceClock", "World", "build_world", "truth_errors"]
 class DeviceClock:
     """The bench's clock as one peer sees it: its events come in the order of its place in the bench file.
 
-    Both functions are the clock's own; peers call them for every byte.
+    All functions are the clock's own; peers call them for every byte.
 
     Args:
         clock: the bench's clock.
@@ -36,6 +36,7 @@ class DeviceClock:
     def __init__(self, clock: VirtualClock, device: int) -> None:
         self.now_ns = clock.now_ns
         self.at: Callable[..., Event] = partial(clock.at, device=device)
+        self.calm_until_ns = clock.calm_until_ns
 
 
 @dataclass(slots=True, kw_only=True)

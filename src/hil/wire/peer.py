@@ -26,7 +26,7 @@ class Cancellable(Protocol):
 
 
 class PeerClock(Protocol):
-    """The part of the bench's clock that a peer sees: what time it is, and `at` to act later."""
+    """The part of the bench's clock that a peer sees: what time it is, `at` to act later, how long nobody else acts."""
 
     def now_ns(self) -> int:
         """Return the nanoseconds since the bench's epoch."""
@@ -34,6 +34,10 @@ class PeerClock(Protocol):
 
     def at(self, when_ns: int, action: Callable[[], None], number: int | None = None) -> Cancellable:
         """Let `action` happen at `when_ns`; an event that is restored keeps the `number` that it had."""
+        ...
+
+    def calm_until_ns(self) -> int:
+        """Return the last instant up to which nothing else happens; asked amid an action."""
         ...
 
 

@@ -153,12 +153,54 @@ def test_several_signals_with_one_look(together):
     for second, charging in ((0, True), (3, True), (7, False), (21, False), (25, True)):
         plant.advance(second * SECOND_NS)
         plant.command(charge_contact=charging, discharge_contact=not charging, supply_voltage=4.2, supply_current=0.7)
-        assert look() == tuple(plant.observe(name) for name in together)
+        assert look([second * SECOND_NS]) == [tuple(plant.observe(name) for name in together)]
+
+
+def test_what_is_seen_ahead_of_time_comes_so():
+    """Signals that are told ahead are bit by bit those that are observed then, whoever looks and advances meanwhile."""
+    names = ("voltage", "current", "ntc_temperature")
+    foretold, lived = battery(charge="0.4"), battery(charge="0.4")
+    looks = foretold.observing(names)
+    now = 0
+    for lines, charging in ((1, True), (7, True), (3, False), (12, True), (5, True)):
+        times = [now + (7 + 5 * line) * SECOND_NS + 1234 * line for line in range(lines)]
+        for plant in (foretold, lived):
+            plant.advance(times[0])
+            plant.command(charge_contact=charging, supply_voltage=4.2, supply_current=0.7)
+        told = looks(times)
+        for time, expected in zip(times, told, strict=True):
+            for plant in (foretold, lived)[lines % 2 :]:
+                plant.advance(time)
+            assert tuple(lived.observe(name) for name in names) == expected
+        foretold.advance(now := times[-1])
+    assert foretold.state() == lived.state()
+
+
+def test_a_command_ends_what_was_foreseen():
+    """Behind a command things are as they are for a plant that was never asked about its future."""
+    asked, other = battery(charge="0.4"), battery(charge="0.4")
+    for plant in (asked, other):
+        plant.command(charge_contact=True, supply_voltage=4.2, supply_current=0.7)
+    asked.observing(("voltage", "current"))([0, 5 * SECOND_NS, 60 * SECOND_NS])
+    for plant in (asked, other):
+        plant.advance(12 * SECOND_NS)
+        plant.command(tec=0.5)
+        plant.advance(40 * SECOND_NS)
+    assert asked.state() == other.state()
+
+
+def test_a_broken_thermistor_is_not_foreseen():
+    """What is no number of the state is told of the present alone."""
+    plant = battery()
+    look = plant.observing(("voltage", "ntc_temperature"))
+    assert len(look([0, 5 * SECOND_NS])) == 2
+    plant.command(ntc="open")
+    assert look([0, 5 * SECOND_NS]) == [(plant.observe("voltage"), plant.observe("ntc_temperature"))]
 
 
 def test_points_of_several_plants_and_open_inputs():
     """Points are observed together wherever they are; an open input shows what it is told to."""
     warm, cold = battery(ambient="30"), battery(ambient="10")
     points = [SignalPoint(warm, "temperature"), None, SignalPoint(cold, "temperature")]
-    assert observing(points, (0.0, 25.0, 0.0))() == (30.0, 25.0, 10.0)
-    assert observing(points[:1] * 2, (0.0, 0.0))() == (30.0, 30.0)
+    assert observing(points, (0.0, 25.0, 0.0))([0]) == [(30.0, 25.0, 10.0)]
+    assert observing(points[:1] * 2, (0.0, 0.0))([0]) == [(30.0, 30.0)]

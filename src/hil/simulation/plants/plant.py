@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar, cast
@@ -75,6 +75,8 @@ class Plant(ABC):
         self._next_ns = grid_ns
         self._moments = deque([_Moment(0, state, MappingProxyType(dict(inputs)))])
         self._ahead: _Ahead = (None, state, grid_ns)
+        self._further: deque[Vector] = deque()  # states at the grid points behind that one, until a command comes
+        self._whole: tuple[Inputs | None, Callable[[Vector], Vector]] = (None, lambda state: state)
         self._present: tuple[Vector, Inputs, float] | None = None  # what `observe` sees until time or inputs change
         self._past: tuple[int, Vector, Inputs] | None = None  # what `observe_at` saw last; no command changes the past
         self._listeners: list[Callable[[], None]] = []
@@ -87,19 +89,19 @@ class Plant(ABC):
     def signal(self, name: str, state: Vector, inputs: Inputs, at: float) -> float:
         """Return a signal for a state, inputs and the bench's time in s; pure."""
 
+    def stepping(self, inputs: Inputs, dt: float) -> Callable[[Vector], Vector]:
+        """Return `step` under these inputs for this time as a function of the state alone; pure."""
+        return lambda state: self.step(state, inputs, dt)
+
     def commanded(self, state: Vector, before: Inputs, after: Inputs) -> Vector:
         """Return the state just after inputs changed; only what jumps with an input differs. Pure."""
         del before, after
         return state
 
-    def reading(self, names: tuple[str, ...]) -> Callable[[Vector, Inputs, float], Vector]:
-        """Return `signal` for several names at once; a plant that has a faster way gives it."""
-        signal = self.signal
-        return lambda state, inputs, at: tuple([signal(name, state, inputs, at) for name in names])
-
-    def between(self, state: Vector, ahead: Vector, share: float) -> Vector:
-        """Return the state at a share of the way from one to the other; pure."""
-        return tuple([a + (b - a) * share for a, b in zip(state, ahead, strict=True)])
+    def places(self, names: tuple[str, ...], inputs: Inputs) -> tuple[int, ...] | None:
+        """Return which numbers of the state these signals are under these inputs, None where one is more than that."""
+        del names, inputs
+        return None
 
     def choices(self, name: str) -> tuple[str, ...]:
         """Return the values that a text input may have; empty means any."""
@@ -126,7 +128,9 @@ class Plant(ABC):
                 # Physics at rest stays there until the next command: its first moment stands for all that follow.
                 self._next_ns = (when_ns // self._grid_ns + 1) * self._grid_ns
                 return
-            moments.append(_Moment(self._next_ns, ahead, last.inputs))
+            moments.append(moment := _Moment(self._next_ns, ahead, last.inputs))
+            if self._further:
+                self._ahead = (moment, self._further.popleft(), self._grid_ns)
             self._next_ns += self._grid_ns
             while len(moments) > 2 and moments[1].at_ns < when_ns - _KEPT_NS:
                 moments.popleft()
@@ -147,6 +151,7 @@ class Plant(ABC):
             state = self.step(state, last.inputs, (self._now_ns - last.at_ns) / NANOSECONDS)
         self._moments.append(_Moment(self._now_ns, self.commanded(state, last.inputs, inputs), inputs))
         self._present = None
+        self._further.clear()
         for callback in self._listeners:
             callback()
 
@@ -154,13 +159,21 @@ class Plant(ABC):
         """Return a signal at the present instant, commands of this instant included."""
         return self.signal(signal, *(self._present or self._see()))
 
-    def observing(self, signals: tuple[str, ...]) -> Callable[[], Vector]:
-        """Return a function that observes these signals at the present instant, as `observe` does each of them."""
-        read, see = self.reading(signals), self._see
+    def observing(self, signals: tuple[str, ...]) -> Callable[[Sequence[int]], list[Vector]]:
+        """Return a function of rising instants [ns] from now on: what `observe` tells then if no command comes.
 
-        def observe() -> Vector:
-            state, inputs, at = self._present or see()
-            return read(state, inputs, at)
+        It may tell of the first one alone, which is now.
+        """
+        known: tuple[Inputs | None, tuple[int, ...] | None] = (None, None)
+
+        def observe(times_ns: Sequence[int]) -> list[Vector]:
+            nonlocal known
+            inputs = self._moments[-1].inputs
+            if known[0] is not inputs:
+                known = (inputs, self.places(signals, inputs))
+            if known[1] is None:
+                return [tuple([self.observe(signal) for signal in signals])]
+            return self._foreseen(known[1], times_ns)
 
         return observe
 
@@ -186,10 +199,7 @@ class Plant(ABC):
 
         Args:
             signal: its name.
-            times_ns: instants, shape (n,), rising, none of them ahead of now.
-
-        Returns:
-            Its values, shape (n,).
+            times_ns: instants, shape (n,), rising, none of them ahead of now; the values have that shape, too.
         """
         if not times_ns.size:
             return np.empty(0)
@@ -216,6 +226,7 @@ class Plant(ABC):
         self._now_ns = cast("int", state["now_ns"])
         self._next_ns = self._end_ns(self._moments[-1])
         self._ahead = (None, (), self._grid_ns)
+        self._further.clear()
         self._present = self._past = None
 
     def _see(self) -> tuple[Vector, Inputs, float]:
@@ -223,6 +234,23 @@ class Plant(ABC):
         last, now_ns = self._moments[-1], self._now_ns
         self._present = present = (self._state_at(last, now_ns), last.inputs, now_ns / NANOSECONDS)
         return present
+
+    def _foreseen(self, places: tuple[int, ...], times_ns: Sequence[int]) -> list[Vector]:
+        """Return numbers of the state at rising instants from now on, if no command comes."""
+        last, further, used = self._moments[-1], self._further, 0
+        at_ns, state, seen = last.at_ns, last.state, []
+        _, ahead, span_ns = self._look_ahead(last)
+        moves = ahead != state
+        for time_ns in times_ns:
+            while moves and time_ns >= at_ns + span_ns:
+                at_ns, span_ns, state = at_ns + span_ns, self._grid_ns, ahead
+                if used == len(further):
+                    further.append(self._grid_step(state, last.inputs))
+                ahead = further[used]
+                used += 1
+            share = (time_ns - at_ns) / span_ns
+            seen.append(tuple([(here := state[place]) + (ahead[place] - here) * share for place in places]))
+        return seen
 
     def _moments_between(self, first_ns: int, last_ns: int) -> list[_Moment]:
         """Return the moments whose lines are seen between two instants, before any command of these instants."""
@@ -249,13 +277,22 @@ class Plant(ABC):
             return moment.state
         known = self._ahead
         _, ahead, span_ns = known if known[0] is moment else self._look_ahead(moment)
-        return self.between(moment.state, ahead, (at_ns - moment.at_ns) / span_ns)
+        share = (at_ns - moment.at_ns) / span_ns
+        return tuple([here + (there - here) * share for here, there in zip(moment.state, ahead, strict=True)])
 
     def _end_ns(self, moment: _Moment) -> int:
         return (moment.at_ns // self._grid_ns + 1) * self._grid_ns
 
     def _look_ahead(self, moment: _Moment) -> _Ahead:
         if self._ahead[0] is not moment:
-            span_ns = self._end_ns(moment) - moment.at_ns
-            self._ahead = (moment, self.step(moment.state, moment.inputs, span_ns / NANOSECONDS), span_ns)
+            state, inputs, span_ns = moment.state, moment.inputs, self._end_ns(moment) - moment.at_ns
+            whole = span_ns == self._grid_ns
+            ahead = self._grid_step(state, inputs) if whole else self.step(state, inputs, span_ns / NANOSECONDS)
+            self._ahead = (moment, ahead, span_ns)
         return self._ahead
+
+    def _grid_step(self, state: Vector, inputs: Inputs) -> Vector:
+        """Return the state a whole grid step later."""
+        if self._whole[0] is not inputs:
+            self._whole = (inputs, self.stepping(inputs, self._grid_ns / NANOSECONDS))
+        return self._whole[1](state)

@@ -115,8 +115,8 @@ class SignalPoint:
         return self.plant.observe_many(self.name, times_ns)
 
 
-def observing(points: Sequence[SignalPoint | None], unconnected: Vector) -> Callable[[], Vector]:
-    """Return a function that observes points now; those of one plant are seen with one look.
+def observing(points: Sequence[SignalPoint | None], unconnected: Vector) -> Callable[[Sequence[int]], Sequence[Vector]]:
+    """Return a function that observes points; those of one plant also ahead of time. See `Plant.observing`.
 
     Args:
         points: signals; None is an open input.
@@ -126,4 +126,4 @@ def observing(points: Sequence[SignalPoint | None], unconnected: Vector) -> Call
     if len(there) == len(points) and len({id(point.plant) for point in there}) == 1:
         return there[0].plant.observing(tuple(point.name for point in there))
     pairs = tuple(zip(points, unconnected, strict=True))
-    return lambda: tuple([shown if point is None else point.observe() for point, shown in pairs])
+    return lambda _: [tuple([shown if point is None else point.observe() for point, shown in pairs])]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from hil.clock.port import NANOSECONDS
@@ -15,7 +15,6 @@ LINE_S = 5
 """Seconds of device time from one data line to the next."""
 
 _LINE_NS = LINE_S * NANOSECONDS
-_SILENCE = [0.0] * BLOCK
 
 Reading = tuple[int, int, int]
 """Voltage in mV, current in mA, temperature in tenths of a degree Celsius: what a data line can show."""
@@ -41,9 +40,11 @@ class Gauge:
     noise: float
     stream: Stream
 
-    def noises(self, block: int) -> list[float]:
-        """Return what noise adds in a block of lines, in units of the last digit."""
-        return [self.noise * number for number in self.stream.normals(block)] if self.noise else _SILENCE
+    def wrong(self, block: int) -> list[float]:
+        """Return what it reads too much in each line of a block, shift and noise, in units of the last digit."""
+        if not self.noise:
+            return [self.shift] * BLOCK
+        return [self.shift + self.noise * number for number in self.stream.normals(block)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,28 +77,32 @@ class Article:
     current: Gauge
     temperature: Gauge
 
-    def measuring(self) -> Callable[[int], Reading]:
-        """Return a function of the bench's time [ns], which is now: what the device measures.
+    def measuring(self) -> Callable[[Sequence[int]], list[Reading]]:
+        """Return a function of the bench's times [ns], the first of which is now: what the device will measure then.
 
-        Its noise is by the five seconds of the bench.
+        It may tell of the first ones alone. Its noise is by the five seconds of the bench.
         """
-        voltage, current, temperature = gauges = self.voltage, self.current, self.temperature
+        gauges = self.voltage, self.current, self.temperature
         look = observing([gauge.signal for gauge in gauges], tuple(gauge.unconnected for gauge in gauges))
         per_volt, per_ampere, per_kelvin = (gauge.factor for gauge in gauges)
-        more_volts, more_amperes, more_kelvins = (gauge.shift for gauge in gauges)
-        known, noises = -1, (_SILENCE, _SILENCE, _SILENCE)
+        known, wrong = -1, [(0.0, 0.0, 0.0)]
 
-        def measure(now_ns: int) -> Reading:
-            nonlocal known, noises
-            block, place = divmod(now_ns // _LINE_NS, BLOCK)
-            if block != known:
-                known, noises = block, (voltage.noises(block), current.noises(block), temperature.noises(block))
-            volts, amperes, celsius = look()
-            noisy_volts, noisy_amperes, noisy_kelvins = noises
-            return (
-                round(volts * per_volt + more_volts + noisy_volts[place]),
-                round(amperes * per_ampere + more_amperes + noisy_amperes[place]),
-                round(celsius * per_kelvin + more_kelvins + noisy_kelvins[place]),
-            )
+        def measure(times_ns: Sequence[int]) -> list[Reading]:
+            nonlocal known, wrong
+            readings = []
+            for time_ns, (volts, amperes, celsius) in zip(times_ns, look(times_ns), strict=False):
+                number = time_ns // _LINE_NS
+                if number // BLOCK != known:
+                    known = number // BLOCK
+                    wrong = list(zip(*(gauge.wrong(known) for gauge in gauges), strict=True))
+                more_volts, more_amperes, more_kelvins = wrong[number % BLOCK]
+                readings.append(
+                    (
+                        round(volts * per_volt + more_volts),
+                        round(amperes * per_ampere + more_amperes),
+                        round(celsius * per_kelvin + more_kelvins),
+                    )
+                )
+            return readings
 
         return measure

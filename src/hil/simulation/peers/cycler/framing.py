@@ -20,9 +20,8 @@ def crc(data: bytes) -> str:
     return f"{crc_hqx(data, 0xFFFF):04X}"
 
 
-def seal(text: str) -> bytes:
+def seal(data: bytes) -> bytes:
     """Return a line of the device with its CRC and its end."""
-    data = text.encode("ascii")
     return b"%b*%04X\r\n" % (data, crc_hqx(data, 0xFFFF))
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import cast
 
 from hil.simulation.faults import Faults
+from hil.simulation.peers.cycler.article import Reading
 from hil.simulation.peers.cycler.framing import seal
 from hil.simulation.peers.obc_link.timing import BoardClock
 from hil.simulation.seeds import Stream
@@ -16,6 +17,8 @@ __all__ = ["Output"]
 _WRAP = 2**32
 _US_PER_MS = 1000
 _DRAWS = 3
+_NUMBERS = b"%.3f;%.3f;%.4f;%.1f"
+_DATA = _NUMBERS + b";%d;%d;%b"
 
 
 class Output:
@@ -51,18 +54,34 @@ class Output:
         """Return the device's time as its lines show it."""
         return self._device_clock.at(self._clock.now_ns()) // _US_PER_MS % _WRAP
 
-    def numbered(self, text: str, tail: str = "", at_us: int | None = None) -> None:
-        """Send a mark or a data line; in level 2 number and time, which is now or told, stand before the tail."""
+    def numbered(self, text: str, tail: str = "") -> None:
+        """Send a mark; in level 2 its number and the present time stand before the tail."""
         if not self._extended:
             self._send(f"{text}\r\n".encode("ascii"))
             return
         self.number = number = (self.number + 1) % _WRAP
-        milliseconds = self.milliseconds() if at_us is None else at_us // _US_PER_MS % _WRAP
-        self._send(seal(f"{text};{number};{milliseconds}{tail}"))
+        self.reply(f"{text};{number};{self.milliseconds()}{tail}")
+
+    def data(self, lines: Iterable[tuple[Reading, int, int, int]], code: bytes) -> None:
+        """Send data lines; in level 2 with their numbers, the device's time, and the code of its state.
+
+        Args:
+            lines: of each what was measured, the energy of the half-cycle in units of 0.1 mWh, the device's time [us],
+                and how long from now it is until then [ns].
+            code: `C`, `D` or `R`.
+        """
+        for (volts, amperes, degrees), energy, at_us, after_ns in lines:
+            numbers = (volts / 1000, amperes / 1000, energy / 10_000, degrees / 10)
+            if self._extended:
+                self.number = number = (self.number + 1) % _WRAP
+                milliseconds = at_us // _US_PER_MS % _WRAP
+                self._send(seal(_DATA % (*numbers, number, milliseconds, code)), after_ns)
+            else:
+                self._send(_NUMBERS % numbers + b"\r\n", after_ns)
 
     def reply(self, text: str) -> None:
         """Send a reply."""
-        self._send(seal(text))
+        self._send(seal(text.encode("ascii")))
 
     def state(self) -> Mapping[str, object]:
         """Return the counters."""
@@ -74,11 +93,11 @@ class Output:
         swallowed = cast("list[int]", state["swallowed"])
         self._swallowed[: len(swallowed)] = swallowed
 
-    def _send(self, data: bytes) -> None:
+    def _send(self, data: bytes, after_ns: int = 0) -> None:
         self._sent += 1
         if self._lost and self._is_swallowed():
             return
-        self._line.send(self._tear(data) if self._torn else data)
+        self._line.send(self._tear(data) if self._torn else data, after_ns)
 
     def _is_swallowed(self) -> bool:
         now_ns = self._clock.now_ns()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from typing import cast
 
@@ -74,30 +75,37 @@ class Sequence:
         """Be ready for another test."""
         self.state, self.reason = "IDLE", ""
 
-    def take(self, reading: Reading) -> bool:
-        """Add a data line to the sums; return whether nothing can follow from it.
+    def take(self, readings: list[Reading]) -> list[int]:
+        """Add data lines to the sums up to the first from which something may follow; return the energy of each.
 
-        Nearly all of them are like that. `judge` tells what follows from the others.
+        Nearly all of them are calm: nothing follows. `add` and `judge` tell what follows from the others.
         """
-        volts, amperes, degrees = reading
+        low_volts, high_volts, low_amperes, high_amperes, low_degrees, high_degrees, most_lines, most_flow = self._calm
+        energies: list[int] = []
+        for reading in readings[: max(0, most_lines - self._lines)]:
+            volts, amperes, degrees = reading
+            if not (
+                low_volts <= volts <= high_volts
+                and low_amperes <= amperes <= high_amperes
+                and low_degrees <= degrees <= high_degrees
+                and self._flow + abs(amperes) <= most_flow
+            ):
+                break
+            energies.append(self.add(reading))
+            self._row = 0
+        return energies
+
+    def add(self, reading: Reading) -> int:
+        """Add a data line to the sums, and return the energy that it shows."""
+        volts, amperes, _ = reading
         self._lines += 1
         if self.state != "REST":
             self._power += abs(volts * amperes)
             self._flow += abs(amperes)
-        low_volts, high_volts, low_amperes, high_amperes, low_degrees, high_degrees, lines, flow = self._calm
-        if (
-            low_volts <= volts <= high_volts
-            and low_amperes <= amperes <= high_amperes
-            and low_degrees <= degrees <= high_degrees
-            and self._lines <= lines
-            and self._flow <= flow
-        ):
-            self._row = 0
-            return True
-        return False
+        return (self._power + _UW_PER_DIGIT // 2) // _UW_PER_DIGIT
 
     def judge(self, reading: Reading) -> list[str]:
-        """Return the marks that a data line causes, after the relays were driven."""
+        """Return the marks that a data line causes that was added, after the relays were driven."""
         ended = self._half_ended(reading)
         reason = self._limit(reading, ended=ended) if self._extended else ""
         if reason:
@@ -197,14 +205,17 @@ class Sequence:
     def _bounds(self) -> tuple[int, ...]:
         """Return lowest and highest readings, most lines and most charge from which nothing follows in this half."""
         limit = self._settings.values
+        most = limit["time"] // LINE_S, limit["charge"] * _S_PER_H // LINE_S
         if self.state == "CHARGE":
             volts, amperes = (limit["vmin"], limit["vmax"]), (limit["iend"] + 1, limit["imax"])
         elif self.state == "DISCHARGE":
             volts = max(limit["vmin"], limit["vend"] + 1), limit["vmax"]
             amperes = -limit["imax"], -limit["iend"]
+        elif self.state == "REST":
+            volts, amperes = (limit["vmin"], limit["vmax"]), (-limit["iend"], limit["iend"])
+            most = (limit["rest"] - 1) // LINE_S, sys.maxsize
         else:
             return _NEVER
-        most = limit["time"] // LINE_S, limit["charge"] * _S_PER_H // LINE_S
         return (*volts, *amperes, limit["tmin"], limit["tmax"], *most)
 
     def _finish(self, state: str) -> None:

@@ -22,7 +22,7 @@ _KEPT_STEPS = 256
 Tabs = tuple[float, float, float, float]
 """Base [V] and resistance [ohm] of the tabs' voltage over the current, capacity [A.s], factor of resistances [1]."""
 
-Flowing = Callable[[float, float], tuple[float, float, float]] | None
+Flowing = Callable[[float, float], tuple[float, float, float]]
 Warming = Callable[[float, float, float, float], tuple[float, float, float]]
 
 
@@ -111,7 +111,7 @@ class Cell:
         inner, lines = table.inner, table.lines
 
         def tabs(state: Vector) -> Tabs:
-            charge, fast, slow, passed, celsius, _, _ = state
+            charge, fast, slow, passed, celsius, _, _, _, _, _ = state
             cycles = passed / whole
             off = celsius - _REFERENCE
             factor = (1 + growth * cycles) * exp(-activation * off / (celsius + _ZERO_CELSIUS))
@@ -130,7 +130,7 @@ class Cell:
 
         Args:
             dt: seconds.
-            flow: of base and resistance of the tabs, what flows; its last number goes into the cell. None if nothing.
+            flow: of base and resistance of the tabs, what flows; its last number goes into the cell.
             warmed: of the three temperatures [degC] and the heat in the cell [W], the temperatures after the step.
         """
         truth, tabs = self._truth, self.tabs(dt)
@@ -140,9 +140,9 @@ class Cell:
         entropic = truth.entropic
 
         def step(state: Vector) -> Vector:
-            charge, fast, slow, passed, celsius, plate, box = state
+            charge, fast, slow, passed, celsius, plate, box, _, _, _ = state
             base, ohms, capacity, factor = tabs(state)
-            current = flow(base, ohms)[2] if flow is not None else 0.0
+            supply, volts, current = flow(base, ohms)
             driven = factor * current
             fast_after = fast * fast_decay + fast_gain * driven
             slow_after = slow * slow_decay + slow_gain * driven
@@ -155,6 +155,6 @@ class Cell:
             elif abs(fast_after) + abs(slow_after) < _RESTING_VOLTS:
                 fast_after = slow_after = heat = 0.0
             cell, plate, box = warmed(celsius, plate, box, heat)
-            return charge, fast_after, slow_after, passed, cell, plate, box
+            return charge, fast_after, slow_after, passed, cell, plate, box, supply, volts, current
 
         return step

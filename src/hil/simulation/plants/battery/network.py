@@ -57,3 +57,20 @@ class Network:
             return supply, volts, supply - load - siemens * volts
 
         return solve
+
+    def idle(self, wires: float) -> Callable[[float, float], Flow]:
+        """Return the same where nothing flows into the cell, whatever the meter draws through an open fuse."""
+        solve = self.solver(wires)
+
+        def rest(base: float, inside: float) -> Flow:
+            supply, volts, _ = solve(base, inside)
+            return supply, volts, 0.0
+
+        return rest
+
+    def at_supply(self, held: float, supply: float, volts: float) -> float:
+        """Return the voltage of a supply that would hold `held`, gives `supply` [A], and sees `volts` at the terminals.
+
+        The cell lifts the terminals of a supply that gives nothing.
+        """
+        return volts + self.path * supply if supply >= self.limit else max(held, volts)

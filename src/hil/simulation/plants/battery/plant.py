@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from operator import itemgetter
 from types import MappingProxyType
 from typing import ClassVar
 
 from hil.simulation.plants.battery.cell import Cell, CellTruth
 from hil.simulation.plants.battery.housing import Housing, HousingTruth
 from hil.simulation.plants.battery.network import Flow, Network
-from hil.simulation.plants.battery.sensor import STATES, Thermistor
+from hil.simulation.plants.battery.sensor import HEALTHY, STATES, Thermistor
 from hil.simulation.plants.plant import Inputs, Plant, Port, Value, Vector
 
 __all__ = ["PLACES", "Battery", "WiringTruth"]
@@ -21,33 +20,17 @@ PLACES = ("container", "assembly")
 """Where a cell can lie: in the metal container alone, or between the halves of the assembly in it."""
 
 _FUSES = ("fitted", "open")
-_FLOWS = {
-    name: place
-    for place, name in enumerate(
-        ("voltage", "current", "cell_voltage", "supply.voltage", "supply.current", "load.current")
-    )
-}
-_STATE = ("charge", "fast", "slow", "passed", "temperature", "plate", "box")
-_STATES = {name: place for place, name in enumerate(_STATE) if name not in {"fast", "slow", "passed"}}
-_SIGNALS = frozenset(
-    (
-        *_FLOWS,
-        *_STATES,
-        "ambient",
-        "capacity",
-        "cycles",
-        "ntc",
-        "ntc_box",
-        "ntc_temperature",
-        "open_circuit",
-        "resistance",
-    )
+_STATE = (
+    *("charge", "fast", "slow", "passed"),
+    *("temperature", "plate", "box"),
+    *("supply.current", "voltage", "current"),
 )
+_PLACES = {name: place for place, name in enumerate(_STATE) if name not in {"fast", "slow", "passed"}}
+_CELL, _BOX, _FLOWS = _STATE.index("temperature"), _STATE.index("box"), _STATE.index("supply.current")
+_THERMISTOR = "ntc_temperature"
 _OPEN_OHMS = 1e9
 _METER_SIEMENS = 1e-6
 _KEPT_SETTINGS, _KEPT_STEPS = 8192, 64
-
-_Flows = Callable[[Vector], Vector]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,9 +58,8 @@ class WiringTruth:
 class _Setting:
     """What follows from inputs alone, and the steps under them by their seconds."""
 
-    flows: _Flows
+    network: Network
     solve: Callable[[float, float], Flow]
-    live: bool
     share: float
     room: float
     assembled: bool
@@ -87,8 +69,10 @@ class _Setting:
 class Battery(Plant):
     """A cell behind leads and fuse at the tester's terminals, where relays connect supply and load.
 
-    State: state of charge, voltages of both links, throughput [A.s], temperatures of cell, plates and box [degC]. Steps
-    are exact under the current that holds at their end: a supply in voltage mode holds its voltage at every grid point.
+    State: state of charge, voltages of both links, throughput [A.s], temperatures of cell, plates and box [degC], and
+    what flows: out of the supply [A], at the tester's terminals [V], into the cell [A]. Steps are exact under the
+    current that holds at their end: a supply in voltage mode holds its voltage at every grid point. What flows jumps
+    with a command.
 
     Signals: `voltage` at the tester's terminals, `cell_voltage` at the tabs, `current` into the cell, `load.current`,
     `supply.voltage/current`, `open_circuit`; `temperature` of the cell, `plate`, `box`, `ambient` in degC; `ntc` and
@@ -135,7 +119,6 @@ class Battery(Plant):
             "tec": 0.0,
             "ambient": ambient,
         }
-        super().__init__(name, grid_ns, (cell.start, 0.0, 0.0, 0.0, ambient, ambient, ambient), inputs, _SIGNALS)
         self._cell = Cell(cell)
         self._still = self._cell.tabs(0.0)
         self._wiring = wiring
@@ -143,18 +126,11 @@ class Battery(Plant):
         self._thermistor = thermistor
         self._names = tuple(inputs)
         self._known = lru_cache(maxsize=_KEPT_SETTINGS)(self._setting)
-        self._set = (self.inputs, self._known(tuple(inputs.values())))
-        self._flowed: tuple[Vector, _Setting, Vector] | None = None  # what was solved last
-        self._readers: Mapping[str, Callable[[Vector, Inputs], float]] = {
-            "ambient": lambda _, inputs: float(inputs["ambient"]),
-            "capacity": lambda state, _: self._cell.ageing.aged(state[3])[0] / 3600,
-            "cycles": lambda state, _: self._cell.ageing.cycles(state[3]),
-            "ntc": lambda state, inputs: self._thermistor.seen(str(inputs["ntc"]), state[4], state[6]),
-            "ntc_temperature": lambda state, inputs: self._thermistor.read(str(inputs["ntc"]), state[4], state[6]),
-            "ntc_box": lambda state, _: self._thermistor.ohms(state[6]),
-            "open_circuit": lambda state, _: self._cell.table.volts(state[0]),
-            "resistance": lambda state, _: self._still(state)[1],
-        }
+        self._set = (inputs, self._known(tuple(inputs.values())))
+        self._readers: Mapping[str, Callable[[Vector, Inputs], float]] = self._reading()
+        empty = (cell.start, 0.0, 0.0, 0.0, ambient, ambient, ambient, 0.0, 0.0, 0.0)
+        state = self.commanded(empty, inputs, inputs)
+        super().__init__(name, grid_ns, state, inputs, frozenset((*_PLACES, *self._readers)))
 
     def choices(self, name: str) -> tuple[str, ...]:
         """Return the values of the inputs that are texts."""
@@ -162,62 +138,64 @@ class Battery(Plant):
 
     def step(self, state: Vector, inputs: Inputs, dt: float) -> Vector:
         """Step cell and temperatures; age, temperature and the table's line are those of the step's start."""
+        return self.stepping(inputs, dt)(state)
+
+    def stepping(self, inputs: Inputs, dt: float) -> Callable[[Vector], Vector]:
+        """Return a step of `dt` seconds as a function of the state alone."""
         here = self._of(inputs)
         step = here.steps.get(dt)
         if step is None:
             if len(here.steps) > _KEPT_STEPS:
                 here.steps.clear()
-            step = here.steps[dt] = self._step(here, dt)
-        return step(state)
+            response = self._housing.response(here.share, here.room, dt, assembled=here.assembled)
+            warmed = self._housing.step(here.room, response)
+            step = here.steps[dt] = self._cell.step(dt, here.solve, warmed)
+        return step
+
+    def commanded(self, state: Vector, before: Inputs, after: Inputs) -> Vector:
+        """Let other things flow at once."""
+        del before
+        base, ohms, _, _ = self._still(state)
+        return (*state[:_FLOWS], *self._of(after).solve(base, ohms))
 
     def signal(self, name: str, state: Vector, inputs: Inputs, at: float) -> float:
         """Return one of the signals of this plant."""
         del at
-        place = _STATES.get(name)
-        if place is not None:
-            return state[place]
-        place = _FLOWS.get(name)
-        if place is not None:
-            return self._flows(state, inputs)[place]
-        return self._readers[name](state, inputs)
+        place = _PLACES.get(name)
+        return self._readers[name](state, inputs) if place is None else state[place]
 
-    def reading(self, names: tuple[str, ...]) -> Callable[[Vector, Inputs, float], Vector]:
-        """Return `signal` for several names at once: one look for all of them."""
-        if len(names) < 2:
-            return super().reading(names)
-        others = [self._readers[name] for name in names if name in self._readers]
-        order = [*_FLOWS, *_STATE, *(name for name in names if name in self._readers)]
-        pick: Callable[[Vector], Vector] = itemgetter(*(order.index(name) for name in names))
-        of = self._of
+    def places(self, names: tuple[str, ...], inputs: Inputs) -> tuple[int, ...] | None:
+        """Return the places of what is in the state; a whole thermistor tells the temperature where it is."""
+        told = _PLACES | ({_THERMISTOR: _CELL} if inputs["ntc"] == HEALTHY else {})
+        return tuple([told[name] for name in names]) if told.keys() >= {*names} else None
 
-        def read(state: Vector, inputs: Inputs, at: float) -> Vector:
-            del at
-            return pick((*of(inputs).flows(state), *state, *[other(state, inputs) for other in others]))
+    def _reading(self) -> Mapping[str, Callable[[Vector, Inputs], float]]:
+        """Return how the signals are found that are not in the state."""
+        cell, thermistor, of = self._cell, self._thermistor, self._of
 
-        return read
+        def at_tabs(state: Vector, inputs: Inputs) -> float:
+            del inputs
+            base, ohms, _, _ = self._still(state)
+            return base + ohms * state[-1]
 
-    def between(self, state: Vector, ahead: Vector, share: float) -> Vector:
-        """Return the state at a share of the way from one to the other, as every plant does, without a loop."""
-        a, b, c, d, e, f, g = state
-        p, q, r, s, t, u, v = ahead
-        return (
-            a + (p - a) * share,
-            b + (q - b) * share,
-            c + (r - c) * share,
-            d + (s - d) * share,
-            e + (t - e) * share,
-            f + (u - f) * share,
-            g + (v - g) * share,
-        )
+        def at_supply(state: Vector, inputs: Inputs) -> float:
+            supply, volts, _ = state[_FLOWS:]
+            held = float(inputs["supply_voltage"])
+            return of(inputs).network.at_supply(held, supply, volts) if inputs["charge_contact"] else held
 
-    def _flows(self, state: Vector, inputs: Inputs) -> Vector:
-        """Return the signals of `_FLOWS`; those of one instant are solved once."""
-        here, known = self._of(inputs), self._flowed
-        if known is not None and known[0] is state and known[1] is here:
-            return known[2]
-        flows = here.flows(state)
-        self._flowed = (state, here, flows)
-        return flows
+        return {
+            "ambient": lambda _, inputs: float(inputs["ambient"]),
+            "capacity": lambda state, _: cell.ageing.aged(state[3])[0] / 3600,
+            "cell_voltage": at_tabs,
+            "cycles": lambda state, _: cell.ageing.cycles(state[3]),
+            "load.current": lambda state, _: state[_FLOWS] - state[-1],
+            "ntc": lambda state, inputs: thermistor.seen(str(inputs["ntc"]), state[_CELL], state[_BOX]),
+            "ntc_box": lambda state, _: thermistor.ohms(state[_BOX]),
+            _THERMISTOR: lambda state, inputs: thermistor.read(str(inputs["ntc"]), state[_CELL], state[_BOX]),
+            "open_circuit": lambda state, _: cell.table.volts(state[0]),
+            "resistance": lambda state, _: self._still(state)[1],
+            "supply.voltage": at_supply,
+        }
 
     def _of(self, inputs: Inputs) -> _Setting:
         known = self._set
@@ -226,31 +204,6 @@ class Battery(Plant):
         here = self._known(tuple(inputs.values()))
         self._set = (inputs, here)
         return here
-
-    def _solved(self, network: Network, wires: float, held: float, *, live: bool, charging: bool) -> _Flows:
-        """Return the signals of `_FLOWS` as a function of the state alone, for what hangs on the terminals.
-
-        The cell lifts the terminals of a supply that gives nothing above the voltage that it would hold.
-        """
-        still, solve, limit, path = self._still, network.solver(wires), network.limit, network.path
-
-        def flows(state: Vector) -> Vector:
-            base, ohms, _, _ = still(state)
-            supply, volts, current = solve(base, ohms)
-            if not live:
-                current = 0.0
-            at_supply = held
-            if charging:
-                at_supply = volts + path * supply if supply >= limit else max(held, volts)
-            return volts, current, base + ohms * current, at_supply, supply, supply - current
-
-        return flows
-
-    def _step(self, here: _Setting, dt: float) -> Callable[[Vector], Vector]:
-        """Return a step of `dt` seconds as a function of the state alone."""
-        response = self._housing.response(here.share, here.room, dt, assembled=here.assembled)
-        warmed = self._housing.step(here.room, response)
-        return self._cell.step(dt, here.solve if here.live else None, warmed)
 
     def _setting(self, values: tuple[Value, ...]) -> _Setting:
         inputs = dict(zip(self._names, values, strict=True))
@@ -272,11 +225,9 @@ class Battery(Plant):
         )
         wires = wiring.leads + wiring.fuse + (0.0 if fitted else _OPEN_OHMS)
         live = fitted and (network.limit > 0 or network.load > 0 or siemens > 0)
-        held = float(inputs["supply_voltage"])
         return _Setting(
-            flows=self._solved(network, wires, held, live=live, charging=bool(charging)),
-            solve=network.solver(wires),
-            live=live,
+            network=network,
+            solve=network.solver(wires) if live else network.idle(wires),
             share=min(max(float(inputs["tec"]), -1.0), 1.0),
             room=float(inputs["ambient"]),
             assembled=inputs["place"] == "assembly",

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import exp, log
 
-__all__ = ["STATES", "Thermistor"]
+__all__ = ["HEALTHY", "STATES", "Thermistor"]
 
-STATES = ("healthy", "open", "shorted", "detached")
+HEALTHY = "healthy"
+STATES = (HEALTHY, "open", "shorted", "detached")
 """What can be with the thermistor; a detached one hangs in the box."""
 
 _ZERO_CELSIUS = 273.15
@@ -43,5 +44,7 @@ class Thermistor:
 
     def read(self, state: str, cell: float, box: float) -> float:
         """Return the temperature that the resistance stands for; far beyond any range where it is open or shorted."""
+        if state == HEALTHY:
+            return cell
         ratio = self.seen(state, cell, box) / self.nominal
         return 1 / (_PER_REFERENCE + log(ratio) / self.beta) - _ZERO_CELSIUS
