@@ -10,6 +10,7 @@ from hil.bench.readiness import Gate, energised_gates, unpowered_gates
 from hil.bench.safe_off import SafeResult, make_safe
 from hil.executive.run.row_store import OpenRecording, RecordedChannel, RecordingFacts, RowStore
 from hil.executive.run.stop import StopFlags
+from hil.executive.watch.afterwards import watch_afterwards
 from hil.executive.watch.holding import Holding
 from hil.executive.watch.monitors import monitor_of
 from hil.executive.watch.scheduler import Scheduler
@@ -131,9 +132,18 @@ class BenchKeeper:
         """Make the bench safe for the last time and end the monitors' recordings."""
         if self.touched:
             self.safe()
+        if self.touched:
+            self._watch_afterwards()
         for recording in self._watched.values():
             recording.finish(complete=True)
         self._watched.clear()
+
+    def _watch_afterwards(self) -> None:
+        """See that what was made safe behaves like it; whatever its lines have proven, this counts."""
+        with self._flags.shielded():
+            if not watch_afterwards(self._bench, self._store, self._taken("safe"), self._ticks[0]):
+                self._write("safe-end", ok=False)
+                self.unsafe = True
 
     def _pass_gates(self) -> str:
         for gate in self._gates():
@@ -150,21 +160,26 @@ class BenchKeeper:
 
     def _take(self, kind: str, steps: Sequence[SafeStep]) -> list[str]:
         problems: list[str] = []
+        told = self._taken(kind)
 
         def tell(result: SafeResult) -> None:
-            self._write(
-                kind,
-                output=result.output,
-                state=result.state,
-                ok=result.ok,
-                detail=result.detail,
-                duration=round(result.seconds, 9),
-            )
+            told(result)
             if not result.ok:
                 problems.append(f"{result.output} is not {result.state}: {result.detail}")
 
         make_safe(steps, self._bench.roles, self._bench.clock, tell)
         return problems
+
+    def _taken(self, kind: str) -> Callable[[SafeResult], None]:
+        """Return what writes a line down that was taken."""
+        return lambda result: self._write(
+            kind,
+            output=result.output,
+            state=result.state,
+            ok=result.ok,
+            detail=result.detail,
+            duration=round(result.seconds, 9),
+        )
 
     def _facts(self, limit: EnvelopeLimit) -> RecordingFacts:
         instrument = self._bench.spec.instrument(self._bench.spec.wire(limit.output).instrument)
