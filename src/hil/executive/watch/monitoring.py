@@ -66,10 +66,11 @@ class Monitoring:
             return
         for monitor in self.all:
             now_ns = self._clock.now_ns()
-            room = until_ns - now_ns >= monitor.room_ns
-            if now_ns >= monitor.due_ns and (room or now_ns >= monitor.overdue_ns):
+            if now_ns < monitor.due_ns:
+                continue
+            if until_ns - now_ns >= monitor.room_ns or now_ns >= monitor.overdue_ns:
                 self._take(monitor, name)
-        self.soonest_ns = min((monitor.due_ns for monitor in self.all), default=0)
+        self.soonest_ns = min([monitor.due_ns for monitor in self.all], default=0)
 
     def _replay(self, playback: Playback, until_ns: int, name: str) -> None:
         """Run those that the record holds here; those of a later wait are left for that one."""
@@ -99,7 +100,7 @@ class Monitoring:
         """Tell of a reading that came in the end, but held the case up: a driver asks again after a silence."""
         if lasted_ns > LONGEST_TRANSACTION * NANOSECONDS:
             lasted = (
-                f"the {monitor.limit.quantity} of {monitor.limit.output} came after {lasted_ns / NANOSECONDS:.3g} s"
+                f"the {monitor.limit.words} of {monitor.limit.output} came after {lasted_ns / NANOSECONDS:.3g} s"
             )
             instrument = self._instrument(monitor)
             self._tell(monitor, NoReply(instrument.name, f"{lasted}, asked for more than once", "look at its line"))
