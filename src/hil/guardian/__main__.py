@@ -14,4 +14,4 @@ if __name__ == "__main__":
     sys.path.append(str(Path(__file__).resolve().parents[2]))
     from hil.guardian.duty.process import main
 
-    main(int(sys.argv[1]))
+    main(sys.argv[1:])

@@ -70,16 +70,18 @@ class Guardian:
         if missing:
             raise Refused(f"the guardian is given no port of {', '.join(missing)}", "open every port of its plan first")
         mine, its = channel.pair()
-        with its:
-            guardian = cls(started(its), mine, plan)
+        try:
+            with its:
+                guardian = cls(started(its), mine, plan)
+        except OSError as error:
+            mine.close()
+            raise _does_not_start(error) from error
         try:
             guardian._give([*(descriptors[port.device] for port in plan.ports), *lock_descriptors])
             guardian._await("ready", _START_S)
         except (HilError, OSError, HungUp) as error:
             guardian._end_process()
-            raise Refused(
-                f"the guardian does not start: {error}", "nothing was driven; mend this and try again"
-            ) from error
+            raise _does_not_start(error) from error
         return guardian
 
     @property
@@ -222,3 +224,7 @@ class Guardian:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+
+
+def _does_not_start(error: Exception) -> Refused:
+    return Refused(f"the guardian does not start: {error}", "nothing was driven; mend this and try again")

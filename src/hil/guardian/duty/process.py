@@ -63,22 +63,24 @@ class Guard:
     def serve(self) -> bool:
         """Serve until the executive leaves, or is acted upon; return whether all outputs are safe as far as is known.
 
-        An executive that leaves in order, without its outputs proven, is not killed: it has let go of its ports.
+        An executive that leaves in order, without its outputs proven, is not killed: it has let go of its ports. Nor
+        is one whose guardian breaks: it learns so from its next beat.
         """
+        kill = False
         try:
-            self._record.check()
             self._tell("ready")
             while not self._left:
                 self._turn()
             why = "the executive left without having proven its outputs safe" if self._watching else ""
         except (_Ended, HungUp) as ended:
             why = "" if self._disarmed else self._told(ended)
+            kill = True
         except Exception as error:  # noqa: BLE001 - a guardian that breaks acts before it goes
-            why = f"the guardian itself failed: {error!r}"
+            why = f"the guardian itself failed: {error!r}" if self._watching else ""
         if not why:
             return True
         ending = Ending(self._plan, self._acting, self._record, self._executive, self._tell_acted)
-        return ending.act(why, kill=not self._left)
+        return ending.act(why, kill=kill)
 
     def _turn(self) -> None:
         self._poll.poll((self._vigil.next_s() if self._watching else _IDLE_S) * 1000)
@@ -184,16 +186,20 @@ class Guard:
         return "the executive died" if dead else "the executive hung up without a word"
 
 
-def main(descriptor: int) -> None:
+def main(arguments: Sequence[str]) -> None:
     """Run the guardian at its end of the channel, and end the process; nothing is left to exit handlers."""
+    try:
+        end = socket.socket(fileno=int(arguments[0]))
+    except (IndexError, ValueError, OSError):
+        raise SystemExit("hil starts its guardian by itself; nobody else can") from None
     for name in _IGNORED:
         signal.signal(getattr(signal, f"SIG{name}"), signal.SIG_IGN)
     os.chdir("/")
-    end = socket.socket(fileno=descriptor)
     try:
         guard = _received(end)
     except Exception as error:  # noqa: BLE001 - the executive has it told, nothing was driven yet
-        channel.send(end, "refused", why=str(error) or repr(error))
+        with suppress(HungUp):
+            channel.send(end, "refused", why=str(error) or repr(error))
         os._exit(2)
     code = 0 if guard.serve() else 1
     sys.stderr = None
@@ -211,6 +217,7 @@ def _received(end: socket.socket) -> Guard:
     executive, written, *passed = packet[1]
     with os.fdopen(written, "rb") as file:
         plan = read_plan(file.read())
+    Record(plan).check()
     hands = {port.device: Hand(port, each) for port, each in zip(plan.ports, passed, strict=False)}
     return Guard(end, plan, executive, hands)  # the descriptors of leases stay open until the process ends
 
