@@ -151,6 +151,15 @@ def test_bytes_wait_for_silence(far, talk):
     assert far.hear(2) == b"xx"
 
 
+def test_what_nobody_has_fetched_yet_is_no_silence(far, talk, line):
+    """Bytes that wait to be read may have come just now."""
+    line.busy_until = 0.0
+    far.say(b"late reply")
+    began = time.monotonic()
+    talk.make(Exchange(send=b"x", quiet_s=0.05), Patience())
+    assert time.monotonic() - began >= 0.05
+
+
 def test_a_line_that_is_never_silent_is_written_to_all_the_same(far):
     """What chatters without end must hear the command, too."""
 

@@ -73,6 +73,9 @@ class Exchanging:
         return self._wait_for_reply(exchange, patience) if exchange.expect else ""
 
     def _wait_for_silence(self, quiet_s: float, longest_s: float) -> None:
+        if not quiet_s:
+            return
+        self._hear(0.0)  # what nobody has fetched yet was said just now, for all that is known
         give_up = time.monotonic() + quiet_s + longest_s
         while (now := time.monotonic()) < give_up and (left := self.line.busy_until + quiet_s - now) > 0:
             self._hear(now + left)
