@@ -54,7 +54,7 @@ ENDED = {
         {"highest_voltage": "4.3"},
         "is above 4.25 V",
     ),
-    "thermistor open before": ({}, ((0.0, plant(ntc="open")),), {}, "is below 0 degC"),
+    "thermistor open before": ({}, ((0.0, plant(ntc="open")),), {}, "what it measures is beyond SENSOR already"),
     "thermistor open": ({}, ((1.0, plant(ntc="open")),), {}, "'tripped SENSOR'"),
     "thermistor shorted": ({}, ((1.0, plant(ntc="shorted")),), {}, "'tripped SENSOR'"),
     "cycler reset": (cycler("{kind: reset, from: 1 h}"), (), {}, "it has started anew (boot 43, BROWNOUT)"),
@@ -76,8 +76,7 @@ ENDED = {
     "fuse blown in a charge": ({}, ((1.0, plant(fuse="open")),), {}, "'tripped VMIN'"),
     "fuse blown in a discharge": ({}, ((5.5, plant(fuse="open")),), {}, "'tripped VMIN'"),
     "charger lost": ({}, ((1.0, loses_its_output),), {}, "'tripped CURRENT'"),
-    "charger lost at the end": ({}, ((4.0, loses_its_output),), {}, "the charger gives -0.000 V where 4.2 V are set"),
-    "cell reversed": (cell(f"open_circuit: [{NEGATIVE}]"), (), {}, "are safe to charge"),
+    "charger lost at the end": ({}, ((4.0, loses_its_output),), {}, "0.000 V where 4.2 V are set"),
     "cell too full": (cell(f'charge: "1.0", open_circuit: [{OVERFULL}]'), (), {}, "the cell has 4.300 V"),
 }
 
@@ -92,6 +91,16 @@ def test_a_fault_that_ends_the_run(scene, tmp_path, fault):
     assert verdict in {"ERROR", "NOT_RUN"}
     assert words in ran.reasons("test_charge")
     assert "bench safe, every line proven" in ran.out
+    assert scene.still_on() == {}
+
+
+def test_a_cell_that_is_reversed_is_told_before_anything_is_on(scene, tmp_path):
+    """The tester's reading tells; the run is refused before its first command."""
+    ran = battery_workspace(tmp_path / "w", CHARGE, cell(f"open_circuit: [{NEGATIVE}]")).run(overrides=SHORT)
+    assert ran.verdicts() == {"test_charge": "NOT_RUN"}
+    assert "the cell has -4.2" in ran.reasons("test_charge")
+    assert "is it reversed, is it connected, is its fuse whole?" in ran.reasons("test_charge")
+    assert ran.package.events("safe") == ()
     assert scene.still_on() == {}
 
 
@@ -119,7 +128,8 @@ def test_a_discharge_relay_that_is_welded_is_told_and_not_called_safe(scene, tmp
     ran = battery_workspace(tmp_path / "w", CHARGE, changes).run(overrides=SHORT)
     assert (ran.code, ran.verdicts()) == (7, {"test_charge": "ERROR"})
     assert "a current flows through the cell, and no test runs" in ran.reasons("test_charge")
-    assert "NOT SAFE: cycler stopped, cycler current -0.7 A" in ran.out
+    assert "NOT SAFE: cycler stopped, cycler current -0." in ran.out
+    assert "NOT SAFE: cycler watched, its current went -0." in ran.out
     assert set(scene.still_on()) == {"current of the cell"}
 
 
@@ -156,6 +166,20 @@ def test_a_cell_that_comes_charged_is_emptied_first(scene, tmp_path):
 
 
 COOLER = 'integral_time: "240"}'
+FEED = '      connects: {"1": tec_feed.supply}'
+
+
+@pytest.mark.parametrize("cut", [True, False])
+def test_a_cooler_that_drives_on(scene, tmp_path, cut):
+    """Its controller shows standby and no output. Its supply cuts it off; if that fails, too, the plates tell."""
+    changes = {COOLER: f"{COOLER}\n      faults: [{{kind: runaway, from: 1 h}}]"}
+    if not cut:
+        changes[FEED] = f'      faults: [{{kind: refuse-off, says: "off", from: 1 h}}]\n{FEED}'
+    ran = battery_workspace(tmp_path / "w", DEGRADATION, changes).run(overrides={"cycles": "2"})
+    assert ran.verdicts() == {"test_degradation": "ERROR"}
+    assert ran.code == (1 if cut else 7)
+    assert ("NOT SAFE: thermal watched" in ran.out) is not cut
+    assert set(scene.still_on()) == (set() if cut else {"coolers"})
 
 
 @pytest.mark.parametrize("moment", ["0 h", "3 h"])
