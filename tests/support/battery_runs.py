@@ -29,6 +29,11 @@ class BatteryWorkspace(Workspace):
         wanted = {"start": self.root, "plans": (self.plan.name,), "bench": "battery", "dut": "SIM-BAT-1"}
         return Request(**{**wanted, "source": Source.SIMULATED, **changes})
 
+    @property
+    def run_arguments(self) -> tuple[str, ...]:
+        """`run` for the plan on the simulated bench."""
+        return ("run", self.plan.name, "--bench", "battery", "--dut", "SIM-BAT-1", "--source", "simulated")
+
     def run(self, **changes) -> Ran:
         """Run the plan in this process, and return how it ended."""
         before, out = self.folders(), io.StringIO()

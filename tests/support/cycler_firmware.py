@@ -112,6 +112,7 @@ class FirmwarePeer:
         coefficients: a0, b0, a1, b1, a2; None leaves them erased.
         real_baud: whether bytes take the time that the firmware's own settings give them; else the line has a speed.
         powered: whether it runs from the bench's epoch on; else from the first opening of its port on.
+        hangs_s: when its converter stops to answer, on the bench's clock, until the watchdog resets it; 0 is never.
         drift: rate of its resonator against the bench's clock, minus 1.
         noises: for each signal a stream and the standard deviation of a data line; it changes every 5 s of the bench.
     """
@@ -129,6 +130,7 @@ class FirmwarePeer:
         real_baud=False,
         powered=False,
         drift=0.0,
+        hangs_s=0.0,
         noises=(),
     ):
         image = boots.to_bytes(4, "little") + serial.encode("ascii").ljust(8, b"\0")
@@ -144,6 +146,7 @@ class FirmwarePeer:
         self._contacts = contacts
         self._feed = feed
         self._closed = 0
+        self._hangs_s = hangs_s
         self._powered = powered
         self._rate = round((1 + drift) * _PARTS)
         self._noises = noises or ((None, 0.0),) * len(signals)
@@ -159,6 +162,8 @@ class FirmwarePeer:
         self._line, self._clock = line, clock
         if self._feed:
             self._feed.plant.listen(self._follow)
+        if self._hangs_s:
+            clock.at(round(self._hangs_s * 1e9), self.break_converter)
         if self._powered:
             self._boot(_POWER)
 
@@ -177,11 +182,11 @@ class FirmwarePeer:
             self._step(data)
 
     def state(self):
-        """Keep nothing: the state of a simulated processor stays in it. Checkpoints are written and cannot be used."""
-        return {}
+        """Return what can be seen of it; the processor's own state stays in it, so that no checkpoint can be used."""
+        return {"closed": self._closed, "watchdog_resets": self.watchdog_resets}
 
     def restore(self, state):
-        """Refuse, since `state` keeps nothing.
+        """Refuse, since `state` does not keep it.
 
         Raises:
             Refused: always.
@@ -243,6 +248,8 @@ class FirmwarePeer:
             self._line.send(payload, max(0, when_ns - now_ns))
         elif kind == "W":
             self.watchdog_resets.append(when_ns)
+            if self._hangs_s:
+                self.break_converter(dead=False)
         elif when_ns <= now_ns:
             self._drive(payload[0])
         else:
@@ -292,6 +299,7 @@ def _build(setup):
     choices = {"boots": truth.integer("boots", 41), "serial": truth.text("serial", "C0001")}
     choices |= {name: truth.flag(name, False) for name in ("real_baud", "powered")}
     choices["drift"] = truth.number("clock_drift", 0.0)
+    choices["hangs_s"] = truth.number("converter_hangs", 0.0, minimum=0)
     choices["noises"] = [(setup.stream(name), truth.number(f"{name}_noise", 0.0, minimum=0)) for name in _SIGNALS]
     signals = [setup.connections.signal(name) for name in _SIGNALS]
     contacts = [setup.connections.input(name) for name in ("charge", "discharge")]

@@ -1,0 +1,130 @@
+"""The plan battery_charge with the real firmware of the cycler under simavr, run by `hil run` as anybody would."""
+
+from __future__ import annotations
+
+import math
+import resource
+from dataclasses import replace
+
+import pytest
+from battery_runs import battery_workspace
+from cycler_firmware import declared_in
+from workspaces import finish
+
+from hil.evidence.package.contents import Package
+from hil.evidence.package.verification import verify
+
+pytestmark = [pytest.mark.system, pytest.mark.timeout(900)]
+
+ITS_PEER = "    cycler1:\n"
+MOST_S = 120
+"""Processor time of the executive, and of the simulator: they take turns, so that together it is 4 minutes."""
+
+COVERAGE = 2.0
+FADING_H = 0.014
+"""What the last digit of the current, 1 mA, is worth where a charge ends: there it fades by 20 uA/s."""
+
+BESIDES = {
+    "charge_time": FADING_H,
+    "constant_voltage_time": FADING_H,
+    "constant_current_time": 0.001,
+    "duration": 10 * 3600 * FADING_H,
+}
+"""What numbers may differ by besides their uncertainties; the line at which a voltage is reached may be the next one."""
+
+WARM = {"truth: {place: container}": 'truth: {place: container, ambient: "44"}', 'toward: "24.5"': 'toward: "44"'}
+"""A warm room. The cell gets warmer than the firmware allows, and not as warm as the envelope does."""
+
+
+def with_firmware(folder, changes=None):
+    """Return a workspace whose bench file names the firmware as the cycler's peer; nothing else in it is changed."""
+    variables = declared_in(folder / "declared")
+    workspace = battery_workspace(folder / "workspace", "battery_charge", changes)
+    workspace.change("fixtures/benches/battery/bench.yaml", {ITS_PEER: f"{ITS_PEER}      model: cycler-firmware\n"})
+    return replace(workspace, environment={**workspace.environment, **variables})
+
+
+def ran(workspace, *arguments):
+    """Run the plan, and return how the command ended, and the package; no process of it may take too long."""
+    process = workspace.start_run(*arguments)
+    resource.prlimit(process.pid, resource.RLIMIT_CPU, (MOST_S, MOST_S))
+    ended = finish(process, 800)
+    return ended, Package(workspace.root / ended.last_line)
+
+
+def checks(package):
+    """Return every check by requirement, parameter and what it is of."""
+    return {(each["requirement"], each["parameter"], each["of"]): each for each in package.events("check")}
+
+
+@pytest.fixture(scope="module")
+def firmware(tmp_path_factory):
+    """Run the plan as it is committed, but for its cycler."""
+    return ran(with_firmware(tmp_path_factory.mktemp("firmware")))
+
+
+@pytest.fixture(scope="module")
+def peer(tmp_path_factory):
+    """Run the plan as it is committed."""
+    return ran(battery_workspace(tmp_path_factory.mktemp("peer") / "workspace", "battery_charge"))
+
+
+def test_the_whole_plan_with_the_firmware(firmware):
+    """Ten cycles run to their end in four minutes, no line is lost, the bench is safe and the package whole."""
+    ended, package = firmware
+    assert ended.code == 1
+    assert "bench safe, every line proven" in ended.out
+    found = checks(package)
+    assert found["EPS-BAT-010", "lost_lines", None]["value"] == 0
+    assert found["EPS-BAT-007", "charge_time", "10"]["verdict"] == "RECORDED"
+    assert verify(package.folder).ok
+
+
+def test_every_verdict_is_that_of_the_peer(firmware, peer):
+    """The declaration is doubted with both: the cell has more than its label says."""
+    assert firmware[0].code == peer[0].code
+    real, simulated = (checks(package) for _, package in (firmware, peer))
+    assert {key: each["verdict"] for key, each in real.items()} == {
+        key: each["verdict"] for key, each in simulated.items()
+    }
+    assert firmware[1].results()["cases"][0]["requirements"] == peer[1].results()["cases"][0]["requirements"]
+
+
+def test_every_number_is_that_of_the_peer(firmware, peer):
+    """No two numbers differ by more than twice their stated uncertainties, and times by what a digit is worth."""
+    real = checks(firmware[1])
+    far = []
+    for key, wanted in checks(peer[1]).items():
+        got, parameter = real[key], key[1]
+        if isinstance(wanted["value"], str):
+            assert got["value"] == wanted["value"], key
+            continue
+        stated = COVERAGE * math.hypot(*(each["uncertainty"] or 0.0 for each in (wanted, got)))
+        if abs(got["value"] - wanted["value"]) > stated + BESIDES.get(parameter, 0.0):
+            far.append((key, wanted["value"], got["value"], stated))
+    assert far == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "parameter", "reason"),
+    [
+        ({}, "longest_half_cycle=3600", "tripped TIME"),
+        ({}, "highest_voltage=4.18", "tripped VMAX"),
+        (WARM, "rest=60", "tripped TMAX"),
+    ],
+)
+def test_the_firmware_ends_the_plan_by_its_own_limits(tmp_path, changes, parameter, reason):
+    """Its relays open before the envelope is left: the case is an ERROR at once, and the bench is safe."""
+    ended, package = ran(with_firmware(tmp_path, changes), "--parameter", parameter)
+    assert (ended.code, package.results()["cases"][0]["verdict"]) == (1, "ERROR")
+    assert f"ended its test by itself, it says '{reason}'" in ended.out
+    assert "bench safe, every line proven" in ended.out
+
+
+def test_a_firmware_that_hangs_is_reset_and_told(tmp_path):
+    """Its watchdog opens the relays and it says so; the case is an ERROR, and the bench is safe."""
+    clock = "      truth: {clock_drift:"
+    ended, package = ran(with_firmware(tmp_path, {clock: '      truth: {converter_hangs: "12000", clock_drift:'}))
+    assert (ended.code, package.results()["cases"][0]["verdict"]) == (1, "ERROR")
+    assert "it has started anew (boot 43, WATCHDOG): its relays are open" in ended.out
+    assert "bench safe, every line proven" in ended.out
