@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 __all__ = ["CLOCK", "HOLD", "HOLD_END", "MONITOR", "OVERDUE", "Handover", "Playback", "ReplayedBus", "ReplayedStream"]
 
 CLOCK = "clock"
-"""The operation that marks where a bench outside of its process came to the present without any other one."""
+"""The operation that marks where a bench outside of its process came to the present without any other one.
+
+It sends the number of events of the run's own course up to there, because it stands between two of them."""
 
 HOLD = "hold"
 """The operation that marks where the bench was brought to its hold state."""
@@ -130,6 +132,11 @@ class Playback:
         """Return whether this operation comes next in the record, at `latest_ns` or before."""
         found = self._next
         return found is not None and found.name == name and found.start_ns <= latest_ns
+
+    def next_if(self, name: str) -> Operation | None:
+        """Return the operation that comes next in the record if it is of this name."""
+        found = self._next
+        return found if found is not None and found.name == name else None
 
     def take(self, device: str, name: str, sent: bytes = b"") -> Operation:
         """Return the next operation if it is this one, and set the clock to its end.

@@ -215,9 +215,8 @@ class Record:
         """Return the end of the wait."""
         return when_ns
 
-    def comes(self, name: str, latest_ns: int) -> bool:  # noqa: ARG002 - as of Playback
+    def next_if(self, name: str) -> None:
         """Return that no such operation comes."""
-        return False
 
     def take_monitor(self, latest_ns: int, name: str) -> str:
         """Take the turn that comes next, and return its limit."""

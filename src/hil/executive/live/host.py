@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 
 from hil.bench.bound import BoundBench
 from hil.bench.gate import Gate
@@ -11,10 +11,8 @@ from hil.clock.live import LiveClock
 from hil.executive.live.guarding import Guarding
 from hil.executive.live.inhibitor import Inhibitor
 from hil.executive.run.record import Record
-from hil.executive.run.stop import StopFlags
 from hil.executive.setup.configuration import Configuration
 from hil.executive.watch.scheduler import Scheduler
-from hil.model.bench import BenchSpec
 from hil.model.errors import Refused
 from hil.model.identity import Source
 
@@ -27,21 +25,29 @@ class Host:
     A served bench is simulated: its ports belong to nobody, and nothing real suffers if its machine sleeps.
 
     Args:
-        spec: the bench file.
+        bench: the bench; one whose source is simulated is served.
+        clock: its clock.
+        scheduler: is told of distress.
         guarding: the guardian.
         inhibitor: holds off sleep and shutdown.
-        served: whether the bench is served by another process.
-
-    Attributes:
-        people: gives the gates that people open.
     """
 
-    def __init__(self, spec: BenchSpec, guarding: Guarding, inhibitor: Inhibitor, *, served: bool) -> None:
-        self._spec = spec
+    def __init__(
+        self, bench: BoundBench, clock: LiveClock, scheduler: Scheduler, guarding: Guarding, inhibitor: Inhibitor
+    ) -> None:
+        self._spec = bench.spec
+        self._clock = clock
+        self._scheduler = scheduler
         self._guarding = guarding
         self._inhibitor = inhibitor
-        self._served = served
-        self.people: Callable[[], Iterable[Gate]] = tuple
+        self._served = bench.source is Source.SIMULATED
+        scheduler.distress = lambda: self.distress
+
+    def amid(self) -> None:
+        """Look after the bench amid a case's own code."""
+        self._clock.pulse()
+        if self._scheduler.watching:
+            self._scheduler.idle()
 
     def gates(self) -> Iterator[Gate]:
         """Yield what has to hold before anything is driven; with the last one the guardian watches."""
@@ -74,34 +80,25 @@ class Host:
 
 
 def host_of(
-    bench: BoundBench,
-    clock: LiveClock,
-    flags: StopFlags,
-    scheduler: Scheduler,
-    record: Record,
-    configuration: Configuration,
+    bench: BoundBench, clock: LiveClock, scheduler: Scheduler, record: Record, configuration: Configuration
 ) -> Host:
     """Return what a bench outside of this process needs, connected with the run that drives it.
 
     Args:
         bench: the bench.
         clock: its clock.
-        flags: stop requests; amid a case's own code the scheduler looks after the bench.
-        scheduler: is told of distress.
+        scheduler: is told of distress, and looks after the bench amid a case's own code.
         record: the run's.
         configuration: what the run is made of.
     """
     guarding = Guarding(
         bench,
         clock,
-        flags,
+        scheduler.flags,
         lambda: scheduler.fresh_until_ns,
         folder=record.folder,
         leases=record.leases,
         locks=record.lease.descriptors,
     )
     inhibitor = Inhibitor(f"a test run drives bench {bench.spec.name}", configuration.workspace.inhibitor)
-    host = Host(bench.spec, guarding, inhibitor, served=bench.source is Source.SIMULATED)
-    scheduler.distress = lambda: host.distress
-    flags.amid = scheduler.idle
-    return host
+    return Host(bench, clock, scheduler, guarding, inhibitor)

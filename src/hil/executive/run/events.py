@@ -53,6 +53,11 @@ class Events:
         self._clock: Clock | None = None
         self._listeners: list[Listener] = []
 
+    @property
+    def course(self) -> int:
+        """How many events of the run's own course there are."""
+        return self._count
+
     def follow(self, clock: Clock) -> None:
         """Stamp events with this clock from now on; before that they are at zero."""
         self._clock = clock

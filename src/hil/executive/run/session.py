@@ -73,8 +73,7 @@ class Session:
         self.flags = StopFlags()
         self.poison = ""
         self.current: CaseRun | None = None
-        self._replay = replay
-        self._earlier = earlier
+        self._replay, self._earlier = replay, earlier
         self._made: set[Path] = set()
         self._ids = count(1)
         self._verdicts: list[Verdict] = []
@@ -110,21 +109,14 @@ class Session:
         self.bench = binder(self.record.transcript, self._where)
         self._closing.callback(self.bench.close)
         self.record.follow(self.bench, checkpoints=bool(leases))  # nobody resumes a rehearsal
-        self.keeper = BenchKeeper(
-            self.bench,
-            configuration.dut,
-            self.flags,
-            self._events.write,
-            self.record.store,
-            self.record.upkeep.tick,
-        )
+        store, tick = self.record.store, self.record.upkeep.tick
+        self.keeper = BenchKeeper(self.bench, configuration.dut, self.flags, self._events.write, store, tick)
         self._events.listen(self.keeper.holding)
-        self._events.catch_up = self.keeper.scheduler.catch_up
+        self._events.catch_up = self.keeper.scheduler.follow(lambda: self._events.course)
         self.flags.make_safe, self.flags.give_up = self.keeper.safe, self.give_up
         if self.bench.live is not None:
-            host = host_of(self.bench, self.bench.live, self.flags, self.keeper.scheduler, self.record, configuration)
-            self.keeper.outside = host
-            alarm.keep()
+            self.keeper.outside = host_of(self.bench, self.bench.live, self.keeper.scheduler, self.record, configuration)
+            alarm.keep(self.keeper.outside.amid)
         self._answers = answers(self.bench, self.keeper.scheduler.idle)
 
     def _may_be_entered(self) -> None:

@@ -52,7 +52,6 @@ class StopFlags:
         turns: how many cases had or have their turn.
         astray: why another thread, process or case was turned away, empty where none was.
         make_safe: makes the bench safe; called before a case's own code is cut.
-        amid: looks after a bench outside of this process amid a case's own code.
         give_up: ends the run from where it is; called for a case that was cut again and again and goes on.
     """
 
@@ -68,7 +67,6 @@ class StopFlags:
         self.urgent = False
         self.astray = ""
         self.make_safe: Callable[[], None] = lambda: None
-        self.amid: Callable[[], None] = lambda: None
         self.give_up: Callable[[], None] = lambda: None
 
     @property
@@ -108,10 +106,10 @@ class StopFlags:
                 self.give_up()
             raise Stopped(self.reason)
 
-    def interlude(self) -> None:
-        """Look after the bench if a case's own code is at nothing that must not be disturbed."""
+    def interlude(self, amid: Callable[[], None]) -> None:
+        """Do something if a case's own code is at nothing that must not be disturbed."""
         if self._in_case and not self._undisturbed and not self._shielded:
-            self.amid()
+            amid()
 
     @contextmanager
     def case_code(self) -> Iterator[None]:
@@ -254,11 +252,13 @@ class Alarm:
         self._flags = flags
         self._before: tuple[float, float] | None = None
         self._handler: object = None
+        self._amid: Callable[[], None] = lambda: None
         self._kept = False
         self._cut_at = math.inf
 
-    def keep(self) -> None:
-        """Ring a few times a second from now on, whether or not somebody asked for the run's end."""
+    def keep(self, amid: Callable[[], None]) -> None:
+        """Ring a few times a second from now on; `amid` is called where the case's own code may be disturbed."""
+        self._amid = amid
         self._kept = True
         self._start(_LOOK_S, _LOOK_S)
 
@@ -289,4 +289,4 @@ class Alarm:
             self._flags.urgent = True
             self._flags.interrupt()
         elif self._kept:
-            self._flags.interlude()
+            self._flags.interlude(self._amid)

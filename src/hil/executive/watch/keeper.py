@@ -13,6 +13,7 @@ from hil.executive.run.stop import StopFlags
 from hil.executive.watch.afterwards import watch_afterwards
 from hil.executive.watch.holding import Holding
 from hil.executive.watch.monitors import monitor_of
+from hil.executive.watch.reports_to import Outside
 from hil.executive.watch.scheduler import Scheduler
 from hil.model.bench import EnvelopeLimit, SafeStep
 from hil.model.figure import Figure
@@ -36,6 +37,7 @@ class BenchKeeper:
         holding: holds the bench when it is asked for; it has to be shown every event.
         write: writes an event.
         last: gets the exit code of the run before it is sealed.
+        outside: what a bench outside of this process needs, None for one that lives in it.
     """
 
     def __init__(
@@ -52,6 +54,7 @@ class BenchKeeper:
         self._flags = flags
         self.write = self._write = write
         self.last: Callable[[int], None] = lambda _: None
+        self.outside: Outside | None = None
         self._store = store
         self._watched: dict[str, OpenRecording] = {}
         self.unsafe = False
@@ -132,6 +135,9 @@ class BenchKeeper:
         """Make the bench safe for the last time and end the monitors' recordings."""
         if self.touched:
             self.safe()
+        if self.outside is not None and (problems := self.outside.end()):
+            self._write("host-gate", name="guardian", ok=False, detail="; ".join(problems))
+            self.unsafe = True
         if self.touched:
             self._watch_afterwards()
         for recording in self._watched.values():
@@ -146,17 +152,19 @@ class BenchKeeper:
                 self.unsafe = True
 
     def _pass_gates(self) -> str:
-        for gate in self._gates():
-            self._write("gate", name=gate.name, ok=gate.ok, detail=gate.detail)
+        """Take the gates one by one; the first that does not hold ends the arming, and is returned."""
+        for kind, gate in self._gates():
+            self._write(kind, name=gate.name, ok=gate.ok, detail=gate.detail)
             if not gate.ok:
                 return f"{gate.name}: {gate.detail}"
         return ""
 
-    def _gates(self) -> Iterator[Gate]:
-        """Yield the gates one by one; the first that does not hold ends the arming."""
-        yield from unpowered_gates(self._bench, self._dut)
+    def _gates(self) -> Iterator[tuple[str, Gate]]:
+        yield from (("gate", gate) for gate in unpowered_gates(self._bench, self._dut))
         self.touched = True
-        yield from energised_gates(self._bench, self._dut)
+        if self.outside is not None and self._bench.playback is None:
+            yield from (("host-gate", gate) for gate in self.outside.gates())
+        yield from (("gate", gate) for gate in energised_gates(self._bench, self._dut))
 
     def _take(self, kind: str, steps: Sequence[SafeStep]) -> list[str]:
         problems: list[str] = []

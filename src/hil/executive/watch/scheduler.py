@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, NoReturn
 from hil.bench.bound import BoundBench
 from hil.bench.envelope import Monitor, Trip
 from hil.clock import wall
-from hil.clock.port import FOREVER_NS, NANOSECONDS
+from hil.clock.port import NANOSECONDS
 from hil.executive.run.stop import StopFlags, Stopped
 from hil.executive.watch.derived_feed import Fed
 from hil.executive.watch.feeding import Feed, monitors_of, pause_allowed
 from hil.executive.watch.monitoring import Monitoring
+from hil.executive.watch.present import Present
 from hil.executive.watch.reports_to import Beside, Watch
 from hil.model.errors import Tripped
-from hil.wire.replay import CLOCK
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 __all__ = ["CaseTimeout", "Scheduler"]
 
 _BENCH = "bench"
-_BEHIND_NS = 50_000_000
-"""Up to this, what a case computes between its calls is not told."""
+_UNWATCHED_NS = 10_000_000_000
+"""A bench without an envelope has a scheduling point within this time."""
 
 _TICK_S = 0.2
 _SWALLOWED = 10
@@ -60,13 +60,14 @@ class Scheduler:
         deadline_ns: the instant at which the present case has taken too long.
         refused: how often the present case was told to end.
         monitoring: runs the monitors.
+        distress: tells why the bench cannot be driven any more, nothing while it can.
         again: does what the record of a replayed bench holds here, and people asked for.
     """
 
     def __init__(self, bench: BoundBench, monitors: Sequence[Monitor], flags: StopFlags, watch: Watch) -> None:
         self._bench = bench
         self.clock = bench.clock
-        self._flags = flags
+        self.flags = flags
         self._watch = watch
         self._ticked = wall.monotonic()
         self._trip: Trip | None = None
@@ -75,6 +76,8 @@ class Scheduler:
         self.monitoring = Monitoring(bench, monitors, watch, self._trip_once)
         self.deadline_ns: int | None = None
         self.refused = 0
+        self._present = Present(bench)
+        self.distress: Callable[[], str] = lambda: ""
         self.again: Callable[[], None] = lambda: None
 
     @property
@@ -86,6 +89,14 @@ class Scheduler:
     def watching(self) -> bool:
         """Whether the monitors run."""
         return self._watching
+
+    @property
+    def fresh_until_ns(self) -> int | None:
+        """Bench time up to which what the monitors know is good, None while they do not run."""
+        if not self._watching:
+            return None
+        soonest_ns = self.clock.now_ns() + _UNWATCHED_NS
+        return min((monitor.good_until_ns for monitor in self.monitoring.all), default=soonest_ns)
 
     def watch_from_now(self) -> None:
         """Begin to run the monitors."""
@@ -106,9 +117,9 @@ class Scheduler:
         Raises:
             Stopped, CaseTimeout, Tripped: see there.
         """
-        with self._flags.undisturbed():
+        with self.flags.undisturbed():
             self._look()
-            self._come_to_present()
+            self._present.come()
             now_ns = self.clock.now_ns()
             if self._beside:
                 self._take_turns(now_ns, None)
@@ -170,17 +181,17 @@ class Scheduler:
         feed.end(self.clock.now_ns())
         self.monitoring.soonest_ns = 0
 
+    def follow(self, course: Callable[[], int]) -> Callable[[], None]:
+        """Learn what tells how many events there are; return what has to be done before each of them."""
+        self._present.course = course
+        return self.catch_up
+
     def catch_up(self) -> None:
         """Pass the points of a replayed bench at which it came to the present amid computations and questions."""
-        playback = self._bench.playback
-        while playback is not None and playback.comes(CLOCK, FOREVER_NS):
-            began_ns = self.clock.now_ns()
-            now_ns = playback.take(_BENCH, CLOCK).end_ns
-            self._bench.transcript.note(_BENCH, CLOCK, began_ns, now_ns)
+        while self._present.comes_in_record():
             if self._beside:
-                self._take_turns(now_ns, None)
+                self._take_turns(self.clock.now_ns(), None)
             self._run_monitors(self.clock.now_ns())
-            playback = self._bench.playback
 
     def idle(self) -> None:
         """Be a scheduling point while a person is awaited; monitors take their turn as in any other wait."""
@@ -219,13 +230,6 @@ class Scheduler:
             if self.clock.now_ns() >= when_ns:
                 return True
 
-    def _come_to_present(self) -> None:
-        """Let a bench outside of this process come to the present, and write down that it did."""
-        live = self._bench.live
-        if live is not None and live.behind_ns() > _BEHIND_NS:
-            began_ns = live.now_ns()
-            self._bench.transcript.note(_BENCH, CLOCK, began_ns, live.look())
-
     def _look(self) -> None:
         self.catch_up()
         if self._bench.playback is not None:
@@ -242,9 +246,11 @@ class Scheduler:
             raise
 
     def _end_if_due(self) -> None:
-        self._flags.check()
+        self.flags.check()
         if self._trip:
             raise Tripped(self._trip.text, "the bench was made safe and stays so for the rest of the run")
+        if self._watching and (text := self.distress()):
+            self._trip_once(Trip(_BENCH, None, "", text))
         if self.deadline_ns is not None and self.clock.now_ns() > self.deadline_ns:
             raise CaseTimeout
 
@@ -254,7 +260,7 @@ class Scheduler:
         A case that is stopped for the first time still has the time of its own teardown.
         """
         self.refused += 1
-        patient = isinstance(ending, Stopped) and not self._flags.urgent
+        patient = isinstance(ending, Stopped) and not self.flags.urgent
         if self.refused == (_SWALLOWED if patient else 1) and not isinstance(ending, Tripped):
             self._watch.safe()
         if self.refused > _MOST_REFUSALS:

@@ -1,0 +1,51 @@
+"""The present of a bench outside of this process: where it came without an operation, and where its replay does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from hil.bench.bound import BoundBench
+from hil.wire.replay import CLOCK
+
+__all__ = ["Present"]
+
+_BENCH = "bench"
+_BEHIND_NS = 50_000_000
+"""Up to this, what a case computes between its calls is not told."""
+
+
+class Present:
+    """Lets bench time come to the present at scheduling points, and writes down that it did.
+
+    Between operations the clock of such a bench stands. Where somebody is asked, or a case computes, it has to go on
+    all the same, for monitors and turns. In the transcript that stands with the number of events before it, so that a
+    replay comes there between the same two.
+
+    Args:
+        bench: the bench.
+
+    Attributes:
+        course: tells how many events of the run's own course there are.
+    """
+
+    def __init__(self, bench: BoundBench) -> None:
+        self._bench = bench
+        self.course: Callable[[], int] = lambda: 0
+
+    def come(self) -> None:
+        """Come to the present, if the bench is outside of this process and bench time is behind."""
+        live = self._bench.live
+        if live is not None and live.behind_ns() > _BEHIND_NS:
+            began_ns, sent = live.now_ns(), str(self.course()).encode()
+            self._bench.transcript.note(_BENCH, CLOCK, began_ns, live.look(), sent=sent)
+
+    def comes_in_record(self) -> bool:
+        """Come to where the replayed bench came between the last event and the next one; return whether it did."""
+        playback = self._bench.playback
+        found = playback.next_if(CLOCK) if playback is not None else None
+        if playback is None or found is None or int(found.sent) > self.course():
+            return False
+        began_ns = self._bench.clock.now_ns()
+        playback.take(_BENCH, CLOCK, found.sent)
+        self._bench.transcript.note(_BENCH, CLOCK, began_ns, self._bench.clock.now_ns(), sent=found.sent)
+        return True
