@@ -18,7 +18,7 @@ from hil.model.errors import HilError
 from hil.model.identity import Dut, Identity, Source
 from hil.model.prefixed import prefixed
 
-__all__ = ["Gate", "energised_gates", "unpowered_gates"]
+__all__ = ["energised_gates", "unpowered_gates"]
 
 _SETTLE_S = 0.2
 _VOLTAGE_TOLERANCE = 0.05

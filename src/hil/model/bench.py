@@ -15,7 +15,6 @@ __all__ = [
     "CalibratedRange",
     "Calibration",
     "Clamp",
-    "CutPath",
     "EnvelopeLimit",
     "InstrumentSpec",
     "PeerSpec",
@@ -27,7 +26,6 @@ __all__ = [
     "SafeStep",
     "SimulatedBench",
     "UsbPort",
-    "WatchAfter",
     "Wire",
 ]
 

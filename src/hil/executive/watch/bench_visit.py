@@ -9,10 +9,11 @@ from pathlib import Path
 from hil.bench.binding import bind_simulated, check_twin
 from hil.bench.bound import BoundBench
 from hil.bench.file.reading import load_bench
+from hil.bench.gate import Gate
 from hil.bench.latching import refuse_latched
 from hil.bench.lease import Lease
 from hil.bench.live import bind_live
-from hil.bench.readiness import Gate, energised_gates, unpowered_gates
+from hil.bench.readiness import energised_gates, unpowered_gates
 from hil.bench.safe_off import SafeResult, make_safe
 from hil.bench.serving import ServedEnds, served
 from hil.clock import wall

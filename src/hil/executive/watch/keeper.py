@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 
 from hil.bench.bound import BoundBench
 from hil.bench.envelope import Trip
-from hil.bench.readiness import Gate, energised_gates, unpowered_gates
+from hil.bench.gate import Gate
+from hil.bench.readiness import energised_gates, unpowered_gates
 from hil.bench.safe_off import SafeResult, make_safe
 from hil.executive.run.row_store import OpenRecording, RecordedChannel, RecordingFacts, RowStore
 from hil.executive.run.stop import StopFlags
