@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from hil.bench.bound import BoundBench
 from hil.bench.gate import Gate
@@ -30,6 +30,9 @@ class Host:
         scheduler: is told of distress.
         guarding: the guardian.
         inhibitor: holds off sleep and shutdown.
+
+    Attributes:
+        people: yields the gates that people open.
     """
 
     def __init__(
@@ -41,6 +44,7 @@ class Host:
         self._guarding = guarding
         self._inhibitor = inhibitor
         self._served = bench.source is Source.SIMULATED
+        self.people: Callable[[], Iterable[Gate]] = lambda: ()
         scheduler.distress = lambda: self.distress
 
     def amid(self) -> None:

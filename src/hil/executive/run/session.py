@@ -115,8 +115,9 @@ class Session:
         self._events.catch_up = self.keeper.scheduler.follow(lambda: self._events.course)
         self.flags.make_safe, self.flags.give_up = self.keeper.safe, self.give_up
         if self.bench.live is not None:
-            self.keeper.outside = host_of(self.bench, self.bench.live, self.keeper.scheduler, self.record, configuration)
-            alarm.keep(self.keeper.outside.amid)
+            host = host_of(self.bench, self.bench.live, self.keeper.scheduler, self.record, configuration)
+            self.keeper.outside = host
+            alarm.keep(host.amid)
         self._answers = answers(self.bench, self.keeper.scheduler.idle)
 
     def _may_be_entered(self) -> None:
