@@ -96,10 +96,13 @@ def test_what_the_run_concludes(healthy):
 
 
 def test_the_whole_test_is_recorded(healthy):
-    """One recording holds every line of the cycler from first charge to last discharge, and fed three limits."""
+    """One recording holds every line of the cycler from first charge to last discharge, and fed every limit on it."""
     (facts,) = [event for event in healthy.package.events("recording") if event["name"] == "test"]
     fed = {event["limit"] for event in healthy.package.events("fed") if event["recording"] == facts["recording"]}
-    assert fed == {"cell-voltage", "cell-current", "cell-temperature"}
+    gates = [event["name"].split() for event in healthy.package.events("gate")]
+    watched = {name[1] for name in gates if name[0] == "envelope"}
+    assert watched - fed == {"plate-temperature", "cell-against-charger"}
+    assert fed >= {"cell-voltage", "charged", "discharged-energy", "charging-time", "cell-warming", "thermistor-stuck"}
     steps = [event for event in healthy.package.events("step") if event["path"][-1].startswith("Cycle ")]
     assert [event["path"][-1] for event in steps] == [f"Cycle {n} of 10" for n in range(1, 11)]
 
@@ -141,7 +144,7 @@ def test_a_test_that_the_tester_ends_is_an_error(tmp_path):
 def test_lines_that_are_lost_show(tmp_path):
     """Lost lines are counted, and leave a gap that no recording of the whole test may have."""
     place = "      truth: {clock_drift:"
-    fault = "      faults: [{kind: lost-lines, lines: '4', from: 2 h}]"
+    fault = "      faults: [{kind: lost-lines, lines: '4', from: 7300 s}]"
     ran = short_run(tmp_path, {place: f"{fault}\n{place}"})
     assert found(ran)["EPS-BAT-010"] == "FAIL"
     gaps = [event for event in ran.package.events("check") if event["parameter"] == "max_gap"]
