@@ -45,7 +45,7 @@ def tells(**changes):
 
 
 def holds(celsius):
-    """Return an act that has somebody set the controller at its front panel; whatever it is told then, it holds that."""
+    """Return an act that has somebody set the controller by hand; whatever it is told then, it holds that."""
 
     def act(world):
         controller = world.by_device["tec1"]._peer
@@ -134,7 +134,7 @@ def test_a_fault_that_trips_the_bench(scene, tmp_path, fault):
 
 
 def test_a_plate_below_the_dew_point_trips_the_bench(scene, tmp_path):
-    """A setpoint that somebody changed at the controller cools the plates until water would condense, and no further."""
+    """A setpoint that somebody changed by hand cools the plates until water would condense, and no further."""
     scene.acts[:] = [(5.5, holds(0.0))]
     ran = battery_workspace(tmp_path / "w", DEGRADATION).run(overrides={"cycles": "1"})
     (trip,) = ran.package.events("trip")
