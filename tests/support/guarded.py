@@ -44,7 +44,12 @@ def code(channel: int = 1, within_s: float = 0.2) -> SafeBytes:
 def output_of(name: str, device: str, channel: int = 1, **more) -> GuardedOutput:
     """Return an output of such an instrument."""
     return GuardedOutput(
-        output=name, state="off", device=device, within_s=more.pop("within_s", 1.0), code=code(channel), **more
+        output=name,
+        state="off",
+        device=device,
+        within_s=more.pop("within_s", 1.0),
+        code=code(channel, more.pop("reply_s", 0.2)),
+        **more,
     )
 
 

@@ -22,12 +22,9 @@ __all__ = ["Guardian"]
 
 _START_S = 10.0
 _MARGIN_S = 5.0
-_LEAVING_S = 15.0
-_LOST_S = 1.0
+_LEAVING_S = 2.0
 _BEATS_IN_A_DRILL = 3
 _HINT = "look whether somebody stopped it, and at the load of this machine; the bench is made safe without it"
-
-_AT_WORK: list[subprocess.Popen[bytes]] = []  # guardians that act: they are left alone, and fetched when they are done
 
 
 class Guardian:
@@ -64,7 +61,6 @@ class Guardian:
         Raises:
             Refused: if it does not come up, or cannot work with the plan.
         """
-        _AT_WORK[:] = [process for process in _AT_WORK if process.poll() is None]
         plan = with_whole_paths(plan)
         missing = [port.device for port in plan.ports if port.device not in descriptors]
         if missing:
@@ -79,8 +75,8 @@ class Guardian:
         try:
             guardian._give([*(descriptors[port.device] for port in plan.ports), *lock_descriptors])
             guardian._await("ready", _START_S)
-        except (HilError, OSError, HungUp) as error:
-            guardian._end_process()
+        except (HilError, OSError) as error:
+            guardian._end_process(_LEAVING_S)
             raise _does_not_start(error) from error
         return guardian
 
@@ -140,28 +136,31 @@ class Guardian:
         return results
 
     def close(self) -> None:
-        """Leave. A guardian that watches acts, and this returns once it has latched the bench; it kills nobody then.
+        """Leave, and wait for the guardian's end. One that watches acts first, and kills nobody: see what it latched.
 
-        A guardian that cannot be reached or does not end is killed. Closing twice is harmless.
+        A guardian that is lost or does not end is killed. Closing twice is harmless.
         """
         if self._closed:
             return
         self._closed = True
+        acts = self._watched and not self._disarmed and not self._lost
         try:
             self._send("leave")
-            if self._watched and not self._disarmed:
-                self._await("acted", _LOST_S if self._lost else _LEAVING_S)
-                _AT_WORK.append(self._process)
-                self._end.close()
-                return
         except GuardianLost:
-            self._process.kill()
-        self._end_process()
+            acts = False
+        self._end_process(self._acting_s() if acts else _LEAVING_S)
+
+    def _acting_s(self) -> float:
+        """Return how long the guardian may act at most [s], every exchange in vain."""
+        within_s = max((output.within_s for output in self._plan.outputs), default=0.0)
+        return within_s + 3 * sum(self._longest_s()) + 3 * _MARGIN_S
+
+    def _longest_s(self) -> list[float]:
+        return [seconds_of(every_exchange(output.code)) for output in self._plan.outputs]
 
     def _results(self, kind: str) -> tuple[Drilled, ...]:
         results = []
-        longest = [seconds_of(every_exchange(output.code)) for output in self._plan.outputs]
-        limit_s = self._plan.hang_s + _MARGIN_S + 2 * max(longest, default=0.0)
+        limit_s = self._plan.hang_s + _MARGIN_S + 2 * max(self._longest_s(), default=0.0)
         self._send(kind)
         while (told := self._next(limit_s))["kind"] != "done":
             if told["kind"] == "result":
@@ -212,15 +211,17 @@ class Guardian:
         try:
             os.pwrite(passed[1], written_plan(self._plan), 0)
             channel.send(self._end, "plan", *passed, *descriptors)
+        except HungUp as error:
+            raise GuardianLost("the guardian is gone") from error
         finally:
             for each in passed:
                 os.close(each)
 
-    def _end_process(self) -> None:
+    def _end_process(self, longest_s: float) -> None:
         """Close this end, and see that the guardian ends."""
         self._end.close()
         try:
-            self._process.wait(_MARGIN_S)
+            self._process.wait(longest_s)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()

@@ -76,11 +76,9 @@ def test_every_step_is_taken_though_one_before_it_breaks(tmp_path, stack, monkey
     acting = facing(stack, plan, psu=psu)
     monkeypatch.setattr("hil.guardian.duty.ending._KEEPS_S", 0.0)
     monkeypatch.setattr(acting, what, lambda: 1 // 0)
-    told = []
-    ending = Ending(plan, acting, Record(plan), -1, lambda: told.append("acted"))
+    ending = Ending(plan, acting, Record(plan), -1)
     assert ending.act("why", kill=False) is (what == "first_pass")
     assert psu.on == set()
-    assert told == ["acted"]
     assert (tmp_path / "latches" / "one.latch").exists()
     assert "ZeroDivisionError" in (tmp_path / "guardian.jsonl").read_text()
 
@@ -111,3 +109,16 @@ def test_a_line_is_brought_in_step_once_a_round(tmp_path, stack):
     acting.round()
     assert len(psu.said(b"SYNC")) == 2
     assert code().resync
+
+
+def test_another_device_under_the_name_of_one_that_is_gone_gets_no_byte(tmp_path, stack):
+    """A port is opened anew only where the same device is behind it."""
+    pulled, other = Instrument(), Instrument()
+    stack.callback(other.close)
+    hand = Hand(GuardedPort(device="psu", url=other.url), os.dup(pulled.near))
+    hand._identity = ("0403", "6001", "A50285BK")
+    pulled.close()
+    acting = Acting(plan_of(tmp_path, output_of("one", "psu")), {"psu": hand}, lambda: None)
+    acting.first_pass()
+    assert "is no USB device now, not 0403 6001 A50285BK" in acting.round()["one"].detail
+    assert other.heard == []

@@ -31,17 +31,13 @@ class Ending:
         acting: on the outputs.
         record: where it is noted.
         executive: descriptor of the executive's process.
-        tell: called once the bench is latched.
     """
 
-    def __init__(
-        self, plan: GuardPlan, acting: Acting, record: Record, executive: int, tell: Callable[[], object]
-    ) -> None:
+    def __init__(self, plan: GuardPlan, acting: Acting, record: Record, executive: int) -> None:
         self._plan = plan
         self._acting = acting
         self._record = record
         self._executive = executive
-        self._tell = tell
         self._standing: dict[str, str] = {}
         self._said = False
 
@@ -59,7 +55,6 @@ class Ending:
             if changed is not False:
                 self._step(lambda: self._record.latch(why, since, self._unproven()))
                 self._step(self._record.save)
-                self._step(self._tell)
             self._say(why, last=False)
             if time.monotonic() > self._until(began):
                 break

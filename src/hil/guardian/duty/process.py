@@ -28,7 +28,7 @@ _IGNORED = ("HUP", "INT", "QUIT", "TERM", "TSTP", "TTIN", "TTOU", "USR1", "USR2"
 _IDLE_S = 0.5
 _FOR_DEATH_MS = 50
 _FOR_A_PLAN_MS = 10_000
-_LATE_S = 0.5
+_LATE_S = 1.0
 _MOST_AT_ONCE = 64
 
 
@@ -79,7 +79,7 @@ class Guard:
             why = f"the guardian itself failed: {error!r}" if self._watching else ""
         if not why:
             return True
-        ending = Ending(self._plan, self._acting, self._record, self._executive, self._tell_acted)
+        ending = Ending(self._plan, self._acting, self._record, self._executive)
         return ending.act(why, kill=kill)
 
     def _turn(self) -> None:
@@ -164,10 +164,6 @@ class Guard:
 
     def _tell(self, kind: str, **told: object) -> None:
         channel.send(self._end, kind, **told)  # an executive that is stopped does not read, and is not waited for
-
-    def _tell_acted(self) -> None:
-        with suppress(HungUp):  # most often nobody is left to hear it
-            self._tell("acted")
 
     def _look(self) -> None:
         """Notice a death in the midst of other work."""

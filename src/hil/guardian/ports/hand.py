@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from threading import Event
 
 from hil.guardian.ports.exchanging import Exchanging, Patience
+from hil.guardian.ports.identity import Identity, identity_of, require
 from hil.guardian.ports.line import Gone, Interrupted, Line, opened
 from hil.model.safing import Exchange, GuardedPort, SafeBytes
 
@@ -45,12 +46,14 @@ class Hand:
         self.port = port
         self._interrupt = Event()
         self._why_gone = ""
+        self._identity: Identity | None = None
         self._in_step: tuple[Exchange, ...] | None = None
         self._talk: Exchanging | None = None
         self._asked: list[Future[Done]] = []
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix=port.device)
         self._thread.submit(bool)  # so that the thread is there before it is needed
         try:
+            self._identity = identity_of(descriptor)
             self._talk = Exchanging(Line(descriptor, port.baud, self._interrupt))
         except OSError as error:
             self._why_gone = str(error)
@@ -108,6 +111,8 @@ class Hand:
         self._in_step = None
         if self._talk is None and anew and self.port.url:
             try:
+                if self._identity is not None:
+                    require(self._identity, self.port.url)
                 self._talk = Exchanging(opened(self.port, self._interrupt))
             except (OSError, ValueError) as error:
                 self._why_gone = str(error)
