@@ -49,18 +49,20 @@ def port_gates(
 
 
 def check_port(
-    instrument: InstrumentSpec, ports: Iterable[ListedPort], real_path: Callable[[str], str] = os.path.realpath
+    instrument: InstrumentSpec,
+    ports: Iterable[ListedPort] | None = None,
+    real_path: Callable[[str], str] = os.path.realpath,
 ) -> Gate:
     """Compare who an instrument's serial port is with who it must be; nothing is opened.
 
     Args:
         instrument: at a serial device.
-        ports: what the operating system lists.
+        ports: what the operating system lists, asked here where it is not given.
         real_path: follows the links of a path, such as those of /dev/serial/by-id.
     """
     name = f"port of {instrument.name}"
     device = real_path(url_of_resource(instrument.port))
-    ports = list(ports)
+    ports = list(listed_ports() if ports is None else ports)
     found = next((port for port in ports if real_path(port.device) == device), None)
     if found is None:
         return Gate(name, ok=False, detail=f"{instrument.port} is not there{_elsewhere(instrument.usb, ports)}")

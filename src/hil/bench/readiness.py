@@ -9,13 +9,12 @@ from hil.bench.bound import BoundBench
 from hil.bench.cut_trials import cut_path_gates
 from hil.bench.envelope import self_test
 from hil.bench.gate import Gate
-from hil.bench.port_identity import port_gates
 from hil.bench.safe_off import left_on
 from hil.instruments.cycler_role import Cycler
 from hil.instruments.roles import Relays, Supply
 from hil.model.bench import InstrumentSpec, Position, ReducedLevel, SafeStep, Wire
 from hil.model.errors import HilError
-from hil.model.identity import Dut, Identity, Source
+from hil.model.identity import Dut, Identity
 from hil.model.prefixed import prefixed
 
 __all__ = ["energised_gates", "unpowered_gates"]
@@ -27,13 +26,11 @@ _LEAST_CELL_V = 0.5
 """Below, a cell is reversed (a tester that cannot measure below zero reads zero), or there is none."""
 
 
-def unpowered_gates(bench: BoundBench, dut: Dut | None = None, *, served: bool = False) -> Iterator[Gate]:
-    """Look without driving anything: ports, identities, outputs found on, and which way round a battery is.
+def unpowered_gates(bench: BoundBench, dut: Dut | None = None) -> Iterator[Gate]:
+    """Look without driving anything: identities, outputs found on, and which way round a battery is.
 
-    Instruments that the bench itself feeds are identified later, under power. The ports of a served bench are nobody's.
+    Instruments that the bench itself feeds are identified later, under power.
     """
-    if bench.source is Source.HARDWARE and not served:
-        yield from port_gates(bench.spec)
     for instrument in bench.spec.instruments:
         if not instrument.powered_by:
             yield _identity(bench, instrument, dut)

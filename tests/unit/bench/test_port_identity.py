@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import pytest
-from adcs_bench import adcs, bound
+from adcs_bench import adcs
 
-from hil.bench import readiness
 from hil.bench.port_identity import check_port, is_serial_device, listed_ports, port_gates
-from hil.bench.readiness import unpowered_gates
 from hil.model.bench import InstrumentSpec, UsbPort
-from hil.model.identity import Source
 
 BY_ID = "/dev/serial/by-id/usb-FTDI_FT232R_A50285BI-if00-port0"
 BY_PATH = "/dev/serial/by-path/"
@@ -133,15 +130,3 @@ def test_every_serial_device_of_a_bench_has_its_gate():
 def test_the_listing_opens_nothing():
     """It can be asked on any machine, whatever is plugged in."""
     assert isinstance(listed_ports(), list)
-
-
-@pytest.mark.parametrize(
-    ("source", "served", "asked"), [("hardware", False, 1), ("hardware", True, 0), ("simulated", False, 0)]
-)
-def test_hardware_alone_is_asked_for_its_ports(monkeypatch, source, served, asked):
-    """A simulated bench has none, and the ports of a served one are nobody's."""
-    monkeypatch.setattr(readiness, "port_gates", lambda spec: port_gates(spec, list))
-    with bound(adcs()) as bench:
-        bench.source = Source(source)
-        names = [found.name for found in unpowered_gates(bench, served=served)]
-    assert names.count("port of relay1") == asked
