@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import math
+import os
 import resource
+import signal
 from dataclasses import replace
 
 import pytest
 from battery_runs import battery_workspace
 from cycler_firmware import declared_in
-from workspaces import finish
+from live_runs import live_workspace, running, seconds_until, served
+from workspaces import finish, kill
 
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(900)]
 
-ITS_PEER = "    cycler1:\n"
+ITS_PEER = {"    cycler1:\n": "    cycler1:\n      model: cycler-firmware\n"}
 MOST_S = 120
 """Processor time of the executive, and of the simulator: they take turns, so that together it is 4 minutes."""
 
 COVERAGE = 2.0
+BEAT_S = 15
 FADING_H = 0.014
 """What the last digit of the current, 1 mA, is worth where a charge ends: there it fades by 20 uA/s."""
 
@@ -30,7 +34,7 @@ BESIDES = {
     "constant_current_time": 0.001,
     "duration": 10 * 3600 * FADING_H,
 }
-"""What numbers may differ by besides their uncertainties; the line at which a voltage is reached may be the next one."""
+"""What numbers may differ by besides their uncertainties; the line that first has a voltage may be the next one."""
 
 WARM = {"truth: {place: container}": 'truth: {place: container, ambient: "44"}', 'toward: "24.5"': 'toward: "44"'}
 """A warm room. The cell gets warmer than the firmware allows, and not as warm as the envelope does."""
@@ -39,8 +43,7 @@ WARM = {"truth: {place: container}": 'truth: {place: container, ambient: "44"}',
 def with_firmware(folder, changes=None):
     """Return a workspace whose bench file names the firmware as the cycler's peer; nothing else in it is changed."""
     variables = declared_in(folder / "declared")
-    workspace = battery_workspace(folder / "workspace", "battery_charge", changes)
-    workspace.change("fixtures/benches/battery/bench.yaml", {ITS_PEER: f"{ITS_PEER}      model: cycler-firmware\n"})
+    workspace = battery_workspace(folder / "workspace", "battery_charge", ITS_PEER | (changes or {}))
     return replace(workspace, environment={**workspace.environment, **variables})
 
 
@@ -128,3 +131,26 @@ def test_a_firmware_that_hangs_is_reset_and_told(tmp_path):
     assert (ended.code, package.results()["cases"][0]["verdict"]) == (1, "ERROR")
     assert "it has started anew (boot 43, WATCHDOG): its relays are open" in ended.out
     assert "bench safe, every line proven" in ended.out
+
+
+def test_the_firmware_opens_its_relays_when_nobody_is_left(tmp_path, monkeypatch):
+    """Executive and guardian are killed at once while it charges: it opens its relays within the declared heartbeat."""
+    for name, value in declared_in(tmp_path / "declared").items():
+        monkeypatch.setenv(name, value)
+    workspace = live_workspace(tmp_path / "workspace", changes=ITS_PEER | {"beat: 300 s": f"beat: {BEAT_S} s"})
+
+    def state(path):
+        return bench.ask(state=path)
+
+    with served(tmp_path / "ends", workspace.root) as bench, running(bench, workspace) as run:
+        seconds_until(lambda: state("plants.battery.current") > 0.5, 20, "a current flows")
+        last, guardian = run.executive, run.guardian
+        os.kill(last, signal.SIGSTOP)
+        os.kill(guardian, signal.SIGKILL)
+        kill(run.process)
+        run.ended()
+        seconds = seconds_until(lambda: not state("plants.battery.charge_contact"), BEAT_S + 1, "the relay opens")
+        assert seconds > BEAT_S / 3
+        assert state("peers.psu1.outputs.1.on") is True
+        assert state("peers.cycler1.watchdog_resets") == []
+        assert abs(state("plants.battery.current")) < 0.001
