@@ -160,11 +160,27 @@ def test_a_safed_run_is_not_resumed_before_it_is_acknowledged(reports):
     require_acknowledged(reports / SAFED)
 
 
-def test_being_reached_needs_a_name_and_a_run_that_waits(reports, capsys):
-    """The code goes into the inbox of a run that is going on."""
-    assert "gives a name" in said(capsys, "ack", SAFED, "--code", "K7")[2]
-    assert "it was interrupted" in said(capsys, "ack", SAFED, "--code", "K7", "--by", "Ada")[2]
+@pytest.mark.parametrize(
+    ("answer", "code", "told"),
+    [
+        ({"kind": "reached", "ok": True}, 0, "the code is right, and the bench will be armed"),
+        ({"kind": "reached", "ok": False}, 1, "refused: this is not the code that the run waits for"),
+        (None, 0, "the run has not looked at the code yet"),
+    ],
+)
+def test_the_run_answers_whether_the_code_is_right(reports, capsys, monkeypatch, answer, code, told):
+    """It is asked through its inbox, by name."""
+    monkeypatch.setattr("hil.cli.ack.answer_of", lambda _, kinds: answer if kinds == {"reached"} else None)
     with hold(reports / SAFED):
-        assert said(capsys, "ack", SAFED, "--code", " K7 ", "--by", "Ada")[0] == 0
+        ended = said(capsys, "ack", SAFED, "--code", " K7 ", "--by", "Ada")
+    assert ended[0] == code
+    assert told in ended[1] + ended[2]
     (message,) = peek(reports / SAFED)
     assert (message.kind, message.by, message.text) == ("reached", "Ada", "K7")
+
+
+@pytest.mark.usefixtures("reports")
+def test_being_reached_needs_a_name_and_a_run_that_waits(capsys):
+    """Nobody is reached by a run that is not going on."""
+    assert "gives a name" in said(capsys, "ack", SAFED, "--code", "K7")[2]
+    assert "it was interrupted" in said(capsys, "ack", SAFED, "--code", "K7", "--by", "Ada")[2]
