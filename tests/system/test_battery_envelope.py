@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import re
+from functools import partial
 
 import pytest
 from battery_faults import Scene, plant
 from battery_runs import battery_workspace
+
+from hil.evidence.package.contents import Package
+from hil.executive.setup.resuming import resumed_request
+from hil.plugin.rehearsing import replay
+from hil.plugin.running import resume, run
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(360)]
 
@@ -149,3 +156,25 @@ def test_a_setpoint_below_the_dew_point_is_refused(tmp_path):
     ran = battery_workspace(tmp_path / "w", DEGRADATION).run(overrides={"cycles": "1", "discharge_temperature": "3"})
     assert ran.verdicts() == {"test_degradation": "ERROR"}
     assert "3 degC" in ran.reasons("test_degradation")
+
+
+def test_what_was_charged_before_a_stop_counts_after_it(scene, monkeypatch, tmp_path):
+    """The rows of the charge that was broken off are void, and what it put into the cell is in it all the same."""
+    monkeypatch.setenv("PATH", str(tmp_path))
+    workspace = battery_workspace(tmp_path / "w", CHARGE, {CELL: 'truth: {place: container, capacity: "3.5"}'})
+    bench = workspace.root / "fixtures/benches/battery/bench.yaml"
+    bench.write_text(re.sub(r"(?ms)^watch_after:.*?(?=^simulated:)", "", bench.read_text()))
+    out = io.StringIO()
+    scene.acts[:] = [(2.0, scene.stops_to_be_resumed)]
+    assert run(workspace.request(overrides=SHORT), out) == 2, out.getvalue()
+    scene.acts[:] = []
+    request = partial(resumed_request, start=workspace.root, answers=None, person=False)
+    assert resume(workspace.folders()[0], request, out) == 6, out.getvalue()
+    package = Package(workspace.folders()[0])
+    (trip,) = package.events("trip")
+    assert (trip["limit"], round(trip["value"], 2)) == ("charged", 2.6)
+    (recording,) = [event["recording"] for event in package.events("recording") if event["name"] == "test"]
+    test = package.recording(recording)
+    charged = float((test["current"] * (test["phase"] == 1.0)).sum()) * 5 / 3600
+    assert charged == pytest.approx(2.6, abs=0.01)
+    assert replay(package).differences == ()

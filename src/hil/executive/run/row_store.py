@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from hil.evidence.folder import RECORDINGS, RESERVE
 from hil.evidence.journal.standing import Entry, Voided
-from hil.evidence.recordings.row_file import read_rows
+from hil.evidence.recordings.row_file import NUMBER, read_rows, table
 from hil.evidence.recordings.rows import Rows
 from hil.model.errors import Diverged, EvidenceError
 
@@ -95,6 +95,7 @@ class RowStore:
 
     Attributes:
         at_divergence: hears of rows that are others than the folder holds, before that is raised.
+        at_void: hears of the void rows of a recording: its id, and what returns them, shape (rows, 1 + channels).
     """
 
     def __init__(self, folder: Path, write: Callable[..., None], *, again: bool = False) -> None:
@@ -102,6 +103,7 @@ class RowStore:
         self._write = write
         self._again = again
         self.at_divergence: Callable[[Diverged], object] = lambda _: None
+        self.at_void: Callable[[str, Callable[[], NDArray[np.float64]]], object] = lambda *_: None
         self._open: list[OpenRecording] = []
         self._awaited: dict[str, Voided] = {}
         self._voids: dict[str, list[Voided]] = {}
@@ -209,6 +211,15 @@ class RowStore:
         else:
             recording.rows.append_rows(self._void_rows(part))
         self._voids.setdefault(part.recording, []).append(part)
+        if part.first < part.end:
+            void_rows = self._void_rows or self._held_rows
+            self.at_void(part.recording, lambda: void_rows(part))
+
+    def _held_rows(self, part: Voided) -> NDArray[np.float64]:
+        found = read_rows(self.recordings / f"{part.recording}.rows")
+        with found.path.open("rb") as stream:
+            stream.seek(found.start + part.first * found.width * NUMBER)
+            return table(stream.read((part.end - part.first) * found.width * NUMBER), found.width)
 
     def end_of_case(self, case: str) -> None:
         """Finish what a case left open, as incomplete."""

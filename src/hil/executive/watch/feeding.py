@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from operator import itemgetter
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Feed", "monitors_of", "pause_allowed"]
+__all__ = ["Feed", "Feeds", "monitors_of", "pause_allowed"]
 
 
 def monitors_of(
@@ -104,6 +104,11 @@ class Feed:
         place, trip = found
         return replace(trip, text=f"{trip.text}, at {rows[place][0]:.9g} s of recording {self._recording}")
 
+    def count_void(self, rows: NDArray[np.float64]) -> None:
+        """Count void rows for what adds up, and judge none: what flowed while they came has flowed."""
+        self._glance.catch_up()
+        self._derived.count_void(rows.tolist())
+
     def end(self, now_ns: int) -> None:
         """Let the monitors take readings again."""
         self._glance.catch_up()
@@ -131,6 +136,33 @@ class Feed:
         when_ns = np.rint(rows[:, 0] * NANOSECONDS).astype(np.int64) + self._ahead_ns
         found = [monitor.judge_rows(when_ns, rows[:, column], by_ns) for column, monitor in self._fed]
         return min((each for each in found if each), key=itemgetter(0), default=None)
+
+
+class Feeds:
+    """The feeds of a run, each by the id of its recording."""
+
+    def __init__(self) -> None:
+        self._feeds: dict[str, Feed] = {}
+        self._void: dict[str, Callable[[], NDArray[np.float64]]] = {}
+
+    def begin(self, fed: Fed, every_s: float, recording: str) -> Feed:
+        """Return what judges a recording's rows. See `Feed`."""
+        feed = self._feeds[recording] = Feed(fed, every_s, recording)
+        if (void_rows := self._void.pop(recording, None)) is not None:
+            feed.count_void(void_rows())
+        return feed
+
+    def end(self, feed: Feed, now_ns: int) -> None:
+        """Let the monitors of a feed take readings again."""
+        feed.end(now_ns)
+        self._feeds = {name: each for name, each in self._feeds.items() if each is not feed}
+
+    def pass_over(self, recording: str, void_rows: Callable[[], NDArray[np.float64]]) -> None:
+        """Count rows of a recording that are void for what adds up, now or when it begins again."""
+        if feed := self._feeds.get(recording):
+            feed.count_void(void_rows())
+        else:
+            self._void[recording] = void_rows
 
 
 def _nothing() -> None:

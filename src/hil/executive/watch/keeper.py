@@ -61,6 +61,7 @@ class BenchKeeper:
         self.unsafe = False
         self.touched = False
         self.scheduler = Scheduler(bench, [monitor_of(bench, limit) for limit in bench.spec.envelope], flags, self)
+        store.at_void = self.scheduler.feeds.pass_over
         self.holding = Holding(bench, flags, write, self.scheduler)
         self._ticks = [tick, self.holding.tick]
         self.scheduler.again = self.holding.again

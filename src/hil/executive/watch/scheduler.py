@@ -12,7 +12,7 @@ from hil.clock import wall
 from hil.clock.port import NANOSECONDS
 from hil.executive.run.stop import StopFlags, Stopped
 from hil.executive.watch.derived_feed import Fed
-from hil.executive.watch.feeding import Feed, monitors_of, pause_allowed
+from hil.executive.watch.feeding import Feed, Feeds, monitors_of, pause_allowed
 from hil.executive.watch.monitoring import Monitoring
 from hil.executive.watch.present import Present
 from hil.executive.watch.reports_to import Beside, Watch
@@ -60,6 +60,7 @@ class Scheduler:
         deadline_ns: the instant at which the present case has taken too long.
         refused: how often the present case was told to end.
         monitoring: runs the monitors.
+        feeds: judge the rows of streams.
         distress: tells why the bench cannot be driven any more, nothing while it can.
         again: does what the record of a replayed bench holds here, and people asked for.
     """
@@ -73,6 +74,7 @@ class Scheduler:
         self._trip: Trip | None = None
         self._watching = False
         self._beside: list[Beside] = []
+        self.feeds = Feeds()
         self.monitoring = Monitoring(bench, monitors, watch, self._trip_once)
         self.deadline_ns: int | None = None
         self.refused = 0
@@ -165,7 +167,7 @@ class Scheduler:
         """Return what judges a recording's rows. See `Feed`."""
         for _, monitor in fed:
             self._watch.fed(monitor.limit.id, recording)
-        return Feed(fed, every_s, recording)
+        return self.feeds.begin(fed, every_s, recording)
 
     def judge(self, feed: Feed, rows: list[list[float]] | NDArray[np.float64]) -> None:
         """Judge rows that were just fetched.
@@ -178,7 +180,7 @@ class Scheduler:
 
     def unfeed(self, feed: Feed) -> None:
         """Let the monitors take readings again."""
-        feed.end(self.clock.now_ns())
+        self.feeds.end(feed, self.clock.now_ns())
         self.monitoring.soonest_ns = 0
 
     def follow(self, course: Callable[[], int]) -> Callable[[], None]:
