@@ -56,7 +56,10 @@ class Dropped:
         self.__dict__.update(serial=serial, clock=clock, start_s=start_s)
 
     def __getattr__(self, name):
-        if name in {"read", "write", "in_waiting", "reset_input_buffer"} and self.clock.now() >= self.start_s:
+        if (
+            name in {"exchange", "read", "write", "in_waiting", "reset_input_buffer"}
+            and self.clock.now() >= self.start_s
+        ):
             raise SerialException("the device is gone")
         return getattr(self.serial, name)
 

@@ -45,6 +45,10 @@ class LinePort:
         """How much is here."""
         return self._line.waiting()
 
+    def exchange(self, data: bytes) -> bytes:
+        """Write bytes, and wait for what comes."""
+        return self._line.exchange(data, self.timeout)
+
     def read(self, size: int = 1) -> bytes:
         """Wait for bytes until the timeout."""
         return self._line.read(size, self.timeout)

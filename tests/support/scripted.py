@@ -63,6 +63,11 @@ class ScriptedPort:
                 self.come(part, delay)
         return len(data)
 
+    def exchange(self, data: bytes) -> bytes:
+        """Compare with the script, and wait for what comes."""
+        self.write(data)
+        return self.read(1) + self.read(self.in_waiting)
+
     def read(self, size: int = 1) -> bytes:
         """Wait for `size` bytes or the timeout."""
         self._wait(lambda: len(self._here) >= size)

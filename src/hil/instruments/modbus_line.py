@@ -123,50 +123,52 @@ class ModbusLine:
         self._clock = clock
         self._unit = unit
         self._timeout = timeout
-        self._deadline = 0.0
+        self._quiet_ns = -1  # when nothing waited, though somebody looked
         self.sent = b""
         self.received = b""
         self.discarded = 0
 
     def ask(self, request: bytes) -> Reply | None:
         """Send a frame; return the first reply of the unit, None if none came in time that can be decoded."""
-        self._send(request)
-        waiting = b""
-        while data := self._receive():
-            waiting += data
+        if self._quiet_ns != self._clock.now_ns():
+            self._throw_away()
+        self._quiet_ns = -1
+        self.sent, deadline = request, self._clock.now() + self._timeout
+        self._port.timeout = self._timeout
+        self.received = waiting = data = self._port.exchange(request)
+        while data:
             try:
                 used, reply = _understood(waiting, self._unit)
             except ModbusException:
                 return None
             if reply is not None:
                 return reply
-            waiting = waiting[used:]
+            data = self._receive(deadline - self._clock.now())
+            self.received += data
+            waiting = waiting[used:] + data
         return None
 
-    def _send(self, request: bytes) -> None:
-        """Throw away what nobody asked for, then write the request."""
+    def _throw_away(self) -> None:
+        """Throw away what nobody asked for."""
         if waiting := self._port.in_waiting:
             self.discarded += waiting
             self._port.reset_input_buffer()
-        self.sent, self.received = request, b""
-        self._deadline = self._clock.now() + self._timeout
-        self._port.write(request)
 
-    def _receive(self) -> bytes:
-        """Return what has come, or wait for the first byte until the deadline; empty ends the exchange."""
-        left = self._deadline - self._clock.now()
+    def _receive(self, left: float) -> bytes:
+        """Return what has come, or wait for the first byte for so many seconds; empty ends the exchange."""
         if left <= 0:
             return b""
         self._port.timeout = min(left, self._timeout)  # a difference of clock readings can be longer by rounding
         first = self._port.read(1)
-        data = first + self._port.read(self._port.in_waiting) if first else b""
-        self.received += data
-        return data
+        return first + self._port.read(self._port.in_waiting) if first else b""
 
     def unasked(self, gap: float) -> bytes:
         """Return what waits, or comes within `gap` seconds."""
+        if not gap and not self._port.in_waiting:
+            self._quiet_ns = self._clock.now_ns()
+            return b""
         self._port.timeout = min(gap, LONGEST_S)
-        stray = self._port.read(1) if gap or self._port.in_waiting else b""
+        stray = self._port.read(1)
         if stray:
             stray += self._port.read(self._port.in_waiting)
         self.discarded += len(stray)

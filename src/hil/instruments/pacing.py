@@ -45,6 +45,14 @@ class PacedPort:
         finally:
             self._hold()
 
+    def exchange(self, data: bytes) -> bytes:
+        """Wait for the end of the pause, write all bytes, and return what comes. See `hil.wire.port.Port`."""
+        self._clock.wait_until(self._ready_ns)
+        try:
+            return self._port.exchange(data)
+        finally:
+            self._hold()
+
     def read(self, size: int = 1) -> bytes:
         """Return `size` bytes, or what came until the timeout."""
         data = self._port.read(size)

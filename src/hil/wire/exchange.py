@@ -31,6 +31,10 @@ class Stream(Protocol):
         """Take bytes from the host."""
         ...
 
+    def exchange(self, data: bytes, timeout: float) -> bytes:
+        """Take bytes from the host, and give what is there once a byte has come, within `timeout` seconds in all."""
+        ...
+
     def read(self, size: int, timeout: float) -> bytes:
         """Give `size` bytes, or what came within `timeout` seconds."""
         ...

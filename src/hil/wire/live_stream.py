@@ -64,6 +64,13 @@ class LiveStream:
         """Write all bytes."""
         self._serial.write(data)
 
+    def exchange(self, data: bytes, timeout: float) -> bytes:
+        """Write all bytes, and give what is there once a byte has come, within `timeout` seconds of the wall."""
+        end_s = wall.monotonic() + timeout
+        self.write(data)
+        first = self.read(1, max(0.0, end_s - wall.monotonic()))
+        return first + self.read(self.waiting(), 0.0) if first else b""
+
     def read(self, size: int, timeout: float) -> bytes:
         """Give `size` bytes, or what came within `timeout` seconds of the wall."""
         if self._serial.timeout != timeout:

@@ -7,9 +7,10 @@ import re
 import serial
 
 from hil.clock.port import Clock
-from hil.model.errors import NoReply
+from hil.model.errors import NoReply, Refused
 from hil.wire.exchange import find_bus
 from hil.wire.port import I2cBus
+from hil.wire.protocols.url_port import UrlPort
 from hil.wire.tap import LONGEST_TRANSACTION, TappedBus, TappedPort
 from hil.wire.transcript import Transcript
 
@@ -42,13 +43,16 @@ def open_port(
 
     Raises:
         NoReply: if nothing is there.
+        Refused: if it is no stream of this process.
     """
     if _PROTOCOLS not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append(_PROTOCOLS)
     try:
-        opened = serial.serial_for_url(url_of_resource(url), baudrate=baud or 9600, timeout=timeout)
+        opened: object = serial.serial_for_url(url_of_resource(url), baudrate=baud or 9600, timeout=timeout)
     except (serial.SerialException, OSError, ValueError) as error:
         raise NoReply(device, f"{url} cannot be opened ({error})", "check cable, power and the bench file") from error
+    if not isinstance(opened, UrlPort):
+        raise Refused(f"{device}: {url} has no tap", "open it as live://, sim:// or replay://")
     return TappedPort(device, opened, clock, transcript, timeout)
 
 

@@ -22,6 +22,10 @@ class Port(Protocol):
         """Write all bytes and return their number."""
         ...
 
+    def exchange(self, data: bytes) -> bytes:
+        """Write all bytes, and return what comes: the first byte within the timeout, and what is there with it."""
+        ...
+
     def read(self, size: int = 1) -> bytes:
         """Return `size` bytes, or what came until the timeout."""
         ...

@@ -43,6 +43,9 @@ _ALL_ALIKE = 2
 _NEVER_WAITED = 3
 """The last format of transcripts in which streams were emptied as often as they can be."""
 
+_IN_PARTS = 4
+"""The last format of transcripts in which a question and its reply were operations of their own."""
+
 _READ_FLAG = 0x0001
 _HEX_SHOWN = 48
 
@@ -74,6 +77,7 @@ class Playback:
     Attributes:
         at_divergence: hears of an operation that the record does not hold, before it is raised.
         rows_wait: whether rows of its streams waited as long as the limits that they feed allow.
+        in_parts: whether a question and its reply were operations of their own.
     """
 
     def __init__(self, path: Path, clock: Clock, where: Callable[[], str], handover: Handover | None = None) -> None:
@@ -85,6 +89,7 @@ class Playback:
         self._handover = handover
         format_ = format_of(path)
         self.rows_wait = format_ > _NEVER_WAITED
+        self.in_parts = format_ <= _IN_PARTS
         alike = format_ <= _ALL_ALIKE
         self._alike = {MONITOR: {MONITOR}, OVERDUE: {MONITOR} if alike else {OVERDUE}}
 
@@ -137,6 +142,11 @@ class Playback:
         """Return the operation that comes next in the record if it is of this name."""
         found = self._next
         return found if found is not None and found.name == name else None
+
+    def next_is(self, device: str, *names: str) -> bool:
+        """Return whether one of these operations of a device comes next in the record."""
+        found = self._next
+        return found is not None and found.device == device and found.name in names
 
     def take(self, device: str, name: str, sent: bytes = b"") -> Operation:
         """Return the next operation if it is this one, and set the clock to its end.
@@ -191,6 +201,16 @@ class ReplayedStream:
     def write(self, data: bytes) -> None:
         """Compare the bytes with the record."""
         self._take("write", data)
+
+    def exchange(self, data: bytes, timeout: float) -> bytes:
+        """Give what was received then; a record in parts holds a second look at the buffer before the question."""
+        if not self._playback.in_parts:
+            return self._take("exchange", data).received
+        while self._playback.next_is(self._device, "waiting", "discard"):
+            self._take("discard" if self._playback.next_is(self._device, "discard") else "waiting")
+        self.write(data)
+        first = self.read(1, timeout)
+        return first + self.read(more, timeout) if first and (more := self.waiting()) else first
 
     def read(self, size: int, timeout: float) -> bytes:  # noqa: ARG002 - the record knows what came in time
         """Give what was received then."""

@@ -84,6 +84,17 @@ class SimulatedLine:
             self._clock.wait_until(self._clock.now_ns() + len(data) * self._ns_per_byte)
         self._peer.receive(data)
 
+    def exchange(self, data: bytes, timeout: float) -> bytes:
+        """Write, let time pass until a byte is here or the timeout is over, and give what is here."""
+        deadline_ns = self._clock.now_ns() + round(timeout * NANOSECONDS)
+        self.write(data)
+        self._arrive()
+        if not self._received and self._clock.now_ns() < deadline_ns:
+            self._wait(1, deadline_ns)
+        received = bytes(self._received)
+        self._received.clear()
+        return received
+
     def read(self, size: int, timeout: float) -> bytes:
         """Let time pass until `size` bytes are here, or until the timeout."""
         if self._on_the_way:

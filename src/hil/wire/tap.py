@@ -34,6 +34,8 @@ class _Serial(Protocol):
     @property
     def in_waiting(self) -> int: ...
 
+    def exchange(self, data: bytes, /) -> bytes: ...
+
     def read(self, size: int = 1, /) -> bytes: ...
 
     def write(self, data: bytes, /) -> int | None: ...
@@ -143,6 +145,17 @@ class TappedPort(_Tap):
             raise self._gone(error) from error
         self._transcript.note(self.device, "write", start_ns, self._look(), sent=data)
         return len(data)
+
+    def exchange(self, data: bytes) -> bytes:
+        """Write all bytes, and return what comes: the first byte within the timeout, and what is there with it."""
+        start_ns = self._clock.now_ns()
+        try:
+            received = self._serial.exchange(data)
+        except (OSError, SerialException) as error:
+            self._failed("exchange", start_ns, error, data)
+            raise self._gone(error) from error
+        self._transcript.note(self.device, "exchange", start_ns, self._clock.now_ns(), sent=data, received=received)
+        return received
 
     def read(self, size: int = 1) -> bytes:
         """Return `size` bytes, or what came until the timeout."""

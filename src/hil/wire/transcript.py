@@ -13,17 +13,19 @@ from hil.model.errors import Diverged, EvidenceError
 __all__ = ["HEADER", "Operation", "Transcript", "count_operations", "format_of", "past_lines", "read_transcript"]
 
 _COLUMNS = "sequence\tdevice\toperation\tstart_ns\tend_ns\tsent\treceived\terror\n"
-HEADER = f"hil/transcript/4 {_COLUMNS}"
+HEADER = f"hil/transcript/5 {_COLUMNS}"
 """The first line: format and columns, as many of them as every line has."""
 
 _FORMATS = {
-    HEADER: 4,
+    HEADER: 5,
+    f"hil/transcript/4 {_COLUMNS}": 4,
     f"hil/transcript/3 {_COLUMNS}": 3,
     f"hil/transcript/2 {_COLUMNS}": 2,
     f"hil/transcript/1\t{_COLUMNS}": 1,
 }
-"""Up to format 3 rows of a stream did not wait for their limits. Format 2 gave a monitor's turn at a point the name of
-one in a wait, format 1 had a header with one field more."""
+"""Up to format 4 a question and its reply on a Modbus line were operations of their own. Up to format 3 rows of a
+stream did not wait for their limits. Format 2 gave a monitor's turn at a point the name of one in a wait, format 1 had
+a header with one field more."""
 
 _FIELDS = 8
 _SHOWN = 120
@@ -196,7 +198,7 @@ def _lines(path: Path) -> Iterator[str]:
     with path.open(encoding="ascii", errors="surrogateescape", newline="\n") as lines:
         header = next(lines, "")
         if header not in _FORMATS:
-            raise EvidenceError(f"{path.name} is not a transcript of format 1 to 4")
+            raise EvidenceError(f"{path.name} is not a transcript of format 1 to 5")
         yield header
         yield from lines
 

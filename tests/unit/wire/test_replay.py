@@ -22,6 +22,7 @@ def converse(port, bus):
     """Use every operation of port and bus once and return what came."""
     port.write(b"ask\n")
     got = [port.read_line(), port.in_waiting]
+    got.append(port.exchange(b"again\n"))
     port.write(b"xy")
     port.reset_input_buffer()
     port.pulse_dtr()
@@ -129,16 +130,18 @@ def test_the_header_has_a_field_for_every_column(recorded):
     """A table reader finds as many names as values."""
     path, *_ = recorded
     header, *lines = path.read_text(encoding="utf-8").splitlines()
-    assert header.split("\t")[0] == "hil/transcript/4 sequence"
+    assert header.split("\t")[0] == "hil/transcript/5 sequence"
     assert {line.count("\t") for line in lines} == {header.count("\t")}
 
 
-@pytest.mark.parametrize("header", ["hil/transcript/1\t", "hil/transcript/2 ", "hil/transcript/3 "])
+@pytest.mark.parametrize(
+    "header", ["hil/transcript/1\t", "hil/transcript/2 ", "hil/transcript/3 ", "hil/transcript/4 "]
+)
 def test_transcripts_of_earlier_formats_are_read_as_ever(recorded, header):
     """The first had a field of its own for the format; their lines are the same."""
     path, *_ = recorded
     operations = list(read_transcript(path))
-    path.write_text(path.read_text(encoding="utf-8").replace("hil/transcript/4 ", header), encoding="utf-8")
+    path.write_text(path.read_text(encoding="utf-8").replace("hil/transcript/5 ", header), encoding="utf-8")
     assert list(read_transcript(path)) == operations
 
 
@@ -153,8 +156,34 @@ def test_a_monitor_at_a_point_is_told_from_one_in_a_wait(tmp_path, header, found
     transcript.flush()
     sink.close()
     path = tmp_path / "t.tsv"
-    path.write_text(path.read_text(encoding="utf-8").replace("hil/transcript/4 ", header), encoding="utf-8")
+    path.write_text(path.read_text(encoding="utf-8").replace("hil/transcript/5 ", header), encoding="utf-8")
     playback = Playback(path, VirtualClock(), lambda: "here")
     assert playback.due_monitor(5, OVERDUE) == found
     assert playback.due_monitor(5, MONITOR) == "v"
     assert playback.rows_wait is ("4" in header)
+
+
+def test_a_question_is_one_operation(recorded):
+    """Question and reply stand in one line."""
+    (exchange,) = [operation for operation in read_transcript(recorded[0]) if operation.name == "exchange"]
+    assert (exchange.sent, exchange.received) == (b"again\n", b"again\n")
+    assert exchange.end_ns > exchange.start_ns
+
+
+@pytest.mark.parametrize("looked", [[], ["waiting"], ["waiting", "discard"]])
+def test_a_question_in_parts_is_answered(tmp_path, looked):
+    """Up to format 4 a look at the buffer, the question and the parts of its reply were operations of their own."""
+    told = {"waiting": b"\0\0\0\2"}
+    with FileIO(tmp_path / "t.tsv", "w") as sink:
+        transcript = Transcript(sink)
+        for name in looked:
+            transcript.note("tec1", name, 0, 0, received=told.get(name, b""))
+        transcript.note("tec1", "write", 0, 4, sent=b"ask")
+        for name, received in (("read", b"a"), ("waiting", b"\0\0\0\2"), ("read", b"ns")):
+            transcript.note("tec1", name, 9, 9, received=received)
+        transcript.flush()
+    path = tmp_path / "t.tsv"
+    path.write_text(path.read_text(encoding="utf-8").replace("transcript/5 ", "transcript/4 "), encoding="utf-8")
+    playback = Playback(path, VirtualClock(), lambda: "here")
+    assert ReplayedStream("tec1", playback).exchange(b"ask", 0.5) == b"ans"
+    assert playback.exhausted

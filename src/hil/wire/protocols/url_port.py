@@ -49,6 +49,12 @@ class UrlPort(SerialBase):
             raise SerialException(f"{self.portstr}: a read without a timeout could wait for ever")
         return self._end.read(size, self.timeout)
 
+    def exchange(self, data: bytes) -> bytes:
+        """Write all bytes, and return what is there once a byte has come, within the timeout; it needs one."""
+        if self.timeout is None:
+            raise SerialException(f"{self.portstr}: a read without a timeout could wait for ever")
+        return self._end.exchange(data, self.timeout)
+
     def read_until(self, expected: bytes = b"\n", size: int | None = None) -> bytes:
         """Return bytes up to and with `expected`, or `size` bytes, or what came until nothing did."""
         line = bytearray()
