@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from hil.clock import wall
 from hil.guardian.latch import FOLDER, Latch, clear, path_of, read, write
 from hil.model.errors import Refused
 
-__all__ = ["ack_line", "clear_latches_of", "latch_bench", "latches_of", "refuse_latched"]
+__all__ = ["ack_line", "clear_latches_of", "latch_bench", "latch_unsafe_end", "latches_of", "refuse_latched"]
 
 
 def refuse_latched(leases: Sequence[str], folder: Path | None = None) -> None:
@@ -43,6 +44,23 @@ def latch_bench(leases: Sequence[str], latch: Latch, folder: Path | None = None)
     """
     for lease in sorted(set(leases)):
         write(path_of(lease, folder or FOLDER), latch)
+
+
+def latch_unsafe_end(leases: Sequence[str], *, bench: str, run: Path, why: str, folder: Path | None = None) -> None:
+    """Latch what a run held that could not prove its bench safe; a latch that its guardian wrote stays as it is.
+
+    Args:
+        leases: what the run holds alone.
+        bench: the bench's name.
+        run: the run's folder.
+        why: what was not safe.
+        folder: where latches are, those of this machine where None.
+
+    Raises:
+        Refused, OSError: as `latch_bench`.
+    """
+    open_still = [lease for lease in leases if read(path_of(lease, folder or FOLDER)) is None]
+    latch_bench(open_still, Latch(bench=bench, run=str(run), why=why, since=wall.utc_now(), outputs=()), folder)
 
 
 def latches_of(run: str, folder: Path | None = None) -> dict[Path, Latch]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from hil.bench.latching import clear_latches_of, latch_bench, latches_of, refuse_latched
+from hil.bench.latching import clear_latches_of, latch_bench, latch_unsafe_end, latches_of, refuse_latched
 from hil.guardian.latch import Latch, path_of
 from hil.model.errors import Refused
 
@@ -51,3 +53,12 @@ def test_a_latch_that_cannot_be_read_latches(tmp_path):
         refuse_latched(["a"], tmp_path)
     assert str(path_of("a", tmp_path)) in refused.value.hint
     assert latches_of("", tmp_path) == {}
+
+
+def test_an_unsafe_end_latches_what_the_guardian_has_not(tmp_path):
+    """What a guardian wrote says more, and stays."""
+    latch_bench(["a"], LATCH, tmp_path)
+    latch_unsafe_end(["a", "b"], bench="battery", run=Path(LATCH.run), why="not proven", folder=tmp_path)
+    found = latches_of(LATCH.run, tmp_path)
+    assert found[path_of("a", tmp_path)] == LATCH
+    assert (found[path_of("b", tmp_path)].why, found[path_of("b", tmp_path)].run) == ("not proven", LATCH.run)

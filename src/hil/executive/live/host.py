@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 from hil.bench.bound import BoundBench
 from hil.bench.gate import Gate
+from hil.bench.latching import latch_unsafe_end
 from hil.bench.port_identity import port_gates
 from hil.clock.live import LiveClock
 from hil.executive.live.guarding import Guarding
@@ -13,7 +14,7 @@ from hil.executive.live.inhibitor import Inhibitor
 from hil.executive.run.record import Record
 from hil.executive.setup.configuration import Configuration
 from hil.executive.watch.scheduler import Scheduler
-from hil.model.errors import Refused
+from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
 
 __all__ = ["Host", "host_of"]
@@ -30,19 +31,27 @@ class Host:
         scheduler: is told of distress.
         guarding: the guardian.
         inhibitor: holds off sleep and shutdown.
+        record: the run's.
 
     Attributes:
         people: yields the gates that people open.
     """
 
     def __init__(
-        self, bench: BoundBench, clock: LiveClock, scheduler: Scheduler, guarding: Guarding, inhibitor: Inhibitor
+        self,
+        bench: BoundBench,
+        clock: LiveClock,
+        scheduler: Scheduler,
+        guarding: Guarding,
+        inhibitor: Inhibitor,
+        record: Record,
     ) -> None:
         self._spec = bench.spec
         self._clock = clock
         self._scheduler = scheduler
         self._guarding = guarding
         self._inhibitor = inhibitor
+        self._record = record
         self._served = bench.source is Source.SIMULATED
         self.people: Callable[[], Iterable[Gate]] = lambda: ()
         scheduler.distress = lambda: self.distress
@@ -73,6 +82,13 @@ class Host:
         problems = self._guarding.end()
         self._inhibitor.close()
         return problems
+
+    def latch(self, why: str) -> None:
+        """Latch the bench, which was not proven safe; where that is not possible, it is told."""
+        try:
+            latch_unsafe_end(self._record.leases, bench=self._spec.name, run=self._record.folder, why=why)
+        except (OSError, HilError) as error:
+            self._record.events.write("anomaly", text=f"the bench could not be latched: {error}")
 
     def _awake(self) -> Gate:
         name = "sleep and shutdown held off"
@@ -105,4 +121,4 @@ def host_of(
         locks=record.lease.descriptors,
     )
     inhibitor = Inhibitor(f"a test run drives bench {bench.spec.name}", configuration.workspace.inhibitor)
-    return Host(bench, clock, scheduler, guarding, inhibitor)
+    return Host(bench, clock, scheduler, guarding, inhibitor, record)

@@ -142,6 +142,8 @@ class BenchKeeper:
             self.unsafe = True
         if self.touched:
             self._watch_afterwards()
+        if self.unsafe and self.outside is not None:
+            self.outside.latch("the run could not prove the bench safe")
         for recording in self._watched.values():
             recording.finish(complete=True)
         self._watched.clear()

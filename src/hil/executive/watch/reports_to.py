@@ -82,3 +82,7 @@ class Outside(Protocol):
     def end(self) -> list[str]:
         """Let go of it; return what is not safe."""
         ...
+
+    def latch(self, why: str) -> None:
+        """Latch a bench that was not proven safe, so that a named person looks at it before anybody drives it."""
+        ...
