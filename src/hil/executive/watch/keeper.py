@@ -168,6 +168,7 @@ class BenchKeeper:
         self.touched = True
         if self.outside is not None and self._bench.playback is None:
             yield from (("host-gate", gate) for gate in self.outside.gates())
+        self.scheduler.come()
         yield from (("gate", gate) for gate in energised_gates(self._bench, self._dut))
 
     def _take(self, kind: str, steps: Sequence[SafeStep]) -> list[str]:

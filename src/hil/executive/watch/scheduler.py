@@ -188,6 +188,11 @@ class Scheduler:
         self._present.course = course
         return self.catch_up
 
+    def come(self) -> None:
+        """Come to the present, where people or other processes took their time; a replayed bench comes to the same."""
+        self._present.come()
+        self.catch_up()
+
     def catch_up(self) -> None:
         """Pass the points of a replayed bench at which it came to the present amid computations and questions."""
         while self._present.comes_in_record():

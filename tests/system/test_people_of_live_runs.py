@@ -1,0 +1,162 @@
+"""Runs on a served bench and the people they need: on call where nobody attends, and behind a guardian that acted."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+from contextlib import contextmanager
+
+import pytest
+from battery_runs import BatteryWorkspace, battery_workspace
+from live_runs import seconds_until, served
+from workspaces import ROOT, executive, finish, kill
+
+from hil.bench.latching import clear_latches_of
+from hil.evidence.folder import JOURNAL
+from hil.evidence.inbox import post
+from hil.evidence.journal.reader import read_journal
+from hil.evidence.package.contents import Package
+
+pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
+
+NOTIFY = 'notify = ["/bin/cp", "/dev/stdin", "told.json"]\n'
+RUN = ("run", "on", "--bench", "battery", "--source", "simulated", "--dut", "SIM-BAT-1")
+REQUIREMENTS = """\
+schema: hil/requirements/1
+document: {id: "LIVE", issue: "1.0", title: The plates have a temperature}
+requirements:
+- {id: LIVE-010, rev: 1, text: The plates shall have a temperature., kind: limit, method: test,
+   limits: [{parameter: temperature, unit: degC, min: "-50", max: "90"}]}
+"""
+PLAN = """\
+import pytest
+
+@pytest.mark.requirement("LIVE-010")
+@pytest.mark.max_duration(36000)
+def test_plates(supply, thermal, check, clock):
+    supply.charge.configure(4.2, 0.7)
+    supply.charge.enable()
+    clock.sleep(SECONDS)
+    check("LIVE-010", "temperature", thermal.temperature())
+"""
+
+
+@pytest.fixture
+def folder(tmp_path_factory):
+    """Return a folder of a short name for the sockets of a served bench."""
+    return tmp_path_factory.mktemp("s")
+
+
+def workspace_of(root, *, seconds=0.0):
+    """Return a workspace with the bench, which nobody watches after its safe-off, and one short case."""
+    text = (ROOT / "fixtures/benches/battery/bench.yaml").read_text(encoding="utf-8")
+    after = re.search(r"^watch_after:\n(- .*\n)+", text, re.MULTILINE)
+    copied = battery_workspace(root, "battery_charge", {after[0]: ""})
+    plan = root / "testplans/on"
+    plan.mkdir()
+    (plan / "requirements.yaml").write_text(REQUIREMENTS, encoding="utf-8")
+    (plan / "parameters.yaml").write_text("schema: hil/parameters/1\nparameters: []\n", encoding="utf-8")
+    (plan / "test_on.py").write_text(PLAN.replace("SECONDS", str(seconds)), encoding="utf-8")
+    workspace = BatteryWorkspace(root, plan, copied.environment)
+    workspace.lock()
+    return workspace
+
+
+@contextmanager
+def started(workspace, folder, *options):
+    """Start a run on the bench that is served in the folder; nothing of it is left behind."""
+    process = workspace.start(*RUN, "--served", str(folder), *options)
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            kill(process)
+            process.communicate()
+
+
+def events(workspace, kind):
+    """Return the events of a kind of the workspace's only run, as far as it came."""
+    (folder,) = workspace.folders()
+    return [event for event in read_journal(folder / JOURNAL).events if event["kind"] == kind]
+
+
+def test_an_unattended_run_is_armed_once_somebody_on_call_gave_the_code_back(tmp_path, folder):
+    """A wrong code is told and changes nothing; name, hour and people are evidence."""
+    workspace = workspace_of(tmp_path / "w")
+    (workspace.root / "hil.toml").write_text(NOTIFY)
+    told = workspace.root / "told.json"
+    with served(folder) as bench, started(workspace, folder, "--unattended", "--on-call", "Ada") as process:
+        seconds_until(lambda: told.exists() and told.read_text().endswith("}\n"), 60, "the notification")
+        sent = json.loads(told.read_text())
+        assert sent["event"] == "test"
+        assert bench.on() == set()
+        (run,) = workspace.folders()
+        code = sent["text"].partition("--code ")[2].split()[0]
+        post(run, "reached", by="Bob", text="WRONG")
+        post(run, "reached", by="Ada", text=code.lower())
+        ended = finish(process)
+    assert ended.code == 0, ended.out + ended.err
+    package = Package(run)
+    assert [(event["by"], event["ok"]) for event in package.events("reached")] == [("Bob", False), ("Ada", True)]
+    assert ("person on call", True) in [(gate["name"], gate["ok"]) for gate in package.events("host-gate")]
+    assert (package.events("run")[0]["unattended"], package.events("run")[0]["on_call"]) == (True, "Ada")
+    assert "on call, was reached on call" in package.text("data/report/report.html")
+
+
+def test_an_unattended_run_that_reaches_nobody_is_not_armed(tmp_path, folder):
+    """It ends as any run whose bench was not armed, and nothing was ever on."""
+    workspace = workspace_of(tmp_path / "w")
+    (workspace.root / "hil.toml").write_text(NOTIFY)
+    with (
+        served(folder),
+        started(workspace, folder, "--unattended", "--on-call", "Ada", "--acknowledge-within", "0.005") as process,
+    ):
+        ended = finish(process)
+    assert ended.code == 1, ended.out + ended.err
+    assert "nobody gave the code of the notification back within 0.3 s" in ended.out
+    assert events(workspace, "armed") == []
+    assert [end["verdict"] for end in events(workspace, "results")] == ["NOT_RUN"]
+
+
+def test_a_detached_run_on_a_live_bench_is_an_unattended_one(tmp_path, folder):
+    """It is refused with all that it lacks, before it leaves a folder."""
+    workspace = workspace_of(tmp_path / "w")
+    with served(folder), started(workspace, folder, "--detach") as process:
+        ended = finish(process)
+    assert ended.code == 4
+    assert "name who is on call with --on-call NAME; name a command that notifies people" in ended.err
+    assert workspace.folders() == []
+
+
+def test_after_the_guardian_acted_a_named_person_comes_first(tmp_path, folder):
+    """SAFED and latched: no run, no resume, no energised check, until somebody looked at the bench and says so."""
+    workspace = workspace_of(tmp_path / "w", seconds=36000.0)
+    check = ("bench", "check", "battery", "--source", "simulated", "--served", str(folder))
+    with served(folder) as bench:
+        with started(workspace, folder) as killed:
+            seconds_until(bench.on, 100, "the supply on in the case")
+            os.kill(executive(killed), signal.SIGKILL)
+            finish(killed)
+        (run,) = workspace.folders()
+        try:
+            seconds_until(lambda: "SAFED" in workspace.hil("status", "latest").out, 20, "SAFED")
+            status = workspace.hil("status", "latest").out
+            assert f"latched, waits for hil ack {run.name}" in status
+            with started(workspace, folder) as again:
+                refused = finish(again)
+            assert refused.code == 4
+            assert "bench 'battery' is latched since" in refused.err
+            assert f'hil ack {run} --by NAME --text "what was seen and done"' in refused.err
+            assert workspace.hil("resume", "latest", "--served", str(folder)).code == 4
+            assert workspace.hil(*check, "--energise").code == 4
+            assert "is latched" not in workspace.hil(*check).err
+            seconds_until(lambda: workspace.hil("ack", "latest", "--by", "Ada", "--text", "cold").code == 0, 30, "ack")
+            assert "is latched" not in workspace.hil(*check, "--energise").err
+        finally:
+            clear_latches_of(run.name)
+    assert workspace.hil("seal", "latest").code == 0
+    (said,) = events(workspace, "acknowledged")
+    assert (said["by"], said["text"]) == ("Ada", "cold")
+    assert workspace.hil("verify", "latest").out.splitlines()[0].endswith("SEALED, the run did not go to its own end")
