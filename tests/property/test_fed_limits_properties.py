@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hil.bench.envelope import Monitor
 from hil.clock.port import NANOSECONDS
 from hil.executive.watch.feeding import Feed
-from hil.model.bench import EnvelopeLimit
+from hil.model.envelope import EnvelopeLimit
 from hil.model.figure import Figure
 
 VALUES = st.sampled_from([nan, inf, -inf, -1.5, -1.0, 0.0, 1.0, 1.0000000000000002, 7.0]) | st.floats()

@@ -21,7 +21,8 @@ from hil.executive.run.row_store import RowStore
 from hil.executive.run.stop import StopFlags
 from hil.executive.watch.scheduler import Scheduler
 from hil.instruments.sampled import Channel
-from hil.model.bench import CalibratedRange, Calibration, EnvelopeLimit, InstrumentSpec, Wire
+from hil.model.bench import CalibratedRange, Calibration, InstrumentSpec, Wire
+from hil.model.envelope import EnvelopeLimit
 from hil.model.figure import Figure
 from hil.requirements.requirement import Decision, Kind, Limit, Records, Requirement
 from hil.wire.transcript import Transcript

@@ -15,7 +15,6 @@ __all__ = [
     "CalibratedRange",
     "Calibration",
     "Clamp",
-    "EnvelopeLimit",
     "InstrumentSpec",
     "PeerSpec",
     "PlantSpec",

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from hil.bench import envelope
 from hil.bench.envelope import Monitor, Trip, self_test
-from hil.model.bench import EnvelopeLimit
+from hil.model.envelope import EnvelopeLimit
 from hil.model.figure import Figure
 
 LIMIT = EnvelopeLimit(

@@ -121,7 +121,7 @@ def test_a_stream_that_ended_leaves_what_it_counted():
 
 @pytest.mark.parametrize("before", [True, False])
 def test_void_rows_have_flowed(before):
-    """Rows of a run that was stopped count for sums, whether their recording goes on or begins again; none is judged."""
+    """Rows of a run that was stopped count for sums, whether their recording goes on or begins again, unjudged."""
     bench, feeds = Bench(limit("charge", "mA.h", high=15.0, since="phase", **CHARGING)), Feeds()
 
     class Void:

@@ -9,7 +9,8 @@ from hil.bench.file.complaints import Complaints, known, quantity, quantity_of
 from hil.bench.file.derived_checks import derived
 from hil.documents.suggest import did_you_mean
 from hil.instruments.roles import STATES
-from hil.model.bench import BenchSpec, CalibratedRange, Clamp, EnvelopeLimit, Proof, ReducedLevel, SafeStep, Wire
+from hil.model.bench import BenchSpec, CalibratedRange, Clamp, Proof, ReducedLevel, SafeStep, Wire
+from hil.model.envelope import EnvelopeLimit
 
 __all__ = ["certificates", "clamps", "covered", "envelope", "ratings", "reduced_levels", "safe_steps"]
 
