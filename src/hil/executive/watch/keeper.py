@@ -16,7 +16,8 @@ from hil.executive.watch.holding import Holding
 from hil.executive.watch.monitors import monitor_of
 from hil.executive.watch.reports_to import Outside
 from hil.executive.watch.scheduler import Scheduler
-from hil.model.bench import EnvelopeLimit, SafeStep
+from hil.model.bench import SafeStep
+from hil.model.envelope import EnvelopeLimit
 from hil.model.figure import Figure
 from hil.model.identity import Dut
 
