@@ -28,10 +28,15 @@ BEAT_S = 15
 FADING_H = 0.014
 """What the last digit of the current, 1 mA, is worth where a charge ends: there it fades by 20 uA/s."""
 
+LINE_H, LINE_V = 5 / 3600, 0.007
+"""From one line to the next, and by how much the voltage falls in it where a discharge ends."""
+
 BESIDES = {
     "charge_time": FADING_H,
     "constant_voltage_time": FADING_H,
-    "constant_current_time": 0.001,
+    "constant_current_time": LINE_H,
+    "end_of_discharge_voltage": LINE_V,
+    "rest_voltage_discharged": LINE_V,
     "duration": 10 * 3600 * FADING_H,
 }
 """What numbers may differ by besides their uncertainties; the line that first has a voltage may be the next one."""
