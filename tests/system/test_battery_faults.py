@@ -171,13 +171,13 @@ FEED = '      connects: {"1": tec_feed.supply}'
 
 @pytest.mark.parametrize("cut", [True, False])
 def test_a_cooler_that_drives_on(scene, tmp_path, cut):
-    """Its controller shows standby and no output. Its supply cuts it off; if that fails, too, the plates tell."""
+    """Its controller tells no output. A cell warms in a charge: a trip. Its supply cuts it off, or the plates tell."""
     changes = {COOLER: f"{COOLER}\n      faults: [{{kind: runaway, from: 1 h}}]"}
     if not cut:
         changes[FEED] = f'      faults: [{{kind: refuse-off, says: "off", from: 1 h}}]\n{FEED}'
     ran = battery_workspace(tmp_path / "w", DEGRADATION, changes).run(overrides={"cycles": "2"})
     assert ran.verdicts() == {"test_degradation": "ERROR"}
-    assert ran.code == (1 if cut else 7)
+    assert ran.code == (6 if cut else 7)
     assert ("NOT SAFE: thermal watched" in ran.out) is not cut
     assert set(scene.still_on()) == (set() if cut else {"coolers"})
 
