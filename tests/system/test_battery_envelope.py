@@ -162,8 +162,6 @@ def test_what_was_charged_before_a_stop_counts_after_it(scene, monkeypatch, tmp_
     """The rows of the charge that was broken off are void, and what it put into the cell is in it all the same."""
     monkeypatch.setenv("PATH", str(tmp_path))
     workspace = battery_workspace(tmp_path / "w", CHARGE, {CELL: 'truth: {place: container, capacity: "3.5"}'})
-    bench = workspace.root / "fixtures/benches/battery/bench.yaml"
-    bench.write_text(re.sub(r"(?ms)^watch_after:.*?(?=^simulated:)", "", bench.read_text()))
     out = io.StringIO()
     scene.acts[:] = [(2.0, scene.stops_to_be_resumed)]
     assert run(workspace.request(overrides=SHORT), out) == 2, out.getvalue()
