@@ -141,7 +141,8 @@ class BenchKeeper:
         if self.outside is not None and (problems := self.outside.end()):
             self._write("host-gate", name="guardian", ok=False, detail="; ".join(problems))
             self.unsafe = True
-        if self.touched:
+        goes_on = self._flags.leave_open and not self.unsafe and not self.scheduler.tripped
+        if self.touched and not goes_on:  # what is read behind the end belongs to the end of a run
             self._watch_afterwards()
         if self.unsafe and self.outside is not None:
             self.outside.latch("the run could not prove the bench safe")
