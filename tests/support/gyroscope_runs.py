@@ -12,7 +12,7 @@ from workspaces import ROOT, Workspace
 from hil.evidence.package.contents import Package
 from hil.executive.setup.configuration import configure
 from hil.plugin.launch import launch
-from hil.plugin.opening import open_simulated
+from hil.plugin.opening import open_new
 from hil.simulation.world import World
 
 __all__ = [
@@ -154,7 +154,7 @@ def run_one(workspace: Workspace, case: str) -> Ended:
     """Run one case of the plan in this process; the other one is skipped, and nothing is sealed."""
     other = NOISE if case == CALIBRATION else CALIBRATION
     request = workspace.request(skips={other: "not asked here"})
-    launched = launch(configure(request), open_simulated)
+    launched = launch(configure(request), open_new)
     assert launched.session is not None
     code = launched.session.exit_code(launched.code)
     launched.session.abandon()

@@ -15,7 +15,7 @@ from hil.evidence.package.contents import Package
 from hil.executive.setup.configuration import Request, configure
 from hil.model.identity import Source
 from hil.plugin.launch import launch
-from hil.plugin.opening import open_simulated
+from hil.plugin.opening import open_new
 
 __all__ = [
     "BOARDS",
@@ -99,7 +99,7 @@ def run_here(root: Path, *, plan: str = "magnetorquer", skips: Mapping[str, str]
             skips=skips or {},
         )
     )
-    launched = launch(configuration, open_simulated)
+    launched = launch(configuration, open_new)
     if launched.session is None:
         raise ValueError("no session was opened")
     code = launched.session.exit_code(launched.code)

@@ -9,7 +9,8 @@ from hil.bench.binding import bind_resumed, bind_simulated
 from hil.bench.bound import BoundBench
 from hil.bench.live import bind_live, bind_live_again
 from hil.evidence.folder import TRANSCRIPT
-from hil.executive.again.earlier import Answered, Earlier
+from hil.executive.again.answered import Answered
+from hil.executive.again.earlier import Earlier
 from hil.executive.case.case_run import PlannedCase
 from hil.executive.run.events import Listener
 from hil.executive.run.session import Session

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, dataclass, replace
 from itertools import takewhile
 from pathlib import Path
@@ -17,13 +16,11 @@ from hil.evidence.journal.reader import Body, JournalLine, cut_torn_tail, read_j
 from hil.evidence.journal.standing import Entry, entries, standing
 from hil.evidence.journal.writer import Journal
 from hil.executive.again.checkpoints import read_checkpoint
-from hil.executive.case.operator import Answer, AnswerSource, Declined, Question
-from hil.executive.run.answers import SIMULATED_PERSON
-from hil.model.errors import Diverged, EvidenceError, Refused
+from hil.model.errors import EvidenceError, Refused
 from hil.model.verdict import Verdict
 from hil.wire.checkpoint import Checkpoint
 
-__all__ = ["Answered", "Earlier", "find_earlier", "go_on_with", "require_untouched"]
+__all__ = ["Earlier", "find_earlier", "go_on_with", "require_untouched"]
 
 _HEAD = frozenset({"anomaly", "frozen", "orphan", "planned", "run"})
 _AFTER = {"end": "has ended", "recovered": "is being sealed", "results": "has ended"}
@@ -266,38 +263,3 @@ def _told(entry: Entry) -> Mapping[str, object]:
 
 
 _WENT_ON = "the run was interrupted, and went on here"
-
-
-class Answered:
-    """The answers that persons gave before the interruption: nobody is asked a second time.
-
-    The simulated person is: what it does with its hands belongs to a world that goes on from before it did it.
-
-    Args:
-        lines: the journal's lines.
-        source: who answers what is new.
-        goes_on: tells whether the simulated world goes on already.
-    """
-
-    def __init__(self, lines: Sequence[JournalLine], source: AnswerSource, goes_on: Callable[[], bool]) -> None:
-        self._told = deque(event for event in standing([line.body for line in lines]) if _is_answer(event))
-        self._source = source
-        self._goes_on = goes_on
-
-    def answer(self, question: Question) -> Answer:
-        """Answer as it was answered then."""
-        if not self._told:
-            return self._source.answer(question)
-        told = self._told.popleft()
-        if told["kind"] == "effect":
-            raise Declined(f"'{question.name}' was declined before the run was interrupted")
-        if told["name"] != question.name:
-            raise Diverged(f"the case asks '{question.name}', but its journal holds an answer to '{told['name']}'")
-        if told["by"] == SIMULATED_PERSON and self._goes_on():
-            return self._source.answer(question)
-        return Answer(told["value"], str(told["by"]))
-
-
-def _is_answer(body: Body) -> bool:
-    declined = body["kind"] == "effect" and body["effect"] == "asks" and body.get("raised") == Declined.__name__
-    return declined or body["kind"] == "answer"

@@ -1,0 +1,146 @@
+"""Runs on a served bench with every output on, ended in every way: what is true on the bench is safe soon after."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+from pathlib import Path
+
+import pytest
+from live_runs import live_workspace, running, seconds_until, served
+
+pytestmark = [pytest.mark.system, pytest.mark.timeout(1200)]
+
+TIMES = int(os.environ.get("HIL_STRESS", "3"))
+"""How often each ending is tried."""
+
+SPEED = float(os.environ.get("HIL_SPEED", "4"))
+LIMIT_S = 2.0
+HANG_LIMIT_S = 3.0
+
+HALF_FRAMES = """\
+begun()
+for fd in map(int, os.listdir("/proc/self/fd")):
+    place = os.readlink(f"/proc/self/fd/{fd}") if os.path.exists(f"/proc/self/fd/{fd}") else ""
+    if place.startswith("/dev/pts/"):
+        os.write(fd, b"\\x01\\x06\\x00:17 STA")
+    elif place.startswith("socket:") and stat.S_ISSOCK(os.fstat(fd).st_mode):
+        try:
+            os.write(fd, b":OUTP CH1,O")
+        except OSError:
+            pass
+os.kill(os.getpid(), signal.SIGKILL)"""
+
+
+@pytest.fixture(params=range(TIMES), autouse=True)
+def _attempt(request):
+    """Try each ending so often."""
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """The battery bench, served for all of these runs one after the other."""
+    with served(tmp_path_factory.mktemp("b") / "e", speed=SPEED) as bench:
+        yield bench
+
+
+def safe_after(run, limit_s=LIMIT_S):
+    """Return after how many seconds every output is in its safe state, by what is true."""
+    return seconds_until(lambda: not run.bench.on(), limit_s, lambda: f"safe, {run.bench.on()} still on")
+
+
+def require_latched(run):
+    """Require that the guardian acted and the bench waits for a person, who then takes it over."""
+    workspace, name = run.workspace, run.folder.name
+    lines = [json.loads(line) for line in (run.folder / "data/guardian.jsonl").read_text().splitlines()]
+    assert lines[-1]["unproven"] == []
+    refused = workspace.hil(
+        *("run", "on", "--bench", "battery", "--dut", "SIM-BAT-1", "--source", "simulated"),
+        *("--served", str(run.bench.folder)),
+    )
+    assert refused.code == 4
+    assert re.search(f"is latched since .* by .*{name}", refused.err)
+    assert workspace.hil("ack", name, "--by", "Ada", "--text", "everything is off").code == 0
+
+
+def await_end_of(process):
+    """Wait until a process has ended by itself."""
+    seconds_until(lambda: not Path(f"/proc/{process}").exists(), 30.0, "the guardian's end")
+
+
+@pytest.mark.parametrize(
+    ("signals", "code"),
+    [
+        ([signal.SIGINT], 2),
+        ([signal.SIGINT, signal.SIGINT], 2),
+        ([signal.SIGTERM], 2),
+        ([signal.SIGHUP], 2),
+    ],
+    ids=["one-ctrl-c", "two-ctrl-c", "sigterm", "sighup"],
+)
+def test_a_run_that_is_asked_to_end(tmp_path, bench, signals, code):
+    """It makes its own bench safe, and the guardian goes without having acted."""
+    with running(bench, live_workspace(tmp_path / "w")) as run:
+        for number in signals:
+            run.send(number)
+        safe_after(run)
+        assert run.ended().code == code
+        assert not (run.folder / "data/guardian.jsonl").exists()
+
+
+def test_an_exception_in_a_case(tmp_path, bench):
+    """The bench comes to rest at once; the case is an ERROR."""
+    with running(bench, live_workspace(tmp_path / "w", 'raise RuntimeError("an error of the case")')) as run:
+        safe_after(run)
+        assert run.ended().code == 1
+
+
+def test_an_executive_that_is_killed(tmp_path, bench):
+    """The guardian makes the bench safe and latches it."""
+    with running(bench, live_workspace(tmp_path / "w")) as run:
+        guardian = run.guardian
+        run.send(signal.SIGKILL)
+        safe_after(run)
+        assert run.ended().code == 3
+        await_end_of(guardian)
+        require_latched(run)
+
+
+def test_an_executive_that_is_killed_amid_a_frame(tmp_path, bench):
+    """Half a frame on every line keeps the guardian's bytes from nothing."""
+    with running(bench, live_workspace(tmp_path / "w", HALF_FRAMES)) as run:
+        safe_after(run)
+        assert run.ended().code == 3
+        seconds_until(lambda: _done(run), 30.0, "the guardian's end")
+        require_latched(run)
+
+
+def test_an_executive_that_hangs(tmp_path, bench):
+    """A stopped executive is ended for good; revived it could drive again."""
+    with running(bench, live_workspace(tmp_path / "w")) as run:
+        guardian = run.guardian
+        run.send(signal.SIGSTOP)
+        safe_after(run, HANG_LIMIT_S)
+        assert run.ended().code == 3
+        await_end_of(guardian)
+        require_latched(run)
+
+
+def test_a_guardian_that_dies(tmp_path, bench):
+    """The executive trips: it goes on with nothing that nobody watches over."""
+    with running(bench, live_workspace(tmp_path / "w")) as run:
+        os.kill(run.guardian, signal.SIGKILL)
+        safe_after(run)
+        ended = run.ended()
+        assert ended.code in {6, 7}
+        assert "guardian is gone" in ended.out
+        if ended.code == 7:
+            assert run.workspace.hil("ack", run.folder.name, "--by", "Ada", "--text", "all is off").code == 0
+
+
+def _done(run):
+    journal = run.folder / "data/guardian.jsonl"
+    return journal.exists() and '"done"' in journal.read_text()
