@@ -1,0 +1,34 @@
+"""A machine that was started anew between a run's end and its resumption."""
+
+from __future__ import annotations
+
+import pytest
+
+from hil.clock import wall
+from hil.evidence.journal.reader import read_journal
+from hil.evidence.journal.writer import Journal
+from hil.executive.again.earlier import find_earlier, go_on_with
+
+EVENTS = {"run": {"format": 1}, "frozen": {"files": {}}, "planned": {"cases": []}, "case": {"case": "a"}}
+
+
+def stamp_of(boot_id):
+    """Return a stamp of the machine as it runs since this boot."""
+    return lambda: wall.WallStamp(utc="2026-01-01T10:00:00.000000Z", boot=5.0, boot_id=boot_id)
+
+
+@pytest.mark.parametrize(("boot_id", "kinds"), [("another", ["reboot", "resumed"]), ("one", ["resumed"])])
+def test_a_reboot_is_an_event(tmp_path, monkeypatch, boot_id, kinds):
+    """It stands in the journal before anything of the machine as it is now, and says how long it took."""
+    path = tmp_path / "data" / "journal.jsonl"
+    path.parent.mkdir()
+    with Journal(path, stamp=stamp_of("one")) as journal:
+        for kind, fields in EVENTS.items():
+            journal.write(kind, 0.0, **fields)
+    monkeypatch.setattr(wall, "stamp", stamp_of(boot_id))
+    monkeypatch.setattr(wall, "seconds_since", lambda _: 7200.04)
+    earlier = find_earlier(tmp_path)
+    with Journal(path, stamp=stamp_of(boot_id)) as journal:
+        go_on_with(earlier, journal, lambda: 0.0)
+    written = [line.body for line in read_journal(path).lines[len(EVENTS) :]]
+    assert [(body["kind"], body["seconds"]) for body in written] == [(kind, 7200.0) for kind in kinds]
