@@ -109,3 +109,17 @@ def test_a_pulled_supply_is_cut_off_by_the_cycler(folder, tmp_path, stack):
     assert proofs["supply.charge"].startswith("cut off by cycler, which is safe; its port is gone")
     assert proofs["cycler"] == proofs["thermal"] == proofs["supply.tec"] == "safe"
     assert latch.read(Path(plan.latches[0])).outputs == ("supply.apparatus",)
+
+
+def test_a_hub_that_is_unplugged_leaves_what_has_no_other_path(folder, tmp_path, stack):
+    """What is on the network goes off and cuts the tester off; the coolers and their feed are named as not proven."""
+    executive, plan = driven(folder, tmp_path, stack)
+    for device in ("cycler1", "tec1", "psu2"):
+        ask(folder, {"unplug": device})
+    executive.process.kill()
+    wait_for(folder, "peers.psu1.outputs.1.on", "peers.psu1.outputs.2.on", on=False)
+    executive.wait_for_words()
+    proofs = {line["output"]: line["detail"] for line in lines_of(plan) if line["event"] == "proof"}
+    assert proofs["cycler"].startswith("cut off by supply.apparatus, which is safe; its port is gone")
+    assert latch.read(Path(plan.latches[0])).outputs == ("thermal", "supply.tec")
+    assert ask(folder, {"state": "peers.psu2.output.on"}) == {"state": True}
