@@ -39,7 +39,7 @@ LARGEST_RATIO = 1.2
 
 LEVEL_1 = {
     "identity: {model: hil-cycler, serial: C0001}": "identity: {model: START ARDUINO}",
-    "{role: cycler, instrument: cycler1, settings: {beat: 300 s},": "{role: cycler, instrument: cycler1,"
+    "{role: cycler, instrument: cycler1, settings: {beat: 360 s},": "{role: cycler, instrument: cycler1,"
     ' settings: {level: "1", cycles: "2"},',
     'truth: {clock_drift: "0.0004",': 'truth: {level: "1", cycles: "2", clock_drift: "0.0004",',
 }

@@ -59,7 +59,7 @@ ENDED = {
     "thermistor shorted": ({}, ((1.0, plant(ntc="shorted")),), {}, "'tripped SENSOR'"),
     "cycler reset": (cycler("{kind: reset, from: 1 h}"), (), {}, "it has started anew (boot 43, BROWNOUT)"),
     "no charge any more": ({}, ((1.0, plant(supply_current=0.02)),), {}, "'tripped CURRENT'"),
-    "hardly any capacity": (cell('capacity: "0.05"'), (), {}, "'tripped VMIN'"),
+    "hardly any capacity": (cell('capacity: "0.03"'), (), {}, "'tripped VMIN'"),
     "charge relay welded before": (
         cycler("{kind: stuck-relay, relay: charge}"),
         ((0.0, plant(charge_contact=True)),),

@@ -142,7 +142,7 @@ def test_the_firmware_opens_its_relays_when_nobody_is_left(tmp_path, monkeypatch
     """Executive and guardian are killed at once while it charges: it opens its relays within the declared heartbeat."""
     for name, value in declared_in(tmp_path / "declared").items():
         monkeypatch.setenv(name, value)
-    workspace = live_workspace(tmp_path / "workspace", changes=ITS_PEER | {"beat: 300 s": f"beat: {BEAT_S} s"})
+    workspace = live_workspace(tmp_path / "workspace", changes=ITS_PEER | {"beat: 360 s": f"beat: {BEAT_S} s"})
 
     def state(path):
         return bench.ask(state=path)

@@ -77,7 +77,7 @@ class Monitor:
         self._highest = limit.maximum if limit.maximum is not None else sys.float_info.max
         self.catch_up: Callable[[], None] = lambda: None
         self.inside = min(max(0.0, self._lowest), self._highest)
-        self._start_ns = start_ns
+        self._start_ns = start_ns - start_ns % self._period_ns
         self._outside = 0
         self._lasts_ns = _UNKNOWN_NS
         self._hold_ns = self._period_ns
@@ -107,7 +107,8 @@ class Monitor:
     def restart(self, now_ns: int) -> None:
         """Begin anew after a time in which nothing could be read, such as a safe-off."""
         self.catch_up()
-        self._start_ns = self.due_ns = self.good_ns = now_ns
+        self._start_ns = now_ns - now_ns % self._period_ns
+        self.due_ns = self.good_ns = now_ns
         self._outside = 0
         if self.derivation:
             self.derivation.pause()

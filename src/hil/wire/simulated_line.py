@@ -169,10 +169,11 @@ class SimulatedLine:
         way = self._on_the_way
         if not way:
             return
-        now_ns = self._clock.now_ns()
+        now_ns, come = self._clock.now_ns(), []
         while way and way[0][0] <= now_ns:
-            _, data = way.popleft()
-            if self._open:
-                room = self._buffer - len(self._received)
-                self._lost += max(0, len(data) - room)
-                self._received += data[:room]
+            come.append(way.popleft()[1])
+        if come and self._open:
+            data = b"".join(come)
+            room = self._buffer - len(self._received)
+            self._lost += max(0, len(data) - room)
+            self._received += data[:room]

@@ -18,7 +18,7 @@ KORAD = {
 }
 GUARD = """\
 - {id: cell-voltage, output: cycler, quantity: voltage, unit: V, min: "2.5", max: "4.25",
-   period: 30 s, max_age: 90 s, debounce: "2"}
+   period: 60 s, max_age: 180 s, debounce: "2"}
 """
 
 

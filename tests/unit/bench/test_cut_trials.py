@@ -58,7 +58,7 @@ def test_what_cannot_be_tried_is_said():
     with bound(battery()) as bench:
         found = tried(bench)
     assert found["cut path of cycler: heartbeat of the tester opens its relays"].detail == (
-        "within 300 s; not tried: no software is part of it"
+        "within 360 s; not tried: no software is part of it"
     )
     assert found["cut path of thermal: supply.tec off"].detail == (
         "supply.tec was proven off; not tried: nothing that is measured at low energy shows it"

@@ -13,7 +13,7 @@ from hil.model.errors import ConfigurationError
 
 FILE = "fixtures/benches/{}/bench.yaml"
 CHARGE = "{output: supply.charge, by: cycler, state: stopped, within: 10 s}"
-CHARGE_BEAT = "{output: supply.charge, hardware: heartbeat of the tester opens its relays, within: 300 s}"
+CHARGE_BEAT = "{output: supply.charge, hardware: heartbeat of the tester opens its relays, within: 360 s}"
 COOLERS = "{output: thermal, by: supply.tec"
 TEMPERATURE = "{output: thermal, quantity: temperature, unit: degC, toward:"
 CURRENT = "- {output: cycler, quantity: current, unit: A, min:"

@@ -15,9 +15,9 @@ from hil.model.errors import ConfigurationError
 FILE = "fixtures/benches/battery/bench.yaml"
 CHARGED = (
     "{id: charged, output: cycler, quantity: charge, while: charging, since: phase, "
-    'threshold: "0.02", unit: A.h, max: "2.6",\n   period: 30 s, max_age: 90 s}'
+    'threshold: "0.02", unit: A.h, max: "2.6",\n   period: 60 s, max_age: 180 s}'
 )
-TIMING = "period: 30 s, max_age: 90 s}"
+TIMING = "period: 60 s, max_age: 180 s}"
 
 
 def load(root, changes):

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Condition", "Intake"]
 
-_FEW = 8
+_FEW = 64
 """Up to this many rows plain numbers are quicker than arrays."""
 
 

@@ -232,5 +232,6 @@ def _uncertainties(facts: RecordingFacts, recorded: Recorded, sources: tuple[Fac
 
 def _largest(numbers: NDArray[np.float64]) -> float:
     """Return the number that is farthest from zero, 0 where there is none."""
-    finite = numbers[~(numbers != numbers)]  # noqa: PLR0124 - NaN is what differs from itself
-    return float(finite[abs(finite).argmax()]) if len(finite) else 0.0
+    known = numbers == numbers  # noqa: PLR0124 - NaN is what differs from itself
+    finite = numbers if known.all() else numbers[known]
+    return max(float(finite.min()), float(finite.max()), key=abs) if len(finite) else 0.0

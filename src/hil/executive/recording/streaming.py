@@ -80,6 +80,7 @@ class StreamTurns:
         self._enough = enough
         self._first: float | None = None
         self._allowed_s = 0.0
+        self._together = False
         self.every_s = 1 / rate
         self.due_ns = FOREVER_NS
         self.failed = False
@@ -97,9 +98,14 @@ class StreamTurns:
         self._start_s = self._start_ns / NANOSECONDS
         self._keep_time()
 
-    def may_pause(self, seconds: float) -> None:
-        """Fetch rows so seldom, if that is longer than `longest_pause`, and as far as the role has the patience."""
-        self._allowed_s = seconds
+    def may_pause(self, seconds: float, *, together: bool = True) -> None:
+        """Fetch rows so seldom, if that is longer than `longest_pause`, and as far as the role has the patience.
+
+        Args:
+            seconds: how long rows may wait.
+            together: whether at whole multiples of that, where limits that are read take their turns, too.
+        """
+        self._allowed_s, self._together = seconds, together
         self._keep_time()
 
     def have(self, seconds: float) -> None:
@@ -132,6 +138,8 @@ class StreamTurns:
         self._pause_ns = max(1, round(pause_s * NANOSECONDS))
         self.every_s = pause_s + 1 / self._rate
         self.due_ns = self._start_ns + self._pause_ns
+        if self._together:
+            self.due_ns -= self.due_ns % self._pause_ns
 
     def _fetch(self) -> None:
         try:

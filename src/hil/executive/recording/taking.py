@@ -124,5 +124,6 @@ class Taking:
                 (channel.name, channel.unit): place for place, channel in enumerate(source.sampled.channels(), 1)
             }
             if fed := self._scheduler.fed_by(source.wire.name, columns, self.turns.every_s):
-                self.turns.may_pause(self._scheduler.pause_allowed(fed, 1 / self.facts.rate))
+                pause_s = self._scheduler.pause_allowed(fed, 1 / self.facts.rate)
+                self.turns.may_pause(pause_s, together=self._scheduler.together)
                 self.intake.feed = self._scheduler.feed(fed, self.turns.every_s, self.facts.id)

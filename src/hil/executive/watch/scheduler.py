@@ -163,6 +163,12 @@ class Scheduler:
         playback = self._bench.playback
         return pause_allowed(fed, row_s) if playback is None or playback.rows_wait else 0.0
 
+    @property
+    def together(self) -> bool:
+        """Whether rows that may wait are fetched where limits take their turns; in earlier records they were not."""
+        playback = self._bench.playback
+        return playback is None or not playback.in_parts
+
     def feed(self, fed: Fed, every_s: float, recording: str) -> Feed:
         """Return what judges a recording's rows. See `Feed`."""
         for _, monitor in fed:

@@ -53,26 +53,32 @@ class NumberedLines(Told):
     def take(self, lines: list[bytes], now: float) -> None:
         """Take whole lines without their ends, in their order; the bench's time is `now`."""
         last_ms, last_s = self._ms + self._wrapped_ms, self.heard_s
-        if len(lines) > 1:
-            lines = lines[self._in_a_row(lines, now) :]
-        for line in lines:
-            body = line[:-5]
-            if not body or line[-5:-4] != b"*" or b"%04X" % crc_hqx(body, 0xFFFF) != line[-4:]:
-                self.damaged += bool(line)
-                continue
-            self.heard_s = now
-            try:
-                if body[0] in _DATA:
-                    self._data(body, now)
-                elif body[0] == _REPLY:
-                    self.replies.append(body)
-                else:
-                    self._mark(body)
-            except (ValueError, KeyError):
-                self.nonsense = line
+        done = 0
+        while done < len(lines):
+            done += self._in_a_row(lines[done:] if done else lines, now)
+            if done < len(lines):
+                self._take_one(lines[done], now)
+                done += 1
         passed_ms = self._ms + self._wrapped_ms - last_ms
         if passed_ms > 0 and not self.started:
             self._date(last_s + passed_ms * _MOST_DRIFT, now)
+
+    def _take_one(self, line: bytes, now: float) -> None:
+        """Take a line, whatever it is."""
+        body = line[:-5]
+        if not body or line[-5:-4] != b"*" or b"%04X" % crc_hqx(body, 0xFFFF) != line[-4:]:
+            self.damaged += bool(line)
+            return
+        self.heard_s = now
+        try:
+            if body[0] in _DATA:
+                self._data(body, now)
+            elif body[0] == _REPLY:
+                self.replies.append(body)
+            else:
+                self._mark(body)
+        except (ValueError, KeyError):
+            self.nonsense = line
 
     def _in_a_row(self, lines: list[bytes], now: float) -> int:
         """Take the first lines as far as they are data that follow each other in one phase; return their number."""

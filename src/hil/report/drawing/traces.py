@@ -42,8 +42,10 @@ def decimate(
         return times, values
     whole = size // stretch * stretch
     rows = values[:whole].reshape(-1, stretch)
-    low = np.argmin(np.where(np.isnan(rows), np.inf, rows), axis=1)
-    high = np.argmax(np.where(np.isnan(rows), -np.inf, rows), axis=1)
+    holes = np.isnan(rows)
+    pierced = bool(holes.any())  # weeks of samples are copied for holes only if there are some
+    low = np.argmin(np.where(holes, np.inf, rows) if pierced else rows, axis=1)
+    high = np.argmax(np.where(holes, -np.inf, rows) if pierced else rows, axis=1)
     base = np.arange(0, whole, stretch)
     rest = np.arange(whole, size)
     kept = np.unique(np.concatenate([base + low, base + high, rest[:1], rest[-1:]]))

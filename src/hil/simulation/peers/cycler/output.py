@@ -70,14 +70,15 @@ class Output:
                 and how long from now it is until then [ns].
             code: `C`, `D` or `R`.
         """
+        number, send = self.number, self._send if self._lost or self._torn else self._line.send
         for (volts, amperes, degrees), energy, at_us, after_ns in lines:
             numbers = (volts / 1000, amperes / 1000, energy / 10_000, degrees / 10)
             if self._extended:
-                self.number = number = (self.number + 1) % _WRAP
-                milliseconds = at_us // _US_PER_MS % _WRAP
-                self._send(seal(_DATA % (*numbers, number, milliseconds, code)), after_ns)
+                number = (number + 1) % _WRAP
+                send(seal(_DATA % (*numbers, number, at_us // _US_PER_MS % _WRAP, code)), after_ns)
             else:
-                self._send(_NUMBERS % numbers + b"\r\n", after_ns)
+                send(_NUMBERS % numbers + b"\r\n", after_ns)
+        self.number = number
 
     def reply(self, text: str) -> None:
         """Send a reply."""

@@ -81,18 +81,24 @@ class Sequence:
         Nearly all of them are calm: nothing follows. `add` and `judge` tell what follows from the others.
         """
         low_volts, high_volts, low_amperes, high_amperes, low_degrees, high_degrees, most_lines, most_flow = self._calm
+        rests, power, flow = self.state == "REST", self._power, self._flow
         energies: list[int] = []
-        for reading in readings[: max(0, most_lines - self._lines)]:
-            volts, amperes, degrees = reading
+        for volts, amperes, degrees in readings[: max(0, most_lines - self._lines)]:
+            flows = abs(amperes)
             if not (
                 low_volts <= volts <= high_volts
                 and low_amperes <= amperes <= high_amperes
                 and low_degrees <= degrees <= high_degrees
-                and self._flow + abs(amperes) <= most_flow
+                and flow + flows <= most_flow
             ):
                 break
-            energies.append(self.add(reading))
-            self._row = 0
+            if not rests:
+                flow += flows
+                power += abs(volts * amperes)
+            energies.append((power + _UW_PER_DIGIT // 2) // _UW_PER_DIGIT)
+        if energies:
+            self._lines += len(energies)
+            self._power, self._flow, self._row = power, flow, 0
         return energies
 
     def add(self, reading: Reading) -> int:
@@ -102,7 +108,7 @@ class Sequence:
         if self.state != "REST":
             self._power += abs(volts * amperes)
             self._flow += abs(amperes)
-        return (self._power + _UW_PER_DIGIT // 2) // _UW_PER_DIGIT
+        return self.energy
 
     def judge(self, reading: Reading) -> list[str]:
         """Return the marks that a data line causes that was added, after the relays were driven."""

@@ -30,7 +30,7 @@ _CELL, _BOX, _FLOWS = _STATE.index("temperature"), _STATE.index("box"), _STATE.i
 _THERMISTOR = "ntc_temperature"
 _OPEN_OHMS = 1e9
 _METER_SIEMENS = 1e-6
-_KEPT_SETTINGS, _KEPT_STEPS = 8192, 64
+_KEPT_SETTINGS, _KEPT_STEPS = 512, 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
