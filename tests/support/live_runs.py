@@ -104,6 +104,11 @@ class LiveRun:
     process: subprocess.Popen[str]
 
     @property
+    def command(self) -> tuple[str, ...]:
+        """What was called."""
+        return _command(self.bench)
+
+    @property
     def executive(self) -> int:
         """The process that holds the bench."""
         return executive(self.process)
@@ -180,12 +185,7 @@ def running(bench: Served, workspace: BatteryWorkspace) -> Iterator[LiveRun]:
     """Start a run and give it once every output is on; nothing of it is left behind."""
     begun = workspace.root / "on"
     begun.unlink(missing_ok=True)
-    process = workspace.start(
-        *("run", "on", "--bench", "battery", "--dut", "SIM-BAT-1", "--source", "simulated"),
-        *("--served", str(bench.folder)),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-    )
+    process = workspace.start(*_command(bench), stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     try:
         seconds_until(lambda: begun.exists() or process.poll() is not None, 120.0, "outputs on")
         assert process.poll() is None, process.communicate()[0]
@@ -195,6 +195,11 @@ def running(bench: Served, workspace: BatteryWorkspace) -> Iterator[LiveRun]:
         if process.poll() is None:
             kill(process)
             process.communicate()
+
+
+def _command(bench: Served) -> tuple[str, ...]:
+    named = ("run", "on", "--bench", "battery", "--dut", "SIM-BAT-1", "--source", "simulated")
+    return (*named, "--served", str(bench.folder))
 
 
 def seconds_until(true: Callable[[], object], limit_s: float, what: str | Callable[[], str]) -> float:

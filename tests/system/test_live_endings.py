@@ -54,16 +54,17 @@ def safe_after(run, limit_s=LIMIT_S):
 
 def require_latched(run):
     """Require that the guardian acted and the bench waits for a person, who then takes it over."""
-    workspace, name = run.workspace, run.folder.name
     lines = [json.loads(line) for line in (run.folder / "data/guardian.jsonl").read_text().splitlines()]
     assert lines[-1]["unproven"] == []
-    refused = workspace.hil(
-        *("run", "on", "--bench", "battery", "--dut", "SIM-BAT-1", "--source", "simulated"),
-        *("--served", str(run.bench.folder)),
-    )
+    require_acknowledged(run)
+
+
+def require_acknowledged(run):
+    """Require that nobody drives the bench before a named person has looked at it."""
+    refused = run.workspace.hil(*run.command)
     assert refused.code == 4
-    assert re.search(f"is latched since .* by .*{name}", refused.err)
-    assert workspace.hil("ack", name, "--by", "Ada", "--text", "everything is off").code == 0
+    assert re.search(f"is latched since .* by .*{run.folder.name}", refused.err)
+    assert run.workspace.hil("ack", run.folder.name, "--by", "Ada", "--text", "everything is off").code == 0
 
 
 def await_end_of(process):
@@ -144,3 +145,31 @@ def test_a_guardian_that_dies(tmp_path, bench):
 def _done(run):
     journal = run.folder / "data/guardian.jsonl"
     return journal.exists() and '"done"' in journal.read_text()
+
+
+def test_a_port_that_is_pulled(tmp_path, bench):
+    """What is reachable is safe at once; the charger, whose port is gone, is cut off by the tester's open relays.
+
+    The supply of the coolers and the tester's relays are reached by ports of their own.
+    """
+    with running(bench, live_workspace(tmp_path / "w")) as run:
+        bench.ask(unplug="psu1")
+        reachable = {"psu2.output.on", "cycler1.relays.closed.charge", "contact charge", "contact discharge", "coolers"}
+        seconds_until(lambda: not bench.on() & reachable, LIMIT_S, lambda: f"safe, {bench.on()} still on")
+        ended = run.ended()
+        assert ended.code == 7
+        assert "psu1" in ended.out
+        bench.ask(plug="psu1")
+        require_acknowledged(run)
+
+
+def test_a_supply_that_refuses(tmp_path):
+    """An output that stays on is an unsafe end with its own exit code, and latches the bench."""
+    with served(tmp_path / "e", speed=SPEED) as bench, running(bench, live_workspace(tmp_path / "w")) as run:
+        bench.ask(fault={"device": "psu1", "kind": "refuse-off"})
+        run.send(signal.SIGINT)
+        ended = run.ended()
+        assert ended.code == 7
+        assert re.search(r"NOT SAFE|not safe|is not off", ended.out)
+        assert "psu1.outputs.1.on" in bench.on()
+        require_acknowledged(run)

@@ -18,12 +18,17 @@ from hil.wire.transcript import Operation, format_of, read_transcript
 if TYPE_CHECKING:
     from smbus2 import i2c_msg
 
-__all__ = ["CLOCK", "HOLD", "HOLD_END", "MONITOR", "OVERDUE", "Handover", "Playback", "ReplayedBus", "ReplayedStream"]
+__all__ = ["CLOCK", "DISTRESS", "HOLD", "HOLD_END", "MONITOR", "OVERDUE", "Handover", "Playback", "ReplayedBus", "ReplayedStream"]
 
 CLOCK = "clock"
 """The operation that marks where a bench outside of its process came to the present without any other one.
 
 It sends the number of events of the run's own course up to there, because it stands between two of them."""
+
+DISTRESS = "distress"
+"""The operation that marks where a bench outside of its process could not be driven any more.
+
+It sends the number of events as above, and why."""
 
 HOLD = "hold"
 """The operation that marks where the bench was brought to its hold state."""

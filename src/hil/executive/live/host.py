@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import select
 from collections.abc import Callable, Iterable, Iterator
 
 from hil.bench.bound import BoundBench
 from hil.bench.gate import Gate
 from hil.bench.latching import latch_unsafe_end
 from hil.bench.port_identity import port_gates
+from hil.clock import wall
 from hil.clock.live import LiveClock
 from hil.executive.live.guarding import Guarding
 from hil.executive.live.inhibitor import Inhibitor
@@ -18,6 +20,8 @@ from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
 
 __all__ = ["Host", "host_of"]
+
+_LOOK_S = 0.2
 
 
 class Host:
@@ -46,15 +50,16 @@ class Host:
         inhibitor: Inhibitor,
         record: Record,
     ) -> None:
-        self._spec = bench.spec
+        self._bench, self._spec = bench, bench.spec
         self._clock = clock
         self._scheduler = scheduler
         self._guarding = guarding
         self._inhibitor = inhibitor
         self._record = record
+        self._looked = 0.0
         self._served = bench.source is Source.SIMULATED
         self.people: Callable[[], Iterable[Gate]] = lambda: ()
-        scheduler.distress = lambda: self.distress
+        scheduler.present.distress = self.distress
 
     def amid(self) -> None:
         """Look after the bench amid a case's own code."""
@@ -70,12 +75,25 @@ class Host:
         yield from self.people()
         yield from self._guarding.begin()
 
-    @property
     def distress(self) -> str:
-        """Why the bench cannot be driven any more, empty while it can."""
+        """Return why the bench cannot be driven any more, nothing while it can."""
         if self._guarding.lost:
             return self._guarding.lost
+        now = wall.monotonic()
+        if now - self._looked < _LOOK_S:
+            return ""
+        self._looked = now
+        if gone := self._gone():
+            return f"the port of {gone} is gone"
         return "" if self._served else self._inhibitor.lost()
+
+    def _gone(self) -> str:
+        """Return the instrument whose port has hung up; no byte is read, and nothing may be sent to find out."""
+        looked, names = select.poll(), {}
+        for name, descriptor in self._bench.descriptors.items():
+            names[descriptor] = name
+            looked.register(descriptor, select.POLLRDHUP)
+        return ", ".join(names[descriptor] for descriptor, _ in looked.poll(0))
 
     def end(self) -> list[str]:
         """Let go of everything; return what the guardian does not find safe."""

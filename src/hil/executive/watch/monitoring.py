@@ -98,7 +98,7 @@ class Monitoring:
 
     def _tell_of_silence(self, monitor: Monitor, lasted_ns: int) -> None:
         """Tell of a reading that came in the end, but held the case up: a driver asks again after a silence."""
-        if lasted_ns > LONGEST_TRANSACTION * NANOSECONDS:
+        if lasted_ns > LONGEST_TRANSACTION * self._bench.speed * NANOSECONDS:
             lasted = f"the {monitor.limit.words} of {monitor.limit.output} came after {lasted_ns / NANOSECONDS:.3g} s"
             instrument = self._instrument(monitor)
             self._tell(monitor, NoReply(instrument.name, f"{lasted}, asked for more than once", "look at its line"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from hil.bench.bound import BoundBench
-from hil.wire.replay import CLOCK
+from hil.wire.replay import CLOCK, DISTRESS
 
 __all__ = ["Present"]
 
@@ -25,11 +25,13 @@ class Present:
         bench: the bench.
 
     Attributes:
+        distress: tells why the bench cannot be driven any more, nothing while it can.
         course: tells how many events of the run's own course there are.
     """
 
     def __init__(self, bench: BoundBench) -> None:
         self._bench = bench
+        self.distress: Callable[[], str] = lambda: ""
         self.course: Callable[[], int] = lambda: 0
 
     def come(self) -> None:
@@ -39,13 +41,30 @@ class Present:
             began_ns, sent = live.now_ns(), str(self.course()).encode()
             self._bench.transcript.note(_BENCH, CLOCK, began_ns, live.look(), sent=sent)
 
+    def in_distress(self) -> str:
+        """Return why the bench cannot be driven any more, or in a replay could not be then; nothing while it can."""
+        if self._bench.playback is not None:
+            return self._of_record(DISTRESS).decode()
+        if text := self.distress():
+            now_ns = self._bench.clock.now_ns()
+            sent = f"{self.course()} {text}".encode()
+            self._bench.transcript.note(_BENCH, DISTRESS, now_ns, now_ns, sent=sent)
+        return text
+
     def comes_in_record(self) -> bool:
         """Come to where the replayed bench came between the last event and the next one; return whether it did."""
+        return bool(self._of_record(CLOCK))
+
+    def _of_record(self, name: str) -> bytes:
+        """Take a mark that the record holds between the last event and the next one; return what it tells."""
         playback = self._bench.playback
-        found = playback.next_if(CLOCK) if playback is not None else None
-        if playback is None or found is None or int(found.sent) > self.course():
-            return False
+        found = playback.next_if(name) if playback is not None else None
+        if playback is None or found is None:
+            return b""
+        number, _, told = found.sent.partition(b" ")
+        if int(number) > self.course():
+            return b""
         began_ns = self._bench.clock.now_ns()
-        playback.take(_BENCH, CLOCK, found.sent)
-        self._bench.transcript.note(_BENCH, CLOCK, began_ns, self._bench.clock.now_ns(), sent=found.sent)
-        return True
+        playback.take(_BENCH, name, found.sent)
+        self._bench.transcript.note(_BENCH, name, began_ns, self._bench.clock.now_ns(), sent=found.sent)
+        return told or number

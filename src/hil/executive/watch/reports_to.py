@@ -74,9 +74,8 @@ class Outside(Protocol):
         """Yield what has to hold before anything is driven."""
         ...
 
-    @property
     def distress(self) -> str:
-        """Why the bench cannot be driven any more, empty while it can."""
+        """Return why the bench cannot be driven any more, nothing while it can."""
         ...
 
     def end(self) -> list[str]:

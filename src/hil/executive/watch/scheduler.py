@@ -61,7 +61,7 @@ class Scheduler:
         refused: how often the present case was told to end.
         monitoring: runs the monitors.
         feeds: judge the rows of streams.
-        distress: tells why the bench cannot be driven any more, nothing while it can.
+        present: of a bench outside of this process, and of its replay.
         again: does what the record of a replayed bench holds here, and people asked for.
     """
 
@@ -78,8 +78,7 @@ class Scheduler:
         self.monitoring = Monitoring(bench, monitors, watch, self._trip_once)
         self.deadline_ns: int | None = None
         self.refused = 0
-        self._present = Present(bench)
-        self.distress: Callable[[], str] = lambda: ""
+        self.present = Present(bench)
         self.again: Callable[[], None] = lambda: None
 
     @property
@@ -121,7 +120,7 @@ class Scheduler:
         """
         with self.flags.undisturbed():
             self._look()
-            self._present.come()
+            self.present.come()
             now_ns = self.clock.now_ns()
             if self._beside:
                 self._take_turns(now_ns, None)
@@ -191,17 +190,17 @@ class Scheduler:
 
     def follow(self, course: Callable[[], int]) -> Callable[[], None]:
         """Learn what tells how many events there are; return what has to be done before each of them."""
-        self._present.course = course
+        self.present.course = course
         return self.catch_up
 
     def come(self) -> None:
         """Come to the present, where people or other processes took their time; a replayed bench comes to the same."""
-        self._present.come()
+        self.present.come()
         self.catch_up()
 
     def catch_up(self) -> None:
         """Pass the points of a replayed bench at which it came to the present amid computations and questions."""
-        while self._present.comes_in_record():
+        while self.present.comes_in_record():
             if self._beside:
                 self._take_turns(self.clock.now_ns(), None)
             self._run_monitors(self.clock.now_ns())
@@ -262,7 +261,7 @@ class Scheduler:
         self.flags.check()
         if self._trip:
             raise Tripped(self._trip.text, "the bench was made safe and stays so for the rest of the run")
-        if self._watching and (text := self.distress()):
+        if self._watching and (text := self.present.in_distress()):
             self._trip_once(Trip(_BENCH, None, "", text))
         if self.deadline_ns is not None and self.clock.now_ns() > self.deadline_ns:
             raise CaseTimeout
