@@ -195,6 +195,8 @@ def running(bench: Served, workspace: BatteryWorkspace) -> Iterator[LiveRun]:
         if process.poll() is None:
             kill(process)
             process.communicate()
+            acknowledged = ("ack", workspace.folders()[-1].name, "--by", "Ada", "--text", "a test broke off")
+            seconds_until(lambda: workspace.hil(*acknowledged).code == 0, 60.0, "acknowledged")
 
 
 def _command(bench: Served) -> tuple[str, ...]:
