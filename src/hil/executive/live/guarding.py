@@ -69,11 +69,15 @@ class Guarding:
         self._uninterrupted_s = _longest_safing_s(bench.spec) + _SPARE_S
         self.lost = ""
 
-    def begin(self) -> Iterator[Gate]:
-        """Start the guardian, let it take every output through its safe-off, and let it watch; each is a gate."""
+    def begin(self, held: Sequence[int] = ()) -> Iterator[Gate]:
+        """Start the guardian, let it take every output through its safe-off, and let it watch; each is a gate.
+
+        Args:
+            held: more descriptors that the guardian is to keep open as long as it is at work.
+        """
         try:
             plan = plan_of(self._bench, self._folder, self._leases)
-            self._guardian = Guardian.start(plan, self._bench.descriptors, self._locks)
+            self._guardian = Guardian.start(plan, self._bench.descriptors, [*self._locks, *held])
             for each in self._guardian.drill():
                 yield Gate(f"guardian: {each.output}", ok=each.ok, detail=each.detail or f"after {each.seconds:.3g} s")
             self._until = _boot_s() + _ARMING_S

@@ -73,7 +73,8 @@ class Host:
             yield from port_gates(self._spec)
         yield self._awake()
         yield from self.people()
-        yield from self._guarding.begin()
+        awake = self._inhibitor.descriptor  # the guardian needs the machine, too
+        yield from self._guarding.begin(() if awake is None else (awake,))
 
     def distress(self) -> str:
         """Return why the bench cannot be driven any more, nothing while it can."""
