@@ -91,10 +91,19 @@ def bind_resumed(
     return bench
 
 
-def bind_replayed(spec: BenchSpec, transcript: Transcript, record: Path, where: Callable[[], str]) -> BoundBench:
+def bind_replayed(
+    spec: BenchSpec, transcript: Transcript, record: Path, where: Callable[[], str], *, speed: float = 1.0
+) -> BoundBench:
     """Build the bench on a recorded transcript behind `replay://` ports.
 
     What hangs on a bus that an instrument serves has no record of its own: its bytes are in that instrument's.
+
+    Args:
+        spec: the bench file.
+        transcript: where every operation is noted.
+        record: the transcript of the run.
+        where: tells the present step, for messages.
+        speed: of the recorded bench, see `BoundBench`.
     """
     clock = VirtualClock(spec.simulated.epoch if spec.simulated else "1970-01-01T00:00:00Z")
     playback = Playback(record, clock, where)
@@ -106,7 +115,9 @@ def bind_replayed(spec: BenchSpec, transcript: Transcript, record: Path, where: 
             publish_bus(url, ReplayedBus(instrument.name, playback))
         else:
             publish_stream(url, ReplayedStream(instrument.name, playback))
-    return build(spec, Source.REPLAYED, clock, transcript, playback=playback)
+    bench = build(spec, Source.REPLAYED, clock, transcript, playback=playback)
+    bench.speed = speed
+    return bench
 
 
 def simulated_twin(spec: BenchSpec) -> SimulatedBench:

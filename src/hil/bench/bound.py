@@ -46,6 +46,7 @@ class BoundBench:
         playback: the record that answers, on a replayed bench, and on a resumed one until it goes on.
         go_on: lets a resumed bench go on from its checkpoint, where its record does not tell when.
         live: the clock of a bench outside of this process, None for all others.
+        speed: seconds of the bench in one second of the wall, where somebody waits for it; 1 but for a served bench.
         descriptors: of the open ports of such a bench, by instrument.
         where: such a port's path or URL, by instrument.
     """
@@ -62,6 +63,7 @@ class BoundBench:
     buses: dict[str, I2cBus] = field(default_factory=dict)
     go_on: Callable[[], None] = lambda: None
     live: LiveClock | None = None
+    speed: float = 1.0
     descriptors: dict[str, int] = field(default_factory=dict)
     where: Mapping[str, str] = field(default_factory=dict)
 

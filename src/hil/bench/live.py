@@ -103,7 +103,7 @@ def bind_live(spec: BenchSpec, reach: Reach, epoch: str, transcript: Transcript)
     except BaseException:
         _close(ends)
         raise
-    bench.descriptors, bench.where = _descriptors(ends, reach), reach.ports
+    bench.descriptors, bench.where, bench.speed = _descriptors(ends, reach), reach.ports, reach.speed
     clock.begin()
     return bench
 
@@ -132,6 +132,7 @@ def bind_live_again(
         publish = publish_bus if instrument.bus else publish_stream
         publish(url_of(reach.source, spec, instrument.name), cast("Any", end))
     bench = build(spec, reach.source, clock, transcript, playback=playback, live=clock)
+    bench.speed = reach.speed
 
     def go_on() -> None:
         opened = _open(spec, reach)

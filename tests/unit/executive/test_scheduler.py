@@ -103,7 +103,7 @@ def test_silence_trips_when_the_last_reading_is_too_old():
 def test_nothing_is_read_before_and_after_the_watch():
     """Monitors run from arming to the safe state, in between and not else."""
     clock, watch = VirtualClock(), Watch()
-    bench = SimpleNamespace(clock=clock, live=None, playback=None, transcript=Transcript(None))
+    bench = SimpleNamespace(clock=clock, live=None, playback=None, speed=1.0, transcript=Transcript(None))
     scheduled = Scheduler(bench, [monitor(clock, limit())], StopFlags(), watch)
     scheduled.sleep(5.0)
     assert watch.readings == []
@@ -229,7 +229,7 @@ class Record:
 def test_replayed_monitors_follow_the_record():
     """In a replay a monitor runs in the wait in which the record has it, whatever is due."""
     clock, watch, record = VirtualClock(), Watch(), Record(0, 300_000_000, 2_500_000_000)
-    bench = SimpleNamespace(clock=clock, live=None, playback=record, transcript=Transcript(None))
+    bench = SimpleNamespace(clock=clock, live=None, playback=record, speed=1.0, transcript=Transcript(None))
     scheduled = Scheduler(bench, [monitor(clock, limit(), takes=0.0)], StopFlags(), watch)
     scheduled.watch_from_now()
     scheduled.sleep(2.0)
