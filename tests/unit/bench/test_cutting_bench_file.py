@@ -220,3 +220,14 @@ def test_the_attitude_bench_is_not_for_nobody(tmp_path):
     assert [wire.name for wire in hazardous_wires(spec)] == ["relays", "thermal", "rotation_table"]
     assert cut_path_shortfall(spec, 1) == []
     assert [line.split(" ")[0] for line in cut_path_shortfall(spec, 2)] == ["relays", "thermal", "rotation_table"]
+
+
+def test_a_bench_that_only_answers_from_its_record_needs_no_cut_path(tmp_path):
+    """What was driven before there were cut paths is replayed all the same; it cannot be driven any more."""
+    text = laid(tmp_path, {})
+    file = tmp_path / FILE.format("battery")
+    begin = text.index("cut_paths:")
+    file.write_text(text[:begin] + text[text.index("\nwatch_after:", begin) :], encoding="utf-8")
+    with pytest.raises(ConfigurationError, match="supply.charge has one path only"):
+        load_bench(tmp_path / "fixtures/benches", "battery", tmp_path)
+    assert load_bench(tmp_path / "fixtures/benches", "battery", tmp_path, driven=False).cut_paths == ()

@@ -20,9 +20,10 @@ _NAME = re.compile("[A-Za-z][A-Za-z0-9_-]*")
 _HIGHEST_STATION = 247  # Modbus over serial line, section 2.2; no other line with addresses has more
 
 
-def check_bench(spec: BenchSpec, places: Located, findings: Findings) -> None:
-    """Add everything that does not fit together."""
+def check_bench(spec: BenchSpec, places: Located, findings: Findings, *, driven: bool = True) -> None:
+    """Add everything that does not fit together, and of a bench that is driven what keeps it from being driven."""
     for check in (
+        *((cutting_checks.cut_off,) if driven else ()),
         _names,
         _instruments,
         _buses,
@@ -40,7 +41,6 @@ def check_bench(spec: BenchSpec, places: Located, findings: Findings) -> None:
         limit_checks.covered,
         charging_checks.charging,
         cutting_checks.cut_paths,
-        cutting_checks.cut_off,
         cutting_checks.watched_after,
         cutting_checks.usb_ports,
         _twin,

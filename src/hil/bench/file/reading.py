@@ -33,13 +33,14 @@ def bench_names(benches: Path) -> tuple[str, ...]:
     return tuple(sorted(path.parent.name for path in benches.glob("*/bench.yaml")))
 
 
-def load_bench(benches: Path, name: str, root: Path) -> BenchSpec:
+def load_bench(benches: Path, name: str, root: Path, *, driven: bool = True) -> BenchSpec:
     """Read and check `<benches>/<name>/bench.yaml`.
 
     Args:
         benches: the folder that holds the benches.
         name: the bench.
         root: the workspace; findings show paths relative to it.
+        driven: whether it is going to be driven; its record answers for one that is replayed, and an older one too.
 
     Raises:
         Refused: if there is no such bench.
@@ -53,13 +54,13 @@ def load_bench(benches: Path, name: str, root: Path) -> BenchSpec:
         )
     findings = Findings()
     path = benches / name / "bench.yaml"
-    spec = read_bench(path, str(path.relative_to(root)), findings)
+    spec = read_bench(path, str(path.relative_to(root)), findings, driven=driven)
     if spec is None or len(findings):
         raise ConfigurationError(tuple(findings))
     return spec
 
 
-def read_bench(path: Path, shown: str, findings: Findings) -> BenchSpec | None:
+def read_bench(path: Path, shown: str, findings: Findings, *, driven: bool = True) -> BenchSpec | None:
     """Read one bench file and add what is wrong to the findings; None where nothing could be read."""
     document = read_document(path, shown, findings, schema=SCHEMA)
     if document is None:
@@ -87,7 +88,7 @@ def read_bench(path: Path, shown: str, findings: Findings) -> BenchSpec | None:
         head.done()
         _check_name(spec.name, path, head.place("name"), findings)
     document.done()
-    check_bench(spec, places, findings)
+    check_bench(spec, places, findings, driven=driven)
     _check_certificates(spec, path.parent, places, findings)
     return spec
 

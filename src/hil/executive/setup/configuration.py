@@ -149,7 +149,8 @@ def reach_of(bench: BenchSpec, source: Source, served: Path | None) -> Reach | N
 
 
 def _bench(workspace: Workspace, request: Request) -> BenchSpec:
-    bench = load_bench(workspace.benches, request.bench, workspace.root)
+    driven = request.source is not Source.REPLAYED
+    bench = load_bench(workspace.benches, request.bench, workspace.root, driven=driven)
     if request.source is Source.SIMULATED:
         simulated_twin(bench)
         path = workspace.benches / request.bench / "bench.yaml"

@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from hil.documents.canonical import parse_strict
-from hil.model.identity import Source
 from hil.model.verdict import Verdict
 from hil.report.catalogue import demands, documents, plan_files, requirement_entries
 from hil.report.material import Body, Material, flat, inner, inners, text, texts, verdict
@@ -15,6 +14,7 @@ from hil.report.numbers import duration, with_unit
 from hil.report.page.as_run import attributed, checks_of, fed_limits, recording_rows, step_rows
 from hil.report.page.bench_file import instruments, parse, wiring
 from hil.report.page.drawings import charts, recording_graphics
+from hil.report.page.facts import facts
 from hil.report.page.happenings import deviations, gates, happenings, people, safe_off
 from hil.report.page.view import (
     BrokenRow,
@@ -78,7 +78,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         counts=_counts(results),
         closings=closings(results),
         common=common_reasons(results),
-        facts=_facts(material, run, inner(bench, "bench"), events),
+        facts=facts(material, run, inner(bench, "bench"), events),
         documents=_documents(material),
         failed=tuple(row for row in checks_of(check_events, names) if not row.verdict.good),
         broken=_broken(results, names),
@@ -124,40 +124,6 @@ def _names(results: Body) -> dict[str, CaseName]:
         for place, case in enumerate(cases, 1)
         for short in (case.rsplit("::", 1)[-1],)
     }
-
-
-def _facts(material: Material, run: Body, bench: Body, events: Sequence[Body]) -> tuple[Fact, ...]:
-    dut = inner(run, "dut")
-    span = duration(events[-1].get("t")) if events else ""
-    if span and text(run, "source") != Source.HARDWARE:
-        span += f", virtual{text(run, 'epoch') and ' from '}{text(run, 'epoch')}"
-    began, ended = material.stamps()
-    return tuple(
-        Fact(label=label, value=value)
-        for label, value in (
-            ("Device under test", text(dut, "title")),
-            ("Part number", text(dut, "part")),
-            ("Serial number", text(dut, "serial")),
-            ("Model", text(dut, "model")),
-            ("Hardware revision", text(dut, "hardware")),
-            ("Firmware revision", text(dut, "firmware")),
-            ("Purpose", text(run, "purpose")),
-            ("Source", text(run, "source")),
-            ("Operator", text(run, "operator")),
-            ("Bench", " · ".join(part for part in (text(run, "bench"), text(bench, "title")) if part)),
-            ("Place", text(bench, "place")),
-            ("Began (UTC)", _instant(began)),
-            ("Ended (UTC)", _instant(ended)),
-            ("Bench time", span),
-            ("Plans", ", ".join(texts(run, "plans"))),
-            ("Run", material.run()),
-        )
-    )
-
-
-def _instant(stamp: str) -> str:
-    """Return a stamp as a person reads it, to the second."""
-    return f"{stamp[:10]} {stamp[11:19]}" if len(stamp) > 19 else stamp
 
 
 def _counts(results: Body) -> tuple[tuple[str, int], ...]:
