@@ -84,6 +84,10 @@ class Entering:
         entries, anew = self._places.pop(place, []), place == self._record.entered_at
         if not entries and not anew:
             return
+        with self._keeper.scheduler.flags.undisturbed():  # nothing looks after a bench that is being armed
+            self._enter(place, entries, anew=anew)
+
+    def _enter(self, place: int, entries: list[Entry], *, anew: bool) -> None:
         for entry in entries if anew else entries[:-1]:  # entered here once more: what came behind it is void, too
             self._record.store.note_void(entry)
         if anew:

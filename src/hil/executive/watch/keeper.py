@@ -88,6 +88,7 @@ class BenchKeeper:
 
     def arm_again(self) -> str:
         """Arm a bench that was made safe, and go on watching it; return why not, if not."""
+        self.scheduler.rest()  # who was killed did not come to that
         if problem := self._pass_gates():
             return problem
         self.scheduler.watch_from_now()

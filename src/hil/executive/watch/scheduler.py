@@ -201,7 +201,7 @@ class Scheduler:
     def catch_up(self) -> None:
         """Pass the points of a replayed bench at which it came to the present amid computations and questions."""
         while self.present.comes_in_record():
-            if self._beside:
+            if self._beside and self._watching:
                 self._take_turns(self.clock.now_ns(), None)
             self._run_monitors(self.clock.now_ns())
 
