@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 from pathlib import Path
 
 import pytest
 from told_pages import Command, follow, steps_of
+
+from hil.model.errors import HilError
+from hil.simulation.served.client import ask
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -52,3 +56,17 @@ def test_recordings_are_exported_as_told(tmp_path):
     """The commands of the guide export the reference package, and show what the page shows."""
     shutil.copytree(ROOT / "reports" / "reference", tmp_path / "reports" / "reference")
     assert follow(steps_of(DOCS / "how-to" / "export-recordings.md"), tmp_path) == ""
+
+
+@pytest.mark.system
+@pytest.mark.timeout(600)
+def test_a_real_bench_is_rehearsed_as_told(tmp_path):
+    """On a served bench: looked at, tried, a run ended in order and one killed, latched, acknowledged, gone on with."""
+    for name in ("fixtures", "testplans"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    try:
+        assert follow(steps_of(DOCS / "how-to" / "first-hour-on-a-real-bench.md"), tmp_path) == ""
+    finally:
+        with contextlib.suppress(HilError):  # a page that was left in its middle leaves the bench behind
+            ask(tmp_path / "ends", {"stop": True})
