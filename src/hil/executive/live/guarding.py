@@ -23,6 +23,7 @@ from hil.wire.opening import url_of_resource
 __all__ = ["Guarding", "plan_of"]
 
 _BEAT_S = 0.1
+_BETWEEN_S = 10.0
 _ARMING_S = 120.0
 """How long the gates of an arming may take all together."""
 
@@ -64,7 +65,7 @@ class Guarding:
         self._locks = locks
         self._guardian: Guardian | None = None
         self._watching = False
-        self._beaten = 0.0
+        self._beaten = self._pulsed = 0.0
         self._until = 0.0
         self._uninterrupted_s = _longest_safing_s(bench.spec) + _SPARE_S
         self.lost = ""
@@ -91,7 +92,19 @@ class Guarding:
 
     def pulse(self) -> None:
         """Tell the guardian that the run lives, and up to when what it knows of the bench is good; often is cheap."""
+        self._pulsed = wall.monotonic()
+        self._beat(self._pulsed)
+
+    def between(self) -> None:
+        """Tell it the same where the run looks at no clock for a while; after some seconds it has to do so itself.
+
+        The end of a case is such a place: what failed is formatted, and written down. So is a slow disk.
+        """
         now = wall.monotonic()
+        if now - self._pulsed < _BETWEEN_S:
+            self._beat(now)
+
+    def _beat(self, now: float) -> None:
         if now - self._beaten < _BEAT_S or self._guardian is None or not self._watching:
             return
         self._beaten = now
