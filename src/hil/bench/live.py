@@ -4,22 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from hil.bench.bound import BoundBench, build, url_of
 from hil.bench.connections import server_of
-from hil.bench.port_identity import port_gates
+from hil.bench.port_identity import is_serial_device, port_gates
 from hil.bench.serving import ends_of
 from hil.clock.live import LiveClock
 from hil.model.bench import BenchSpec
-from hil.model.errors import Refused
+from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
 from hil.wire.exchange import publish_bus, publish_stream
 from hil.wire.handover import Handed
 from hil.wire.opening import hardware_bus
 from hil.wire.replay import Playback, ReplayedBus, ReplayedStream
 from hil.wire.transcript import Transcript
+from hil.wire.unreachable import Unreachable
 
 if TYPE_CHECKING:
     from hil.wire.live_stream import LiveStream
@@ -79,7 +81,9 @@ def reach_of_served(spec: BenchSpec, folder: Path) -> Reach:
     return Reach(source=Source.SIMULATED, ports=ports, served=folder, speed=speed)
 
 
-def bind_live(spec: BenchSpec, reach: Reach, epoch: str, transcript: Transcript) -> BoundBench:
+def bind_live(
+    spec: BenchSpec, reach: Reach, epoch: str, transcript: Transcript, *, by_force: bool = False
+) -> BoundBench:
     """Open every port of a bench outside of this process; nothing is sent.
 
     Args:
@@ -87,6 +91,7 @@ def bind_live(spec: BenchSpec, reach: Reach, epoch: str, transcript: Transcript)
         reach: where it is.
         epoch: UTC of the bench's time zero, ISO 8601.
         transcript: where every operation is noted.
+        by_force: opens what it can, also beside another process; the others' instruments do not answer.
 
     Raises:
         Refused: if a serial port is not that of the board that the bench file names.
@@ -95,7 +100,7 @@ def bind_live(spec: BenchSpec, reach: Reach, epoch: str, transcript: Transcript)
     clock = LiveClock(epoch, speed=reach.speed)
     ends: dict[str, Any] = {}
     try:
-        ends |= _open(spec, reach)
+        ends |= _open(spec, reach, by_force=by_force)
         for name, end in ends.items():
             publish = publish_bus if name in reach.buses else publish_stream
             publish(url_of(reach.source, spec, name), end)
@@ -147,28 +152,42 @@ def bind_live_again(
     return bench
 
 
-def _open(spec: BenchSpec, reach: Reach) -> dict[str, Any]:
+def _open(spec: BenchSpec, reach: Reach, *, by_force: bool = False) -> dict[str, Any]:
     from hil.wire.live_stream import LiveStream  # noqa: PLC0415 - what it imports exists on Linux only
 
-    if reach.source is Source.HARDWARE:
-        _require_own_ports(spec)
+    strangers = _strangers(spec) if reach.source is Source.HARDWARE else {}
+    if strangers and not by_force:
+        raise next(iter(strangers.values()))
+
+    def end(name: str, opened: Callable[[], Any]) -> Any:  # noqa: ANN401 - streams and buses
+        try:
+            if name in strangers:
+                raise strangers[name]
+            return opened()
+        except HilError as error:
+            if not by_force:
+                raise
+            return Unreachable(error)
+
     ends: dict[str, Any] = {}
     try:
         for name, url in reach.ports.items():
-            ends[name] = LiveStream(name, url, spec.instrument(name).baud)
+            baud = spec.instrument(name).baud
+            ends[name] = end(name, partial(LiveStream, name, url, baud, alone=not by_force))
         for name, path in reach.buses.items():
-            ends[name] = hardware_bus(name, path)
+            ends[name] = end(name, partial(hardware_bus, name, path))
     except BaseException:
         _close(ends)
         raise
     return ends
 
 
-def _require_own_ports(spec: BenchSpec) -> None:
-    """Require that every serial port is the board's that the bench file names: a first byte may start another one."""
-    for gate in port_gates(spec):
-        if not gate.ok:
-            raise Refused(f"{gate.name}: {gate.detail}", "plug the boards as the bench file says, or mend it")
+def _strangers(spec: BenchSpec) -> dict[str, Refused]:
+    """Return what keeps a serial port closed, by instrument: at another board a first byte may start something."""
+    hint = "plug the boards as the bench file says, or mend it"
+    devices = [instrument.name for instrument in spec.instruments if is_serial_device(instrument)]
+    gates = zip(devices, port_gates(spec), strict=True)
+    return {name: Refused(f"{gate.name}: {gate.detail}", hint) for name, gate in gates if not gate.ok}
 
 
 def _close(ends: Mapping[str, Any]) -> None:
@@ -177,5 +196,6 @@ def _close(ends: Mapping[str, Any]) -> None:
             end.closed()
 
 
-def _descriptors(ends: Mapping[str, LiveStream], reach: Reach) -> dict[str, int]:
-    return {name: ends[name].fileno() for name in reach.ports}
+def _descriptors(ends: Mapping[str, LiveStream | Unreachable], reach: Reach) -> dict[str, int]:
+    opened = {name: ends[name] for name in reach.ports}
+    return {name: end.fileno() for name, end in opened.items() if not isinstance(end, Unreachable)}

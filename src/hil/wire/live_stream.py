@@ -26,14 +26,15 @@ class LiveStream:
         device: the instrument's name.
         url: a path, a URL of pyserial, or a VISA resource name.
         baud: of a serial line, 9600 where it is 0.
+        alone: whether no other process may have it open.
 
     Raises:
         NoReply: if it cannot be opened.
     """
 
-    def __init__(self, device: str, url: str, baud: int = 0) -> None:
+    def __init__(self, device: str, url: str, baud: int = 0, *, alone: bool = True) -> None:
         where = url_of_resource(url)
-        options: dict[str, Any] = {} if "://" in where else {"exclusive": True}
+        options: dict[str, Any] = {} if "://" in where else {"exclusive": alone}
         try:
             self._serial = serial.serial_for_url(
                 where, baudrate=baud or 9600, timeout=0.0, write_timeout=LONGEST_TRANSACTION, **options

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -11,6 +14,7 @@ from hil.bench.file.reading import load_bench
 from hil.bench.live import bind_live, reach_of_hardware
 from hil.model.bench import UsbPort
 from hil.model.errors import NoReply, Refused
+from hil.wire.live_stream import LiveStream
 from hil.wire.transcript import Transcript
 
 ROOT = Path(__file__).parents[3]
@@ -40,7 +44,7 @@ def opened(monkeypatch):
     """Return which ports were opened; none can be."""
     names = []
 
-    def refuse(name, *_):
+    def refuse(name, *_, **__):
         names.append(name)
         raise NoReply("opened", name)
 
@@ -48,11 +52,11 @@ def opened(monkeypatch):
     return names
 
 
-def bind(monkeypatch, changes):
+def bind(monkeypatch, changes, **options):
     """Bind the battery bench on hardware, with these boards in place of its own."""
     boards = [Listed(port, serial) for port, serial in {**SERIALS, **changes}.items()]
     monkeypatch.setattr("serial.tools.list_ports.comports", lambda: boards)
-    bind_live(SPEC, reach_of_hardware(SPEC), "2026-01-01T00:00:00Z", Transcript(None))
+    return bind_live(SPEC, reach_of_hardware(SPEC), "2026-01-01T00:00:00Z", Transcript(None), **options)
 
 
 @pytest.mark.parametrize("port", sorted(SERIALS))
@@ -68,3 +72,38 @@ def test_the_right_boards_are_opened(monkeypatch, opened):
     with pytest.raises(NoReply):
         bind(monkeypatch, {})
     assert opened == ["psu1"]
+
+
+def test_by_force_the_other_ports_are_opened(monkeypatch):
+    """Another board's port stays closed, and one that is gone is no reason not to reach the rest."""
+    opened = {}
+
+    def stream(name, *_, alone):
+        if name == "psu1":
+            raise NoReply("psu1", "is gone")
+        opened[name] = alone
+        return Mock()
+
+    monkeypatch.setattr("hil.wire.live_stream.LiveStream", stream)
+    other = next(item.port for item in SPEC.instruments if item.name == "tec1")
+    with closing(bind(monkeypatch, {other: "1234"}, by_force=True)) as bench:
+        assert opened == {"cycler1": False, "psu2": False}
+        assert set(bench.descriptors) == set(opened)
+        with pytest.raises(Refused, match="port of tec1.*expected serial"):
+            bench.roles["thermal"].standby()
+        with pytest.raises(NoReply, match="is gone"):
+            bench.roles["supply.charge"].disable()
+
+
+def test_a_port_that_another_process_holds_is_opened_by_force_only():
+    """Whoever hangs with a port open does not keep it from whoever makes its bench safe."""
+    ours, theirs = os.openpty()
+    name = os.ttyname(theirs)
+    with closing(LiveStream("hung", name)._serial):
+        with pytest.raises(NoReply, match="cannot be opened"):
+            LiveStream("psu2", name)
+        with closing(LiveStream("psu2", name, alone=False)._serial) as second:
+            second.write(b"OUT0")
+            assert os.read(ours, 4) == b"OUT0"
+    os.close(ours)
+    os.close(theirs)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from hil.clock import wall
 from hil.executive.setup.configuration import reach_of
 from hil.executive.setup.workspace import find_workspace
 from hil.model.bench import BenchSpec
+from hil.model.errors import Refused
 from hil.model.identity import Source
 from hil.wire.transcript import Transcript
 
@@ -51,13 +52,16 @@ def check_bench(
             yield from energised_gates(bench, None)
 
 
-def safe_bench(start: Path, name: str, source: Source, *, served: Path | None = None) -> list[SafeResult]:
+def safe_bench(
+    start: Path, name: str, source: Source, *, served: Path | None = None, tell: Callable[[str], None]
+) -> list[SafeResult]:
     """Take every line of a bench's safe-off and return what became of each; see `check_bench`.
 
-    Whoever holds the bench does not keep anybody from making it safe.
+    Whoever holds the bench does not keep anybody from making it safe, nor does an instrument that cannot be reached:
+    its lines are not proven. Who holds the bench is told.
     """
     results: list[SafeResult] = []
-    with _visit(start, name, source, served, alone=False) as bench:
+    with _visit(start, name, source, served, by_force=tell) as bench:
         make_safe(bench.spec.safe_off, bench.roles, bench.clock, results.append)
     return results
 
@@ -76,7 +80,13 @@ def serve_bench(start: Path, name: str, folder: Path, *, speed: float, first_por
 
 @contextmanager
 def _visit(
-    start: Path, name: str, source: Source, served: Path | None, *, driven: bool = False, alone: bool = True
+    start: Path,
+    name: str,
+    source: Source,
+    served: Path | None,
+    *,
+    driven: bool = False,
+    by_force: Callable[[str], None] | None = None,
 ) -> Iterator[BoundBench]:
     spec = _simulated(start, name) if source is Source.SIMULATED else _read(start, name)
     reach = reach_of(spec, source, served)
@@ -84,13 +94,23 @@ def _visit(
         if reach is None:
             bench = bind_simulated(spec, Transcript(None))
         else:
-            lease = Lease(reach.leases if alone else (), "hil bench")
-            stack.callback(lease.release)
+            stack.callback(_leased(reach.leases, by_force).release)
             if driven:
                 refuse_latched(reach.leases)
-            bench = bind_live(spec, reach, wall.utc_now(), Transcript(None))
+            bench = bind_live(spec, reach, wall.utc_now(), Transcript(None), by_force=by_force is not None)
         stack.callback(bench.close)
         yield bench
+
+
+def _leased(keys: Sequence[str], by_force: Callable[[str], None] | None) -> Lease:
+    """Take the bench's leases; by force it goes on without them, and tells who has them."""
+    try:
+        return Lease(keys, "hil bench")
+    except Refused as error:
+        if by_force is None:
+            raise
+        by_force(str(error))
+        return Lease((), "hil bench")
 
 
 def _read(start: Path, name: str) -> BenchSpec:
