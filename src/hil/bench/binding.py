@@ -92,7 +92,13 @@ def bind_resumed(
 
 
 def bind_replayed(
-    spec: BenchSpec, transcript: Transcript, record: Path, where: Callable[[], str], *, speed: float = 1.0
+    spec: BenchSpec,
+    transcript: Transcript,
+    record: Path,
+    where: Callable[[], str],
+    *,
+    outside: bool = False,
+    speed: float = 1.0,
 ) -> BoundBench:
     """Build the bench on a recorded transcript behind `replay://` ports.
 
@@ -103,6 +109,7 @@ def bind_replayed(
         transcript: where every operation is noted.
         record: the transcript of the run.
         where: tells the present step, for messages.
+        outside: whether the recorded bench was outside of its process.
         speed: of the recorded bench, see `BoundBench`.
     """
     clock = VirtualClock(spec.simulated.epoch if spec.simulated else "1970-01-01T00:00:00Z")
@@ -116,7 +123,7 @@ def bind_replayed(
         else:
             publish_stream(url, ReplayedStream(instrument.name, playback))
     bench = build(spec, Source.REPLAYED, clock, transcript, playback=playback)
-    bench.speed = speed
+    bench.outside, bench.speed = outside, speed
     return bench
 
 

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from hil.bench.connections import clamps_of, server_of, servers_first
 from hil.clock.live import LiveClock
 from hil.clock.port import Clock
-from hil.instruments.driver import Connection, Driver, ServesBus
+from hil.instruments.driver import Connection, Driver, OpenedAnew, ServesBus
 from hil.instruments.registry import driver_class
 from hil.model.bench import BenchSpec, InstrumentSpec
 from hil.model.errors import Refused
@@ -46,6 +46,7 @@ class BoundBench:
         playback: the record that answers, on a replayed bench, and on a resumed one until it goes on.
         go_on: lets a resumed bench go on from its checkpoint, where its record does not tell when.
         live: the clock of a bench outside of this process, None for all others.
+        outside: whether the bench is outside of this process, or was where it was recorded.
         speed: seconds of the bench in one second of the wall, where somebody waits for it; 1 but for a served bench.
         descriptors: of the open ports of such a bench, by instrument.
         where: such a port's path or URL, by instrument.
@@ -63,6 +64,7 @@ class BoundBench:
     buses: dict[str, I2cBus] = field(default_factory=dict)
     go_on: Callable[[], None] = lambda: None
     live: LiveClock | None = None
+    outside: bool = False
     speed: float = 1.0
     descriptors: dict[str, int] = field(default_factory=dict)
     where: Mapping[str, str] = field(default_factory=dict)
@@ -101,6 +103,12 @@ class BoundBench:
         }
         return Checkpoint(at_ns=self.clock.now_ns(), operations=self.transcript.operations, state=state)
 
+    def opened_anew(self) -> None:
+        """Tell drivers that their ports were opened anew: an instrument may have been reset by that, or left alone."""
+        for driver in self.drivers.values():
+            if isinstance(driver, OpenedAnew):
+                driver.opened_anew()
+
     def close(self) -> None:
         """Close every port and free the bench's URLs."""
         for port in self.ports:
@@ -131,6 +139,7 @@ def build(
         lines=lines,
         playback=playback,
         live=live,
+        outside=live is not None,
     )
     try:
         for instrument in servers_first(spec):

@@ -14,7 +14,7 @@ from hil.model.identity import Identity
 from hil.wire.port import I2cBus, Port
 from hil.wire.streaming import StreamingBus
 
-__all__ = ["Clamps", "Connection", "Driver", "Outlet", "ServesBus"]
+__all__ = ["Clamps", "Connection", "Driver", "OpenedAnew", "Outlet", "ServesBus"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +87,15 @@ class Driver(Protocol):
 
     def role(self, wire: Wire) -> object:
         """Return the role that `wire` names; Refused where this instrument cannot fill it."""
+        ...
+
+
+@runtime_checkable
+class OpenedAnew(Protocol):
+    """A driver that remembers of its instrument what does not outlive an opening of its port."""
+
+    def opened_anew(self) -> None:
+        """Forget that; send nothing."""
         ...
 
 

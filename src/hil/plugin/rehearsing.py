@@ -93,12 +93,14 @@ def _rehearsed(configuration: Configuration, opener: Opener) -> Session:
 
 
 def _open_replayed(configuration: Configuration, planned: Sequence[PlannedCase], package: Package) -> Session:
-    record, live = package.transcript_path, package.run().get("live", {})
-    speed = float(live.get("speed", 1.0))
+    record, live = package.transcript_path, package.run().get("live")
+    speed = float(live["speed"]) if live else 1.0
     return Session(
         configuration,
         planned,
-        binder=lambda transcript, where: bind_replayed(configuration.bench, transcript, record, where, speed=speed),
+        binder=lambda transcript, where: bind_replayed(
+            configuration.bench, transcript, record, where, outside=bool(live), speed=speed
+        ),
         answers=lambda _bench, _idle: Nobody(),
         replay=replay_of(package),
     )

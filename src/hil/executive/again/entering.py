@@ -94,6 +94,8 @@ class Entering:
             self._anew(place)
         else:
             self._as_recorded(entries[-1])
+        if self._bench.outside:
+            self._bench.opened_anew()
         if problem := self._keeper.arm_again():
             self._keeper.safe()
             raise NotArmedAgain(f"the bench was not armed again: {problem}", "see hil bench check")

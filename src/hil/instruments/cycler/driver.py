@@ -33,6 +33,10 @@ class BatteryCycler:
             raise Refused(f"{connection.device}: a cycler is reached by a serial port", "give it `port:`")
         self._session = Session(connection.device, connection.port, connection.clock)
 
+    def opened_anew(self) -> None:
+        """Forget what the line has told: the opening resets most devices, and a test that ran is over."""
+        self._session.opened_anew()
+
     def identify(self) -> Identity:
         """Wait until a line tells the level; ask a device of level 2 who it is, a level 1 device has its banner only.
 

@@ -78,6 +78,14 @@ class Hearing:
             )
         return self.told
 
+    def opened_anew(self) -> None:
+        """Forget what the line has told; the next one to ask waits until it tells its level again."""
+        if self.told is not None:
+            self.told.recording = False
+        self.told = self.banner = self.fault = None
+        self.starts += 1
+        self.in_step, self._rest = False, b""
+
     def poll(self) -> float:
         """Take what is at hand, without waiting; return the bench's time.
 

@@ -38,6 +38,11 @@ class Session(Hearing):
         self._prefix = b""  # of the reply that is outstanding
         self._words: str | None = None
 
+    def opened_anew(self) -> None:
+        """Forget what the line has told, and the reply that is outstanding."""
+        super().opened_anew()
+        self._prefix, self._words = b"", None
+
     def ask(self, command: str) -> str:
         """Send a command, and return what stands behind OK; the same bytes again where no reply comes.
 
