@@ -78,6 +78,23 @@ def test_a_sealed_run_verifies(folder):
     assert all(not path.stat().st_mode & 0o222 for path in (folder, *folder.rglob("*")))
 
 
+def test_a_recording_that_a_resumed_run_began_again_is_sealed(folder):
+    """What is read behind the end of a run that was killed there is begun a second time, and is one recording."""
+    with hold(folder):
+        journal = begin(folder)
+        for _ in range(2):
+            journal.write(
+                "recording", 1.0, case=None, step=None, recording="after", name="after", rate=1.0, duration=None,
+                channels=[{"name": "x", "unit": "A", "instrument": "psu1", "calibration": "", "uncertainty": None}],
+                source="hardware",
+            )  # fmt: skip
+        journal.close()
+    recover(folder, write_reports=write_report)
+    assert len(list(Package(folder).events("recording-end"))) == 1
+    assert (folder / "data/recordings/after.h5").exists()
+    assert not (folder / "data/recordings/after.rows").exists()
+
+
 def test_an_independent_reader_accepts_the_bag(folder):
     """The bagit library, which is not ours, validates the package and reads its facts."""
     sealed_run(folder)

@@ -73,9 +73,10 @@ def _write_end(folder: Path, journal: Journal, events: tuple[Body, ...]) -> None
 
 def _end_recordings(folder: Path, journal: Journal, events: tuple[Body, ...]) -> None:
     ended = {event["recording"] for event in events if event["kind"] == "recording-end"}
-    for begun in events:
-        if begun["kind"] == "recording" and begun["recording"] not in ended:
-            _end_recording(folder, journal, begun)
+    begun = {event["recording"]: event for event in events if event["kind"] == "recording"}  # again in a resumed run
+    for recording, event in begun.items():
+        if recording not in ended:
+            _end_recording(folder, journal, event)
 
 
 def _end_recording(folder: Path, journal: Journal, begun: Body) -> None:

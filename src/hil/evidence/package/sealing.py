@@ -58,9 +58,10 @@ def seal(folder: Path, journal: Journal, *, exit_code: int, write_reports: Repor
         write_end(folder, journal, exit_code=exit_code)
         return finish(folder, write_reports)
     except OSError as error:
-        what = "disk full" if error.errno in DISK_FULL else str(error)
+        full = error.errno in DISK_FULL
+        what, first = ("disk full", "free some space") if full else (str(error), "mend that")
         raise EvidenceError(
-            f"{folder.name}: cannot be sealed: {what}", "nothing is lost; free some space and seal it with hil seal"
+            f"{folder.name}: cannot be sealed: {what}", f"nothing is lost; {first} and seal it with hil seal"
         ) from error
 
 
@@ -136,10 +137,10 @@ def event_of(message: Message) -> tuple[str, dict[str, Any]]:
 def _convert_all(folder: Path, events: Sequence[Body]) -> list[str]:
     """Convert every recording; return what is wrong with some, a sentence each."""
     ends = {event["recording"]: event for event in events if event["kind"] == "recording-end"}
-    begun = [event for event in events if event["kind"] == "recording"]
+    begun = {event["recording"]: event for event in events if event["kind"] == "recording"}  # again in a resumed run
     waiting: list[Path] = []
     wrong = []
-    for event in begun:
+    for event in begun.values():
         wrong.append(_convert_one(folder / RECORDINGS, event, ends.get(event["recording"]), waiting))
         if len(waiting) >= _MOST_FILES or sum(rows.stat().st_size for rows in waiting) >= _MOST_BYTES:
             _let_go(waiting)
