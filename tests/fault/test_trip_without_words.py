@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from unittest.mock import Mock
+
 import pytest
 from adcs_bench import adcs, bound
 
@@ -24,7 +26,7 @@ def test_the_bench_is_safe_although_the_trip_cannot_be_told():
 
     with bound(adcs()) as bench:
         dut = Dut(serial="S", part="P", hardware="A", model=Model.EM)
-        keeper = BenchKeeper(bench, dut, StopFlags(), write, None, lambda: None)
+        keeper = BenchKeeper(bench, dut, StopFlags(), write, Mock(), lambda: None)
         bench.roles["supply.sensor"].configure(3.3, 0.02)
         bench.roles["supply.sensor"].enable()
         with pytest.raises(RuntimeError, match="no words"):

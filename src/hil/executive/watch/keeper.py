@@ -172,7 +172,10 @@ class BenchKeeper:
         if self.outside is not None and self._bench.playback is None:
             yield from (("host-gate", gate) for gate in self.outside.gates())
         self.scheduler.come()
-        yield from (("gate", gate) for gate in energised_gates(self._bench, self._dut))
+        for gate in energised_gates(self._bench, self._dut):
+            yield "gate", gate
+            if text := self.scheduler.present.in_distress():
+                yield "gate", Gate("bench looked after", ok=False, detail=text)
 
     def _take(self, kind: str, steps: Sequence[SafeStep]) -> list[str]:
         problems: list[str] = []
