@@ -184,7 +184,7 @@ def _open(spec: BenchSpec, reach: Reach, *, by_force: bool = False) -> dict[str,
 
 def _strangers(spec: BenchSpec) -> dict[str, Refused]:
     """Return what keeps a serial port closed, by instrument: at another board a first byte may start something."""
-    hint = "plug the boards as the bench file says, or mend it"
+    hint = "plug the boards as the bench file says, or mend it; without them use --source simulated"
     devices = [instrument.name for instrument in spec.instruments if is_serial_device(instrument)]
     gates = zip(devices, port_gates(spec), strict=True)
     return {name: Refused(f"{gate.name}: {gate.detail}", hint) for name, gate in gates if not gate.ok}
