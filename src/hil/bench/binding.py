@@ -19,7 +19,8 @@ from hil.simulation.world import truth_errors
 from hil.wire.checkpoint import Checkpoint
 from hil.wire.exchange import publish_bus, publish_stream
 from hil.wire.handover import Handed
-from hil.wire.replay import Handover, Playback, ReplayedBus, ReplayedStream
+from hil.wire.replay import Handover, Playback
+from hil.wire.replayed_ends import ReplayedBus, ReplayedStream
 from hil.wire.transcript import Transcript
 
 __all__ = ["bind_replayed", "bind_resumed", "bind_simulated", "check_twin", "simulated_twin"]

@@ -19,7 +19,8 @@ from hil.model.identity import Source
 from hil.wire.exchange import publish_bus, publish_stream
 from hil.wire.handover import Handed
 from hil.wire.opening import hardware_bus
-from hil.wire.replay import Playback, ReplayedBus, ReplayedStream
+from hil.wire.replay import Playback
+from hil.wire.replayed_ends import ReplayedBus, ReplayedStream
 from hil.wire.transcript import Transcript
 from hil.wire.unreachable import Unreachable
 

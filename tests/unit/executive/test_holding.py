@@ -71,7 +71,9 @@ def bench():
     )
     clock = VirtualClock()
     roles = {"supply.coil": Coil()}
-    return SimpleNamespace(spec=spec, clock=clock, roles=roles, transcript=Transcript(None), playback=None, live=None, speed=1.0)
+    return SimpleNamespace(
+        spec=spec, clock=clock, roles=roles, transcript=Transcript(None), playback=None, live=None, speed=1.0
+    )
 
 
 def hold(bench, ending=None):

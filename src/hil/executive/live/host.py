@@ -14,14 +14,13 @@ from hil.clock.live import LiveClock
 from hil.executive.live.guarding import Guarding
 from hil.executive.live.inhibitor import Inhibitor
 from hil.executive.run.record import Record
+from hil.executive.run.signals import LOOK_S
 from hil.executive.setup.configuration import Configuration
 from hil.executive.watch.scheduler import Scheduler
 from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
 
 __all__ = ["Host", "host_of"]
-
-_LOOK_S = 0.2
 
 
 class Host:
@@ -39,6 +38,8 @@ class Host:
 
     Attributes:
         people: yields the gates that people open.
+        between: lets the guardian hear of the run where nothing looks at the bench for some seconds.
+        drives: tells whether an output is on.
     """
 
     def __init__(
@@ -59,14 +60,22 @@ class Host:
         self._looked = 0.0
         self._served = bench.source is Source.SIMULATED
         self.people: Callable[[], Iterable[Gate]] = lambda: ()
+        self.drives: Callable[[], bool] = lambda: False
+        self.between = guarding.between
         scheduler.present.distress = self.distress
 
-    def amid(self) -> None:
-        """Look after the bench amid a case's own code, unless a record stands in for it."""
+    def amid(self, alone_s: float) -> None:
+        """Look after the bench amid a case's own code, unless a record stands in for it.
+
+        Args:
+            alone_s: for how long that ran since the last look; one that came in time was `LOOK_S` after it.
+        """
         if not self._clock.began:
             return
         self._clock.pulse()
         if self._scheduler.watching:
+            if self.drives():
+                self._scheduler.present.busy(alone_s - LOOK_S)
             self._scheduler.idle()
 
     def gates(self) -> Iterator[Gate]:
@@ -83,7 +92,7 @@ class Host:
         if self._guarding.lost:
             return self._guarding.lost
         now = wall.monotonic()
-        if now - self._looked < _LOOK_S:
+        if now - self._looked < LOOK_S:
             return ""
         self._looked = now
         if gone := self._gone():

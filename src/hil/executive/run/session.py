@@ -26,7 +26,8 @@ from hil.executive.recording.recorder import Recorder
 from hil.executive.run.events import Listener
 from hil.executive.run.exit_codes import code_of
 from hil.executive.run.record import Record
-from hil.executive.run.stop import Astray, StopFlags, Stopped, Turn, handle_signals, leave_unsealed
+from hil.executive.run.signals import handle_signals
+from hil.executive.run.stop import Astray, StopFlags, Stopped, Turn, leave_unsealed
 from hil.executive.setup.configuration import Configuration
 from hil.executive.watch.keeper import BenchKeeper
 from hil.model.verdict import Verdict
@@ -116,8 +117,8 @@ class Session:
         self.flags.make_safe, self.flags.give_up = self.keeper.safe, self.give_up
         if self.bench.live is not None:
             host = host_of(self.bench, self.bench.live, self.keeper.scheduler, self.record, configuration)
-            self.keeper.outside = host
-            alarm.keep(host.amid)
+            self.keeper.outside, host.drives = host, self.keeper.holding.drives
+            alarm.keep(host.amid, host.between)
         self._answers = answers(self.bench, self.keeper.scheduler.idle)
 
     def _may_be_entered(self) -> None:
@@ -179,7 +180,7 @@ class Session:
             source=self.bench.source.value,
             used=used,
         )
-        scheduler.monitoring.faulted = self.current.fault
+        scheduler.monitoring.faulted, scheduler.present.held_up = self.current.fault, self.current.raised
         return self.current
 
     def end(self, run: CaseRun) -> Verdict:
@@ -190,6 +191,7 @@ class Session:
 
     def _conclude(self, run: CaseRun) -> Verdict:
         self._own()
+        self.keeper.scheduler.catch_up()  # up to here the record tells what the case did
         if self.flags.astray:
             run.raised(Astray(self.flags.astray))
             self.flags.astray = ""

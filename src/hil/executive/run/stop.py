@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-import math
 import os
-import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import FrameType
 from typing import NoReturn
 
 from hil.clock import wall
 from hil.model.errors import HilError
 
-__all__ = ["Alarm", "Astray", "StopFlags", "Stopped", "Turn", "handle_signals", "leave_unsealed"]
+__all__ = ["Astray", "StopFlags", "Stopped", "Turn", "leave_unsealed"]
 
-_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
-_UNATTENDED = frozenset(number for number in _SIGNALS if number != signal.SIGINT)
-"""Signals that a program sent: nobody is there to ask a second time."""
 
-_PATIENCE_S = 5.0
-_AGAIN_S = 0.3
-_LOOK_S = 0.2
-_SLACK_S = 0.01
 _MOST_CUTS = 10
 _INTERNAL = 3
 
@@ -60,6 +50,7 @@ class StopFlags:
         self._in_case = 0
         self._undisturbed = 0
         self._shielded = 0
+        self._alone_since = 0.0
         self.cuts = 0
         self.turns = 0
         self.reason = ""
@@ -106,10 +97,15 @@ class StopFlags:
                 self.give_up()
             raise Stopped(self.reason)
 
-    def interlude(self, amid: Callable[[], None]) -> None:
-        """Do something if a case's own code is at nothing that must not be disturbed."""
+    def interlude(self, amid: Callable[[float], None]) -> None:
+        """Do something if a case's own code is at nothing that must not be disturbed.
+
+        Args:
+            amid: is told for how many seconds of the wall that code ran since the executive had a look.
+        """
         if self._in_case and not self._undisturbed and not self._shielded:
-            amid()
+            amid(wall.monotonic() - self._alone_since)
+            self._alone_since = wall.monotonic()
 
     @contextmanager
     def case_code(self) -> Iterator[None]:
@@ -118,6 +114,7 @@ class StopFlags:
         A copy of the process that the case forked ends where the case's code does.
         """
         self._in_case += 1
+        self._alone_since = wall.monotonic()
         try:
             yield
         finally:
@@ -134,6 +131,7 @@ class StopFlags:
             yield
         finally:
             self._undisturbed -= 1
+            self._alone_since = wall.monotonic()
 
     @contextmanager
     def shielded(self) -> Iterator[None]:
@@ -205,88 +203,8 @@ class Turn:
             self._flags.turn_away("what belongs to a case that has ended is used in another case", hint)
 
 
-@contextmanager
-def handle_signals(flags: StopFlags) -> Iterator[Alarm]:
-    """Turn SIGINT, SIGTERM and SIGHUP into requests to stop; the handlers before are put back.
-
-    Given is what rings in the case's own code.
-
-    An ignored SIGHUP stays ignored (`nohup`). A case that does not come to a scheduling point for some seconds after
-    a program's signal is cut as by a second one, and is cut again for as long as it goes on.
-    """
-    alarm = Alarm(flags)
-
-    def handler(number: int, _frame: FrameType | None) -> None:
-        name = signal.Signals(number).name
-        if not flags.reason == name == "SIGHUP":  # one hang-up is told by the terminal, the shell and the supervisor
-            flags.request(name)
-        if flags.urgent or number in _UNATTENDED:
-            alarm.set(_AGAIN_S if flags.urgent else _PATIENCE_S)
-        flags.interrupt()
-
-    heard = [number for number in _SIGNALS if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN]
-    before = {number: signal.signal(number, handler) for number in heard}
-    try:
-        yield alarm
-    finally:
-        alarm.put_back()
-        for number, action in before.items():
-            signal.signal(number, action)
-
-
 def leave_unsealed() -> None:
     """End the process for a run that nobody seals."""
     sys.stderr.write("hil: a case let neither a stop nor a timeout end it, so the process ends here\n")
     sys.stderr.flush()
     os._exit(_INTERNAL)
-
-
-class Alarm:
-    """Rings in the case's own code: to look after a bench outside of this process, and to cut what does not end.
-
-    Args:
-        flags: know whether a case's own code runs, and what is to be done amid it.
-    """
-
-    def __init__(self, flags: StopFlags) -> None:
-        self._flags = flags
-        self._before: tuple[float, float] | None = None
-        self._handler: object = None
-        self._amid: Callable[[], None] = lambda: None
-        self._kept = False
-        self._cut_at = math.inf
-
-    def keep(self, amid: Callable[[], None]) -> None:
-        """Ring a few times a second from now on; `amid` is called where the case's own code may be disturbed."""
-        self._amid = amid
-        self._kept = True
-        self._start(_LOOK_S, _LOOK_S)
-
-    def set(self, seconds: float) -> None:
-        """Begin to cut in `seconds`, again and again."""
-        self._cut_at = wall.monotonic() + seconds
-        if not self._kept:
-            self._start(seconds, _AGAIN_S)
-
-    def put_back(self) -> None:
-        """End, and let the alarm be whose it was."""
-        if self._before is not None:
-            signal.setitimer(signal.ITIMER_REAL, *self._before)
-            signal.signal(signal.SIGALRM, self._handler)  # type: ignore[arg-type]  # what signal() returned
-            self._before = None
-
-    def _start(self, seconds: float, again_s: float) -> None:
-        if self._before is None:
-            self._handler = signal.signal(signal.SIGALRM, self._ring)
-            self._before = signal.setitimer(signal.ITIMER_REAL, seconds, again_s)
-        else:
-            signal.setitimer(signal.ITIMER_REAL, seconds, again_s)
-
-    def _ring(self, _number: int, _frame: FrameType | None) -> None:
-        if not self._flags.in_case:
-            return
-        if wall.monotonic() >= self._cut_at - _SLACK_S:
-            self._flags.urgent = True
-            self._flags.interrupt()
-        elif self._kept:
-            self._flags.interlude(self._amid)

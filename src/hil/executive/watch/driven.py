@@ -50,6 +50,15 @@ class Driven:
         return tuple(self._calls.get(output, {}).values())
 
     @property
+    def any_on(self) -> bool:
+        """Whether an output was driven to anything but a state of rest."""
+        return any(
+            call.operation not in STATES.get(output.partition(".")[0], {}).values()
+            for output, calls in self._calls.items()
+            for call in calls.values()
+        )
+
+    @property
     def calls(self) -> list[Call]:
         """Those of all outputs, in the order in which they were first needed: a sensor is woken after its supply."""
         return sorted((call for output in self._calls for call in self.of(output)), key=lambda call: call.first_t)

@@ -100,6 +100,10 @@ class Holding:
         self._mark(HOLD)
         self._hold({"by": "", "text": "it was held when the run was interrupted"})
 
+    def drives(self) -> bool:
+        """Return whether the case has an output on, by what it has driven."""
+        return self._driven.any_on
+
     def drive_again(self) -> None:
         """Issue again what had been driven on every output, in its order and as far apart as it was then.
 

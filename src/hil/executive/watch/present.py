@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from hil.bench.bound import BoundBench
-from hil.wire.replay import CLOCK, DISTRESS
+from hil.model.errors import HilError
+from hil.wire.replay import BUSY, CLOCK, DISTRESS
+from hil.wire.tap import LONGEST_TRANSACTION
 
 __all__ = ["Present"]
 
@@ -27,12 +29,14 @@ class Present:
     Attributes:
         distress: tells why the bench cannot be driven any more, nothing while it can.
         course: tells how many events of the run's own course there are.
+        held_up: is told where a case's own code let nobody look after the bench for too long; the present case.
     """
 
     def __init__(self, bench: BoundBench) -> None:
         self._bench = bench
         self.distress: Callable[[], str] = lambda: ""
         self.course: Callable[[], int] = lambda: 0
+        self.held_up: Callable[[HilError], None] = lambda _: None
 
     def come(self) -> None:
         """Come to the present, if the bench is outside of this process and bench time is behind."""
@@ -51,8 +55,21 @@ class Present:
             self._bench.transcript.note(_BENCH, DISTRESS, now_ns, now_ns, sent=sent)
         return text
 
+    def busy(self, seconds: float) -> None:
+        """Note that a case's own code let nobody look after the bench for so many seconds of the wall, with outputs on.
+
+        That is an error of the case, and so it is in a replay, which may compute faster.
+        """
+        if seconds > LONGEST_TRANSACTION:
+            now_ns = self._bench.clock.now_ns()
+            told = f"{seconds:.2f}"
+            self._bench.transcript.note(_BENCH, BUSY, now_ns, now_ns, sent=f"{self.course()} {told}".encode())
+            self.held_up(_held_up(told))
+
     def comes_in_record(self) -> bool:
         """Come to where the replayed bench came between the last event and the next one; return whether it did."""
+        while told := self._of_record(BUSY):
+            self.held_up(_held_up(told.decode()))
         return bool(self._of_record(CLOCK))
 
     def _of_record(self, name: str) -> bytes:
@@ -68,3 +85,11 @@ class Present:
         playback.take(_BENCH, name, found.sent)
         self._bench.transcript.note(_BENCH, name, began_ns, self._bench.clock.now_ns(), sent=found.sent)
         return told or number
+
+
+def _held_up(seconds: str) -> HilError:
+    return HilError(
+        f"its own code ran for {seconds} s without letting anybody look after the bench, with outputs on;"
+        f" {LONGEST_TRANSACTION:g} s are allowed",
+        "compute behind the last use of the outputs, or in smaller pieces",
+    )
