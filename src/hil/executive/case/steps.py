@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 
 __all__ = ["Steps", "file_part"]
 
@@ -21,12 +21,20 @@ class Steps:
         case: the case's id.
         write: writes an event.
         now: bench time in seconds.
+        undisturbed: keeps what looks after the bench amid a case from moving its time while a step begins or ends.
     """
 
-    def __init__(self, case: str, write: Callable[..., None], now: Callable[[], float]) -> None:
+    def __init__(
+        self,
+        case: str,
+        write: Callable[..., None],
+        now: Callable[[], float],
+        undisturbed: Callable[[], AbstractContextManager[None]] = nullcontext,
+    ) -> None:
         self.case = case
         self._write = write
         self._now = now
+        self._undisturbed = undisturbed
         self._titles: list[str] = []
         self._began: list[float] = []
         self._counts = [0]
@@ -44,14 +52,15 @@ class Steps:
             title: what is done in it.
             turn: which turn of a loop it is, from 1; a run that was stopped can be entered again at its beginning.
         """
-        began = self._now()  # first of all, because it turns other threads away
-        depth = len(self._titles)
-        del self._counts[depth + 1 :]
-        self._counts[depth] += 1
-        self._titles.append(title)
-        self._began.append(began)
-        self._counts.append(0)
-        self._write("step", **self._facts(), **({} if turn is None else {"turn": turn}))
+        with self._undisturbed():
+            began = self._now()  # first of all, because it turns other threads away
+            depth = len(self._titles)
+            del self._counts[depth + 1 :]
+            self._counts[depth] += 1
+            self._titles.append(title)
+            self._began.append(began)
+            self._counts.append(0)
+            self._write("step", **self._facts(), **({} if turn is None else {"turn": turn}))
         mine = self._counts[: depth + 1]
         outcome = "raised"
         try:
@@ -67,6 +76,10 @@ class Steps:
 
     def _leave(self, depth: int, outcome: str) -> None:
         while len(self._titles) > depth:
+            self._end(depth, outcome)
+
+    def _end(self, depth: int, outcome: str) -> None:
+        with self._undisturbed():
             last = len(self._titles) == depth + 1
             duration = round(self._now() - self._began.pop(), 9)
             self._write("step-end", **self._facts(), outcome=outcome if last else "raised", duration=duration)

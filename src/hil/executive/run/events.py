@@ -80,14 +80,14 @@ class Events:
         """
         if self._flags.reason:
             self.at_stop()
-        self.catch_up()
-        t = self._clock.now() if self._clock else 0.0
-        with self._flags.undisturbed():
+        with self._flags.undisturbed():  # where bench time came to the present is told by the number of events
+            self.catch_up()
+            t = self._clock.now() if self._clock else 0.0
             if not self._comes_again(kind, t, fields):
                 self._append(kind, t, beside, fields)
             self.show({"kind": kind, "t": t, **fields})
+            self._count += is_of_course(kind)
         if is_of_course(kind):
-            self._count += 1
             self.behind(self._count)
 
     def show(self, body: Mapping[str, object]) -> None:

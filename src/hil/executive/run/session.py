@@ -149,13 +149,13 @@ class Session:
 
     def begin(self, planned: PlannedCase) -> CaseRun:
         """Begin a case."""
-        turn = Turn(self.flags)
-        write = turn.guarded(self._events.write)
         scheduler = self.keeper.scheduler
+        turn = Turn(self.flags, scheduler.catch_up)
+        write = turn.guarded(self._events.write)
         self._open_cases.pop(planned.id, None)
         attempt = self._attempts[planned.id] = self._attempts.get(planned.id, 0) + 1
         write("case", case=planned.id, attempt=attempt)
-        steps = Steps(planned.id, write, self._now)
+        steps = Steps(planned.id, write, self._now, turn.undisturbed)
         effects = Effects(write, steps, self._replay.recall if self._replay else None, turn.undisturbed)
         requirements = {name: self.configuration.catalogue.requirement(name) for name in planned.requirements}
         self._began_ns = self.bench.clock.now_ns()

@@ -170,10 +170,12 @@ class Turn:
 
     Args:
         flags: count the turns.
+        first: is done before anything that the case asks for: a record may hold something that comes before.
     """
 
-    def __init__(self, flags: StopFlags) -> None:
+    def __init__(self, flags: StopFlags, first: Callable[[], None] = lambda: None) -> None:
         self._flags = flags
+        self._first = first
         flags.turns += 1
         self._number = flags.turns
 
@@ -186,6 +188,7 @@ class Turn:
         """
         self._require()
         with self._flags.undisturbed():
+            self._first()
             yield
 
     def guarded(self, write: Callable[..., None]) -> Callable[..., None]:
