@@ -147,6 +147,18 @@ def _done(run):
     return journal.exists() and '"done"' in journal.read_text()
 
 
+def test_executive_and_guardian_in_one_instant(tmp_path, bench):
+    """Nobody is left to make it safe, but the bench was latched when it was armed: a person has to look at it."""
+    with running(bench, live_workspace(tmp_path / "w")) as run:
+        for process in (run.guardian, run.executive):
+            os.kill(process, signal.SIGKILL)
+        assert run.ended().code == 3
+        require_acknowledged(run)
+        at = ("--source", "simulated", "--served", str(bench.folder))
+        assert run.workspace.hil("bench", "safe", "battery", *at).code == 0
+        assert not bench.on()
+
+
 def test_a_port_that_is_pulled(tmp_path, bench):
     """What is reachable is safe at once; the charger, whose port is gone, is cut off by the tester's open relays.
 

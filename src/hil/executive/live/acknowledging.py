@@ -39,6 +39,8 @@ def what_happened(folder: Path) -> list[str]:
 
 def waits_for_ack(folder: Path) -> bool:
     """Return whether a run has left a latch, or the guardian ended it and nobody has acknowledged that."""
+    if is_run(folder) and is_held(folder):  # a bench that is armed is latched until its run has let go of it
+        return False
     return bool(latches_of(folder.name)) or not (is_sealed(folder) or is_acknowledged(folder))
 
 

@@ -8,11 +8,12 @@ from pathlib import Path
 
 from hil.bench.bound import BoundBench
 from hil.bench.gate import Gate
+from hil.bench.latching import clear_latches_of, latch_bench
 from hil.clock import wall
 from hil.clock.live import LiveClock
 from hil.executive.run.stop import StopFlags
 from hil.guardian.channel import Drilled
-from hil.guardian.latch import path_of
+from hil.guardian.latch import Latch, path_of
 from hil.guardian.tether import Guardian
 from hil.instruments.roles import SafeByBytes
 from hil.model.bench import BenchSpec, InstrumentSpec, SafeStep
@@ -83,7 +84,8 @@ class Guarding:
                 yield Gate(f"guardian: {each.output}", ok=each.ok, detail=each.detail or f"after {each.seconds:.3g} s")
             self._until = _boot_s() + _ARMING_S
             self._guardian.watch()
-        except HilError as error:
+            latch_bench(self._leases, self._armed(plan))
+        except (HilError, OSError) as error:
             yield Gate("guardian", ok=False, detail=str(error))
             return
         self._watching = True
@@ -128,7 +130,19 @@ class Guarding:
             guardian.close()
             return [str(error)]
         guardian.close()  # one that has not found everything safe acts now, and latches the bench
-        return [_told(each) for each in found if not each.ok]
+        wrong = [_told(each) for each in found if not each.ok]
+        try:
+            if not wrong:
+                clear_latches_of(self._folder.name)
+        except HilError as error:
+            wrong.append(str(error))
+        return wrong
+
+    def _armed(self, plan: GuardPlan) -> Latch:
+        """Return what latches the bench as long as it is armed: run and guardian may end in one instant."""
+        why = "it was armed, and neither its run nor the guardian has said since that it is safe"
+        outputs = tuple(output.output for output in plan.outputs)
+        return Latch(bench=plan.bench, run=str(self._folder), why=why, since=wall.utc_now(), outputs=outputs)
 
     def _good_until(self) -> float:
         """Return the boot time in s up to which nobody needs to look after the bench again."""
