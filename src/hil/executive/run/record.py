@@ -90,7 +90,7 @@ class Record:
         self._bench = bench
         self.events.follow(bench.clock)
         if bench.live is not None:  # it is not made again from a checkpoint: each event needs the operations before it
-            self.events.ahead = self.transcript.flush
+            self.events.ahead = self._ahead
         if self._earlier is not None:
             self._go_on = partial(go_on_with, self._earlier, self._journal, bench.clock.now)
             self.events.at_new = self._go_on
@@ -173,6 +173,11 @@ class Record:
         """Close everything without a seal."""
         self._flush()
         self._journal.close()
+
+    def _ahead(self) -> None:
+        """Come before an event; behind a wake nobody knows whether there is another one."""
+        self.upkeep.keep_time()
+        self.transcript.flush()
 
     def _note_progress(self) -> None:
         """Write down where the bench is; of a resumed run first that it was resumed."""

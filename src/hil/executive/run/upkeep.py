@@ -48,7 +48,7 @@ class Upkeep:
 
     def tick(self) -> None:
         """Do it all."""
-        self._timekeeping.tick()
+        self.keep_time()
         self._flush(self.checkpoint)
         if not (self._folder / RESERVE).exists():
             self._disk_is_full()
@@ -57,6 +57,10 @@ class Upkeep:
                 self._take(message)
         elif asks_for_end(self._folder, self._left):
             self._flags.request("another terminal")
+
+    def keep_time(self) -> None:
+        """Write down what became of the machine's clocks, before anything is that was stamped by them."""
+        self._timekeeping.tick()
 
     def _take(self, message: Message) -> None:
         if message.kind in {"interrupt", "stop"}:
