@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-import csv
-import hashlib
+import os
 import re
+import signal
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from battery_runs import BatteryWorkspace, battery_workspace
-from live_runs import Served
-from workspaces import Ended, finish, kill
+from live_runs import Served, guardian_of, seconds_until, served
+from resumed_runs import without_git
+from workspaces import Ended, executive, finish, kill
 
 from hil.evidence.folder import JOURNAL
-from hil.evidence.journal.reader import read_journal
-from hil.evidence.package.contents import Package
+from hil.evidence.journal.reader import Body, read_journal
 
-__all__ = ["CYCLES", "Kept", "Part", "cycling_workspace", "events_of", "going", "kept_rows", "overrides_of"]
+__all__ = ["CYCLES", "SPEED", "Cycling", "cycling", "cycling_workspace"]
 
 CYCLES = 4
+SPEED = 120.0
+"""Of the bench: a cycle is twenty seconds then."""
 
 _PARAMETERS = {"rest": "480", "soak": "60", "settling": "0", "lowest_voltage": "2.55", "cycles": str(CYCLES)}
 """What the plan is told instead of its own: the plates here change their temperature in three minutes."""
@@ -56,14 +57,96 @@ def cycling_workspace(root: Path) -> BatteryWorkspace:
     )
     bench = root / "fixtures/benches/battery/bench.yaml"
     text = bench.read_text(encoding="utf-8")
-    envelope, safe_off = text.index("envelope:"), text.index("cut_paths:")
-    wider = re.sub(r"max_age: \d+ s", "max_age: 3600 s", text[envelope:safe_off])
+    first, end = text.index("envelope:"), text.index("watch_after:")
+    wider = re.sub(r"max_age: \d+ s", "max_age: 3600 s", text[first:end])
     wider = re.sub(r"within: \d+ s", "within: 1200 s", wider)
-    bench.write_text(text[:envelope] + wider + text[safe_off:], encoding="utf-8")
+    bench.write_text(text[:first] + wider + text[end:], encoding="utf-8")
     (root / "answers.yaml").write_text(_ANSWERS, encoding="utf-8")
     return workspace
 
 
-def overrides_of() -> list[str]:
-    """Return the options that change the plan's parameters."""
-    return [word for name, value in _PARAMETERS.items() for word in ("--set", f"{name}={value}")]
+@dataclass
+class Cycling:
+    """The plan on a served bench of its own.
+
+    Attributes:
+        workspace: whose plan and bench it is.
+        bench: where that is served.
+        process: the command that goes on, or went on last.
+    """
+
+    workspace: BatteryWorkspace
+    bench: Served
+    process: subprocess.Popen[str]
+
+    @property
+    def folder(self) -> Path:
+        """The run's folder."""
+        return self.workspace.folders()[-1]
+
+    @property
+    def rows(self) -> Path:
+        """The row file of the recording beside the tester's test, while that goes on."""
+        return self.folder / "data/recordings/001-test_degradation-test.rows"
+
+    def events(self) -> tuple[Body, ...]:
+        """Return what its journal holds so far."""
+        return read_journal(self.folder / JOURNAL).events
+
+    def wait_for(self, turn: int, phase: str, limit_s: float = 300.0) -> None:
+        """Wait until the tester is amid such a phase of a turn, by what the run has recorded."""
+        steps = {"charge": "Charge", "discharge": "Discharge"}
+
+        def there() -> bool:
+            if self.process.poll() is not None:
+                raise AssertionError(self.process.communicate()[0])
+            if not self.workspace.folders() or not self.rows.exists():
+                return False
+            begun = [event for event in self.events() if event["kind"] == "step"]
+            turns = [event.get("turn", 0) for event in begun]
+            return turn in turns and steps[phase] in [event["path"][-1] for event in begun[turns.index(turn) :]]
+
+        seconds_until(there, limit_s, f"{phase} of turn {turn}")
+        flows = f"{phase}_contact"
+        seconds_until(lambda: self.bench.ask(state="plants.battery")["inputs"][flows], 30.0, f"{phase} of turn {turn}")
+        before = self.rows.stat().st_size
+        seconds_until(lambda: self.rows.stat().st_size > before + 2000, 30.0, "some rows of it")
+
+    def kill(self) -> bytes:
+        """Kill the executive, wait for the end of its guardian, and return the rows that were on the disk by then."""
+        guardian = guardian_of(executive(self.process))
+        os.kill(executive(self.process), signal.SIGKILL)
+        finish(self.process)
+        seconds_until(lambda: not Path(f"/proc/{guardian}").exists(), 60.0, "the guardian's end")
+        return self.rows.read_bytes()
+
+    def resume(self) -> None:
+        """Acknowledge what the guardian did, and go on."""
+        name = self.folder.name
+        acknowledged = self.workspace.hil("ack", name, "--by", "Ada", "--text", "all is off, the cell is cold")
+        assert acknowledged.code == 0, acknowledged.err
+        self.process = _started(self.workspace, "resume", name, bench=self.bench)
+
+    def ended(self) -> Ended:
+        """Wait for its end."""
+        return finish(self.process, 400)
+
+
+@contextmanager
+def cycling(root: Path, folder: Path) -> Iterator[Cycling]:
+    """Serve a bench in a folder of a short name, and start the plan on it; nothing of both is left behind."""
+    workspace = without_git(cycling_workspace(root))
+    parameters = [word for name, value in _PARAMETERS.items() for word in ("--parameter", f"{name}={value}")]
+    with served(folder, root, speed=SPEED) as bench:
+        run = Cycling(workspace, bench, _started(workspace, *workspace.run_arguments, *parameters, bench=bench))
+        try:
+            yield run
+        finally:
+            if run.process.poll() is None:
+                kill(run.process)
+                run.process.communicate()
+
+
+def _started(workspace: BatteryWorkspace, *words: str, bench: Served) -> subprocess.Popen[str]:
+    options = ("--served", str(bench.folder), "--answers", "answers.yaml")
+    return workspace.start(*words, *options, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
