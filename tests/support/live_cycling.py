@@ -53,6 +53,7 @@ def cycling_workspace(root: Path) -> BatteryWorkspace:
             "truth: {place: container}": f"truth: {{{_CELL}}}",
             'truth: {period: 60 s, proportional_band: "60", integral_time: "240"}': f"truth: {{{_CONTROLLER}}}",
             'unit: K/min, max: "20"': 'unit: K/min, max: "60"',
+            'unit: K/min, max: "2"': 'unit: K/min, max: "30"',
         },
     )
     bench = root / "fixtures/benches/battery/bench.yaml"
@@ -144,7 +145,9 @@ def cycling(root: Path, folder: Path) -> Iterator[Cycling]:
         finally:
             if run.process.poll() is None:
                 kill(run.process)
-                run.process.communicate()
+            if run.process.stdout is not None:
+                run.process.stdout.close()
+            run.process.wait()
 
 
 def _started(workspace: BatteryWorkspace, *words: str, bench: Served) -> subprocess.Popen[str]:
