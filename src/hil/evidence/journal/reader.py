@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import takewhile
@@ -41,6 +42,7 @@ FIRST = "0" * 64
 LONGEST_LINE = 64_000_000
 """No event is longer than this; what is longer is not held in memory."""
 
+_SHORT = 100
 _START = b'{"body":'
 _BEFORE_PREVIOUS = b',"prev":"'
 _AFTER_PREVIOUS = b'","wall":'
@@ -218,7 +220,16 @@ def _line(number: int, raw: bytes, *, whole: bool) -> tuple[JournalLine, str]:
     if not isinstance(body.get("kind"), str) or type(body.get("t")) not in {int, float}:
         raise JsonError("a body has a kind, and t in seconds")
     cut = raw.rfind(_BEFORE_PREVIOUS)
-    return JournalLine(number=number, body=body, wall=stamp, raw=raw[len(_START) : cut], rest=raw[cut:]), previous
+    sealed, rest = raw[len(_START) : cut], raw[cut:]
+    return JournalLine(number=number, body=_shared(body), wall=_shared(stamp), raw=sealed, rest=rest), previous
+
+
+def _shared(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Return an object whose names and short texts are one with those of other lines: weeks of events say the same."""
+    return {
+        sys.intern(name): sys.intern(value) if type(value) is str and len(value) <= _SHORT else value
+        for name, value in fields.items()
+    }
 
 
 def _out_of_place(line: JournalLine, named: str, previous: str) -> Iterator[Finding]:
