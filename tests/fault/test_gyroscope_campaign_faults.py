@@ -10,6 +10,9 @@ pytestmark = pytest.mark.system
 HEALTHY = {"010": "RECORDED", "011": "PASS", "012": "PASS", "013": "PASS", "014": "INCONCLUSIVE", "015": "PASS"}
 """Five minutes tell no longest averaging time; all else is there."""
 
+UNSAFE = 7
+"""What is watched behind the end does not show that everything is safe: a plate that warms, or cannot be read."""
+
 IN_SOAK, IN_RECORD = "from: 200 s", "from: 500 s"
 """In the case of the noise: armed at 3 s, settled at about 400 s, recorded up to about 700 s."""
 
@@ -44,8 +47,8 @@ def test_without_a_fault_the_noise_is_told(tmp_path):
         (f"{{kind: stuck, {IN_RECORD}}}", 1, "tec1: the plate did not stay at 25 degC, it is at 23."),
         (f"{{kind: sensor-detached, {IN_SOAK}}}", 1, "tec1: the device is at 27."),
         (f"{{kind: sensor-detached, {IN_RECORD}}}", 1, "tec1: the plate did not stay at 25 degC, it is at 22."),
-        (f"{{kind: sensor-open, {IN_SOAK}}}", 6, "thermal: temperature is not a number"),
-        (f"{{kind: sensor-open, {IN_RECORD}}}", 6, "thermal: temperature is not a number"),
+        (f"{{kind: sensor-open, {IN_SOAK}}}", UNSAFE, "thermal: temperature is not a number"),
+        (f"{{kind: sensor-open, {IN_RECORD}}}", UNSAFE, "thermal: temperature is not a number"),
     ],
 )
 def test_a_cooler_or_its_sensor_that_fails_is_an_error(tmp_path, fault, code, said):
@@ -60,8 +63,8 @@ def test_a_cooler_or_its_sensor_that_fails_is_an_error(tmp_path, fault, code, sa
 @pytest.mark.parametrize(
     ("fault", "code", "said"),
     [
-        (f"{{kind: runaway, {IN_SOAK}}}", 1, "tec1: the plate goes away from 25 degC"),
-        (f"{{kind: runaway, {IN_RECORD}}}", 6, "thermal: temperature 61.5 degC is above 60 degC"),
+        (f"{{kind: runaway, {IN_SOAK}}}", UNSAFE, "tec1: the plate goes away from 25 degC"),
+        (f"{{kind: runaway, {IN_RECORD}}}", UNSAFE, "thermal: temperature 61.5 degC is above 60 degC"),
     ],
 )
 def test_a_cooler_that_runs_away_is_an_error(tmp_path, fault, code, said):
@@ -77,7 +80,7 @@ def test_a_welded_lamp_is_an_error(tmp_path):
     """It warms the board at a target for which nobody asked for it."""
     ran = ended(tmp_path, NOISE, truth("relay1", '{welded: ["3"]}'))
     assert all_are(ran, "ERROR")
-    assert ran.code == 1
+    assert ran.code == UNSAFE
     assert "tec1: the device is at 27.8 degC" in ran.reasons
     assert "the lamp's relay" in ran.reasons
     assert ran.left_safe(except_for=("lamp",))
