@@ -121,7 +121,18 @@ class Earlier:
         last, now = self.last_wall, wall.stamp()
         same = last["boot_id"] == now.boot_id
         passed = now.boot - float(last["boot"]) if same else wall.seconds_since(str(last["utc"]))
-        return max(0.0, passed) * float(self.run["live"]["speed"])
+        return max(0.0, passed) * float(self.run["live"]["speed"]) + self._behind_s
+
+    @property
+    def _behind_s(self) -> float:
+        """How far bench time was behind the present at the newest event: as long as a suspend right before it."""
+        speed = float(self.run["live"]["speed"])
+        lags: list[float] = []
+        for line in self.lines:
+            if line.body["kind"] == "resumed":  # the clock began anew
+                lags.clear()
+            lags.append(float(line.wall["boot"]) * speed - line.body["t"])
+        return lags[-1] - min(lags) if lags else 0.0
 
     @property
     def resumes(self) -> int:
