@@ -70,6 +70,7 @@ def going(bench, root, body):
             process.communicate()
             acknowledged = ("ack", workspace.folders()[-1].name, "--by", "Ada", "--text", "a test broke off")
             seconds_until(lambda: workspace.hil(*acknowledged).code == 0, 60.0, "acknowledged")
+        process.stdout.close()
 
 
 def come_to(run, what):
