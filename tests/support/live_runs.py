@@ -66,7 +66,7 @@ def test_on(supply, thermal, cycler, clock, check, step):
     check("LIVE-010", "temperature", thermal.temperature())
 '''
 
-_ON = ("psu1.outputs.1.on", "psu1.outputs.2.on", "psu2.output.on", "cycler1.relays.closed.charge")
+_ON = ("psu1.outputs.1.on", "psu1.outputs.2.on", "psu2.output.on")
 
 
 @dataclass(frozen=True)
