@@ -27,7 +27,8 @@ while time.monotonic() < until:
     total += sum(range(1000))
 with step("Wait behind it"):
     clock.sleep(40.0)
-    clock.sleep(40.0)"""
+    clock.sleep(90.0)"""
+"""The controller of the coolers looks at its setpoint once a minute."""
 
 ONE_LONG_CALL = """\
 signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGALRM})
