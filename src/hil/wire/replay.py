@@ -51,6 +51,9 @@ MONITOR = "monitor"
 OVERDUE = "monitor-overdue"
 """The same at a point at which nothing waits; a wait may follow at the same instant."""
 
+_AMID_A_WAIT = frozenset({DISTRESS, HOLD})
+"""What came upon a wait: at its instant, not at the wait's end."""
+
 _ALL_ALIKE = 2
 """The last format of transcripts in which both had one name."""
 
@@ -117,9 +120,11 @@ class Playback:
             self._next = next(self._operations, None)
 
     def look_up_ns(self, when_ns: int) -> int:
-        """Return when a wait until `when_ns` has to look up: where the bench is handed over, if that is on the way."""
-        ahead = self._handover is not None and self._clock.now_ns() < self._handover.at_ns < when_ns
-        return self._handover.at_ns if ahead and self._handover else when_ns
+        """Return when a wait until `when_ns` has to look up: where the record has it end or stay, or ends itself."""
+        marks = [self._handover.at_ns] if self._handover else []
+        if self._next is not None and self._next.name in _AMID_A_WAIT:
+            marks.append(self._next.start_ns)
+        return min((mark_ns for mark_ns in marks if self._clock.now_ns() < mark_ns < when_ns), default=when_ns)
 
     def hand_over_if_due(self) -> None:
         """Hand the bench over if every operation up to there was asked for and it is time; ask at scheduling points."""

@@ -12,7 +12,7 @@ from hil.clock.virtual import VirtualClock
 from hil.model.errors import Diverged, EvidenceError
 from hil.wire.exchange import publish_bus, publish_stream, withdraw
 from hil.wire.opening import open_bus, open_port
-from hil.wire.replay import MONITOR, OVERDUE, Playback
+from hil.wire.replay import DISTRESS, HOLD, MONITOR, OVERDUE, Playback
 from hil.wire.replayed_ends import ReplayedBus, ReplayedStream
 from hil.wire.simulated_bus import SimulatedBus
 from hil.wire.simulated_line import SimulatedLine
@@ -188,3 +188,21 @@ def test_a_question_in_parts_is_answered(tmp_path, looked):
     playback = Playback(path, VirtualClock(), lambda: "here")
     assert ReplayedStream("tec1", playback).exchange(b"ask", 0.5) == b"ans"
     assert playback.exhausted
+
+
+@pytest.mark.parametrize("name", [HOLD, DISTRESS])
+def test_a_wait_looks_up_where_something_came_upon_it(tmp_path, name):
+    """A hold begins, and a bench is lost, amid a wait, and not at its end; anything else is left to the wait's end."""
+    path = tmp_path / "transcript.tsv"
+    with path.open("wb", buffering=0) as sink:
+        transcript = Transcript(sink)
+        transcript.note("bench", name, 40, 40, sent=b"7")
+        transcript.note("psu1", "write", 60, 60, sent=b"x")
+        transcript.flush()
+    clock = VirtualClock()
+    playback = Playback(path, clock, lambda: "here")
+    assert [playback.look_up_ns(when_ns) for when_ns in (30, 40, 100)] == [30, 40, 40]
+    clock.wait_until(playback.look_up_ns(100))
+    assert playback.look_up_ns(100) == 100
+    playback.take("bench", name, b"7")
+    assert playback.look_up_ns(100) == 100
