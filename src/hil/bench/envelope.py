@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["Monitor", "Trip", "all_fresh", "self_test"]
 
 
+_TOGETHER_NS = 10_000_000_000
 _UNKNOWN_NS = 40_000_000
 """How long a first reading is taken to last."""
 
@@ -77,7 +78,7 @@ class Monitor:
         self._highest = limit.maximum if limit.maximum is not None else sys.float_info.max
         self.catch_up: Callable[[], None] = lambda: None
         self.inside = min(max(0.0, self._lowest), self._highest)
-        self._start_ns = start_ns - start_ns % self._period_ns
+        self._start_ns = _grid_ns(start_ns, self._period_ns)
         self._outside = 0
         self._lasts_ns = _UNKNOWN_NS
         self._hold_ns = self._period_ns
@@ -107,7 +108,7 @@ class Monitor:
     def restart(self, now_ns: int) -> None:
         """Begin anew after a time in which nothing could be read, such as a safe-off."""
         self.catch_up()
-        self._start_ns = now_ns - now_ns % self._period_ns
+        self._start_ns = _grid_ns(now_ns, self._period_ns)
         self.due_ns = self.good_ns = now_ns
         self._outside = 0
         if self.derivation:
@@ -252,6 +253,11 @@ def all_fresh(monitors: Sequence[Monitor], when_ns: int, by_ns: int) -> bool:
         monitor.good_ns = good_ns
         monitor.due_ns = good_ns + monitor._hold_ns  # noqa: SLF001
     return True
+
+
+def _grid_ns(from_ns: int, period_ns: int) -> int:
+    """Return where turns are counted from: those of long periods fall together, short ones keep their phase."""
+    return from_ns - from_ns % period_ns if period_ns >= _TOGETHER_NS else from_ns
 
 
 def self_test(limit: EnvelopeLimit) -> bool:
