@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.bench.derived.making import derivation_of
-from hil.bench.envelope import Monitor, self_test
+from hil.bench.envelope import Monitor
+from hil.bench.self_test import self_test
 from hil.clock.port import NANOSECONDS
 from hil.executive.watch.feeding import Feed
 from hil.model.envelope import Derived, EnvelopeLimit

@@ -9,20 +9,20 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hil.bench.derived.derivation import Derivation
-from hil.bench.derived.making import derivation_of
-from hil.bench.derived.rehearsal import rehearsals
 from hil.clock.port import NANOSECONDS
-from hil.model.envelope import Derived, EnvelopeLimit
+from hil.model.envelope import EnvelopeLimit
 from hil.model.figure import Figure
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Monitor", "Trip", "all_fresh", "self_test"]
+__all__ = ["Monitor", "Trip", "all_fresh"]
 
 
 _TOGETHER_NS = 10_000_000_000
+"""From this period on, turns fall together. Short ones are apart from the rows of recordings, so they meet none."""
+
 _UNKNOWN_NS = 40_000_000
 """How long a first reading is taken to last."""
 
@@ -258,38 +258,6 @@ def all_fresh(monitors: Sequence[Monitor], when_ns: int, by_ns: int) -> bool:
 def _grid_ns(from_ns: int, period_ns: int) -> int:
     """Return where turns are counted from: those of long periods fall together, short ones keep their phase."""
     return from_ns - from_ns % period_ns if period_ns >= _TOGETHER_NS else from_ns
-
-
-def self_test(limit: EnvelopeLimit) -> bool:
-    """Return whether a monitor of this limit trips on what it must trip on, and only on that.
-
-    Tried are a value beyond each bound, a value that is no number, and a value inside; where the quantity is derived,
-    courses of numbers that come to such values, and such as look like them.
-    """
-    if limit.derived is not None:
-        return _derived_self_test(limit, limit.derived)
-    low = limit.minimum if limit.minimum is not None else -math.inf
-    high = limit.maximum if limit.maximum is not None else math.inf
-    inside = min(max(0.0, low), high)
-    bad = [math.nan] + [
-        math.nextafter(bound, away) for bound, away in ((low, -math.inf), (high, math.inf)) if math.isfinite(bound)
-    ]
-    return all(_trips(limit, value) for value in bad) and not _trips(limit, inside)
-
-
-def _derived_self_test(limit: EnvelopeLimit, how: Derived) -> bool:
-    for rows, trips in rehearsals(limit, how, derivation_of(limit, how)):
-        derivation = derivation_of(limit, how)
-        monitor = Monitor(limit, lambda: Figure(value=math.nan, unit=limit.unit), 0, derivation)
-        found = [monitor.judge(monitor.counted(Figure(value=derivation.row(*row), unit=limit.unit)), 0) for row in rows]
-        if any(found) is not trips:
-            return False
-    return True
-
-
-def _trips(limit: EnvelopeLimit, value: float) -> bool:
-    monitor = Monitor(limit, lambda: Figure(value=value, unit=limit.unit), 0)
-    return any(monitor.judge(Figure(value=value, unit=limit.unit), 0) for _ in range(limit.debounce))
 
 
 def _problem(limit: EnvelopeLimit, value: float) -> str:

@@ -7,9 +7,9 @@ from typing import cast
 
 from hil.bench.bound import BoundBench
 from hil.bench.cut_trials import cut_path_gates
-from hil.bench.envelope import self_test
 from hil.bench.gate import Gate
 from hil.bench.safe_off import left_on
+from hil.bench.self_test import self_test
 from hil.instruments.cycler_role import Cycler
 from hil.instruments.roles import Relays, Supply
 from hil.model.bench import InstrumentSpec, Position, ReducedLevel, SafeStep, Wire

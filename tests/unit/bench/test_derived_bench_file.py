@@ -8,8 +8,8 @@ import shutil
 import pytest
 from workspaces import ROOT
 
-from hil.bench.envelope import self_test
 from hil.bench.file.reading import load_bench
+from hil.bench.self_test import self_test
 from hil.model.errors import ConfigurationError
 
 FILE = "fixtures/benches/battery/bench.yaml"

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.bench import envelope
-from hil.bench.envelope import Monitor, Trip, self_test
+from hil.bench.envelope import Monitor, Trip
+from hil.bench.self_test import self_test
 from hil.model.envelope import EnvelopeLimit
 from hil.model.figure import Figure
 
@@ -147,7 +148,7 @@ def test_room_follows_what_readings_last():
 
 
 def test_restart_forgets_count_and_age():
-    """After a safe-off, watching begins as if nothing had been, and goes on at whole multiples of the period."""
+    """After a safe-off, watching begins as if nothing had been."""
     values = iter([1.0, 1.0, 0.0])
     monitor = Monitor(LIMIT, lambda: Figure(value=next(values), unit="A"), 0)
     monitor.take(lambda: 0)
@@ -156,7 +157,19 @@ def test_restart_forgets_count_and_age():
     assert monitor.stale(105 * SECOND) is None
     assert monitor.take(lambda: 100 * SECOND + 7)[1] is None
     monitor.take(lambda: 100 * SECOND + 8)
-    assert monitor.due_ns == 101 * SECOND
+    assert monitor.due_ns == 101 * SECOND + 7
+
+
+def test_turns_of_long_periods_fall_together():
+    """From 10 s on, readings are due at whole multiples of the period; more frequent ones keep their phase."""
+    for period_s, first_s in ((5.0, 8), (10.0, 10), (60.0, 60)):
+        limit = replace(LIMIT, period_s=period_s, max_age_s=5 * period_s)
+        monitor = Monitor(limit, lambda: Figure(value=0.0, unit="A"), 3 * SECOND)
+        monitor.take(lambda: 3 * SECOND)
+        assert monitor.due_ns == first_s * SECOND
+        monitor.restart(3 * SECOND)
+        monitor.take(lambda: 3 * SECOND)
+        assert monitor.due_ns == first_s * SECOND
 
 
 def test_self_test_holds_for_every_form_of_limit():
