@@ -21,9 +21,10 @@ $(STAMP): pyproject.toml requirements.lock
 run: setup
 	$(BIN)/hil run testplans/magnetorquer --bench adcs --source simulated --dut SIM-ADCS-1
 
-# Every test but whole campaigns and runs in processes of their own, which `make system` takes.
+# Every test but whole campaigns and runs in processes of their own, which `make system` takes: those hold live runs to
+# their seconds, and go one by one.
 test: setup
-	$(BIN)/python -m pytest -m "not system"
+	$(BIN)/python -m pytest -m "not system" --numprocesses auto --dist worksteal
 
 system: setup
 	$(BIN)/python -m pytest -m system
