@@ -227,3 +227,19 @@ def test_it_is_known_when_all_rows_have_come_again(tmp_path):
         told.append(rows.comes_again)
     assert told == [True, True, False]
     rows.finish()
+
+
+@pytest.mark.parametrize("made", [0, 3, 6])
+def test_rows_that_do_not_come_again_are_taken_over(tmp_path, made):
+    """However many have come again, and whether or not they were compared yet: the rest is passed over."""
+    whole = filled(tmp_path / "whole.rows", 8)
+    filled(tmp_path / "r.rows", 6)
+    rows = rows_of(tmp_path / "r.rows", again=True)
+    for index in range(made):
+        rows.append((float(index), float(index)))
+    rows.skip(6)
+    assert rows.rows == 6
+    for index in (6, 7):
+        rows.append((float(index), float(index)))
+    assert rows.finish() == whole
+    assert (tmp_path / "r.rows").read_bytes() == (tmp_path / "whole.rows").read_bytes()

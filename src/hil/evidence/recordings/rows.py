@@ -139,9 +139,9 @@ class Rows:
 
     def skip(self, rows: int) -> None:
         """Take over what the file holds up to that number of rows, without its coming again."""
+        self._flush()  # what came again so far may be all that the file holds
         if self._past is None:
             return
-        self._flush()
         left = (rows - self._rows) * self._width * NUMBER
         past = self._past
         while left and (block := past.read(min(left, BLOCK * self._width * NUMBER))):
