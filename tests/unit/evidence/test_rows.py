@@ -229,17 +229,31 @@ def test_it_is_known_when_all_rows_have_come_again(tmp_path):
     rows.finish()
 
 
+@pytest.mark.parametrize("held", [2, 6])
 @pytest.mark.parametrize("made", [0, 3, 6])
-def test_rows_that_do_not_come_again_are_taken_over(tmp_path, made):
-    """However many have come again, and whether or not they were compared yet: the rest is passed over."""
+def test_rows_that_do_not_come_again_are_taken_over(tmp_path, made, held):
+    """However many have come again, the rest of those named is passed over; more than were on the disk are new."""
     whole = filled(tmp_path / "whole.rows", 8)
-    filled(tmp_path / "r.rows", 6)
+    filled(tmp_path / "r.rows", held)
     rows = rows_of(tmp_path / "r.rows", again=True)
     for index in range(made):
         rows.append((float(index), float(index)))
-    rows.skip(6)
-    assert rows.rows == 6
-    for index in (6, 7):
+    rows.skip(held)
+    assert rows.rows == max(made, held)
+    for index in range(rows.rows, 8):
         rows.append((float(index), float(index)))
     assert rows.finish() == whole
     assert (tmp_path / "r.rows").read_bytes() == (tmp_path / "whole.rows").read_bytes()
+
+
+def test_rows_named_that_came_again_already_pass_nothing_over(tmp_path):
+    """A run that is entered where it was entered before holds rows behind those that were void then."""
+    whole = filled(tmp_path / "r.rows", 8)
+    rows = rows_of(tmp_path / "r.rows", again=True)
+    for index in range(4):
+        rows.append((float(index), float(index)))
+    rows.skip(3)
+    assert rows.rows == 4
+    for index in range(4, 8):
+        rows.append((float(index), float(index)))
+    assert rows.finish() == whole

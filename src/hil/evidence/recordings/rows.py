@@ -139,12 +139,12 @@ class Rows:
 
     def skip(self, rows: int) -> None:
         """Take over what the file holds up to that number of rows, without its coming again."""
-        self._flush()  # what came again so far may be all that the file holds
-        if self._past is None:
+        self._flush()
+        if self._past is None:  # all came again, and maybe more: a kill loses rows that were on their way to the disk
             return
         left = (rows - self._rows) * self._width * NUMBER
         past = self._past
-        while left and (block := past.read(min(left, BLOCK * self._width * NUMBER))):
+        while left > 0 and (block := past.read(min(left, BLOCK * self._width * NUMBER))):
             left -= len(block)
             self._rows += len(block) // (self._width * NUMBER)
             self._take(block)

@@ -173,7 +173,7 @@ class RowStore:
 
     def held(self, kept: str) -> list[Voided]:
         """Return what the folder holds of every open recording, and has not come again; nothing is void of `kept`."""
-        void = [Voided(each.facts.id, each.rows.rows, each.rows.held) for each in self._open]
+        void = [Voided(each.facts.id, rows := each.rows.rows, max(rows, each.rows.held)) for each in self._open]
         if kept and (path := self.recordings / f"{kept}.rows").exists():
             rows = read_rows(path).rows
             void.append(Voided(kept, rows, rows))
