@@ -32,7 +32,7 @@ from hil.report.write import write_reports
 __all__ = ["Word", "resume", "run"]
 
 _WITHOUT = {
-    2: "interrupted before the first case, nothing was recorded",
+    2: "interrupted before the run began, nothing was driven",
     3: "nothing was run: pytest came to an unexpected end, see above",
     5: "no cases were found in these plans",
 }
