@@ -72,12 +72,19 @@ class Certainty:
         self.voltage = recording.uncertainty("voltage")
         self.current = recording.uncertainty("current")
         self.temperature = recording.uncertainty("temperature")
-        drift = recording.stream.drift or 0.0
-        self.clock = abs(drift)
+        stream = recording.stream
+        self.clock = None if stream.drift is None else math.hypot(stream.drift, stream.drift_uncertainty)
 
     def time(self, seconds):
-        """Of a time [s]: a line at each end, and the clock of the tester."""
-        return math.hypot(LINE_S / math.sqrt(6.0), self.clock * seconds)
+        """Of a time [s]: a line at each end, and the clock of the tester, which not every firmware tells."""
+        return None if self.clock is None else math.hypot(LINE_S / math.sqrt(6.0), self.clock * seconds)
+
+    def time_to(self, seconds, meter, sensitivity):
+        """Of a time [s] to a level: what the meter has too much moves it, by `sensitivity` [s] per unit."""
+        own = self.time(seconds)
+        if own is None or meter is None or math.isnan(sensitivity):
+            return None
+        return math.hypot(own, meter * sensitivity)
 
     def charge(self, half):
         """Of a charge [Ah]: what the tester's current has too much, it has all the time."""
@@ -131,8 +138,13 @@ def row_of(made, known, end_current):
         return {name: not_observable(unit) for name, unit, _ in TABLE}
     charge, discharge = made.charge, made.discharge
 
-    def hours(seconds):
-        return Figure(value=seconds / S_PER_H, unit="h", uncertainty=known.time(seconds) / S_PER_H)
+    def hours(seconds, uncertainty):
+        return Figure(value=seconds / S_PER_H, unit="h", uncertainty=uncertainty and uncertainty / S_PER_H)
+
+    charged, discharged = charge.time_to_cut_off, discharge.time_to_limit
+    of_charge = known.time_to(charged, known.current, charge.cut_off_sensitivity)
+    of_fading = known.time_to(charge.cv_time, known.current, charge.cut_off_sensitivity)
+    of_discharge = known.time_to(discharged, known.voltage, discharge.limit_sensitivity)
 
     def capacity(value, share):
         uncertainty = known.charge(charge)
@@ -142,10 +154,10 @@ def row_of(made, known, end_current):
     return {
         **of_half(charge, "charge", known),
         **of_half(discharge, "discharge", known),
-        "charge_time": hours(charge.time_to_cut_off),
-        "discharge_time": hours(discharge.time_to_limit),
-        "constant_current_time": hours(charge.cc_time),
-        "constant_voltage_time": hours(charge.cv_time),
+        "charge_time": hours(charged, of_charge),
+        "discharge_time": hours(discharged, of_discharge),
+        "constant_current_time": hours(charge.cc_time, known.time(charge.cc_time)),
+        "constant_voltage_time": hours(charge.cv_time, of_fading),
         "constant_current_capacity": capacity(charge.cc_charge, constant),
         "constant_voltage_capacity": capacity(charge.cv_charge, 1 - constant),
         "coulombic_efficiency": Figure(

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -333,3 +336,48 @@ def test_every_interval_is_shared_out_once():
     flows = flow(data, segment(data))
     net = flows.charge[StepKind.CHARGE].sum() - flows.charge[StepKind.DISCHARGE].sum()
     assert net == pytest.approx(integrate.trapezoid(data.current, data.time) / 3600.0, abs=1e-12)
+
+
+REACHED = Limits(upper=4.2, lower=2.8, cut_off=0.05, tolerance=1e-6)
+CERTIFIED = {"voltage": 0.002, "current": 0.002, "temperature": 0.5}
+
+
+@pytest.mark.parametrize("interval", [1.0, 5.0])
+def test_how_fast_a_level_is_come_to(interval):
+    """A current that fades with 1800 s moves the cut-off by 36 s per mA, a voltage its limit by what it takes per V."""
+    (only,) = cycles(series(*cell.cycle(interval)), REACHED)
+    near = 0.01 + 0.005 * interval
+    assert only.charge.cut_off_sensitivity == pytest.approx(1800.0 / 0.05, rel=near)
+    fell = only.discharge.highest_voltage - only.discharge.lowest_voltage
+    assert only.discharge.limit_sensitivity == pytest.approx(only.discharge.duration / fell, rel=near)
+    assert math.isnan(only.charge.limit_sensitivity)
+    assert math.isnan(only.discharge.cut_off_sensitivity)
+
+
+def times_of(offsets, drift=0.0):
+    """Return the times of a cycle, seen by a tester with offsets [V, A] and a clock that drifts, as the plan does."""
+    path = Path(__file__).parents[2] / "testplans/battery_charge/test_charge.py"
+    spec = importlib.util.spec_from_file_location("numeric_battery_charge", path)
+    plan = importlib.util.module_from_spec(spec)
+    with patch.object(pytest, "mark"):  # its markers are known in runs only
+        spec.loader.exec_module(plan)
+    time, voltage, current = cell.cycle(plan.LINE_S)
+    current = current + np.where(current != 0.0, offsets[1], 0.0)
+    (only,) = cycles(series(time * (1.0 + drift), voltage + offsets[0], current), REACHED)
+    stream = SimpleNamespace(drift=drift, drift_uncertainty=1e-6)
+    row = plan.row_of(only, plan.Certainty(SimpleNamespace(uncertainty=CERTIFIED.get, stream=stream)), 0.05)
+    return row["charge_time"], row["discharge_time"]
+
+
+def test_times_are_as_uncertain_as_what_the_certificate_leaves_open():
+    """A meter that is off by its standard uncertainty moves both times by theirs, within a line."""
+    exact, moved = times_of((0.0, 0.0)), times_of((-CERTIFIED["voltage"], -CERTIFIED["current"]))
+    for was, now in zip(exact, moved, strict=True):
+        assert was.value - now.value == pytest.approx(was.uncertainty, abs=5.0 / 3600.0)
+    assert exact[0].uncertainty > 60.0 / 3600.0
+
+
+def test_times_are_as_uncertain_as_the_clock():
+    """A tester whose clock is off by 1 % knows no time better than that."""
+    for figure in times_of((0.0, 0.0), drift=0.01):
+        assert figure.uncertainty >= 0.01 * figure.value

@@ -37,8 +37,10 @@ _CONTROLLER = 'period: 5 s, proportional_band: "15", integral_time: "120"'
 
 _ANSWERS = """\
 schema: hil/answers/1
-answers: {cell-connected: "yes", thermistor-taped: "yes", cell-place: assembly}
+answers: {cell-place: assembly}
 """
+_TYPED = b"yes\nyes\n"
+"""What a person says at each arming: the cell is connected behind its fuse, and the thermistor is at it."""
 
 
 def cycling_workspace(root: Path) -> BatteryWorkspace:
@@ -74,11 +76,13 @@ class Cycling:
         workspace: whose plan and bench it is.
         bench: where that is served.
         process: the command that goes on, or went on last.
+        keyboard: the other end of its terminal.
     """
 
     workspace: BatteryWorkspace
     bench: Served
     process: subprocess.Popen[str]
+    keyboard: int
 
     @property
     def folder(self) -> Path:
@@ -126,7 +130,8 @@ class Cycling:
         name = self.folder.name
         acknowledged = self.workspace.hil("ack", name, "--by", "Ada", "--text", "all is off, the cell is cold")
         assert acknowledged.code == 0, acknowledged.err
-        self.process = _started(self.workspace, "resume", name, bench=self.bench)
+        os.close(self.keyboard)
+        self.process, self.keyboard = _started(self.workspace, "resume", name, bench=self.bench)
 
     def ended(self) -> Ended:
         """Wait for its end."""
@@ -139,7 +144,8 @@ def cycling(root: Path, folder: Path) -> Iterator[Cycling]:
     workspace = without_git(cycling_workspace(root))
     parameters = [word for name, value in _PARAMETERS.items() for word in ("--parameter", f"{name}={value}")]
     with served(folder, root, speed=SPEED) as bench:
-        run = Cycling(workspace, bench, _started(workspace, *workspace.run_arguments, *parameters, bench=bench))
+        words = (*workspace.run_arguments, *parameters, "--operator", "Ada")
+        run = Cycling(workspace, bench, *_started(workspace, *words, bench=bench))
         try:
             yield run
         finally:
@@ -148,8 +154,14 @@ def cycling(root: Path, folder: Path) -> Iterator[Cycling]:
             if run.process.stdout is not None:
                 run.process.stdout.close()
             run.process.wait()
+            os.close(run.keyboard)
 
 
-def _started(workspace: BatteryWorkspace, *words: str, bench: Served) -> subprocess.Popen[str]:
+def _started(workspace: BatteryWorkspace, *words: str, bench: Served) -> tuple[subprocess.Popen[str], int]:
+    """Start a command at a terminal of its own, at which a person has typed ahead; return both."""
     options = ("--served", str(bench.folder), "--answers", "answers.yaml")
-    return workspace.start(*words, *options, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    keyboard, terminal = os.openpty()
+    os.write(keyboard, _TYPED)
+    process = workspace.start(*words, *options, stdin=terminal, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    os.close(terminal)
+    return process, keyboard

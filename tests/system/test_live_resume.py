@@ -100,9 +100,11 @@ def test_results_agree_within_their_uncertainties(runs):
 
 
 def test_the_package_tells_who_looked_and_replays(runs):
-    """Both acknowledgements are evidence, both gaps are told, and the bytes come to the same verdicts again."""
+    """Acknowledgements, gaps, and what was confirmed at each arming are told; the bytes come to the same again."""
     undisturbed, package, _ = runs
     assert [event["by"] for event in package.events("acknowledged")] == ["Ada", "Ada"]
     assert [event["number"] for event in package.events("resumed")] == [1, 2]
+    confirmed = [(event["name"], event["value"], event["by"]) for event in package.events("confirmed")]
+    assert confirmed == [("cell-connected", True, "Ada"), ("thermistor-taped", True, "Ada")] * 2
     assert replay(undisturbed).differences == ()
     assert replay(package).differences == ()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from hil.bench.bound import BoundBench, build, url_of
 from hil.bench.connections import server_of
-from hil.bench.port_identity import is_serial_device, port_gates
+from hil.bench.port_identity import WrongPort, is_serial_device, port_gates
 from hil.bench.serving import ends_of
 from hil.clock.live import LiveClock
 from hil.model.bench import BenchSpec
@@ -95,7 +95,7 @@ def bind_live(
         by_force: opens what it can, also beside another process; the others' instruments do not answer.
 
     Raises:
-        Refused: if a serial port is not that of the board that the bench file names.
+        WrongPort: if a serial port is not that of the board that the bench file names.
         NoReply: if a port cannot be opened.
     """
     clock = LiveClock(epoch, speed=reach.speed)
@@ -158,7 +158,7 @@ def _open(spec: BenchSpec, reach: Reach, *, by_force: bool = False) -> dict[str,
 
     strangers = _strangers(spec) if reach.source is Source.HARDWARE else {}
     if strangers and not by_force:
-        raise next(iter(strangers.values()))
+        raise WrongPort(*(gate for error in strangers.values() for gate in error.gates))
 
     def end(name: str, opened: Callable[[], Any]) -> Any:  # noqa: ANN401 - streams and buses
         try:
@@ -183,12 +183,11 @@ def _open(spec: BenchSpec, reach: Reach, *, by_force: bool = False) -> dict[str,
     return ends
 
 
-def _strangers(spec: BenchSpec) -> dict[str, Refused]:
+def _strangers(spec: BenchSpec) -> dict[str, WrongPort]:
     """Return what keeps a serial port closed, by instrument: at another board a first byte may start something."""
-    hint = "plug the boards as the bench file says, or mend it; without them use --source simulated"
     devices = [instrument.name for instrument in spec.instruments if is_serial_device(instrument)]
     gates = zip(devices, port_gates(spec), strict=True)
-    return {name: Refused(f"{gate.name}: {gate.detail}", hint) for name, gate in gates if not gate.ok}
+    return {name: WrongPort(gate) for name, gate in gates if not gate.ok}
 
 
 def _close(ends: Mapping[str, Any]) -> None:

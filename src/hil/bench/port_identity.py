@@ -8,11 +8,27 @@ from typing import Protocol
 
 from hil.bench.gate import Gate
 from hil.model.bench import BenchSpec, InstrumentSpec, UsbPort
+from hil.model.errors import Refused
 from hil.wire.opening import url_of_resource
 
-__all__ = ["ListedPort", "check_port", "is_serial_device", "listed_ports", "port_gates"]
+__all__ = ["ListedPort", "WrongPort", "check_port", "is_serial_device", "listed_ports", "port_gates"]
 
 _BY_PATH = "/dev/serial/by-path"
+
+
+class WrongPort(Refused):
+    """Serial ports are gone, or are those of other boards than the bench file names; they are not opened.
+
+    Args:
+        gates: what does not hold.
+    """
+
+    def __init__(self, *gates: Gate) -> None:
+        super().__init__(
+            "; ".join(f"{gate.name}: {gate.detail}" for gate in gates),
+            "plug the boards as the bench file says, or mend it; without them use --source simulated",
+        )
+        self.gates = gates
 
 
 class ListedPort(Protocol):

@@ -7,9 +7,17 @@ from typing import Any, TypeVar
 
 import click
 
-__all__ = ["attendance_of", "attendance_options"]
+__all__ = ["ACKNOWLEDGE_WITHIN", "attendance_of", "attendance_options"]
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
+
+ACKNOWLEDGE_WITHIN = click.option(
+    "--acknowledge-within",
+    type=click.FloatRange(min=0, min_open=True, max=24 * 60),
+    default=10.0,
+    metavar="MINUTES",
+    help="How long that person may take to answer the first notification; 10 by default.",
+)
 
 
 def attendance_options(command: _Command) -> _Command:
@@ -17,13 +25,7 @@ def attendance_options(command: _Command) -> _Command:
     options = (
         click.option("--unattended", is_flag=True, help="Nobody stays with it; the bench has to be fit for that."),
         click.option("--on-call", default="", metavar="NAME", help="Who comes if something happens then."),
-        click.option(
-            "--acknowledge-within",
-            type=click.FloatRange(min=0, min_open=True, max=24 * 60),
-            default=10.0,
-            metavar="MINUTES",
-            help="How long that person may take to answer the first notification; 10 by default.",
-        ),
+        ACKNOWLEDGE_WITHIN,
     )
     for option in reversed(options):
         command = option(command)

@@ -116,6 +116,8 @@ def _code(invocation: Invocation) -> int:
         code = _USAGE
     except (click.Abort, KeyboardInterrupt):
         code = _INTERRUPTED
+    except MemoryError:
+        _say("hil: out of memory", "     nothing recorded is lost; hil runs lists what there is")
     except BrokenPipeError:
         sys.stderr.close()
         code = 141

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from hil.cli.attending import ACKNOWLEDGE_WITHIN
 from hil.cli.bench import SERVED
 from hil.cli.folders import find_run
 from hil.cli.supervision import Invocation, supervise
@@ -26,6 +27,7 @@ __all__ = ["command"]
     metavar="REASON",
     help="Why it goes on with other software than it began with; it then closes nothing.",
 )
+@ACKNOWLEDGE_WITHIN
 @click.option("-v", "--verbose", is_flag=True, help="Show every step, every driving call, every gate.")
 @click.pass_obj
 def command(
@@ -36,6 +38,7 @@ def command(
     ask: bool,
     served: Path | None,
     other_software: str,
+    acknowledge_within: float,
     verbose: bool,
 ) -> int:
     """Go on with a run whose process was killed, or whose machine lost power.
@@ -59,5 +62,6 @@ def command(
         answers=answers.resolve() if answers else None,
         person=ask,
         served=served.resolve() if served else None,
+        acknowledge_within_s=60 * acknowledge_within,
     )
     return resume(folder, request, sys.stdout, other_software=other_software, verbose=verbose, word=invocation.word)

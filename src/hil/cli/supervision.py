@@ -181,12 +181,12 @@ def _believed(status: int, words: Mapping[str, tuple[int, str]]) -> int:
         return code
     _say(f"hil: the process of the run {how} before the run was sealed")
     if "begun" in words:
-        name = Path(words["begun"][1]).name
-        _say(f"     look after the bench first; then see how far it came with: hil status {name}")
-        _say(f"     go on with it with: hil resume {words['begun'][1]}")
-        _say(f"     or seal it as it is with: hil seal {words['begun'][1]}")
+        from hil.cli.interrupted import ways_on  # noqa: PLC0415 - only behind a run that was interrupted
+
+        for line in ways_on(Path(words["begun"][1])):
+            _say(f"     {line}")
     else:
-        _say("     nothing was recorded and nothing was driven")
+        _say("     no case had begun and nothing was driven; hil runs lists what it may have left")
     return _INTERNAL
 
 

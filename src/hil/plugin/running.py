@@ -32,7 +32,7 @@ from hil.report.write import write_reports
 __all__ = ["Word", "resume", "run"]
 
 _WITHOUT = {
-    2: "interrupted before the first case, nothing was recorded",
+    2: "interrupted before the run began, nothing was driven",
     3: "nothing was run: pytest came to an unexpected end, see above",
     5: "no cases were found in these plans",
 }
@@ -208,15 +208,24 @@ def _close(session: Session, pytest_code: int, out: TextIO, word: Word) -> int:
         state = "sealed, but not every report was written" if is_sealed(session.folder) else "not sealed"
         _complain(f"hil: the run is {state}: {session.folder}")
         raise
-    if code == 0 and (findings := _findings(session.folder, digest)):
-        _complain(*findings, "hil: the package does not verify, so the run is no pass")
+    if code == 0 and (findings := _looked_at(session.folder, digest)):
+        _complain(*findings)
         code = _INTERNAL
     word.sealed(code)
     try:
         _tell(session, digest, out)
-    except (OSError, ValueError, KeyboardInterrupt):
+    except (OSError, ValueError, KeyboardInterrupt, MemoryError):
         _complain(f"hil: standard output could not be written; the package is {session.folder}")
     return code
+
+
+def _looked_at(folder: Path, digest: str) -> tuple[str, ...]:
+    """Look at a package once more, and return why its run is no pass, nothing where it is one."""
+    try:
+        findings = _findings(folder, digest)
+    except MemoryError:
+        return ("hil: out of memory: the package is sealed, and was not looked at once more, so the run is no pass",)
+    return (*findings, "hil: the package does not verify, so the run is no pass") if findings else ()
 
 
 def _findings(folder: Path, digest: str) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ import pytest
 
 from hil.bench.file.reading import load_bench
 from hil.bench.live import bind_live, reach_of_hardware
+from hil.bench.port_identity import WrongPort, port_gates
 from hil.model.bench import UsbPort
 from hil.model.errors import NoReply, Refused
 from hil.wire.live_stream import LiveStream
@@ -107,3 +108,11 @@ def test_a_port_that_another_process_holds_is_opened_by_force_only():
             assert os.read(ours, 4) == b"OUT0"
     os.close(ours)
     os.close(theirs)
+
+
+def test_every_port_that_is_not_there_is_named(monkeypatch):
+    """Who plugs the boards in does it once."""
+    monkeypatch.setattr("hil.bench.live.port_gates", lambda spec: port_gates(spec, list))
+    with pytest.raises(WrongPort) as refused:
+        bind_live(SPEC, reach_of_hardware(SPEC), "2026-01-01T00:00:00Z", Transcript(None))
+    assert [gate.name for gate in refused.value.gates] == [f"port of {item.name}" for item in SPEC.instruments]

@@ -177,9 +177,17 @@ def test_bench_check_and_safe_look_at_the_simulated_bench(capsys):
     code, out, _ = said(capsys, "bench", "safe", "adcs", "--source", "simulated")
     assert code == 0
     assert out.count("safe ") >= 3
-    code, _, err = said(capsys, "bench", "check", "adcs")
-    assert code == 4
-    assert "use --source simulated" in err
+
+
+@pytest.mark.usefixtures("inside")
+def test_bench_check_tells_every_port_that_is_not_there(capsys):
+    """A bench that is not as its file says is a gate that does not hold, and no wrong call."""
+    code, out, err = said(capsys, "bench", "check", "adcs")
+    assert (code, err) == (1, "")
+    told = out.splitlines()
+    assert len(told) > 1
+    assert all(line.startswith("NOT OK  port of ") and " is not there" in line for line in told[:-1])
+    assert told[-1] == "not ready"
 
 
 SMALL = ("small", "--bench", "adcs", "--dut", "SIM-ADCS-1")

@@ -15,7 +15,7 @@ from hil.executive.setup.configuration import Request
 from hil.executive.setup.resuming import require_answers
 from hil.model.errors import Refused
 
-HEAD = [("run", {"format": 1}), ("frozen", {"files": {}}), ("planned", {"cases": []})]
+HEAD_OF = {"run": {"format": 1}, "frozen": {"files": {}}, "planned": {"cases": []}}
 CASE = [("armed", {}), ("case", {"case": "a"}), ("step", {"number": "1", "turn": 1}), ("step-end", {"number": "1"})]
 TURN = [*CASE, ("step", {"number": "2", "turn": 2}), ("step", {"number": "2.1"}), ("effect", {"effect": "drives"})]
 ENDED = [*CASE, ("case-end", {"case": "a", "verdict": "PASS"})]
@@ -26,14 +26,14 @@ def folder_of(tmp_path, *parts):
     """Return a run's folder with these events behind its head."""
     (tmp_path / "data").mkdir()
     with Journal(tmp_path / "data/journal.jsonl") as journal:
-        for second, (kind, fields) in enumerate([*HEAD, *(event for part in parts for event in part)]):
+        for second, (kind, fields) in enumerate([*HEAD_OF.items(), *(event for part in parts for event in part)]):
             journal.write(kind, float(second), **fields)
     return tmp_path
 
 
 def open_recording(continues):
     """Return the beginning of a recording."""
-    return [("recording", {"recording": "007-a", **({"continues": True} if continues else {})})]
+    return [("recording", {"recording": "007-a", "case": "a", **({"continues": True} if continues else {})})]
 
 
 ABORTED = [
@@ -56,6 +56,32 @@ def test_a_stopped_run_is_entered_at_its_last_beginning(tmp_path, parts, place, 
     """That is the recording that continues, the turn, the case, or the end of the case before."""
     boundary = find_earlier(folder_of(tmp_path, *parts)).boundary
     assert (boundary.place, boundary.sequence, boundary.kept) == (place, place - 1, kept)
+
+
+LIVE = {"format": 1, "live": {"served": True, "speed": 1}}
+PLANNED = {"cases": [{"case": "a"}, {"case": "b"}]}
+LEFT_OUT = [("not-run", {"case": "b", "reason": "the envelope tripped"})]
+WATCHED = [("safe-end", {"ok": True}), ("recording", {"recording": "after-x", "case": None})]
+
+
+@pytest.mark.parametrize(
+    ("parts", "over"),
+    [
+        ([ENDED], False),
+        ([ENDED, LEFT_OUT, WATCHED], True),
+        ([ENDED, LEFT_OUT, STOP], False),
+        ([CASE, ABORTED, LEFT_OUT], False),
+        ([ENDED, [("case", {"case": "b"}), ("case-end", {"case": "b", "verdict": "ERROR"})], WATCHED, STOP], True),
+    ],
+    ids=["one to come", "one left out", "stopped before it", "none whole", "both ended"],
+)
+def test_a_run_is_over_once_every_case_has_its_outcome(tmp_path, monkeypatch, parts, over):
+    """What a stop kept from running is still to be run; what was begun behind the last case comes again as a whole."""
+    monkeypatch.setitem(HEAD_OF, "run", LIVE)
+    monkeypatch.setitem(HEAD_OF, "planned", PLANNED)
+    earlier = find_earlier(folder_of(tmp_path, *parts))
+    assert earlier.boundary.over is over
+    assert earlier.begun_behind == (("after-x",) if WATCHED in parts else ())
 
 
 def test_a_killed_run_goes_on_where_it_was(tmp_path):

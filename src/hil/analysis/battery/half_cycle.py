@@ -18,6 +18,13 @@ from hil.analysis.battery.steps import Segmentation, Step, StepKind, gaps
 __all__ = ["Flow", "HalfCycle", "Limits", "flow", "half_cycle"]
 
 
+_LAST_V = 0.05
+"""Over these V before its lower limit a voltage tells how fast it comes there; beyond the noise of any tester."""
+
+_LAST_PART = 1.25
+"""From this many times the cut-off on a current tells how fast it fades."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
     """The levels that a test is run between; None where they are not known.
@@ -69,6 +76,10 @@ class HalfCycle:
         cv_charge: Ah at constant voltage.
         time_to_limit: s to the upper voltage of a charge, to the lower of a discharge; first crossing.
         time_to_cut_off: s until the current fell below the cut-off; first crossing.
+        limit_sensitivity: by how many s `time_to_limit` of a discharge moves per V of the level, or of an offset of
+            the meter; from the last 0.05 V before it. NaN for a charge.
+        cut_off_sensitivity: by how many s `time_to_cut_off` moves per A; from the last quarter above the cut-off, as
+            of a current that fades exponentially.
         highest_voltage: V.
         lowest_voltage: V.
         temperature_low: degC.
@@ -91,6 +102,8 @@ class HalfCycle:
     cv_charge: float
     time_to_limit: float
     time_to_cut_off: float
+    limit_sensitivity: float
+    cut_off_sensitivity: float
     highest_voltage: float
     lowest_voltage: float
     temperature_low: float
@@ -150,6 +163,8 @@ def half_cycle(data: Series, steps: Sequence[Step], flows: Flow, limits: Limits)
     voltage, elapsed = data.voltage[samples], _elapsed(data, steps)
     cv_time, cv_charge = _constant_voltage(data, steps, flows)
     warmth = _warmth(data, samples, elapsed)
+    time_to_limit, limit_sensitivity = _time_to_limit(kind, elapsed, voltage, limits)
+    time_to_cut_off, cut_off_sensitivity = _time_to_cut_off(data, steps, flows, elapsed, limits)
     return HalfCycle(
         start=float(data.time[steps[0].first]),
         duration=float(elapsed[-1]),
@@ -161,8 +176,10 @@ def half_cycle(data: Series, steps: Sequence[Step], flows: Flow, limits: Limits)
         cc_charge=charge - cv_charge,
         cv_time=cv_time,
         cv_charge=cv_charge,
-        time_to_limit=_time_to_limit(kind, elapsed, voltage, limits),
-        time_to_cut_off=_time_to_cut_off(data, steps, flows, elapsed, limits),
+        time_to_limit=time_to_limit,
+        time_to_cut_off=time_to_cut_off,
+        limit_sensitivity=limit_sensitivity,
+        cut_off_sensitivity=cut_off_sensitivity,
         highest_voltage=float(voltage.max()),
         lowest_voltage=float(voltage.min()),
         temperature_low=warmth[0],
@@ -199,29 +216,39 @@ def _constant_voltage(data: Series, steps: Sequence[Step], flows: Flow) -> tuple
     return time, charge
 
 
-def _time_to_limit(kind: StepKind, elapsed: NDArray[np.float64], voltage: NDArray[np.float64], limits: Limits) -> float:
+def _time_to_limit(
+    kind: StepKind, elapsed: NDArray[np.float64], voltage: NDArray[np.float64], limits: Limits
+) -> tuple[float, float]:
+    """Return when the voltage first reached its limit, and for a discharge by how many s that moves per V."""
     if kind is StepKind.CHARGE:
-        return math.nan if limits.upper is None else first_rise(elapsed, voltage, limits.upper - limits.tolerance)
-    return math.nan if limits.lower is None else first_fall(elapsed, voltage, limits.lower)
+        upper = limits.upper
+        return math.nan if upper is None else first_rise(elapsed, voltage, upper - limits.tolerance), math.nan
+    if limits.lower is None:
+        return math.nan, math.nan
+    reached = first_fall(elapsed, voltage, limits.lower)
+    return reached, (reached - first_fall(elapsed, voltage, limits.lower + _LAST_V)) / _LAST_V
 
 
 def _time_to_cut_off(
     data: Series, steps: Sequence[Step], flows: Flow, elapsed: NDArray[np.float64], limits: Limits
-) -> float:
-    """Return when a charge's current first fell below the cut-off, at the latest between its last sample and the next.
+) -> tuple[float, float]:
+    """Return when a charge's current first fell below the cut-off, and by how many s that moves per A.
 
-    A cycler that opens its relay at the cut-off may show no sample below it. A charge that was broken off well above
-    the cut-off did not reach it.
+    It is at the latest between its last sample and the next. A cycler that opens its relay at the cut-off may show no
+    sample below it. A charge that was broken off well above the cut-off did not reach it.
     """
     if steps[0].kind is not StepKind.CHARGE or limits.cut_off is None:
-        return math.nan
+        return math.nan, math.nan
     samples = np.concatenate([np.arange(step.first, step.last + 1) for step in steps])
     end = steps[-1].last
     ends_low = abs(data.current[end]) <= 2.0 * limits.cut_off
     if ends_low and end + 1 < data.time.size and not flows.lost[end]:
         samples = np.append(samples, end + 1)
         elapsed = np.append(elapsed, elapsed[-1] + data.time[end + 1] - data.time[end])
-    return first_fall(elapsed, np.maximum(data.current[samples], 0.0), limits.cut_off)
+    current = np.maximum(data.current[samples], 0.0)
+    reached = first_fall(elapsed, current, limits.cut_off)
+    fades = (reached - first_fall(elapsed, current, _LAST_PART * limits.cut_off)) / math.log(_LAST_PART)
+    return reached, fades / limits.cut_off
 
 
 def _warmth(

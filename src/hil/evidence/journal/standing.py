@@ -33,6 +33,7 @@ class Entry:
         number: the number that the next recording got.
         rows: the void rows of every recording that went on.
         kept: the recording at whose beginning it was entered, whose rows are not void; empty where there was none.
+        over: whether every case had ended, so that nothing was driven any more but the way to the safe state.
     """
 
     place: int
@@ -43,6 +44,7 @@ class Entry:
     number: int
     rows: tuple[Voided, ...]
     kept: str = ""
+    over: bool = False
 
 
 def entries(events: Iterable[Body]) -> tuple[Entry, ...]:
@@ -57,6 +59,7 @@ def entries(events: Iterable[Body]) -> tuple[Entry, ...]:
             number=event["entry"]["number"],
             rows=tuple(Voided(**each) for each in event["entry"]["rows"]),
             kept=event["entry"]["kept"],
+            over=event["entry"].get("over", False),
         )
         for event in events
         if event["kind"] == "resumed" and event.get("entry")

@@ -10,7 +10,7 @@ from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE, hold, is_sealed
 from hil.evidence.journal.reader import Body, cut_torn_tail, read_journal, require_known_format
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.bag import MANIFEST, digest_of_manifest, make_read_only
-from hil.evidence.package.sealing import ReportWriter, finish, seal, write_end
+from hil.evidence.package.sealing import SEAL_ERRORS, ReportWriter, finish, not_sealed, seal, write_end
 from hil.evidence.recordings.rows import Rows
 from hil.model.errors import EvidenceError, Refused
 from hil.model.verdict import Verdict
@@ -29,8 +29,8 @@ def recover(folder: Path, *, write_reports: ReportWriter) -> str:
 
     Raises:
         Refused: while the run's process is alive, and where nothing was recorded at all.
-        EvidenceError: where the journal is damaged beyond a torn tail or is of another format, or a file cannot be
-            read or written.
+        EvidenceError: where the journal is damaged beyond a torn tail or is of another format, a file cannot be
+            read or written, or there is not enough memory.
     """
     with hold(folder):
         try:
@@ -38,9 +38,9 @@ def recover(folder: Path, *, write_reports: ReportWriter) -> str:
                 return _seal_as_it_is(folder, write_reports)
             make_read_only(folder)
             return digest_of_manifest(read_plain(folder / MANIFEST))
-        except OSError as error:
-            raise EvidenceError(
-                f"{folder.name}: cannot be sealed: {error}", "hil verify tells what is there"
+        except SEAL_ERRORS as error:
+            raise not_sealed(
+                folder, error, "seal it once more with hil seal; hil verify tells what is there"
             ) from error
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from hil.documents.canonical import canonical
 from hil.evidence.durable import DISK_FULL, sync_folder, write_whole
-from hil.evidence.folder import CHECKPOINT, INBOX, JOURNAL, RECORDINGS, RESERVE, RESULTS, free_reserve
+from hil.evidence.folder import CHECKPOINT, INBOX, JOURNAL, RECORDINGS, RESERVE, RESULTS, free_reserve, is_sealed
 from hil.evidence.inbox import Message, poll
 from hil.evidence.journal.reader import Body, JournalReading, read_journal
 from hil.evidence.journal.writer import Journal
@@ -29,10 +29,13 @@ from hil.evidence.recordings.hdf5 import convert
 from hil.evidence.results.derived import results_of
 from hil.model.errors import EvidenceError
 
-__all__ = ["ReportWriter", "event_of", "finish", "info_of", "seal", "write_end"]
+__all__ = ["SEAL_ERRORS", "ReportWriter", "event_of", "finish", "info_of", "not_sealed", "seal", "write_end"]
 
 ReportWriter = Callable[[Package], None]
 """Writes `data/report/*` into the run's folder; everything else in `data` is final by then."""
+
+SEAL_ERRORS = (OSError, MemoryError, ImportError)
+"""What a machine without space or memory ends a seal with; a library that finds no memory cannot be imported."""
 
 _MOST_FILES = 64
 _MOST_BYTES = 50_000_000
@@ -51,18 +54,37 @@ def seal(folder: Path, journal: Journal, *, exit_code: int, write_reports: Repor
         write_reports: writes the reports; where it fails, the package is sealed before the error goes on.
 
     Raises:
-        EvidenceError: where the disk is full or fails; the folder stays as it is, and can be recovered.
+        EvidenceError: where the disk is full or fails, or there is not enough memory; the folder stays as it is, and
+            can be recovered.
     """
+    then = "go on with hil resume, or seal it as it is with hil seal"
     try:
         _write_results(folder, journal)
+        then = "seal it with hil seal"
         write_end(folder, journal, exit_code=exit_code)
         return finish(folder, write_reports)
-    except OSError as error:
-        full = error.errno in DISK_FULL
-        what, first = ("disk full", "free some space") if full else (str(error), "mend that")
-        raise EvidenceError(
-            f"{folder.name}: cannot be sealed: {what}", f"nothing is lost; {first} and seal it with hil seal"
-        ) from error
+    except SEAL_ERRORS as error:
+        raise not_sealed(folder, error, then) from error
+
+
+def not_sealed(folder: Path, error: BaseException, then: str) -> EvidenceError:
+    """Return what is told of a seal that did not come to its end, or of a package that was sealed without its reports.
+
+    Args:
+        folder: the run's folder.
+        error: one of `SEAL_ERRORS`.
+        then: what comes once its cause is mended, where the package is not sealed.
+    """
+    full = isinstance(error, OSError) and error.errno in DISK_FULL
+    short = isinstance(error, MemoryError)
+    what = "disk full" if full else "out of memory" if short else str(error)
+    first = "free some space" if full else "let it have more memory" if short else "mend that"
+    if is_sealed(folder):
+        return EvidenceError(
+            f"{folder.name}: it is sealed, but not every report could be written: {what}",
+            f"{first}, and write them elsewhere with hil report {folder.name} --output FOLDER",
+        )
+    return EvidenceError(f"{folder.name}: cannot be sealed: {what}", f"nothing is lost; {first} and {then}")
 
 
 def _write_results(folder: Path, journal: Journal) -> None:

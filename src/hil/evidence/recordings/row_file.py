@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hil.documents.canonical import JsonError, parse_strict
+from hil.documents.canonical import JsonError, canonical, parse_strict
 from hil.model.errors import EvidenceError
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["BLOCK", "NUMBER", "PIECE", "RowsFile", "read_rows", "row_blocks", "table"]
+__all__ = ["BLOCK", "NUMBER", "PIECE", "RowsFile", "header_line", "read_rows", "row_blocks", "table"]
 
 BLOCK = 65_536
 """After how many rows the running hash goes into the journal."""
@@ -41,6 +41,17 @@ class RowsFile:
     def width(self) -> int:
         """Numbers per row: time, then the channels."""
         return len(self.header["channels"]) + 1
+
+
+def header_line(recording: str, channels: Sequence[tuple[str, str]]) -> bytes:
+    """Return the first line of a row file, from the recording's id, and name and unit of every channel."""
+    header = {
+        "channels": [{"name": name, "unit": unit} for name, unit in channels],
+        "format": 1,
+        "recording": recording,
+        "row": "float64 little-endian: time in s, then the channels",
+    }
+    return canonical(header) + b"\n"
 
 
 def read_rows(path: Path) -> RowsFile:

@@ -15,7 +15,7 @@ from hil.clock import wall
 from hil.documents.canonical import canonical
 from hil.evidence.durable import DISK_FULL, sync_folder
 from hil.evidence.folder import free_reserve
-from hil.evidence.recordings.row_file import BLOCK, NUMBER, RowsFile, read_rows, row_blocks
+from hil.evidence.recordings.row_file import BLOCK, NUMBER, RowsFile, header_line, read_rows, row_blocks
 from hil.model.errors import Diverged, EvidenceError
 
 if TYPE_CHECKING:
@@ -82,16 +82,8 @@ class Rows:
         self._first_time: float | None = None
         self._last_time: float | None = None
         self._buffer = bytearray()
-        header = canonical(
-            {
-                "channels": [{"name": name, "unit": unit} for name, unit in channels],
-                "format": 1,
-                "recording": recording,
-                "row": "float64 little-endian: time in s, then the channels",
-            }
-        )
         self._past: BufferedReader | None = None
-        self._open(header + b"\n", again=again)
+        self._open(header_line(recording, channels), again=again)
         self._due = self._next_due()
         self._synced_at = now()
 

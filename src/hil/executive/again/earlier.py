@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import takewhile
 from pathlib import Path
@@ -36,12 +36,14 @@ class Boundary:
         sequence: its sequence number.
         at_ns: its instant.
         kept: the recording that it begins, and that goes on; empty where it begins none.
+        over: whether every case has its outcome there, so that only the end of the run is missing.
     """
 
     place: int
     sequence: int
     at_ns: int
     kept: str = ""
+    over: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,6 +91,13 @@ class Earlier:
         """A number that no recording has yet."""
         begun = (str(line.body["recording"]) for line in self.lines if line.body["kind"] == "recording")
         return max((int(name[:3]) for name in begun if name[:3].isdigit()), default=0) + 1
+
+    @property
+    def begun_behind(self) -> tuple[str, ...]:
+        """The recordings of no case that were begun behind where it is entered: those of the watch behind its end."""
+        begun = (line.body for line in self.lines if line.body["kind"] == "recording" and line.body["case"] is None)
+        last = self.boundary.sequence if self.boundary else math.inf
+        return tuple(dict.fromkeys(str(event["recording"]) for event in begun if event["seq"] > last))
 
     @property
     def run(self) -> Body:
@@ -221,7 +230,15 @@ def _boundary(earlier: Earlier) -> Boundary | None:
         raise Refused(f"{earlier.folder.name}: no case had begun", "seal it as it is, and start a new run")
     place, event = found[-1]
     kept = event["recording"] if event["kind"] == "recording" else ""
-    return Boundary(place, event["seq"], round(event["t"] * NANOSECONDS), kept)
+    over = event["kind"] == "case-end" and not _left(earlier, own, stopped=stop is not None)
+    return Boundary(place, event["seq"], round(event["t"] * NANOSECONDS), kept, over)
+
+
+def _left(earlier: Earlier, own: Sequence[Body], *, stopped: bool) -> set[str]:
+    """Return the planned cases that have no outcome; what a stop kept from running is still to be run."""
+    ends = {"case-end"} if stopped else {"case-end", "not-run"}
+    ended = {event["case"] for event in own if event["kind"] in ends and event.get("verdict") != Verdict.ABORTED}
+    return {str(case["case"]) for case in earlier.of_head("planned").body["cases"]} - ended
 
 
 def _can_be_entered(event: Body, ended: Collection[str]) -> bool:
@@ -263,6 +280,8 @@ def go_on_with(earlier: Earlier, journal: Journal, now: Callable[[], float], ent
 def _entered(earlier: Earlier) -> str:
     stop = next((line.body for line in reversed(earlier.lines) if line.body["kind"] == "stop"), None)
     how = f"stopped by {stop['reason']}" if stop else "interrupted"
+    if earlier.boundary and earlier.boundary.over:
+        return f"{how} behind its last case; nothing but the way to the safe state is driven, and the end made anew"
     where = "recording" if earlier.boundary and earlier.boundary.kept else "turn or case"
     return f"{how}, and entered again where the last {where} began; what came behind that is void"
 

@@ -44,8 +44,9 @@ class Entering:
     """Lets a run go on behind the event at which it is entered, on a bench that stood safe in the meantime.
 
     What came behind that event before is void, and is kept: events, operations, rows. The bench is armed anew, every
-    output driven again as it was at that event, and every stream begun again. A run that was entered before is entered
-    again on its record in the same way, and so is the replay of one.
+    output driven again as it was at that event, and every stream begun again. Behind the last case none of that is
+    done: the safe state, the watch behind it, and the seal are all that is left. A run that was entered before is
+    entered again on its record in the same way, and so is the replay of one.
 
     Args:
         record: what the run writes down.
@@ -90,27 +91,30 @@ class Entering:
     def _enter(self, place: int, entries: list[Entry], *, anew: bool) -> None:
         for entry in entries if anew else entries[:-1]:  # entered here once more: what came behind it is void, too
             self._record.store.note_void(entry)
-        if anew:
-            self._anew(place)
-        else:
-            self._as_recorded(entries[-1])
+        over = self._anew(place) if anew else self._as_recorded(entries[-1])
         if self._bench.outside:
             self._bench.opened_anew()
+        self._keeper.over = over
+        if over:
+            return
         if problem := self._keeper.arm_again():
             self._keeper.safe()
             raise NotArmedAgain(f"the bench was not armed again: {problem}", "see hil bench check")
         self._keeper.holding.drive_again()
         self._keeper.scheduler.begin_again()
 
-    def _as_recorded(self, entry: Entry) -> None:
+    def _as_recorded(self, entry: Entry) -> bool:
+        """Enter the run where it was entered, and return whether it was over."""
         self._pass_over(entry)
         at_ns = round(entry.at * NANOSECONDS)
         if (playback := self._bench.playback) is not None:
             self._bench.clock.wait_until(playback.look_up_ns(at_ns))
             playback.hand_over_if_due()
         self._bench.clock.wait_until(at_ns)
+        return entry.over
 
-    def _anew(self, place: int) -> None:
+    def _anew(self, place: int) -> bool:
+        """Enter the run here now, and return whether it is over."""
         entry = self._record.entry(place)
         self._pass_over(entry)
         if self._bench.live is None:
@@ -120,6 +124,7 @@ class Entering:
         if self._bench.live is not None:  # a clock that follows boot time would let everybody wait for that
             self._bench.go_on()
         self._record.resumed(entry)
+        return entry.over
 
     def _pass_over(self, entry: Entry) -> None:
         self._record.events.skip(entry.void_to)

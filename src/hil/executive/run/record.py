@@ -11,11 +11,12 @@ from pathlib import Path
 from hil.bench.bound import BoundBench
 from hil.bench.latching import refuse_latched
 from hil.bench.lease import Lease
-from hil.evidence.folder import JOURNAL, RESERVE, TRANSCRIPT, create, hold, renew_reserve, require_space
+from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE, TRANSCRIPT, create, hold, renew_reserve, require_space
 from hil.evidence.journal.past import Past
 from hil.evidence.journal.standing import Entry
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.sealing import ReportWriter, seal
+from hil.evidence.recordings.reverting import revert
 from hil.executive.again.checkpoints import Checkpoints
 from hil.executive.again.earlier import Earlier, go_on_with, require_untouched
 from hil.executive.case.case_run import PlannedCase
@@ -65,6 +66,7 @@ class Record:
         if earlier:
             require_untouched(earlier)
             renew_reserve(self.folder)
+            revert(self.folder / RECORDINGS, (line.body for line in earlier.lines if line.body["kind"] == "recording"))
         self._journal = Journal(self.folder / JOURNAL, reserve=self.folder / RESERVE)
         past_events = Past(earlier.lines) if earlier else None
         self.events = Events(self._journal, flags, past_events, earlier.own_course if earlier else 0)
@@ -124,8 +126,9 @@ class Record:
             operations=count_operations(self.folder / TRANSCRIPT),
             at=0.0,
             number=self._earlier.next_recording,
-            rows=tuple(self.store.held(self._earlier.boundary.kept)),
+            rows=tuple(self.store.held(self._earlier.boundary.kept, self._earlier.begun_behind)),
             kept=self._earlier.boundary.kept,
+            over=self._earlier.boundary.over,
         )
 
     def resumed(self, entry: Entry) -> None:

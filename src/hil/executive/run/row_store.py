@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -146,8 +146,8 @@ class RowStore:
         recording = OpenRecording(facts, rows, self._write, self._open.remove)
         self._open.append(recording)
         if (part := self._awaited.pop(facts.id, None)) is not None:
-            self._take_over(recording, part)
-            self._voids[facts.id] = [replace(part, first=part.end)]
+            self._take_over(recording, replace(part, first=0))
+            self._voids[facts.id] = [part]
         return recording
 
     def _rows_of(self, facts: RecordingFacts) -> Rows:
@@ -171,12 +171,18 @@ class RowStore:
         """Return whether a recording is open still."""
         return recording in self._open
 
-    def held(self, kept: str) -> list[Voided]:
-        """Return what the folder holds of every open recording, and has not come again; nothing is void of `kept`."""
+    def held(self, kept: str, behind: Iterable[str] = ()) -> list[Voided]:
+        """Return what the folder holds of every open recording, and has not come again.
+
+        Args:
+            kept: a recording of which nothing is void; empty for none.
+            behind: recordings that come again as a whole, if they do, and of which everything is void.
+        """
         void = [Voided(each.facts.id, rows := each.rows.rows, max(rows, each.rows.held)) for each in self._open]
-        if kept and (path := self.recordings / f"{kept}.rows").exists():
-            rows = read_rows(path).rows
-            void.append(Voided(kept, rows, rows))
+        for name in filter(None, (kept, *behind)):
+            if (path := self.recordings / f"{name}.rows").exists():
+                rows = read_rows(path).rows
+                void.append(Voided(name, rows if name == kept else 0, rows))
         return void
 
     def pass_over(self, entry: Entry, void_rows: Callable[[Voided], NDArray[np.float64]] | None = None) -> None:
@@ -192,7 +198,7 @@ class RowStore:
             if part.recording in still_open:
                 self._take_over(still_open[part.recording], part)
             else:
-                self._awaited[part.recording] = replace(part, first=0)
+                self._awaited[part.recording] = part
 
     def note_void(self, entry: Entry) -> None:
         """Keep which rows were void when the run had been entered at a place at which it is entered once more."""

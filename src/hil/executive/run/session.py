@@ -295,6 +295,4 @@ class Session:
             return f"the envelope tripped: {trip.text}"
         if run.bench_fault:
             return f"bench fault: {run.bench_fault}"
-        if problem := self.keeper.rest():
-            return f"the bench did not reach its rest state: {problem}"
-        return ""
+        return self.keeper.rest()

@@ -39,6 +39,7 @@ def resumed_request(
     answers: Path | None = None,
     person: bool = False,
     served: Path | None = None,
+    acknowledge_within_s: float = 600.0,
 ) -> Request:
     """Return the request that the run began with.
 
@@ -48,6 +49,7 @@ def resumed_request(
         answers: a file with answers to further questions.
         person: whether a person at the terminal answers.
         served: the folder in which its bench is served, None where it is not.
+        acknowledge_within_s: how long the person on call of an unattended run may take to answer [s].
 
     Raises:
         Refused: if its bench was served and no folder is named, or the other way round.
@@ -77,6 +79,7 @@ def resumed_request(
         epoch=str(run["epoch"]) if earlier.live else "",
         unattended=bool(run.get("unattended", False)),
         on_call=str(run.get("on_call", "")),
+        acknowledge_within_s=acknowledge_within_s,
     )
 
 

@@ -13,6 +13,7 @@ from hil.bench.gate import Gate
 from hil.bench.latching import refuse_latched
 from hil.bench.lease import Lease
 from hil.bench.live import bind_live
+from hil.bench.port_identity import WrongPort
 from hil.bench.readiness import energised_gates, unpowered_gates
 from hil.bench.safe_off import SafeResult, make_safe
 from hil.bench.serving import ServedEnds, served
@@ -20,7 +21,7 @@ from hil.clock import wall
 from hil.executive.setup.configuration import reach_of
 from hil.executive.setup.workspace import find_workspace
 from hil.model.bench import BenchSpec
-from hil.model.errors import Refused
+from hil.model.errors import DeviceFault, Refused
 from hil.model.identity import Source
 from hil.wire.transcript import Transcript
 
@@ -31,6 +32,8 @@ def check_bench(
     start: Path, name: str, source: Source, *, energise: bool, served: Path | None = None
 ) -> Iterator[Gate]:
     """Yield the readiness gates of a bench; without `energise`, or if one does not hold, nothing is driven.
+
+    Where a port is not there, or is another board's, nothing but that is told.
 
     Args:
         start: the folder where the workspace is looked for.
@@ -43,7 +46,15 @@ def check_bench(
         Refused: for an unknown bench, one that a run holds, or one to be driven that is latched.
         ConfigurationError: with everything that is wrong with the bench file.
     """
-    with _visit(start, name, source, served, driven=energise) as bench:
+    with ExitStack() as stack:
+        try:
+            bench = stack.enter_context(_visit(start, name, source, served, driven=energise))
+        except WrongPort as error:
+            yield from error.gates
+            return
+        except DeviceFault as error:
+            yield Gate(f"port of {error.device}", ok=False, detail=str(error))
+            return
         ready = True
         for gate in unpowered_gates(bench, None):
             ready = ready and gate.ok

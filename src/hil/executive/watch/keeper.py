@@ -39,6 +39,7 @@ class BenchKeeper:
         holding: holds the bench when it is asked for; it has to be shown every event.
         write: writes an event.
         last: gets the exit code of the run before it is sealed.
+        over: whether the run was entered again behind its last case, on a bench that is not armed any more.
         outside: what a bench outside of this process needs, None for one that lives in it.
     """
 
@@ -59,8 +60,7 @@ class BenchKeeper:
         self.outside: Outside | None = None
         self._store = store
         self._watched: dict[str, OpenRecording] = {}
-        self.unsafe = False
-        self.touched = False
+        self.unsafe = self.touched = self.over = False
         self.scheduler = Scheduler(bench, [monitor_of(bench, limit) for limit in bench.spec.envelope], flags, self)
         store.at_void = self.scheduler.feeds.pass_over
         self.holding = Holding(bench, flags, write, self.scheduler)
@@ -122,10 +122,12 @@ class BenchKeeper:
         self._flags.give_up()
 
     def rest(self) -> str:
-        """Bring the bench to its rest state between cases; return what could not be."""
+        """Bring the bench to its rest state between cases; return why no further case can run, if so."""
+        if self.over:
+            return "the run was interrupted behind its last case"
         with self._flags.shielded():
             problems = self._take("rest", self._bench.spec.rest)
-        return problems[0] if problems else ""
+        return f"the bench did not reach its rest state: {problems[0]}" if problems else ""
 
     def safe(self) -> None:
         """Make the bench safe and prove it, uninterrupted; it may be called again."""

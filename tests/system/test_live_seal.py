@@ -1,0 +1,107 @@
+"""A run on a served bench that is killed behind its last case: it is sealed without anything being driven again."""
+
+from __future__ import annotations
+
+import signal
+from contextlib import chdir
+
+import numpy as np
+import pytest
+from live_runs import live_workspace, running, seconds_until, served
+from resumed_runs import without_git
+
+from hil.evidence.package.contents import Package
+from hil.evidence.package.verification import verify
+from hil.plugin.rehearsing import replay
+
+pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
+
+SPEED = 4.0
+WATCH = {
+    'max: "0.02", for: 60 s': 'max: "0.02", for: 40 s',
+    'tolerance: "4", within: 180 s': 'tolerance: "40", within: 40 s',
+}
+
+FOR_A_WHILE = "clock.sleep(10.0)"
+
+AT_THE_SEAL = f"""\
+{FOR_A_WHILE}
+import hil.evidence.package.sealing as sealing
+if not Path("again").exists():
+    Path("again").touch()
+    sealing.results_of = lambda *_: os.kill(os.getpid(), signal.SIGKILL)"""
+"""Ends the process once every row file was turned into HDF5."""
+
+
+@pytest.fixture
+def bench(tmp_path_factory):
+    """The battery bench, served."""
+    with served(tmp_path_factory.mktemp("b") / "e", speed=SPEED) as bench:
+        yield bench
+
+
+def resumed(run):
+    """Go on with a run, acknowledged where it left a latch, and return how that ended."""
+    run.workspace.hil("ack", run.folder.name, "--by", "Ada", "--text", "all is off")
+    return run.workspace.hil("resume", run.folder.name, "--served", str(run.bench.folder))
+
+
+def require_sealed_without_arming(run, ended):
+    """Require a package with its own verdict, whose bench was proven safe and watched again, and not driven."""
+    assert ended.code == 0, ended.out + ended.err
+    package = Package(run.folder)
+    assert verify(run.folder).findings == ()
+    assert package.results()["verdict"] == "PASS"
+    behind = package.events("resumed")[-1]
+    kinds = [line.body["kind"] for line in package.lines() if line.body["seq"] > behind["seq"]]
+    assert not {"armed", "gate", "host-gate", "rest", "drive"} & set(kinds)
+    watched = [event["ok"] for event in package.events("safe") if event["state"] == "watched"]
+    assert watched == [True, True]
+    with chdir(run.workspace.root):  # the case leaves its marks there
+        assert replay(package).differences == ()
+    return package
+
+
+def killed_in_the_watch(run):
+    """Kill it amid the watch behind its end, and return the rows that were read by then."""
+    rows = run.folder / "data/recordings/after-cycler-current.rows"
+    seconds_until(rows.exists, 60.0, "the watch")
+    size = rows.stat().st_size
+    seconds_until(lambda: rows.stat().st_size > size, 60.0, "a row of it")
+    run.send(signal.SIGKILL)
+    assert run.ended().code == 3
+    return rows.read_bytes().partition(b"\n")[2]
+
+
+def rows_of(package):
+    """Return the rows of the watch as bytes."""
+    found = package.recording("after-cycler-current")
+    return np.column_stack([found.time, *found.arrays.values()]).tobytes()
+
+
+def test_killed_in_the_watch_behind_its_end(tmp_path, bench):
+    """What was read until then is in the package, in its place; the watch is made anew behind it."""
+    with running(bench, without_git(live_workspace(tmp_path / "w", FOR_A_WHILE, WATCH))) as run:
+        kept = killed_in_the_watch(run)
+        package = require_sealed_without_arming(run, resumed(run))
+    assert len(kept) > 0
+    assert rows_of(package).startswith(kept)
+    (entry,) = [event["entry"] for event in package.events("resumed")]
+    assert entry["over"]
+    assert {"recording": "after-cycler-current", "first": 0, "end": len(kept) // 16} in entry["rows"]
+
+
+def test_killed_at_the_seal(tmp_path, bench):
+    """Its recordings are HDF5 already, and lose no row by going on."""
+    with running(bench, without_git(live_workspace(tmp_path / "w", AT_THE_SEAL, WATCH))) as run:
+        assert run.ended().code == 3
+        (run.workspace.root / "again").unlink()  # it is killed at its second seal, too
+        assert len(list((run.folder / "data/recordings").glob("*.rows"))) == 0
+        kept = [rows_of(Package(run.folder))]
+        assert resumed(run).code == 3
+        kept.append(rows_of(Package(run.folder)))
+        package = require_sealed_without_arming(run, resumed(run))
+    assert 0 < len(kept[0]) < len(kept[1])
+    assert rows_of(package).startswith(kept[1])
+    assert kept[1].startswith(kept[0])
+    assert [event["entry"]["over"] for event in package.events("resumed")] == [True, True]

@@ -1,0 +1,52 @@
+"""What is said behind a run that was interrupted: no way is offered that does not lead anywhere."""
+
+from __future__ import annotations
+
+import pytest
+
+from hil.cli.interrupted import ways_on
+from hil.evidence.journal.writer import Journal
+from hil.executive.again.earlier import find_earlier
+from hil.model.errors import HilError
+
+HEAD = {"run": {"format": 1}, "frozen": {"files": {}}, "planned": {"cases": []}}
+LIVE = {**HEAD, "run": {"format": 1, "live": {"served": True, "speed": 1}}}
+GATE = {"gate": {"name": "identity of psu1"}}
+CASE = {"armed": {}, "case": {"case": "a"}}
+
+
+@pytest.mark.parametrize(
+    ("events", "why_not"),
+    [
+        ({"run": {"format": 1}}, "no case had begun"),
+        (HEAD, ""),
+        ({**HEAD, **GATE}, ""),
+        ({**HEAD, **CASE}, ""),
+        (LIVE, "no case had begun"),
+        ({**LIVE, **GATE}, "no case had begun"),
+        ({**LIVE, **CASE}, ""),
+        ({**LIVE, **CASE, "results": {}}, "it has ended"),
+        ({**HEAD, **CASE, "results": {}}, "it has ended"),
+    ],
+)
+def test_a_resume_is_offered_where_there_is_something_to_go_on_with(tmp_path, events, why_not):
+    """That is where hil resume accepts the run; else why not, and what to do instead."""
+    (tmp_path / "data").mkdir()
+    with Journal(tmp_path / "data/journal.jsonl") as journal:
+        for kind, fields in events.items():
+            journal.write(kind, 0.0, **fields)
+    try:
+        accepted = bool(find_earlier(tmp_path))
+    except HilError:
+        accepted = False
+    told = "\n".join(ways_on(tmp_path))
+    assert accepted is not bool(why_not)
+    assert ("hil resume" in told) is accepted
+    assert f"hil seal {tmp_path}" in told
+    assert why_not in told
+
+
+def test_a_run_without_a_journal_is_not_resumed(tmp_path):
+    """Its folder is all that it came to."""
+    told = "\n".join(ways_on(tmp_path))
+    assert "its journal cannot be read" in told
