@@ -24,7 +24,7 @@ run: setup
 # Every test but whole campaigns and runs in processes of their own, which `make system` takes: those hold live runs to
 # their seconds, and go one by one.
 test: setup
-	$(BIN)/python -m pytest -m "not system" --numprocesses auto --dist worksteal
+	$(BIN)/python -m pytest -m "not system" --numprocesses auto --dist loadfile
 
 system: setup
 	$(BIN)/python -m pytest -m system

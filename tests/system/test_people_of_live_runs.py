@@ -42,6 +42,14 @@ def test_plates(supply, thermal, check, clock):
     check("LIVE-010", "temperature", thermal.temperature())
 """
 
+ASKS = {
+    "(supply, thermal,": "(operator, supply, thermal,",
+    "    supply.charge.configure(": """\
+    operator.confirm("Is the fuse in?", name="fuse", safety=True)
+    supply.charge.configure(""",
+}
+"""What lets the case ask before it drives anything."""
+
 
 @pytest.fixture
 def folder(tmp_path_factory):
@@ -103,6 +111,36 @@ def test_an_unattended_run_is_armed_once_somebody_on_call_gave_the_code_back(tmp
     assert ("person on call", True) in [(gate["name"], gate["ok"]) for gate in package.events("host-gate")]
     assert (package.events("run")[0]["unattended"], package.events("run")[0]["on_call"]) == (True, "Ada")
     assert "on call, was reached on call" in package.text("data/report/report.html")
+
+
+def test_a_safety_confirmation_is_given_at_another_terminal(tmp_path, folder):
+    """An unattended run waits for it; it is typed there, by name, and is no word of a command line."""
+    workspace = workspace_of(tmp_path / "w")
+    workspace.change("testplans/on/test_on.py", ASKS)
+    (workspace.root / "hil.toml").write_text(NOTIFY)
+    told = workspace.root / "told.json"
+    with served(folder) as bench, started(workspace, folder, "--unattended", "--on-call", "Ada") as process:
+        seconds_until(lambda: told.exists() and told.read_text().endswith("}\n"), 60, "the notification")
+        (run,) = workspace.folders()
+        post(run, "reached", by="Ada", text=json.loads(told.read_text())["text"].partition("--code ")[2].split()[0])
+        seconds_until(lambda: "asks        Is the fuse in?" in workspace.hil("status", "latest").out, 60, "a question")
+        assert bench.on() == set()
+        refused = workspace.hil("answer", "latest", "yes", "--by", "Eve")
+        assert (refused.code, "is a safety confirmation" in refused.err) == (4, True)
+        keyboard, terminal = os.openpty()
+        os.write(keyboard, b"perhaps\nyes\nAda\n")
+        answered = finish(workspace.start("answer", "latest", stdin=terminal))
+        for end in (keyboard, terminal):
+            os.close(end)
+        assert answered.code == 0, answered.out + answered.err
+        assert answered.out.splitlines()[-1] == "answered fuse: True (Ada)"
+        ended = finish(process)
+    assert ended.code == 0, ended.out + ended.err
+    assert "answer it with hil answer" in ended.err
+    (answer,) = Package(run).events("answer")
+    assert (answer["name"], answer["value"], answer["by"]) == ("fuse", True, "Ada")
+    again = workspace.hil("replay", "latest")
+    assert again.code == 0, again.out + again.err
 
 
 def test_an_unattended_run_that_reaches_nobody_is_not_armed(tmp_path, folder):

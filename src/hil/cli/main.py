@@ -22,6 +22,7 @@ __all__ = ["COMMANDS", "cli", "main"]
 COMMANDS: Mapping[str, str] = {
     "ack": "Acknowledge what the guardian did to a bench.",
     "analyse": "Characterise an existing log.",
+    "answer": "Answer a question of a run that is going on.",
     "attach": "Attach a file to a run that is going on.",
     "bench": "Check a bench, or make it safe.",
     "export": "Write the recordings of a package for other programs.",

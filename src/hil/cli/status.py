@@ -57,6 +57,7 @@ def status_lines(folder: Path) -> list[str]:
         "turn": ", ".join(str(turns) for turns in outlook.turns),
         "bench time": bench_time(max(found.t, outlook.t)),
         "left": str(outlook.left() or ""),
+        "asks": "" if outlook.asked is None else f"{outlook.asked['text']} hil answer {folder.name}",
         "held": "" if outlook.held is None else outlook.held or "yes",
         "last event": "" if found.age is None else f"{duration(found.age)} ago",
         "verdict": found.verdict,

@@ -44,6 +44,7 @@ class Message:
         urgent: whether a stop shall not wait for the end of the step.
         file: an attachment's name in `data/attachments`.
         sha256: its hash; of an acknowledgement, that of the guardian's journal that was seen.
+        name: that of the question which an answer answers.
     """
 
     kind: str
@@ -53,6 +54,7 @@ class Message:
     urgent: bool = False
     file: str = ""
     sha256: str = ""
+    name: str = ""
 
 
 def post(
@@ -64,6 +66,7 @@ def post(
     urgent: bool = False,
     attach: Path | None = None,
     seen: str = "",
+    question: str = "",
 ) -> str:
     """Put a message into a run's inbox and return its name; it is there whole or not at all.
 
@@ -75,6 +78,7 @@ def post(
         urgent: whether a stop shall not wait for the end of the step.
         attach: a file to be copied.
         seen: SHA-256 of what an acknowledgement acknowledges.
+        question: the name of the question that an answer answers.
 
     Raises:
         Refused: where the run is sealed, the kind unknown, or the text or attachment too large.
@@ -90,7 +94,9 @@ def post(
     name = f"{re.sub('[^0-9]', '', moment)}-{secrets.token_hex(4)}"
     try:
         file, sha256 = _bring(attach, folder / INBOX_FILES, name) if attach else ("", seen)
-        message = Message(kind=kind, by=by, text=text, utc=moment, urgent=urgent, file=file, sha256=sha256)
+        message = Message(
+            kind=kind, by=by, text=text, utc=moment, urgent=urgent, file=file, sha256=sha256, name=question
+        )
         write_whole(folder / INBOX / f"{name}{_ENDING}", canonical(asdict(message)))
     except OSError as error:
         raise EvidenceError(
@@ -181,7 +187,8 @@ def _read(path: Path) -> Message:
 
 
 def _is_plain(message: Message) -> Iterator[bool]:
-    yield all(isinstance(text, str) for text in (message.by, message.text, message.utc, message.file, message.sha256))
+    texts = (message.by, message.text, message.utc, message.file, message.sha256, message.name)
+    yield all(isinstance(text, str) for text in texts)
     yield isinstance(message.urgent, bool)
     yield re.fullmatch(r"([A-Za-z0-9][A-Za-z0-9._-]*)?", str(message.file)) is not None
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from hil.bench.bound import BoundBench
 from hil.executive.case.operator import AnswerSource
 from hil.executive.run.answers import (
+    Answering,
     AnswersFile,
     AskedLive,
     FirstOf,
@@ -18,16 +19,15 @@ from hil.executive.run.answers import (
     TerminalPerson,
     load_answers,
 )
+from hil.executive.run.elsewhere import Elsewhere
 from hil.executive.setup.configuration import Request
-from hil.plugin.prompt import Terminal
+from hil.plugin.prompt import NoTerminal, Terminal
 
 __all__ = ["answers_of"]
 
 
-def answers_of(
-    request: Request, shown: Callable[[Path], str]
-) -> Callable[[BoundBench, Callable[[], None]], AnswerSource]:
-    """Return what makes the source of answers, from the bench and the scheduling point to pass while waiting.
+def answers_of(request: Request, shown: Callable[[Path], str]) -> Answering:
+    """Return what makes the source of answers.
 
     On a bench outside of this process safety confirmations are a person's alone, whatever file was prepared.
 
@@ -40,8 +40,8 @@ def answers_of(
     """
     prepared = load_answers(request.answers, shown(request.answers)) if request.answers else None
 
-    def make(bench: BoundBench, idle: Callable[[], None]) -> AnswerSource:
-        last = _person(request, bench, idle)
+    def make(bench: BoundBench, idle: Callable[[], None], elsewhere: Elsewhere) -> AnswerSource:
+        last = _person(request, bench, idle, elsewhere)
         source = last
         if prepared is not None and request.answers is not None:
             file = AnswersFile(prepared, shown(request.answers))
@@ -53,9 +53,11 @@ def answers_of(
     return make
 
 
-def _person(request: Request, bench: BoundBench, idle: Callable[[], None]) -> AnswerSource:
+def _person(request: Request, bench: BoundBench, idle: Callable[[], None], elsewhere: Elsewhere) -> AnswerSource:
     if not request.person and bench.has_person:
         return SimulatedPerson(lambda: bench.person)
     if sys.stdin.isatty():
-        return TerminalPerson(Terminal(), request.operator, idle)
+        return TerminalPerson(Terminal(), request.operator, idle, elsewhere)
+    if request.unattended:  # whoever is on call, or started it, answers from any terminal
+        return TerminalPerson(NoTerminal(), "", idle, elsewhere)
     return Nobody()

@@ -31,7 +31,9 @@ def attend(session: Session, notifier: Notifier) -> None:
         if not idle():
             raise Declined("the run is to end")
 
-    answers = answers_of(configuration.request, configuration.workspace.shown)(session.bench, pass_by)
+    answers = answers_of(configuration.request, configuration.workspace.shown)(
+        session.bench, pass_by, session.record.upkeep.elsewhere
+    )
     people = People(_on_call(session, notifier), answers, session.keeper.write, idle)
     session.record.events.listen(people)
     outside.people = people.gates

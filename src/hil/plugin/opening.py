@@ -62,7 +62,9 @@ def open_resumed(
         configuration,
         planned,
         binder=partial(_bind_again, configuration, earlier),
-        answers=lambda bench, idle: Answered(earlier.come_again, fresh(bench, idle), lambda: bench.world is not None),
+        answers=lambda bench, idle, elsewhere: Answered(
+            earlier.come_again, fresh(bench, idle, elsewhere), lambda: bench.world is not None
+        ),
         leases=_leases(configuration),
         listeners=listeners,
         earlier=earlier,

@@ -7,7 +7,9 @@ import select
 import sys
 from contextlib import suppress
 
-__all__ = ["Terminal"]
+from hil.clock import wall
+
+__all__ = ["NoTerminal", "Terminal"]
 
 _PATIENCE_S = 0.1
 _BLOCK = 4096
@@ -40,6 +42,20 @@ class Terminal:
                 return None
         line, _, self._typed = self._typed.partition(b"\n")
         return line.decode(errors="replace") + "\n"
+
+
+class NoTerminal:
+    """What an unattended run has in the place of a terminal: its log, in which nobody types."""
+
+    def show(self, text: str) -> None:
+        """Show a line, and where it is answered."""
+        with suppress(OSError, ValueError):
+            sys.stderr.write(f"  ? {text}  answer it with hil answer\n")
+            sys.stderr.flush()
+
+    def line(self) -> None:
+        """Return that nothing was entered yet, a moment later."""
+        wall.pause(_PATIENCE_S)
 
 
 def _ready() -> bool:

@@ -101,6 +101,6 @@ def _open_replayed(configuration: Configuration, planned: Sequence[PlannedCase],
         binder=lambda transcript, where: bind_replayed(
             configuration.bench, transcript, record, where, outside=bool(live), speed=speed
         ),
-        answers=lambda _bench, _idle: Nobody(),
+        answers=lambda *_: Nobody(),
         replay=replay_of(package),
     )

@@ -16,6 +16,7 @@ from hil.executive.run.answers import (
     TerminalPerson,
     load_answers,
 )
+from hil.executive.run.elsewhere import Elsewhere
 from hil.executive.run.stop import Stopped
 from hil.model.errors import ConfigurationError
 
@@ -228,3 +229,46 @@ class Willing:
     def answer(self, question):
         """Say yes."""
         return Answer(True, "Ada")
+
+
+@pytest.mark.parametrize(
+    ("question", "text", "value"),
+    [(SAFETY, "yes", True), (CONFIRM, "no", False), (CHOOSE, "inward", "inward"), (MEASURE, "4,9", 4.9)],
+)
+def test_another_terminal_answers_while_this_one_waits(question, text, value):
+    """What was said there counts under the name that was given there."""
+    elsewhere = Elsewhere()
+    problems = []
+    person = TerminalPerson(
+        Typed(None, None, "yes\n"),
+        "Bob",
+        lambda: problems.append(elsewhere.take(question.name, text, " Ada ")),
+        elsewhere,
+    )
+    assert person.answer(question) == Answer(value, "Ada")
+    assert problems == [""]
+
+
+def test_what_another_terminal_says_in_vain_is_told():
+    """Another question, no name, no answer, and what comes too late: the question goes on waiting."""
+    elsewhere = Elsewhere()
+    assert elsewhere.take("jig", "yes", "Ada") == "'jig' is not asked now"
+    with elsewhere.asks(CONFIRM):
+        assert elsewhere.take("phone", "yes", "Ada") == "'phone' is not asked now"
+        assert elsewhere.take("jig", "yes", " ") == "'jig' was answered without a name"
+        assert elsewhere.take("jig", "maybe", "Ada") == "'maybe' is no answer to 'jig', which takes yes or no"
+        assert elsewhere.answer is None
+        assert elsewhere.take("jig", "yes", "Ada") == ""
+        assert elsewhere.take("jig", "no", "Eve") == "'jig' is not asked now"
+        assert elsewhere.answer == Answer(True, "Ada")
+    assert elsewhere.answer is None
+
+
+def test_who_typed_an_answer_here_gives_a_name_here():
+    """Nothing from elsewhere comes between an answer and its name."""
+    elsewhere = Elsewhere()
+    taken = []
+    terminal = Typed("yes\n", None, "Bob\n")
+    person = TerminalPerson(terminal, "", lambda: taken.append(elsewhere.take("fuse", "no", "Ada")), elsewhere)
+    assert person.answer(SAFETY) == Answer(True, "Bob")
+    assert taken == ["'fuse' is not asked now"]

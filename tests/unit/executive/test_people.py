@@ -127,6 +127,7 @@ def test_what_was_confirmed_for_safety_is_asked_again_at_the_next_arm(value, ok,
     (gate,) = people.gates()
     assert (gate.name, gate.ok, gate.detail) == ("confirmed again: fuse", ok, detail)
     assert [question.safety for question in person.asked] == [True]
+    assert [(event["name"], event["text"]) for event in written.of("asked-again")] == [("fuse", "Is the fuse in?")]
     assert [(event["value"], event["by"]) for event in written.of("confirmed")] == (
         [] if value is None else [(value, "Bob")]
     )

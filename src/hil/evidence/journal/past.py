@@ -16,6 +16,7 @@ FROM_OUTSIDE = frozenset(
     {
         "acknowledged",
         "anomaly",
+        "asked-again",
         "attachment",
         "called",
         "clock-jump",

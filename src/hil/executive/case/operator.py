@@ -135,6 +135,8 @@ class Operator:
     def _asked(self, question: Question) -> str | float | bool:
         where = {"case": self._where.case, "step": self._where.number, "name": question.name}
         asked = {"form": question.form, "text": question.text, "options": list(question.options)}
+        if question.unit:
+            asked["unit"] = question.unit
         self._write("question", **where, **asked, **_safety(question))
         answer = self._source.answer(question)
         _check(question, answer.value)

@@ -61,6 +61,8 @@ class People:
     def _again(self, question: Question) -> Gate:
         """Ask again for what was confirmed when the bench was armed before."""
         name = f"confirmed again: {question.name}"
+        asked = {"name": question.name, "form": question.form, "text": question.text}
+        self._write("asked-again", **asked, options=[], safety=True)
         try:
             answer = self._answers.answer(question)
         except Declined as error:

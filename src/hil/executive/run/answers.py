@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
 
+from hil.bench.bound import BoundBench
 from hil.documents.findings import Findings
 from hil.documents.reader import read_document
 from hil.documents.suggest import did_you_mean, nearest
 from hil.executive.case.operator import Answer, AnswerSource, Declined, Question
+from hil.executive.run.elsewhere import Elsewhere
+from hil.executive.run.wording import form, spoken, understood
 
 __all__ = [
     "SIMULATED_PERSON",
+    "Answering",
     "AnswersFile",
     "AskedLive",
     "FirstOf",
@@ -28,10 +31,11 @@ __all__ = [
 SIMULATED_PERSON = "simulated person"
 """The name under which the simulated bench's own person answers."""
 
+Answering = Callable[[BoundBench, Callable[[], None], Elsewhere], AnswerSource]
+"""Makes what answers a run's questions, from its bench, the scheduling point to pass while waiting, and elsewhere."""
+
 _SCHEMA = "hil/answers/1"
 _SOMEBODY = "person at the terminal"
-_YES = frozenset({"true", "y", "yes"})
-_NO = frozenset({"false", "n", "no"})
 
 
 class Prompt(Protocol):
@@ -74,11 +78,11 @@ class AnswersFile:
         if question.name not in self._answers:
             hint = did_you_mean(question.name, self._answers)
             raise Declined(f"{self._shown} has no answer to '{question.name}'{hint}", f"asked was: {question.text}")
-        value = _understood(question, self._answers[question.name])
+        value = understood(question, self._answers[question.name])
         if value is None:
             raise Declined(
                 f"{self._shown} answers '{self._answers[question.name]}' to '{question.name}'",
-                f"answer {_form(question)}; asked was: {question.text}",
+                f"answer {form(question)}; asked was: {question.text}",
             )
         return Answer(value, "answers file")
 
@@ -106,28 +110,37 @@ class TerminalPerson:
         prompt: the terminal.
         name: the person's name; asked for, with a safety confirmation, where it is empty.
         idle: the scheduling point to pass while waiting.
+        elsewhere: takes the answer of a person at another terminal, who may be first.
     """
 
-    def __init__(self, prompt: Prompt, name: str, idle: Callable[[], None]) -> None:
+    def __init__(self, prompt: Prompt, name: str, idle: Callable[[], None], elsewhere: Elsewhere | None = None) -> None:
         self._prompt = prompt
         self._name = name
         self._idle = idle
+        self._elsewhere = elsewhere or Elsewhere()
 
     def answer(self, question: Question) -> Answer:
-        """Show the question and wait for a line that answers it.
+        """Show the question and wait for a line that answers it, here or elsewhere.
 
         Raises:
             Declined: if the input has ended, so that no line will ever come.
         """
-        self._prompt.show(_spoken(question))
+        with self._elsewhere.asks(question):
+            self._prompt.show(spoken(question))
+            said = self._said(question)
+        return said if isinstance(said, Answer) else Answer(said, self._name or self._named(question))
+
+    def _said(self, question: Question) -> Answer | str | float | bool:
         while True:
             line = self._line()
+            if self._elsewhere.answer is not None:
+                return self._elsewhere.answer
             if not line:
                 raise Declined(f"'{question.text}' was not answered: the terminal's input has ended")
-            value = _understood(question, line)
+            value = understood(question, line)
             if value is not None:
-                return Answer(value, self._name or self._named(question))
-            self._prompt.show(f"Please answer {_form(question)}")
+                return value
+            self._prompt.show(f"Please answer {form(question)}")
 
     def _named(self, question: Question) -> str:
         name = "" if question.safety else _SOMEBODY
@@ -139,9 +152,10 @@ class TerminalPerson:
         return name
 
     def _line(self) -> str:
-        while (line := self._prompt.line()) is None:
+        """Return what was typed, nothing at the end of input and once the question is answered elsewhere."""
+        while (line := self._prompt.line()) is None and self._elsewhere.answer is None:
             self._idle()
-        return line
+        return line or ""
 
 
 class Nobody:
@@ -212,41 +226,3 @@ def load_answers(path: Path, shown: str) -> Mapping[str, str]:
         document.done()
     findings.raise_if_any()
     return answers
-
-
-def _spoken(question: Question) -> str:
-    return f"{question.text} [{_form(question)}]"
-
-
-def _form(question: Question) -> str:
-    match question.form:
-        case "confirm":
-            return "yes or no"
-        case "measure":
-            return f"a number in {question.unit}"
-        case "attach":
-            return "yes when it is done"
-        case _:
-            return " or ".join(question.options)
-
-
-def _understood(question: Question, line: str) -> str | float | bool | None:
-    """Return the answer that a line gives, None where it gives none."""
-    said = line.strip()
-    match question.form:
-        case "confirm":
-            return True if said.lower() in _YES else False if said.lower() in _NO else None
-        case "attach" if said.lower() in _YES:
-            return question.options[0]
-        case "measure":
-            return _number(said)
-        case _:
-            return said if said in question.options else None
-
-
-def _number(said: str) -> float | None:
-    try:
-        number = float(said.replace(",", "."))
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None

@@ -75,9 +75,9 @@ class Notifier:
             case "monitor-late" if event["limit"] not in self._late:
                 self._late.add(event["limit"])
                 self._send("stale", str(event["text"]))
-            case "question":
+            case "question" | "asked-again":
                 self._question = str(event["text"])
-            case "answer" | "effect" | "case-end":
+            case "answer" | "confirmed" | "effect" | "case-end":
                 self._question = ""
 
     def send(self, event: str, text: str) -> Callable[[], str | None]:

@@ -19,10 +19,11 @@ from hil.executive.case.case_run import CaseRun, PlannedCase
 from hil.executive.case.checks import Checks
 from hil.executive.case.effects import Effects
 from hil.executive.case.facade import Facade, RoleSet, facades
-from hil.executive.case.operator import AnswerSource, Operator
+from hil.executive.case.operator import Operator
 from hil.executive.case.steps import Steps
 from hil.executive.live.host import host_of
 from hil.executive.recording.recorder import Recorder
+from hil.executive.run.answers import Answering
 from hil.executive.run.events import Listener
 from hil.executive.run.exit_codes import code_of
 from hil.executive.run.record import Record
@@ -47,7 +48,7 @@ class Session:
         planned: every case, before anything is deselected.
         orphans: cases without a requirement.
         binder: makes the bench.
-        answers: makes what answers questions, from the bench and the scheduling point to pass while waiting.
+        answers: makes what answers questions.
         leases: what this run must hold alone, such as the ports of its instruments.
         listeners: are shown every event.
         replay: what this run must agree with, if it is a replay.
@@ -64,7 +65,7 @@ class Session:
         planned: Sequence[PlannedCase],
         *,
         binder: Binder,
-        answers: Callable[[BoundBench, Callable[[], None]], AnswerSource],
+        answers: Answering,
         leases: Sequence[str] = (),
         listeners: Sequence[Listener] = (),
         replay: ReplayOf | None = None,
@@ -94,7 +95,7 @@ class Session:
         self,
         planned: Sequence[PlannedCase],
         binder: Binder,
-        answers: Callable[[BoundBench, Callable[[], None]], AnswerSource],
+        answers: Answering,
         leases: Sequence[str],
         listeners: Sequence[Listener],
     ) -> None:
@@ -119,7 +120,7 @@ class Session:
             host = host_of(self.bench, self.bench.live, self.keeper.scheduler, self.record, configuration)
             self.keeper.outside, host.drives = host, self.keeper.holding.drives
             alarm.keep(host.amid, host.between)
-        self._answers = answers(self.bench, self.keeper.scheduler.idle)
+        self._answers = answers(self.bench, self.keeper.scheduler.idle, self.record.upkeep.elsewhere)
 
     def _may_be_entered(self) -> None:
         """Enter the run again where it was, or where it was stopped to be resumed."""

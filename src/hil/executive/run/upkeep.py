@@ -8,6 +8,7 @@ from pathlib import Path
 from hil.evidence.folder import RESERVE, free_reserve
 from hil.evidence.inbox import Message, asks_for_end, poll, waiting
 from hil.evidence.package.sealing import event_of
+from hil.executive.run.elsewhere import Elsewhere
 from hil.executive.run.events import DISK_FULL, Events
 from hil.executive.run.row_store import RowStore
 from hil.executive.run.stop import StopFlags
@@ -31,12 +32,14 @@ class Upkeep:
     Attributes:
         checkpoint: writes down where the bench is, if it is time.
         knows_code: tells whether a code is the one that the person on call was sent.
+        elsewhere: takes answers to the question that waits.
         retraces: tells whether the run still comes to what it came to before; nothing from outside can be taken then.
     """
 
     def __init__(self, folder: Path, events: Events, store: RowStore, transcript: Transcript, flags: StopFlags) -> None:
         self.checkpoint: Callable[[], None] = lambda: None
         self.knows_code: Callable[[str], bool] = lambda _: False
+        self.elsewhere = Elsewhere()
         self.retraces: Callable[[], bool] = lambda: False
         self._left = waiting(folder)
         self._timekeeping = Timekeeping(events.write)
@@ -69,6 +72,9 @@ class Upkeep:
             self._flags.request(f"{message.by or 'another terminal'}: {message.text}".rstrip(": "))
         elif message.kind == "reached":
             self._events.write("reached", by=message.by, ok=self.knows_code(message.text))
+        elif message.kind == "answer":
+            if problem := self.elsewhere.take(message.name, message.text, message.by):
+                self._events.write("anomaly", text=f"inbox, answer by {message.by or 'nobody'}: {problem}")
         else:
             kind, fields = event_of(message)
             self._events.write(kind, **fields)

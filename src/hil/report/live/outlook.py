@@ -85,6 +85,7 @@ class Outlook:
         case: the present case, empty where there is none.
         recordings: the recordings that are open, by id.
         held: why the bench is held, None where it is not.
+        asked: the question that waits for an answer, None where none does.
     """
 
     def __init__(self) -> None:
@@ -93,6 +94,7 @@ class Outlook:
         self.case = ""
         self.recordings: dict[str, Body] = {}
         self.held: str | None = None
+        self.asked: Body | None = None
         self._limits: dict[str, float] = {}
         self._waiting: dict[str, None] = {}
         self._took: dict[str, _Seen] = {}
@@ -174,7 +176,23 @@ class Outlook:
         self.case, self._began, self._paused = event["case"], self.t, 0.0
         self._steps, self._loops = [], {}
 
+    def _question(self, event: Body) -> None:
+        self.asked = event
+
+    def _asked_again(self, event: Body) -> None:
+        self.asked = event
+
+    def _answer(self, _: Body) -> None:
+        self.asked = None
+
+    def _confirmed(self, _: Body) -> None:
+        self.asked = None
+
+    def _effect(self, _: Body) -> None:
+        self.asked = None
+
     def _case_end(self, event: Body) -> None:
+        self.asked = None
         if event["verdict"] not in {"ABORTED", "ERROR", "NOT_RUN"}:
             self._took.setdefault(_function(event["case"]), _Seen()).add(self._spent())
         self.ended += 1

@@ -1,0 +1,94 @@
+"""`hil answer`: answer the question of a run from another terminal."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hil.cli.answered import answer_of
+from hil.cli.folders import find_running
+from hil.model.errors import Refused
+
+if TYPE_CHECKING:
+    from hil.executive.case.operator import Question
+
+__all__ = ["command"]
+
+
+@click.command(name="answer", epilog='Example: hil answer latest --by "A. Engineer"')
+@click.argument("run", metavar="RUN")
+@click.argument("answer", metavar="[ANSWER]", default="")
+@click.option("--by", default="", metavar="NAME", help="Who answers; asked for where it is not given.")
+def command(run: str, answer: str, by: str) -> int:
+    """Answer the question that a run waits with, such as one that was started with --detach.
+
+    Without ANSWER the question is shown here, and the answer read from this terminal. A safety confirmation is always
+    given so. Exit codes: 0, and 1 where the run does not take the answer.
+    """
+    from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
+    from hil.report.live.following import Follower  # noqa: PLC0415 - only when it is used
+
+    folder = find_running(run)
+    follower = Follower(folder)
+    follower.read()
+    question = _asked(folder.name, follower.outlook.asked)
+    said = _given(question, answer) if answer else _read(question)
+    name = by.strip() or _line("Your name")
+    post(folder, "answer", text=said, by=name, question=question.name)
+    told = answer_of(follower, {"answer", "anomaly"})
+    if told is None:
+        click.echo("the run has not looked at the answer yet; hil status tells whether it goes on")
+        return 0
+    if told["kind"] == "anomaly":
+        click.echo(f"not taken: {told['text']}", err=True)
+        return 1
+    click.echo(f"answered {told['name']}: {told['value']} ({told['by']})")
+    return 0
+
+
+def _asked(run: str, asked: Mapping[str, Any] | None) -> Question:
+    from hil.executive.case.operator import Question  # noqa: PLC0415 - heavy
+
+    if asked is None:
+        raise Refused(f"{run} asks nothing", "hil status tells where it is")
+    return Question(
+        name=str(asked["name"]),
+        form=str(asked["form"]),
+        text=str(asked["text"]),
+        options=tuple(asked["options"]),
+        unit=str(asked.get("unit", "")),
+        safety=bool(asked.get("safety", False)),
+    )
+
+
+def _given(question: Question, answer: str) -> str:
+    """Return an answer of the command line, where that may give one and it is one."""
+    from hil.executive.run.wording import form, understood  # noqa: PLC0415 - heavy
+
+    if question.safety:
+        raise Refused(
+            f"'{question.text}' is a safety confirmation: a person gives it live", "leave the answer out, and type it"
+        )
+    if understood(question, answer) is None:
+        raise Refused(f"'{answer}' does not answer '{question.text}'", f"answer {form(question)}")
+    return answer
+
+
+def _read(question: Question) -> str:
+    """Return what a person at this terminal answers; what is no answer is asked again."""
+    from hil.executive.run.wording import spoken, understood  # noqa: PLC0415 - heavy
+
+    while understood(question, said := _line(spoken(question))) is None:
+        pass
+    return said
+
+
+def _line(text: str) -> str:
+    if not sys.stdin.isatty():
+        raise Refused(f"'{text}' needs a person at this terminal", "call it from one, and without a pipe")
+    while not (line := str(click.prompt(text, default="", show_default=False, err=True)).strip()):
+        pass
+    return line
