@@ -27,6 +27,7 @@ from hil.model.safing import SafeBytes
 __all__ = ["KoradKa3005p", "KoradOutput"]
 
 _CHANNEL = 1
+_TIMES_OFF = 2
 _ON, _PROTECTED, _CONSTANT_VOLTAGE = 0x40, 0x20, 0x01
 _DECIMALS = {"voltage": 2, "current": 3}
 _COMMANDS = {"voltage": "VSET1:{:05.2f}", "current": "ISET1:{:05.3f}"}
@@ -99,12 +100,18 @@ class KoradOutput:
 
     @drives
     def disable(self) -> None:
-        """Switch the output off; its bytes leave first, whatever state the line is in."""
-        self._line.setting("OUT0", urgent=True)
-        if self.enabled():
-            raise Rejected(
-                self._connection.device, f"{self._name} was switched off and is on", "cut its mains, then look at it"
-            )
+        """Switch the output off; its bytes leave first, whatever state the line is in.
+
+        Nothing acknowledges them, and a command that comes too soon behind another one is lost with it. So off is said
+        once more to a supply that says it is on.
+        """
+        for _ in range(_TIMES_OFF):
+            self._line.setting("OUT0", urgent=True)
+            if not self.enabled():
+                return
+        raise Rejected(
+            self._connection.device, f"{self._name} was switched off and is on", "cut its mains, then look at it"
+        )
 
     @reads
     def enabled(self) -> bool:

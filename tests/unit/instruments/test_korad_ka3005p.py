@@ -9,7 +9,7 @@ from hil.clock.virtual import VirtualClock
 from hil.instruments.driver import Clamps, Connection
 from hil.instruments.korad_ka3005p import KoradKa3005p
 from hil.model.bench import Wire
-from hil.model.errors import Garbled, NoReply, Refused
+from hil.model.errors import Garbled, NoReply, Refused, Rejected
 
 IDN = (b"*IDN?", late(0.03, b"KORADKA3005PV2.0"))
 OFF, ON = (b"STATUS?", late(0.03, b"\x11")), (b"STATUS?", late(0.03, b"\x51"))
@@ -110,3 +110,15 @@ def test_a_dead_port_is_told():
     _, output, _ = driver(*[(b"VOUT1?", OSError("gone"))], *[(b"*IDN?", OSError("gone"))] * 2)
     with pytest.raises(NoReply, match="the port failed: gone"):
         output.voltage()
+
+
+def test_off_that_was_lost_is_said_once_more():
+    """A supply that says it is still on hears it again, and is believed the second time."""
+    off = (b"OUT0", b"")
+    _, output, port = driver(off, ON, ON, IDN, off, OFF, OFF, IDN)
+    output.disable()
+    assert port.done
+    _, output, port = driver(off, ON, ON, IDN, off, ON, ON, IDN)
+    with pytest.raises(Rejected, match="switched off and is on"):
+        output.disable()
+    assert port.done
