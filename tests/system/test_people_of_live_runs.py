@@ -11,9 +11,11 @@ from contextlib import contextmanager
 import pytest
 from battery_runs import BatteryWorkspace, battery_workspace
 from live_runs import seconds_until, served
+from resumed_runs import without_git
 from workspaces import ROOT, executive, finish, kill
 
 from hil.bench.latching import clear_latches_of
+from hil.clock import wall
 from hil.evidence.folder import JOURNAL
 from hil.evidence.inbox import post
 from hil.evidence.journal.reader import read_journal
@@ -50,6 +52,14 @@ ASKS = {
 }
 """What lets the case ask before it drives anything."""
 
+IN_TURNS = {
+    "(operator, supply,": "(operator, iterations, supply,",
+    "    clock.sleep(20.0)": """\
+    for _ in iterations("Turn", 2):
+        clock.sleep(20.0)""",
+}
+"""What lets it go on, once it is resumed, behind its question."""
+
 
 @pytest.fixture
 def folder(tmp_path_factory):
@@ -82,6 +92,28 @@ def started(workspace, folder, *options):
         if process.poll() is None:
             kill(process)
             process.communicate()
+
+
+@contextmanager
+def at_a_terminal(workspace, *words):
+    """Start a command at a terminal, and give what types there once the run asks, and a second has passed."""
+    keyboard, terminal = os.openpty()
+    process = workspace.start(*words, stdin=terminal)
+    os.close(terminal)
+
+    def typed(text):
+        seconds_until(lambda: "asks        " in workspace.hil("status", "latest").out, 60, "a question")
+        asked = wall.monotonic()
+        seconds_until(lambda: wall.monotonic() > asked + 1, 5, "a second")
+        os.write(keyboard, text.encode())
+
+    try:
+        yield process, typed
+    finally:
+        if process.poll() is None:
+            kill(process)
+            process.communicate()
+        os.close(keyboard)
 
 
 def events(workspace, kind):
@@ -143,6 +175,35 @@ def test_a_safety_confirmation_is_given_at_another_terminal(tmp_path, folder):
     assert again.code == 0, again.out + again.err
 
 
+def test_a_run_is_resumed_whose_person_took_time_to_answer(tmp_path, folder):
+    """Its bench was looked after meanwhile, which the resumed run comes to again; the person is asked again."""
+    workspace = without_git(workspace_of(tmp_path / "w", seconds=20.0))
+    workspace.change("testplans/on/test_on.py", ASKS)
+    workspace.change("testplans/on/test_on.py", IN_TURNS)
+    with served(folder):
+        with at_a_terminal(workspace, *RUN, "--served", str(folder), "--operator", "Ada") as (killed, typed):
+            typed("yes\n")
+            seconds_until(lambda: events(workspace, "step"), 60, "its first turn")
+            os.kill(executive(killed), signal.SIGKILL)
+            finish(killed)
+        (run,) = workspace.folders()
+        try:
+            acknowledge = ("ack", run.name, "--by", "Ada", "--text", "cold")
+            seconds_until(lambda: workspace.hil(*acknowledge).code == 0, 30, "ack")
+            with at_a_terminal(workspace, "resume", run.name, "--served", str(folder), "--ask") as (again, typed):
+                typed("yes\n")
+                ended = finish(again)
+        finally:
+            clear_latches_of(run.name)
+    assert ended.code == 0, ended.out + ended.err
+    package = Package(run)
+    (question, answer) = package.events("question", "answer")
+    assert answer["t"] - question["t"] > 1
+    assert [said["by"] for said in package.events("confirmed")] == ["Ada"]
+    again = workspace.hil("replay", run.name)
+    assert again.code == 0, again.out + again.err
+
+
 def test_an_unattended_run_that_reaches_nobody_is_not_armed(tmp_path, folder):
     """It ends as any run whose bench was not armed, and nothing was ever on."""
     workspace = workspace_of(tmp_path / "w")
@@ -189,7 +250,9 @@ def test_after_the_guardian_acted_a_named_person_comes_first(tmp_path, folder):
             assert f'hil ack {run} --by NAME --text "what was seen and done"' in refused.err
             assert workspace.hil("resume", "latest", "--served", str(folder)).code == 4
             assert workspace.hil(*check, "--energise").code == 4
-            assert "is latched" not in workspace.hil(*check).err
+            looked_at = workspace.hil(*check)
+            assert looked_at.code == 1
+            assert "NOT OK  not latched: bench 'battery' is latched since" in looked_at.out
             seconds_until(lambda: workspace.hil("ack", "latest", "--by", "Ada", "--text", "cold").code == 0, 30, "ack")
             assert "is latched" not in workspace.hil(*check, "--energise").err
         finally:

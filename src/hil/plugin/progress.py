@@ -140,6 +140,12 @@ class Progress:
         self._status.clear()
         self._status.quiet = True
 
+    _asked_again = _question
+
+    def _confirmed(self, event: Mapping[str, Any]) -> None:
+        self._status.quiet = False
+        self._line(f"  confirmed again {event['name']}: {event['value']} ({event['by']})")
+
     def _answer(self, event: Mapping[str, Any]) -> None:
         self._line(f"  answered {event['name']}: {event['value']} ({event['by']})")
 
@@ -211,6 +217,8 @@ class Progress:
         self._line("")
         words = "bench safe, every line proven" if event["ok"] else "THE BENCH COULD NOT BE PROVEN SAFE"
         self._line(words, _good(event["ok"]))
+        if not event["ok"]:
+            self._line("go to the bench, and switch off by hand what is NOT SAFE above", "bold")
 
     def _line(self, text: str, style: str = "") -> None:
         self._print(Text(text, style))

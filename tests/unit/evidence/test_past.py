@@ -52,3 +52,21 @@ def test_another_event_is_refused(past, kind, t, fields):
     """Another kind, time or content than the journal holds is Diverged, and both are told."""
     with pytest.raises(Diverged, match="but its journal holds .*one"):
         past.take(kind, t, fields)
+
+
+def test_a_person_who_took_time_does_not_have_to_take_it_again(tmp_path):
+    """A question comes before its time, and what was read while it waited comes before it."""
+    fields = {"case": "c", "name": "fuse"}
+    with Journal(tmp_path / "journal.jsonl") as journal:
+        journal.write("question", 47.2, **fields)
+        journal.write("monitor-late", 48.0, limit="cell")
+        journal.write("answer", 49.3, value=True, **fields)
+        journal.write("effect", 49.3, name="operator.fuse")
+    past = Past(read_journal(tmp_path / "journal.jsonl").lines)
+    assert past.take("monitor-late", 48.0, {"limit": "cell"})
+    assert past.take("question", 49.3, fields)
+    with pytest.raises(Diverged, match="the run came to"):
+        past.take("answer", 49.3, {"value": False, **fields})
+    assert past.take("answer", 49.3, {"value": True, **fields})
+    assert past.take("effect", 49.3, {"name": "operator.fuse"})
+    assert past.over

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Mapping
+from itertools import islice
 from typing import NoReturn
 
 from hil.evidence.journal.quick_json import quick_canonical
@@ -67,19 +68,29 @@ class Past:
     def take(self, kind: str, t: float, fields: Mapping[str, object]) -> bool:
         """Return whether the journal holds this event next; False for one that is new.
 
+        Questions and answers come again, but not at their instants, nor in their places among the readings of monitors:
+        a person took time, in which the bench was looked after, and who answers from the record takes none.
+
         Raises:
             Diverged: if the journal holds another one, and none of them comes from outside.
         """
         for place, line in enumerate(self._lines):
-            if quick_canonical({**fields, "seq": line.body["seq"], "t": round(t, 9), "kind": kind}) == line.raw:
-                for _ in range(place + 1):
-                    self._lines.popleft()
+            when = line.body["t"] if kind in _ANSWERED else round(t, 9)
+            if quick_canonical({**fields, "seq": line.body["seq"], "t": when, "kind": kind}) == line.raw:
+                self._come_to(place)
                 return True
-            if line.body["kind"] not in FROM_OUTSIDE:
+            if line.body["kind"] not in FROM_OUTSIDE | _ANSWERED:
                 break
         if not self.over and kind not in FROM_OUTSIDE:
             self._refuse(kind, t, fields)
         return False
+
+    def _come_to(self, place: int) -> None:
+        """Let the line at this place have come, and with it those before it that do not come again."""
+        owed = [line for line in islice(self._lines, place) if line.body["kind"] in _ANSWERED]
+        for _ in range(place + 1):
+            self._lines.popleft()
+        self._lines.extendleft(reversed(owed))
 
     def skip(self, last: int) -> None:
         """Pass over the events up to sequence number `last`, which are void."""

@@ -119,12 +119,14 @@ def deviation_of(earlier: Earlier, configuration: Configuration, reason: str) ->
 def require_answers(earlier: Earlier, request: Request) -> None:
     """Require that somebody answers further questions where not the simulated person has answered so far.
 
+    Those of an unattended run wait for an answer from any terminal.
+
     Raises:
         Refused: with whoever has answered.
     """
     events = (line.body for line in earlier.lines)
     others = sorted({str(event["by"]) for event in events if event["kind"] == "answer"} - {SIMULATED_PERSON})
-    if others and request.answers is None and not request.person:
+    if others and request.answers is None and not request.person and not request.unattended:
         raise Refused(
             f"{earlier.folder.name}: questions were answered by {', '.join(others)} so far",
             "give --answers FILE, or --ask to answer at the terminal",

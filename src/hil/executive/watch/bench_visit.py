@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from itertools import chain
 from pathlib import Path
 
 from hil.bench.binding import bind_simulated, check_twin
@@ -33,7 +34,7 @@ def check_bench(
 ) -> Iterator[Gate]:
     """Yield the readiness gates of a bench; without `energise`, or if one does not hold, nothing is driven.
 
-    Where a port is not there, or is another board's, nothing but that is told.
+    Where a port is not there, or is another board's, nothing but that is told. A latch is a gate that does not hold.
 
     Args:
         start: the folder where the workspace is looked for.
@@ -56,11 +57,19 @@ def check_bench(
             yield Gate(f"port of {error.device}", ok=False, detail=str(error))
             return
         ready = True
-        for gate in unpowered_gates(bench, None):
+        for gate in chain(unpowered_gates(bench, None), _latch_gates(bench.spec, source, served)):
             ready = ready and gate.ok
             yield gate
         if energise and ready:
             yield from energised_gates(bench, None)
+
+
+def _latch_gates(spec: BenchSpec, source: Source, served: Path | None) -> Iterator[Gate]:
+    reach = reach_of(spec, source, served)
+    try:
+        refuse_latched(reach.leases if reach else ())
+    except Refused as error:
+        yield Gate("not latched", ok=False, detail=str(error))
 
 
 def safe_bench(
