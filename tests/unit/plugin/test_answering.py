@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from hil.executive.case.operator import Answer, Declined, Question
+from hil.executive.run.elsewhere import Elsewhere
 from hil.executive.setup.configuration import Request
 from hil.model.identity import Source
 from hil.plugin.answering import answers_of
@@ -26,13 +27,13 @@ class Yes:
         return True
 
 
-def source_on(tmp_path, *, live, source=Source.SIMULATED, **wanted):
+def source_on(tmp_path, *, live, source=Source.SIMULATED, idle=lambda: None, elsewhere=None, **wanted):
     """Return what answers on a bench of this process or, if `live`, outside of it, with a file that has all answers."""
     file = tmp_path / "answers.yaml"
     file.write_text('schema: hil/answers/1\nanswers: {fuse: "yes", jig: "yes"}\n', encoding="utf-8")
     request = Request(start=tmp_path, plans=(), bench="b", dut="d", source=source, answers=file, **wanted)
     bench = SimpleNamespace(live=object() if live else None, has_person=not live, person=Yes())
-    return answers_of(request, Path.name.fget)(bench, lambda: None)
+    return answers_of(request, Path.name.fget)(bench, idle, elsewhere or Elsewhere())
 
 
 @pytest.fixture(params=[Source.HARDWARE, Source.SIMULATED], ids=["hardware", "served"])
@@ -58,6 +59,22 @@ def test_the_person_at_the_terminal_answers_it(tmp_path, source, monkeypatch):
     answers = source_on(tmp_path, live=True, source=source, operator="Ada")
     assert answers.answer(SAFETY) == Answer(True, "Ada")
     assert answers.answer(JIG) == Answer(True, "answers file")
+
+
+def test_an_unattended_run_waits_for_another_terminal(tmp_path, source, monkeypatch, capsys):
+    """Where it has none itself; its log says where the question is answered."""
+    monkeypatch.setattr(sys, "stdin", io.StringIO(""))
+    elsewhere = Elsewhere()
+    answers = source_on(
+        tmp_path,
+        live=True,
+        source=source,
+        unattended=True,
+        elsewhere=elsewhere,
+        idle=lambda: elsewhere.take("fuse", "yes", "Ada"),
+    )
+    assert answers.answer(SAFETY) == Answer(True, "Ada")
+    assert capsys.readouterr().err == "  ? Is the fuse in? [yes or no]  answer it with hil answer\n"
 
 
 def test_on_a_bench_of_this_process_a_file_may_answer(tmp_path):
