@@ -175,12 +175,16 @@ def test_a_safety_confirmation_is_given_at_another_terminal(tmp_path, folder):
     assert again.code == 0, again.out + again.err
 
 
-def test_a_run_is_resumed_whose_person_took_time_to_answer(tmp_path, folder):
-    """Its bench was looked after meanwhile, which the resumed run comes to again; the person is asked again."""
+@pytest.mark.parametrize("said", ["yes", "no"])
+def test_a_run_is_resumed_whose_person_took_time_to_answer(tmp_path, folder, said):
+    """Its bench was looked after meanwhile, which the resumed run comes to again.
+
+    What was confirmed is asked again; who says no then has taken no time from the safe-off that follows.
+    """
     workspace = without_git(workspace_of(tmp_path / "w", seconds=20.0))
     workspace.change("testplans/on/test_on.py", ASKS)
     workspace.change("testplans/on/test_on.py", IN_TURNS)
-    with served(folder):
+    with served(folder) as bench:
         with at_a_terminal(workspace, *RUN, "--served", str(folder), "--operator", "Ada") as (killed, typed):
             typed("yes\n")
             seconds_until(lambda: events(workspace, "step"), 60, "its first turn")
@@ -191,17 +195,20 @@ def test_a_run_is_resumed_whose_person_took_time_to_answer(tmp_path, folder):
             acknowledge = ("ack", run.name, "--by", "Ada", "--text", "cold")
             seconds_until(lambda: workspace.hil(*acknowledge).code == 0, 30, "ack")
             with at_a_terminal(workspace, "resume", run.name, "--served", str(folder), "--ask") as (again, typed):
-                typed("yes\n")
+                typed(f"{said}\n")
                 ended = finish(again)
         finally:
             clear_latches_of(run.name)
-    assert ended.code == 0, ended.out + ended.err
+        assert bench.on() == set()
+    assert ended.code == (0 if said == "yes" else 1), ended.out + ended.err
+    assert "NOT SAFE" not in ended.out
     package = Package(run)
     (question, answer) = package.events("question", "answer")
     assert answer["t"] - question["t"] > 1
-    assert [said["by"] for said in package.events("confirmed")] == ["Ada"]
-    again = workspace.hil("replay", run.name)
-    assert again.code == 0, again.out + again.err
+    assert [(told["by"], told["value"]) for told in package.events("confirmed")] == [("Ada", said == "yes")]
+    if said == "yes":
+        replayed = workspace.hil("replay", run.name)
+        assert replayed.code == 0, replayed.out + replayed.err
 
 
 def test_an_unattended_run_that_reaches_nobody_is_not_armed(tmp_path, folder):
