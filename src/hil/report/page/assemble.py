@@ -15,6 +15,7 @@ from hil.report.page.as_run import attributed, checks_of, fed_limits, recording_
 from hil.report.page.bench_file import instruments, parse, wiring
 from hil.report.page.drawings import charts, recording_graphics
 from hil.report.page.facts import facts
+from hil.report.page.guarded import guarded
 from hil.report.page.happenings import deviations, gates, happenings, people, safe_off
 from hil.report.page.view import (
     BrokenRow,
@@ -99,7 +100,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         instruments=instruments(bench),
         wiring=wiring(bench),
         people=people(run, events),
-        happenings=happenings(events, names),
+        happenings=happenings(events, names, guarded(material.text("guardian.jsonl"))),
         deviations=deviations(run),
         parameters=_parameters(material),
         software=_software(run, _json(material, "software.json"), place),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from hil.report.material import Body, flag, inners, text, texts
 from hil.report.numbers import bench_time, duration, number, with_unit
@@ -55,20 +55,30 @@ def deviations(run: Body) -> tuple[str, ...]:
     return texts(run, "deviations")
 
 
-def happenings(events: Sequence[Body], names: Mapping[str, CaseName]) -> tuple[Happening, ...]:
-    """Return anomalies, trips, gaps, faults, stops, notes and recoveries in the order of the journal."""
-    return tuple(
-        Happening(
-            at=bench_time(event.get("t")),
-            kind=_WORDS[text(event, "kind")],
-            case=names.get(text(event, "case")),
-            text=told,
-        )
-        for event in events
-        if text(event, "kind") in _TOLD
-        for told in (_TOLD[text(event, "kind")](event),)
-        if told
-    )
+def happenings(
+    events: Sequence[Body], names: Mapping[str, CaseName], guarded: Iterable[Happening] = ()
+) -> tuple[Happening, ...]:
+    """Return anomalies, trips, gaps, faults, stops, notes and recoveries in the order of the journal.
+
+    Args:
+        events: the journal's.
+        names: how cases are named.
+        guarded: what the guardian did, each before what became of the run then.
+    """
+    acts, found = list(guarded), []
+    for event in events:
+        kind = text(event, "kind")
+        if kind in {"recovered", "resumed"}:
+            found += acts[:1]
+            del acts[:1]
+        if told := _TOLD.get(kind, _nothing)(event):
+            case = names.get(text(event, "case"))
+            found.append(Happening(at=bench_time(event.get("t")), kind=_WORDS[kind], case=case, text=told))
+    return (*found, *acts)
+
+
+def _nothing(_: Body) -> str:
+    return ""
 
 
 def noted(event: Body) -> str:
