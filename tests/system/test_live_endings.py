@@ -173,6 +173,8 @@ def test_a_port_that_is_pulled(tmp_path, bench):
         assert "psu1" in ended.out
         bench.ask(plug="psu1")
         require_acknowledged(run)
+        replayed = run.workspace.hil("replay", run.folder.name)
+        assert replayed.code == 0, replayed.out + replayed.err
 
 
 def test_a_supply_that_refuses(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
@@ -212,7 +213,10 @@ class TappedPort(_Tap):
             raise self._gone(error) from error
 
     def _gone(self, error: Exception) -> NoReply:
-        return NoReply(self.device, f"its port is gone ({error})", "check cable, power and hub")
+        """Return what is told of it: no more than the transcript holds, so that a replay tells the same."""
+        number = getattr(error, "errno", None)
+        why = f" ({os.strerror(number)})" if number else ""
+        return NoReply(self.device, f"its port is gone{why}", "check cable, power and hub")
 
 
 class TappedBus(_Tap):
