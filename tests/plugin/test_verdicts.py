@@ -73,7 +73,7 @@ def test_data_of_another_name_are_no_data(tmp_path):
     """
     found = ran(tmp_path, cases)
     agreed(found, {"test_one": "NOT_EVALUATED"}, "NOT_EVALUATED", 1)
-    assert found.reasons("test_one") == "T-030 got no recording 'field'"
+    assert found.reasons("test_one") == "T-030 got no whole recording 'field'"
 
 
 @pytest.mark.parametrize(

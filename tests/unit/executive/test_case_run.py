@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from case_parts import Case, limit, monitor, scheduler
 
@@ -131,6 +133,15 @@ def test_what_a_fixture_finds_implausible_is_a_fault_of_the_bench(tmp_path):
     assert case.run.outcome().reasons == ("tec1: the plate goes away; look at the cooler",)
     assert case.run.bench_fault == "tec1: the plate goes away; look at the cooler"
     assert [event["device"] for event in case.written.of("fault")] == ["tec1"]
+
+
+def test_many_members_are_told_by_the_first_and_the_last(tmp_path):
+    """Who reads why a case of ten cycles was stopped is not told each check of each cycle."""
+    case = Case(tmp_path, "T-020")
+    requirement = case.run.requirements["T-020"]
+    wide = replace(requirement.limits[0], of=tuple(f"{number}" for number in range(1, 11)))
+    case.run.requirements = {"T-020": replace(requirement, limits=(wide,))}
+    assert case.run.outcome().reasons == ("T-020 got no check of rate of 1 to 10 (10 checks)",)
 
 
 def test_every_member_is_due(tmp_path):

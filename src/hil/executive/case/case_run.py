@@ -25,6 +25,7 @@ __all__ = ["ANSWERS", "CaseRun", "Outcome", "PlannedCase"]
 ANSWERS = "answers"
 """A requirement with a limit on this parameter speaks of whether its device answers at all."""
 
+_MOST_NAMED = 4
 _ADDRESS = re.compile(r" at 0x[0-9A-Fa-f]{8,}")
 """Where an object lies in memory, in its text: another place in every run, and no evidence."""
 
@@ -189,11 +190,14 @@ class CaseRun:
         return worst([*verdicts, Verdict.NOT_RUN] if self._skipped else verdicts)
 
     def _missing(self, requirement: Requirement) -> list[str]:
+        """Return the checks that a requirement did not get; many of one parameter are told by the first and the last."""
         done = {(item.parameter, item.of) for item in self.check.evaluated if item.requirement == requirement.id}
-        due = [(limit.parameter, of) for limit in requirement.limits for of in (limit.of or (None,))]
-        return [
-            parameter if of is None else f"{parameter} of {of}" for parameter, of in due if (parameter, of) not in done
-        ]
+        found: list[str] = []
+        for limit in requirement.limits:
+            left = [of for of in (limit.of or (None,)) if (limit.parameter, of) not in done]
+            named = [limit.parameter if of is None else f"{limit.parameter} of {of}" for of in left]
+            found += named if len(named) <= _MOST_NAMED else [f"{named[0]} to {left[-1]} ({len(left)} checks)"]
+        return found
 
     def _check_reasons(self) -> tuple[str, ...]:
         reasons = [
@@ -208,7 +212,7 @@ class CaseRun:
                 item.requirement == requirement.id for item in self.check.evaluated
             ):
                 name = requirement.records.recording if requirement.records else ""
-                reasons.append(f"{requirement.id} got no recording '{name}'")
+                reasons.append(f"{requirement.id} got no whole recording '{name}'")
         return tuple(reasons)
 
 
