@@ -190,7 +190,7 @@ class CaseRun:
         return worst([*verdicts, Verdict.NOT_RUN] if self._skipped else verdicts)
 
     def _missing(self, requirement: Requirement) -> list[str]:
-        """Return the checks that a requirement did not get; many of one parameter are told by the first and the last."""
+        """Return the checks that a requirement did not get; of many of one parameter the first and the last."""
         done = {(item.parameter, item.of) for item in self.check.evaluated if item.requirement == requirement.id}
         found: list[str] = []
         for limit in requirement.limits:
