@@ -216,4 +216,7 @@ def _end_with(supervisor: int) -> None:
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    """End what goes on; who asks twice, such as a terminal and the process that waits, does not disturb the ending."""
+    for number in _ASKS:
+        signal.signal(number, signal.SIG_IGN)
     raise KeyboardInterrupt
