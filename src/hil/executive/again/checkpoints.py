@@ -53,6 +53,10 @@ class Checkpoints:
         now = wall.monotonic()
         self._due = now + max(_EVERY_S, _SHARE * (now - began))
 
+    def soon(self) -> None:
+        """Let the next scheduling point write one."""
+        self._due = 0.0
+
     def write(self) -> None:
         """Write one.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from io import FileIO
@@ -98,6 +98,7 @@ class Record:
             self.events.at_new = self._go_on
         if checkpoints:
             self._checkpoints = Checkpoints(self.folder, bench)
+            self.events.listen(self._released)
             self.upkeep.checkpoint = self._note_progress
 
     @property
@@ -181,6 +182,11 @@ class Record:
         """Come before an event; behind a wake nobody knows whether there is another one."""
         self.upkeep.keep_time()
         self.transcript.flush()
+
+    def _released(self, event: Mapping[str, object]) -> None:
+        """Do not let a run that is killed now begin amid a hold that is over."""
+        if event["kind"] == "hold-end" and self._checkpoints is not None:
+            self._checkpoints.soon()
 
     def _note_progress(self) -> None:
         """Write down where the bench is; of a resumed run first that it was resumed."""
