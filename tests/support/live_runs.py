@@ -17,7 +17,7 @@ from workspaces import ROOT, Ended, command_line, executive, finish, kill
 
 from hil.simulation.served.client import ask
 
-__all__ = ["LiveRun", "Served", "guardian_of", "live_workspace", "running", "seconds_until", "served"]
+__all__ = ["LiveRun", "Served", "guardian_of", "live_workspace", "put_away", "running", "seconds_until", "served"]
 
 _REQUIREMENTS = """\
 schema: hil/requirements/1
@@ -192,11 +192,16 @@ def running(bench: Served, workspace: BatteryWorkspace) -> Iterator[LiveRun]:
         seconds_until(lambda: bench.on() >= {*_ON, "contact charge"}, 10.0, "every output on")
         yield LiveRun(bench, workspace, process)
     finally:
-        if process.poll() is None:
-            kill(process)
-            process.communicate()
-            acknowledged = ("ack", workspace.folders()[-1].name, "--by", "Ada", "--text", "a test broke off")
-            seconds_until(lambda: workspace.hil(*acknowledged).code == 0, 60.0, "acknowledged")
+        put_away(process, workspace)
+
+
+def put_away(process: subprocess.Popen[str], workspace: BatteryWorkspace) -> None:
+    """Leave nothing of a run that a test broke off: no process, and no latch."""
+    if process.poll() is None:
+        kill(process)
+        process.communicate()
+        acknowledged = ("ack", workspace.folders()[-1].name, "--by", "Ada", "--text", "a test broke off")
+        seconds_until(lambda: workspace.hil(*acknowledged).code == 0, 60.0, "acknowledged")
 
 
 def _command(bench: Served) -> tuple[str, ...]:

@@ -6,9 +6,8 @@ import subprocess
 from contextlib import contextmanager
 
 import pytest
-from live_runs import LiveRun, live_workspace, seconds_until, served
+from live_runs import LiveRun, live_workspace, put_away, seconds_until, served
 from resumed_runs import without_git
-from workspaces import kill
 
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
@@ -66,11 +65,7 @@ def going(bench, root, body):
     try:
         yield run
     finally:
-        if process.poll() is None:
-            kill(process)
-            process.communicate()
-            acknowledged = ("ack", workspace.folders()[-1].name, "--by", "Ada", "--text", "a test broke off")
-            seconds_until(lambda: workspace.hil(*acknowledged).code == 0, 60.0, "acknowledged")
+        put_away(process, workspace)
         process.stdout.close()
 
 

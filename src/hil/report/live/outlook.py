@@ -179,17 +179,11 @@ class Outlook:
     def _question(self, event: Body) -> None:
         self.asked = event
 
-    def _asked_again(self, event: Body) -> None:
-        self.asked = event
-
     def _answer(self, _: Body) -> None:
         self.asked = None
 
-    def _confirmed(self, _: Body) -> None:
-        self.asked = None
-
-    def _effect(self, _: Body) -> None:
-        self.asked = None
+    _asked_again = _question
+    _confirmed = _effect = _answer
 
     def _case_end(self, event: Body) -> None:
         self.asked = None
