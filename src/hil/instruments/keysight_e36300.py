@@ -13,8 +13,8 @@ from hil.instruments import settings
 from hil.instruments.capabilities import OVER_VOLTAGE_LEVEL
 from hil.instruments.driver import Connection, Outlet
 from hil.instruments.roles import Supply
-from hil.instruments.scpi import ScpiSession, as_switch
-from hil.instruments.scpi_supply import Dialect, Protection, ScpiOutput
+from hil.instruments.scpi.session import ScpiSession, as_switch
+from hil.instruments.scpi.supply import Dialect, Protection, ScpiOutput
 from hil.model.bench import Wire
 from hil.model.errors import Refused
 from hil.model.identity import Identity

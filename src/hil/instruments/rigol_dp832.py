@@ -15,8 +15,8 @@ from hil.instruments.capabilities import OVER_VOLTAGE_LEVEL
 from hil.instruments.driver import Connection, Outlet
 from hil.instruments.pacing import PacedPort
 from hil.instruments.roles import Supply
-from hil.instruments.scpi_closed import ClosedSession
-from hil.instruments.scpi_supply import Dialect, Protection, ScpiOutput
+from hil.instruments.scpi.closed import ClosedSession
+from hil.instruments.scpi.supply import Dialect, Protection, ScpiOutput
 from hil.model.bench import Wire
 from hil.model.errors import Refused
 from hil.model.identity import Identity

@@ -8,7 +8,7 @@ import pytest
 from scripted import ScriptedPort, late
 
 from hil.clock.virtual import VirtualClock
-from hil.instruments.scpi import (
+from hil.instruments.scpi.session import (
     ScpiSession,
     as_identification,
     as_number,

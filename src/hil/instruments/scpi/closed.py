@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
-from hil.instruments.scpi import ScpiSession
+from hil.instruments.scpi.session import ScpiSession
 from hil.model.errors import Garbled
 
 __all__ = ["ClosedSession"]

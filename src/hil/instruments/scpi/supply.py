@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from hil.instruments.driver import Clamps
 from hil.instruments.marks import drives, reads
 from hil.instruments.safing import NUMBER, must_be_state, own_bounds
-from hil.instruments.scpi import ScpiSession, as_number, as_register, as_switch
-from hil.instruments.scpi_safing import switched_off
+from hil.instruments.scpi.safing import switched_off
+from hil.instruments.scpi.session import ScpiSession, as_number, as_register, as_switch
 from hil.model.bench import Proof
 from hil.model.errors import Refused, Rejected
 from hil.model.figure import Figure

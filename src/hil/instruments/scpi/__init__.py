@@ -1,0 +1,1 @@
+"""SCPI for drivers: sessions that stay in step, the supply role by a table of commands, and bytes that make safe."""
