@@ -21,13 +21,14 @@ $(STAMP): pyproject.toml requirements.lock
 run: setup
 	$(BIN)/hil run testplans/magnetorquer --bench adcs --source simulated --dut SIM-ADCS-1
 
-# Every test but whole campaigns and runs in processes of their own, which `make system` takes: those hold live runs to
-# their seconds, and go one by one.
+# Every test but whole campaigns and runs in processes of their own, which `make system` takes.
 test: setup
 	$(BIN)/python -m pytest -m "not system" --numprocesses auto --dist loadfile
 
+# Those that hold live runs to their seconds go one by one, behind all others.
 system: setup
-	$(BIN)/python -m pytest -m system
+	$(BIN)/python -m pytest -m "system and not alone" --numprocesses auto --dist loadfile
+	$(BIN)/python -m pytest -m "system and alone"
 
 # What a reviewer would find before reading: layout, style, types, layers.
 check: setup

@@ -9,7 +9,7 @@ from live_runs import served
 from hil.executive.run.answers import SIMULATED_PERSON
 from hil.plugin.rehearsing import replay
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(300)]
 
 SHORTER = {
     'max: "0.02", for: 60 s': 'max: "0.02", for: 4 s',

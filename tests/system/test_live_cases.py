@@ -12,7 +12,7 @@ from resumed_runs import without_git
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(400)]
 
 SPEED = 4.0
 SIGNATURE = {"clock, check, step)": "clock, record, iterations, operator, check, step)"}

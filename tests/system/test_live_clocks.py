@@ -16,7 +16,7 @@ from hil.evidence.journal.reader import read_journal
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(400)]
 
 TWO_HOURS = 7200
 SPEED = 4.0

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from live_runs import live_workspace, running, seconds_until, served
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(1200)]
+pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(1200)]
 
 TIMES = int(os.environ.get("HIL_STRESS", "3"))
 """How often each ending is tried."""

@@ -14,7 +14,7 @@ from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
 from hil.plugin.rehearsing import replay
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(300)]
 
 SPEED = 4.0
 WATCH = {

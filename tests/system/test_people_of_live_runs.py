@@ -21,7 +21,7 @@ from hil.evidence.inbox import post
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.package.contents import Package
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(300)]
 
 NOTIFY = 'notify = ["/bin/cp", "/dev/stdin", "told.json"]\n'
 RUN = ("run", "on", "--bench", "battery", "--source", "simulated", "--dut", "SIM-BAT-1")

@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(480)]
+pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(480)]
 
 PYTHON = sys.executable
 MOST_PYTHONS = 8.0

@@ -59,6 +59,7 @@ def test_recordings_are_exported_as_told(tmp_path):
 
 
 @pytest.mark.system
+@pytest.mark.alone
 @pytest.mark.timeout(600)
 def test_a_real_bench_is_rehearsed_as_told(tmp_path):
     """On a served bench: looked at, tried, a run ended in order and one killed, latched, acknowledged, gone on with."""
