@@ -11,6 +11,7 @@ from hil.evidence.folder import JOURNAL, RECORDINGS
 from hil.evidence.recordings.rows import Rows
 from hil.report.live.following import Follower
 from hil.report.live.lines import facts, reading_lines
+from hil.report.live.outlook import Outlook
 
 LIMITS = """\
 envelope:
@@ -22,6 +23,16 @@ def recording(identifier, name, case, *channels):
     """Return the fields of the event with which a recording begins."""
     told = [{"name": channel, "unit": unit, "instrument": "i"} for channel, unit in channels]
     return {"recording": identifier, "name": name, "case": case, "duration": None, "channels": told}
+
+
+def store(folder, identifier, *rows):
+    """Write a row file."""
+    names = [("v", "V")] * (len(rows[0]) - 1)
+    (folder / RECORDINGS).mkdir(parents=True, exist_ok=True)
+    file = Rows(folder / RECORDINGS / f"{identifier}.rows", recording="r", channels=names, on_block=lambda *_: None)
+    for row in rows:
+        file.append(row)
+    file.finish()
 
 
 def test_new_events_are_read_once_and_half_a_line_later(tmp_path):
@@ -57,17 +68,10 @@ def recorded(tmp_path):
     with begin(tmp_path) as journal:
         journal.write("recording", 1.0, **recording("envelope-c", "coil-current", None, ("current", "A")))
         journal.write("recording", 2.0, **recording("001-rest", "rest", "test_rest", ("x", "deg/s"), ("y", "deg/s")))
-    (tmp_path / RECORDINGS).mkdir(parents=True, exist_ok=True)
     (tmp_path / "data/bench").mkdir(exist_ok=True)
     (tmp_path / "data/bench/bench.yaml").write_text(LIMITS)
-    for identifier, rows in (("001-rest", [(3.0, 1.0, 2.0), (9.0, 4.0, float("nan"))]), ("envelope-c", [(8.0, 0.1)])):
-        names = [("v", "V")] * (len(rows[0]) - 1)
-        file = Rows(
-            tmp_path / RECORDINGS / f"{identifier}.rows", recording="r", channels=names, on_block=lambda *_: None
-        )
-        for row in rows:
-            file.append(row)
-        file.finish()
+    store(tmp_path, "001-rest", (3.0, 1.0, 2.0), (9.0, 4.0, float("nan")))
+    store(tmp_path, "envelope-c", (8.0, 0.1))
     return tmp_path
 
 
@@ -111,3 +115,60 @@ def test_half_a_row_is_not_read(recorded):
     follower = Follower(recorded)
     follower.read()
     assert [reading.t for reading in follower.readings()] == [9.0, 9.0]
+
+
+@pytest.fixture
+def fed(tmp_path):
+    """Return a run whose recording feeds a limit on what it holds, and one on what is computed from it."""
+    with begin(tmp_path) as journal:
+        journal.write("recording", 1.0, **recording("envelope-c", "coil-current", None, ("current", "A")))
+        journal.write("recording", 1.0, **recording("envelope-w", "warming", None, ("slope", "K/min")))
+        journal.write("recording", 2.0, **recording("001-rest", "rest", "test_rest", ("x", "V"), ("current", "A")))
+        journal.write("fed", 2.0, limit="coil-current", recording="001-rest")
+        journal.write("fed", 2.0, limit="warming", recording="001-rest")
+    (tmp_path / "data/bench").mkdir(exist_ok=True)
+    computed = "- {id: warming, output: cell, quantity: slope, of: temperature, over: 60 s, unit: K/min, max: 2}\n"
+    (tmp_path / "data/bench/bench.yaml").write_text(LIMITS + computed)
+    store(tmp_path, "envelope-c", (1.5, 0.1))
+    store(tmp_path, "envelope-w", (1.5, 0.7))
+    return tmp_path
+
+
+def test_a_limit_that_is_fed_shows_the_newest_row(fed):
+    """Not its own last reading from before the recording; what is computed from rows has no value to show."""
+    store(fed, "001-rest", (3.0, 5.0, 0.11), (99.0, 6.0, 0.15))
+    follower = Follower(fed)
+    follower.read()
+    readings = follower.readings()
+    lines = [line.split() for line in reading_lines(readings, follower.outlook.t)]
+    assert " ".join(lines[2]) == "coil-current current 0.15 A 0 to 0.2 A, fed by recording 001-rest"
+    assert " ".join(lines[3]) == "warming slope - ≤ 2 K/min, fed by recording 001-rest"
+    told = facts(follower.outlook, readings)["readings"]
+    assert [(item["value"], item["t"], item["fed"]) for item in told] == [
+        (6.0, 99.0, None),
+        (0.15, 99.0, None),
+        (0.15, 99.0, "001-rest"),
+        (None, 99.0, "001-rest"),
+    ]
+
+
+def test_a_limit_shows_its_own_reading_where_that_is_newer(fed):
+    """Where no row has come, or comes any more, the envelope takes readings again; so it does behind the recording."""
+    follower = Follower(fed)
+    follower.read()
+    assert [str(reading) for reading in follower.readings()] == ["0.1 A", "0.7 K/min"]
+    store(fed, "001-rest", (1.0, 5.0, 0.11))
+    assert [str(reading) for reading in follower.readings() if reading.watched] == ["0.1 A", "0.7 K/min"]
+    follower.outlook.take({"kind": "recording-end", "t": 120.0, "recording": "001-rest"})
+    assert follower.outlook.fed == {}
+
+
+def test_a_recording_that_is_void_is_read_no_more():
+    """A run that was entered again in front of it does not go on with it, nor is a limit fed by it."""
+    outlook = Outlook()
+    for number, identifier in enumerate(("001-a", "002-b"), 5):
+        fields = recording(identifier, "rest", "test_rest", ("x", "V"))
+        outlook.take({"kind": "recording", "t": 2.0, "seq": 2 * number, **fields})
+        outlook.take({"kind": "fed", "t": 2.0, "seq": 2 * number + 1, "limit": identifier, "recording": identifier})
+    outlook.take({"kind": "resumed", "t": 9.0, "seq": 20, "entry": {"boundary": 11}})
+    assert (list(outlook.recordings), outlook.fed) == (["001-a"], {"001-a": "001-a"})

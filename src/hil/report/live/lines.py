@@ -56,10 +56,11 @@ def facts(outlook: Outlook, readings: Sequence[Reading]) -> dict[str, Any]:
             {
                 "recording": each.recording,
                 "channel": each.channel,
-                "value": each.value if math.isfinite(each.value) else None,
+                "value": each.value if each.value is not None and math.isfinite(each.value) else None,
                 "unit": each.unit,
                 "t": each.t,
                 "envelope": each.watched,
+                "fed": each.fed or None,
                 "min": each.minimum,
                 "max": each.maximum,
             }
@@ -70,5 +71,6 @@ def facts(outlook: Outlook, readings: Sequence[Reading]) -> dict[str, Any]:
 
 def _aside(reading: Reading, now: float) -> str:
     age = now - reading.t
-    said = [reading.limits, f"{duration(age)} ago" if age >= 1 else ""]
+    fed = f"fed by recording {reading.fed}" if reading.fed else ""
+    said = [reading.limits, fed, f"{duration(age)} ago" if age >= 1 else ""]
     return ", ".join(part for part in said if part)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,6 +85,7 @@ class Outlook:
         ended: how many of them ended.
         case: the present case, empty where there is none.
         recordings: the recordings that are open, by id.
+        fed: the open recording whose rows a limit of the envelope is judged on, by the limit's id.
         held: why the bench is held, None where it is not.
         asked: the question that waits for an answer, None where none does.
     """
@@ -93,6 +95,7 @@ class Outlook:
         self.planned = self.ended = 0
         self.case = ""
         self.recordings: dict[str, Body] = {}
+        self.fed: dict[str, str] = {}
         self.held: str | None = None
         self.asked: Body | None = None
         self._limits: dict[str, float] = {}
@@ -217,7 +220,19 @@ class Outlook:
         self.recordings[event["recording"]] = event
 
     def _recording_end(self, event: Body) -> None:
-        self.recordings.pop(event["recording"], None)
+        self._close({event["recording"]})
+
+    def _fed(self, event: Body) -> None:
+        self.fed[event["limit"]] = event["recording"]
+
+    def _resumed(self, event: Body) -> None:
+        """Close the recordings that a run began behind the event at which it was entered again: they are void."""
+        after = event["entry"]["boundary"] if event.get("entry") else math.inf
+        self._close({name for name, begun in self.recordings.items() if begun.get("seq", 0) > after})
+
+    def _close(self, names: Collection[str]) -> None:
+        self.recordings = {name: begun for name, begun in self.recordings.items() if name not in names}
+        self.fed = {limit: name for limit, name in self.fed.items() if name not in names}
 
     def _hold(self, event: Body) -> None:
         self.held, self._held_at = str(event["text"]), self.t

@@ -6,7 +6,7 @@ import math
 import os
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,8 @@ __all__ = ["Reading", "Readings"]
 _BENCH = "data/bench/bench.yaml"
 _LONGEST_HEADER = 1_000_000
 _NUMBER = 8
+_PLAIN = frozenset({"id", "output", "quantity", "unit", "min", "max", "period", "max_age", "debounce"})
+"""What the bench file says of a limit on a quantity that is read, not computed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,24 +36,26 @@ class Reading:
     Attributes:
         recording: the recording's name; the id of its limit where the envelope watches it.
         channel: the channel's name.
-        value: the value, NaN where the instrument had none.
+        value: the value, NaN where the instrument had none; None where it is computed from the rows that feed it.
         unit: its unit.
         t: the row's time in s.
         watched: whether it is the envelope's.
+        fed: the id of the recording that it is judged on and read from, empty where the envelope takes readings.
         minimum, maximum: limits of the envelope, None where there is none.
     """
 
     recording: str
     channel: str
-    value: float
+    value: float | None
     unit: str
     t: float
     watched: bool
+    fed: str = ""
     minimum: float | None = None
     maximum: float | None = None
 
     def __str__(self) -> str:
-        return with_unit(number(self.value, 5), self.unit)
+        return "-" if self.value is None else with_unit(number(self.value, 5), self.unit)
 
     @property
     def limits(self) -> str:
@@ -74,14 +78,31 @@ class Readings:
 
     def newest(self, outlook: Outlook) -> list[Reading]:
         """Return the newest value of every channel of the open recordings, and let the outlook know their time."""
+        begun = dict(sorted(outlook.recordings.items(), key=lambda item: item[1]["case"] is None))
+        rows = {name: row for name, event in begun.items() if (row := self._last(name, event)) is not None}
         found: list[Reading] = []
-        for identifier, begun in sorted(outlook.recordings.items(), key=lambda item: item[1]["case"] is None):
-            row = _last_row(self._folder / RECORDINGS / f"{identifier}.rows", len(begun["channels"]) + 1)
-            if row is None:
-                continue
+        for name, row in rows.items():
             outlook.at(row[0])
-            found.extend(self._reading(begun, place, row) for place in range(1, len(row)))
+            feeding = outlook.fed.get(begun[name]["name"], "") if begun[name]["case"] is None else ""
+            if feeding in rows and rows[feeding][0] >= row[0]:
+                found.append(self._fed(begun[name], feeding, begun[feeding], rows[feeding]))
+            else:
+                found.extend(self._reading(begun[name], place, row) for place in range(1, len(row)))
         return found
+
+    def _last(self, name: str, begun: Mapping[str, Any]) -> tuple[float, ...] | None:
+        return _last_row(self._folder / RECORDINGS / f"{name}.rows", len(begun["channels"]) + 1)
+
+    def _fed(
+        self, begun: Mapping[str, Any], feeding: str, stream: Mapping[str, Any], row: tuple[float, ...]
+    ) -> Reading:
+        """Return what a limit is judged on while rows come: the envelope takes no readings of its own then."""
+        alike = [(channel["name"], channel["unit"]) for channel in stream["channels"]]
+        wanted = begun["channels"][0]
+        plain = self._limits.get(begun["name"], {}).keys() <= _PLAIN
+        known = plain and (wanted["name"], wanted["unit"]) in alike
+        value = row[1 + alike.index((wanted["name"], wanted["unit"]))] if known else None
+        return replace(self._reading(begun, 1, (row[0], math.nan)), value=value, fed=feeding)
 
     def _reading(self, begun: Mapping[str, Any], place: int, row: tuple[float, ...]) -> Reading:
         channel, watched = begun["channels"][place - 1], begun["case"] is None
