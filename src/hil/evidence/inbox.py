@@ -56,6 +56,11 @@ class Message:
     sha256: str = ""
     name: str = ""
 
+    @property
+    def beside(self) -> dict[str, str]:
+        """What stands beside its event: when it was sent, which may be long before it is taken."""
+        return {"sent": self.utc} if self.utc else {}
+
 
 def post(
     folder: Path,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from hil.evidence.package.bag import INFO
 from hil.evidence.package.contents import Package
@@ -40,6 +40,10 @@ class PackageMaterial:
         """Return the UTC of the first and of the last event."""
         lines = self._package.lines()
         return (str(lines[0].wall.get("utc", "")), str(lines[-1].wall.get("utc", ""))) if lines else ("", "")
+
+    def sent(self) -> Mapping[int, str]:
+        """Return the UTC at which what came from other terminals was sent; earlier records do not tell it."""
+        return {line.body["seq"]: str(line.wall["sent"]) for line in self._package.lines() if "sent" in line.wall}
 
     def events(self) -> Sequence[Body]:
         """Return the bodies of the journal in order."""

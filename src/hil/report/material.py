@@ -39,6 +39,10 @@ class Material(Protocol):
         """Return the UTC of the first and of the last event, as ISO 8601; empty where there is none."""
         ...
 
+    def sent(self) -> Mapping[int, str]:
+        """Return the UTC at which what came from other terminals was sent, by the sequence number of its event."""
+        ...
+
     def events(self) -> Sequence[Body]:
         """Return the bodies of the journal in order."""
         ...

@@ -9,10 +9,13 @@ from hil.evidence.folder import GUARDIAN, create, hold
 from hil.evidence.inbox import peek, post
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.journal.writer import Journal
+from hil.evidence.package.contents import Package
 from hil.evidence.package.recovery import recover
 from hil.evidence.package.verification import State, verify
 from hil.evidence.runs import status
 from hil.evidence.safed import guardian_hash, guardian_lines, is_acknowledged
+from hil.report.from_package import PackageMaterial
+from hil.report.page.happenings import happenings
 
 ACTED = b'{"kind":"acted","why":"the executive died"}\n'
 
@@ -76,6 +79,20 @@ def test_the_guardians_journal_is_sealed_with_the_run(folder):
     (folder / GUARDIAN).chmod(0o644)
     (folder / GUARDIAN).write_bytes(ACTED * 2)
     assert verify(folder).state is State.DAMAGED
+
+
+def test_the_report_tells_when_it_was_acknowledged(folder):
+    """The bench was looked at long before the run was sealed, or went on; its record tells both moments."""
+    post(folder, "ack", by="Ada", text="fuse replaced", seen=guardian_hash(folder))
+    (message,) = peek(folder)
+    recover(folder, write_reports=lambda _: None)
+    material = PackageMaterial(Package(folder))
+    (told,) = [event for event in material.events() if event["kind"] == "acknowledged"]
+    assert material.sent() == {told["seq"]: message.utc}
+    (row,) = [row for row in happenings(material.events(), {}, (), material.sent()) if row.kind == "acknowledged"]
+    assert (row.at, row.text) == (message.utc, "fuse replaced (Ada)")
+    (row,) = [row for row in happenings(material.events(), {}) if row.kind == "acknowledged"]
+    assert row.at == "0:00:00.0"  # of an earlier record
 
 
 def test_a_run_without_a_guardian_needs_no_acknowledgement(tmp_path):

@@ -539,3 +539,24 @@ def test_every_colour_of_text_can_be_read(place):
     ]:
         light, dark = sorted((luminance(found[text]), luminance(found[behind])), reverse=True)
         assert (light + 0.05) / (dark + 0.05) >= 4.5, (text, behind)
+
+
+def test_readiness_gates_are_told_per_arming(tmp_path):
+    """With a heading each, and a cut path that was not tried is not said to have held."""
+    path = {
+        "name": "cut path of cycler: fuse",
+        "ok": True,
+        "detail": "within 1 s; not tried: no software is part of it",
+    }
+    armed = [
+        ("gate", 1.0, {"name": "identity psu1", "ok": True, "detail": "X"}),
+        ("gate", 1.5, path),
+        ("armed", 2.0, {}),
+    ]
+    entry = {"boundary": 6, "void_to": 6, "operations": 0, "number": 1, "rows": [], "kept": "", "place": 6}
+    resumed = ("resumed", 60.0, {"text": "interrupted", "seconds": 9.0, "deviation": "", "entry": entry})
+    again = [(kind, t + 60.0, fields) for kind, t, fields in armed]
+    words = Page(page_of(tmp_path, events=[*armed, resumed, *again, *one_case("PASS")])).words
+    assert "Arming, at 0:00:01.0 of bench time" in words
+    assert "Armed again, at 0:01:01.0 of bench time Gate Held Detail identity psu1 held X" in words
+    assert "cut path of cycler: fuse not tried within 1 s" in words

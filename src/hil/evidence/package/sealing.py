@@ -91,7 +91,7 @@ def _write_results(folder: Path, journal: Journal) -> None:
     """Empty the inbox, convert the recordings, and derive the results."""
     for message in poll(folder):
         kind, fields = event_of(message)
-        journal.write(kind, journal.last_t, **fields)
+        journal.write(kind, journal.last_t, beside=message.beside, **fields)
     reading = read_journal(folder / JOURNAL)
     journal.sync()  # rows are removed below, and their hashes stand in the ends of the recordings
     if wrong := _convert_all(folder, reading.events):

@@ -77,7 +77,7 @@ class Upkeep:
                 self._events.write("anomaly", text=f"inbox, answer by {message.by or 'nobody'}: {problem}")
         else:
             kind, fields = event_of(message)
-            self._events.write(kind, **fields)
+            self._events.write(kind, beside=message.beside, **fields)
 
     def flush(self) -> None:
         """Bring what waits to the disk."""

@@ -16,7 +16,8 @@ from hil.report.page.bench_file import instruments, parse, wiring
 from hil.report.page.drawings import charts, recording_graphics
 from hil.report.page.facts import facts
 from hil.report.page.guarded import guarded
-from hil.report.page.happenings import deviations, gates, happenings, people, safe_off
+from hil.report.page.happenings import deviations, happenings, people
+from hil.report.page.readiness import armings, safe_off
 from hil.report.page.view import (
     BrokenRow,
     CaseName,
@@ -94,13 +95,13 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         fed=fed_limits(events),
         not_run=_not_run(events, results),
         orphans=tuple(case for event in events if event["kind"] == "orphan" for case in texts(event, "cases")),
-        gates=gates(events),
+        armings=armings(events),
         safe=safe_off(events),
         safe_word=safe_word(results),
         instruments=instruments(bench),
         wiring=wiring(bench),
         people=people(run, events),
-        happenings=happenings(events, names, guarded(material.text("guardian.jsonl"))),
+        happenings=happenings(events, names, guarded(material.text("guardian.jsonl")), material.sent()),
         deviations=deviations(run),
         parameters=_parameters(material),
         software=_software(run, _json(material, "software.json"), place),

@@ -1,39 +1,15 @@
-"""What happened around the procedure: readiness, safe-off, people, and everything out of the ordinary."""
+"""What happened around the procedure: people, and everything out of the ordinary."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from types import MappingProxyType
 
 from hil.report.material import Body, flag, inners, text, texts
 from hil.report.numbers import bench_time, duration, number, with_unit
-from hil.report.page.view import CaseName, GateRow, Happening, SafeRow
+from hil.report.page.view import CaseName, Happening
 
-__all__ = ["attached", "deviations", "gates", "happenings", "noted", "people", "safe_off"]
-
-
-def gates(events: Sequence[Body]) -> tuple[GateRow, ...]:
-    """Return the readiness gates in the order in which they were passed or not."""
-    return tuple(
-        GateRow(name=text(event, "name"), ok=flag(event, "ok"), detail=text(event, "detail"))
-        for event in events
-        if event["kind"] in {"gate", "host-gate"}
-    )
-
-
-def safe_off(events: Sequence[Body]) -> tuple[SafeRow, ...]:
-    """Return every output that was made safe, in order."""
-    return tuple(
-        SafeRow(
-            at=bench_time(event.get("t")),
-            output=text(event, "output"),
-            state=text(event, "state"),
-            ok=flag(event, "ok"),
-            detail=text(event, "detail"),
-            duration=duration(event.get("duration")),
-        )
-        for event in events
-        if event["kind"] == "safe"
-    )
+__all__ = ["attached", "deviations", "happenings", "noted", "people"]
 
 
 def people(run: Body, events: Sequence[Body]) -> tuple[tuple[str, str], ...]:
@@ -56,7 +32,10 @@ def deviations(run: Body) -> tuple[str, ...]:
 
 
 def happenings(
-    events: Sequence[Body], names: Mapping[str, CaseName], guarded: Iterable[Happening] = ()
+    events: Sequence[Body],
+    names: Mapping[str, CaseName],
+    guarded: Iterable[Happening] = (),
+    sent: Mapping[int, str] = MappingProxyType({}),
 ) -> tuple[Happening, ...]:
     """Return anomalies, trips, gaps, faults, stops, notes and recoveries in the order of the journal.
 
@@ -64,6 +43,8 @@ def happenings(
         events: the journal's.
         names: how cases are named.
         guarded: what the guardian did, each before what became of the run then.
+        sent: UTC of what was said from elsewhere, by its event's sequence number: a run that had ended by then wrote
+            it down when it went on, so that its bench time says nothing.
     """
     acts, found = list(guarded), []
     for event in events:
@@ -73,7 +54,9 @@ def happenings(
             del acts[:1]
         if told := _TOLD.get(kind, _nothing)(event):
             case = names.get(text(event, "case"))
-            found.append(Happening(at=bench_time(event.get("t")), kind=_WORDS[kind], case=case, text=told))
+            number = event.get("seq")
+            utc = sent.get(number, "") if kind == "acknowledged" and isinstance(number, int) else ""
+            found.append(Happening(at=utc or bench_time(event.get("t")), kind=_WORDS[kind], case=case, text=told))
     return (*found, *acts)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hil.model.verdict import Verdict
+from hil.report.page.readiness import Arming, SafeRow
 
 __all__ = [
     "BrokenRow",
@@ -15,7 +16,6 @@ __all__ = [
     "DocumentRow",
     "Exchange",
     "Fact",
-    "GateRow",
     "Graphic",
     "Happening",
     "InstrumentRow",
@@ -23,7 +23,6 @@ __all__ = [
     "RecordingRow",
     "RequirementRow",
     "RunView",
-    "SafeRow",
     "StepRow",
     "WireRow",
 ]
@@ -191,27 +190,6 @@ class CaseView:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GateRow:
-    """One readiness gate at arm."""
-
-    name: str
-    ok: bool
-    detail: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SafeRow:
-    """One output, brought to its safe state and proven there, or not."""
-
-    at: str
-    output: str
-    state: str
-    ok: bool
-    detail: str
-    duration: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentRow:
     """One instrument of the bench file, with its calibration."""
 
@@ -283,7 +261,7 @@ class RunView:
     cases: tuple[CaseView, ...]
     not_run: tuple[tuple[str, str, str], ...]
     orphans: tuple[str, ...]
-    gates: tuple[GateRow, ...]
+    armings: tuple[Arming, ...]
     watched: tuple[RecordingRow, ...]
     watched_graphics: tuple[Graphic, ...]
     fed: tuple[str, ...]
