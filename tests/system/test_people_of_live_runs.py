@@ -179,7 +179,8 @@ def test_a_safety_confirmation_is_given_at_another_terminal(tmp_path, folder):
 def test_a_run_is_resumed_whose_person_took_time_to_answer(tmp_path, folder, said):
     """Its bench was looked after meanwhile, which the resumed run comes to again.
 
-    What was confirmed is asked again; who says no then has taken no time from the safe-off that follows.
+    What was confirmed is asked again; who says no then has taken no time from the safe-off that follows. A replay
+    takes that answer from the record, too, and asks nobody.
     """
     workspace = without_git(workspace_of(tmp_path / "w", seconds=20.0))
     workspace.change("testplans/on/test_on.py", ASKS)
@@ -206,9 +207,8 @@ def test_a_run_is_resumed_whose_person_took_time_to_answer(tmp_path, folder, sai
     (question, answer) = package.events("question", "answer")
     assert answer["t"] - question["t"] > 1
     assert [(told["by"], told["value"]) for told in package.events("confirmed")] == [("Ada", said == "yes")]
-    if said == "yes":
-        replayed = workspace.hil("replay", run.name)
-        assert replayed.code == 0, replayed.out + replayed.err
+    replayed = workspace.hil("replay", run.name)
+    assert replayed.code == 0, replayed.out + replayed.err
 
 
 def test_an_unattended_run_that_reaches_nobody_is_not_armed(tmp_path, folder):
@@ -224,6 +224,8 @@ def test_an_unattended_run_that_reaches_nobody_is_not_armed(tmp_path, folder):
     assert "nobody gave the code of the notification back within 0.3 s" in ended.out
     assert events(workspace, "armed") == []
     assert [end["verdict"] for end in events(workspace, "results")] == ["NOT_RUN"]
+    replayed = workspace.hil("replay", "latest")
+    assert replayed.code == 0, replayed.out + replayed.err
 
 
 def test_a_detached_run_on_a_live_bench_is_an_unattended_one(tmp_path, folder):

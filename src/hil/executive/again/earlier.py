@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from itertools import takewhile
 from pathlib import Path
 
+from hil.bench.gate import Gate
 from hil.clock import wall
 from hil.clock.port import NANOSECONDS
 from hil.evidence.folder import JOURNAL, hold, is_sealed
@@ -16,6 +17,7 @@ from hil.evidence.journal.reader import Body, JournalLine, cut_torn_tail, read_j
 from hil.evidence.journal.standing import Entry, entries, standing
 from hil.evidence.journal.writer import Journal
 from hil.executive.again.checkpoints import read_checkpoint
+from hil.executive.again.not_opened import not_opened
 from hil.model.errors import EvidenceError, Refused
 from hil.model.verdict import Verdict
 from hil.wire.checkpoint import Checkpoint
@@ -85,6 +87,11 @@ class Earlier:
     def entries(self) -> tuple[Entry, ...]:
         """Where it was entered before."""
         return entries(line.body for line in self.lines)
+
+    @property
+    def not_opened(self) -> Mapping[int, Gate]:
+        """The gates of the host that ended its armings, see `BenchKeeper`."""
+        return not_opened(line.body for line in self.lines)
 
     @property
     def next_recording(self) -> int:
@@ -271,7 +278,7 @@ def go_on_with(earlier: Earlier, journal: Journal, now: Callable[[], float], ent
         torn_bytes=earlier.torn,
         deviation=earlier.deviation,
         seconds=seconds,
-        text=_WENT_ON if entry is None else _entered(earlier),
+        text="the run was interrupted, and went on here" if entry is None else _entered(earlier),
         **({"entry": _told(entry)} if entry else {}),
         beside=beside,
     )
@@ -290,6 +297,3 @@ def _told(entry: Entry) -> Mapping[str, object]:
     told = asdict(entry)
     del told["at"]
     return {**told, "rows": list(told["rows"])}
-
-
-_WENT_ON = "the run was interrupted, and went on here"

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hil.bench.bound import BoundBench
+from hil.bench.gate import Gate
 from hil.clock.port import NANOSECONDS
 from hil.evidence.journal.standing import Entry, Voided
 from hil.executive.case.effects import Recall
@@ -29,11 +30,13 @@ class ReplayOf:
         recall: the effects of the run.
         entries: where it was entered again.
         void_rows: returns rows of its recordings, shape (rows, 1 + channels): a replay does not make the void ones.
+        not_opened: the gates of the host that ended its armings, see `BenchKeeper`.
     """
 
     recall: Recall
     entries: Sequence[Entry]
     void_rows: Callable[[Voided], NDArray[np.float64]]
+    not_opened: Mapping[int, Gate]
 
 
 class NotArmedAgain(HilError):
@@ -106,6 +109,7 @@ class Entering:
     def _as_recorded(self, entry: Entry) -> bool:
         """Enter the run where it was entered, and return whether it was over."""
         self._pass_over(entry)
+        self._keeper.arming = entry.void_to
         at_ns = round(entry.at * NANOSECONDS)
         if (playback := self._bench.playback) is not None:
             self._bench.clock.wait_until(playback.look_up_ns(at_ns))

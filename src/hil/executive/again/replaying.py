@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from hil.evidence.journal.standing import Voided, entries
 from hil.evidence.package.contents import Package
 from hil.executive.again.entering import ReplayOf
+from hil.executive.again.not_opened import not_opened
 from hil.executive.case.effects import Recall
 from hil.executive.setup.configuration import Request
 from hil.model.errors import Diverged, EvidenceError
@@ -81,7 +82,8 @@ def replay_of(package: Package) -> ReplayOf:
         columns = [found.time, *found.arrays.values()]
         return np.column_stack([column[part.first : part.end] for column in columns])
 
-    return ReplayOf(Recall(package.events("effect"), _ANSWERED), entries(package.events()), void_rows)
+    events = package.events()
+    return ReplayOf(Recall(package.events("effect"), _ANSWERED), entries(events), void_rows, not_opened(events))
 
 
 def differences(recorded: Package, replayed: Package) -> tuple[tuple[str, ...], int]:

@@ -46,7 +46,6 @@ class Session:
     Args:
         configuration: what the run is made of.
         planned: every case, before anything is deselected.
-        orphans: cases without a requirement.
         binder: makes the bench.
         answers: makes what answers questions.
         leases: what this run must hold alone, such as the ports of its instruments.
@@ -126,6 +125,7 @@ class Session:
         """Enter the run again where it was, or where it was stopped to be resumed."""
         replay, earlier = self._replay, self._earlier
         before = replay.entries if replay else earlier.entries if earlier else ()
+        self.keeper.not_opened = replay.not_opened if replay else earlier.not_opened if earlier else {}
         if before or self.record.entered_at is not None:
             rows = replay.void_rows if replay else None
             entering = Entering(self.record, self.bench, self.keeper, before, self._count_from, rows)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from hil.bench.bound import BoundBench
 from hil.bench.envelope import Trip
@@ -21,7 +21,10 @@ from hil.model.envelope import EnvelopeLimit
 from hil.model.figure import Figure
 from hil.model.identity import Dut
 
-__all__ = ["BenchKeeper"]
+__all__ = ["FIRST_ARMING", "BenchKeeper"]
+
+FIRST_ARMING = -1
+"""Stands for the first arming of a run; every other one is told by the `void_to` of the entry at which it is done."""
 
 
 class BenchKeeper:
@@ -41,6 +44,8 @@ class BenchKeeper:
         last: gets the exit code of the run before it is sealed.
         over: whether the run was entered again behind its last case, on a bench that is not armed any more.
         outside: what a bench outside of this process needs, None for one that lives in it.
+        arming: which arming of the run comes next.
+        not_opened: the gate of the host that ended an arming in the record: a playback asks neither people nor machine.
     """
 
     def __init__(
@@ -58,6 +63,8 @@ class BenchKeeper:
         self.write = self._write = write
         self.last: Callable[[int], None] = lambda _: None
         self.outside: Outside | None = None
+        self.arming = FIRST_ARMING
+        self.not_opened: Mapping[int, Gate] = {}
         self._store = store
         self._watched: dict[str, OpenRecording] = {}
         self.unsafe = self.touched = self.over = False
@@ -164,7 +171,8 @@ class BenchKeeper:
     def _pass_gates(self) -> str:
         """Take the gates one by one; the first that does not hold ends the arming, and is returned."""
         for kind, gate in self._gates():
-            self._write(kind, name=gate.name, ok=gate.ok, detail=gate.detail)
+            if gate is not self.not_opened.get(self.arming):  # that one stands in the record
+                self._write(kind, name=gate.name, ok=gate.ok, detail=gate.detail)
             if not gate.ok:
                 return f"{gate.name}: {gate.detail}"
         return ""
@@ -172,7 +180,10 @@ class BenchKeeper:
     def _gates(self) -> Iterator[tuple[str, Gate]]:
         yield from (("gate", gate) for gate in unpowered_gates(self._bench, self._dut))
         self.touched = True
-        if self.outside is not None and self._bench.playback is None:
+        if self._bench.playback is not None:
+            if gate := self.not_opened.get(self.arming):
+                yield "host-gate", gate
+        elif self.outside is not None:
             yield from (("host-gate", gate) for gate in self.outside.gates())
         self.scheduler.come()
         for gate in energised_gates(self._bench, self._dut):
