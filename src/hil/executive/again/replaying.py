@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import zip_longest
@@ -29,6 +30,9 @@ STOPPED = frozenset({Verdict.ABORTED, Verdict.NOT_RUN})
 
 _ANSWERED = frozenset({"asks"})
 """A person is not asked again; everything else comes from the recorded bytes."""
+
+_MINUS_ZERO = re.compile(r"(?<!\S)-0(?!\S)")
+"""What earlier versions said of a current that is zero from below."""
 
 _OF_BENCH = ("gate", "trip", "rest", "safe", "safe-end")
 
@@ -161,4 +165,4 @@ def _bench_differences(recorded: Package, replayed: Package) -> Iterator[str]:
 
 def _told(event: Mapping[str, Any]) -> str:
     words = (event.get(field) for field in ("kind", "name", "limit", "output", "ok", "detail", "text"))
-    return " ".join(str(word) for word in words if word is not None)
+    return _MINUS_ZERO.sub("0", " ".join(str(word) for word in words if word is not None))
