@@ -264,9 +264,9 @@ def _problem(limit: EnvelopeLimit, value: float) -> str:
     if not math.isfinite(value):
         return f"{limit.words} is not a number"
     if limit.maximum is not None and value > limit.maximum:
-        return f"{limit.words} {value:.6g} {limit.unit} is above {limit.maximum:g} {limit.unit}"
+        return f"{limit.words} {value + 0.0:.6g} {limit.unit} is above {limit.maximum:g} {limit.unit}"
     if limit.minimum is not None and value < limit.minimum:
-        return f"{limit.words} {value:.6g} {limit.unit} is below {limit.minimum:g} {limit.unit}"
+        return f"{limit.words} {value + 0.0:.6g} {limit.unit} is below {limit.minimum:g} {limit.unit}"
     return ""
 
 

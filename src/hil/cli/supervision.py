@@ -174,6 +174,7 @@ def _believed(status: int, words: Mapping[str, tuple[int, str]]) -> int:
     """Return the exit code that the words prove; without them the ending was none."""
     if "ended" in words:
         return words["ended"][0]
+    _begin_line()
     how = _manner(os.waitstatus_to_exitcode(status))
     if "sealed" in words:
         code, folder = words["sealed"]
@@ -197,6 +198,14 @@ def _manner(code: int) -> str:
         return f"was ended by {signal.Signals(-code).name}"
     except ValueError:
         return f"was ended by signal {-code}"
+
+
+def _begin_line() -> None:
+    """Leave the line at the foot of a terminal, which a process that was killed has not taken away."""
+    with suppress(OSError, ValueError, AttributeError):  # as below
+        if sys.stdout.isatty():
+            sys.stdout.write("\n")
+            sys.stdout.flush()
 
 
 def _say(text: str) -> None:

@@ -187,7 +187,7 @@ def _between(low: float, high: float, guard: float, unit: str) -> str:
 
 
 def _beyond(value: float, limit: Limit, low: float) -> str:
-    found = _with(f"{value:.6g}", limit.unit)
+    found = _with(f"{value + 0.0:.6g}", limit.unit)  # nobody says minus zero
     if value < low:
         return f"{found} is below the minimum of {_with(str(limit.minimum), limit.unit)}"
     return f"{found} is above the maximum of {_with(str(limit.maximum), limit.unit)}"

@@ -91,6 +91,12 @@ def test_trip_tells_what_was_read(value, shown, text):
     assert monitor.take(lambda: 0)[1] == Trip("coil-current", shown, "A", text)
 
 
+def test_zero_has_no_sign():
+    """A reading that is zero from below is told as zero."""
+    monitor = Monitor(replace(LIMIT, minimum=0.01, debounce=1), lambda: Figure(value=-0.0, unit="A"), 0)
+    assert monitor.take(lambda: 0)[1].text == "supply.coil: current 0 A is below 0.01 A"
+
+
 def test_readings_stay_on_their_grid():
     """A late or slow reading does not move those after it; turns that were missed are not made up."""
     readings = Readings(0, 0, 0, takes_ns=300_000_000)

@@ -61,6 +61,7 @@ def test_the_reason_names_the_guard_band():
     )
     assert judge(volts(1.5), GUARDED).reason == "1.5 V is above the maximum of 1 V"
     assert judge(volts(-1.5), GUARDED).reason == "-1.5 V is below the minimum of -1 V"
+    assert judge(volts(-0.0), Limit(parameter="v", unit="V", minimum="1")).reason == "0 V is below the minimum of 1 V"
     assert judge(volts(0.0), GUARDED).reason == ""
 
 

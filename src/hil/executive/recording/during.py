@@ -168,7 +168,7 @@ class During:
             intake.await_nothing()
         if intake.found is None:
             word = "equal to" if condition.compare == "equals" else condition.compare
-            newest = f"the newest is {intake.last[condition.column]:.6g}" if intake.last else "no row has come"
+            newest = f"the newest is {intake.last[condition.column] + 0.0:.6g}" if intake.last else "no row has come"
             when = "until its test was over" if turns.over else f"within {within:g} s"
             raise NotInTime(f"record '{self._name}': no {channel} {word} {condition.bound:g} {when}, {newest}", _HINT)
         return round(intake.found, 9)
@@ -181,7 +181,7 @@ class During:
             last = self._taking.intake.last
             names = [channel.name for channel in self._taking.facts.channels]
             pairs = zip(names, (last or [])[1:], strict=False)
-            newest = ", ".join(f"{name} {value:.6g}" for name, value in pairs) or "no row has come"
+            newest = ", ".join(f"{name} {value + 0.0:.6g}" for name, value in pairs) or "no row has come"
             raise NotInTime(f"record '{self._name}': not over within {within:g} s, the newest row is: {newest}", _HINT)
         return self._scheduler.now_ns() / NANOSECONDS
 
