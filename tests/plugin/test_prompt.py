@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from hil.plugin.prompt import Terminal
+from hil.plugin.prompt import NoTerminal, Terminal
 
 
 @pytest.fixture
@@ -28,6 +28,38 @@ def typing(monkeypatch):
     while still_open:
         os.close(still_open.pop())
     stream.close()
+
+
+@pytest.fixture
+def keyboard(monkeypatch):
+    """Return the descriptor at which a person types at a real terminal, which is standard input."""
+    keyboard, terminal = os.openpty()
+    with os.fdopen(terminal) as stream:
+        monkeypatch.setattr(sys, "stdin", stream)
+        yield keyboard
+    os.close(keyboard)
+
+
+def test_lines_that_wait_in_a_terminal_are_thrown_away_and_told(keyboard, capsys):
+    """Those that were read already, those that were not, and one that was only begun."""
+    terminal = Terminal()
+    os.write(keyboard, b"no\nno\n")
+    assert terminal.line() == "no\n"
+    os.write(keyboard, b"yes\nye")
+    terminal.discard()
+    told = capsys.readouterr()
+    assert (told.out, told.err) == ("", "  ! what was typed before this question was asked is thrown away\n")
+    assert terminal.line() is None
+    os.write(keyboard, b"no\n")
+    assert terminal.line() == "no\n"
+
+
+@pytest.mark.usefixtures("keyboard")
+def test_where_nothing_was_typed_nothing_is_said(capsys):
+    """At a terminal, and where there is none."""
+    Terminal().discard()
+    NoTerminal().discard()
+    assert capsys.readouterr().err == ""
 
 
 def test_nothing_typed_is_no_line(typing):

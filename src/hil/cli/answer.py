@@ -78,17 +78,28 @@ def _given(question: Question, answer: str) -> str:
 
 
 def _read(question: Question) -> str:
-    """Return what a person at this terminal answers; what is no answer is asked again."""
-    from hil.executive.run.wording import spoken, understood  # noqa: PLC0415 - heavy
+    """Return what a person at this terminal answers; what is no answer is asked again.
 
+    A safety confirmation is not answered by what was typed before it was shown.
+    """
+    from hil.executive.run.wording import spoken, understood  # noqa: PLC0415 - heavy
+    from hil.plugin.prompt import Terminal  # noqa: PLC0415 - only when it is used
+
+    if question.safety:
+        _require_terminal(spoken(question))
+        Terminal().discard()
     while understood(question, said := _line(spoken(question))) is None:
         pass
     return said
 
 
 def _line(text: str) -> str:
-    if not sys.stdin.isatty():
-        raise Refused(f"'{text}' needs a person at this terminal", "call it from one, and without a pipe")
+    _require_terminal(text)
     while not (line := str(click.prompt(text, default="", show_default=False, err=True)).strip()):
         pass
     return line
+
+
+def _require_terminal(text: str) -> None:
+    if not sys.stdin.isatty():
+        raise Refused(f"'{text}' needs a person at this terminal", "call it from one, and without a pipe")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import select
+import signal
 import sys
 from contextlib import suppress
 
@@ -16,16 +17,29 @@ _BLOCK = 4096
 
 
 class Terminal:
-    """Standard input and standard error; a look for input never waits for long."""
+    """Standard input and standard error; a look for input never waits for long.
+
+    Lines that are typed ahead answer ordinary questions, as at any prompt; before a safety confirmation they are
+    discarded, because nobody can have answered what was not asked yet.
+    """
 
     def __init__(self) -> None:
         self._typed = b""
 
     def show(self, text: str) -> None:
         """Show a line where standard output stays clean."""
-        with suppress(OSError, ValueError):  # whether anybody is left shows at the next look for input
-            sys.stderr.write(f"  ? {text} ")
-            sys.stderr.flush()
+        _say(f"  ? {text} ")
+
+    def discard(self) -> None:
+        """Throw away what was typed so far, and say so where lines were.
+
+        A line that was begun and not entered goes, too; the terminal does not tell that there was one.
+        """
+        waited = bool(self._typed) or _waits()
+        self._typed = b""
+        _flush()
+        if waited:
+            _say("  ! what was typed before this question was asked is thrown away\n")
 
     def line(self) -> str | None:
         """Return a line with its newline if one was entered, None if not yet, an empty text once input has ended.
@@ -49,13 +63,40 @@ class NoTerminal:
 
     def show(self, text: str) -> None:
         """Show a line, and where it is answered."""
-        with suppress(OSError, ValueError):
-            sys.stderr.write(f"  ? {text}  answer it with hil answer\n")
-            sys.stderr.flush()
+        _say(f"  ? {text}  answer it with hil answer\n")
+
+    def discard(self) -> None:
+        """Do nothing: nobody has typed."""
 
     def line(self) -> None:
         """Return that nothing was entered yet, a moment later."""
         wall.pause(_PATIENCE_S)
+
+
+def _say(text: str) -> None:
+    with suppress(OSError, ValueError):  # whether anybody is left shows at the next look for input
+        sys.stderr.write(text)
+        sys.stderr.flush()
+
+
+def _waits() -> bool:
+    """Return whether a line was entered that nobody has read yet."""
+    try:
+        return bool(select.select([sys.stdin], [], [], 0.0)[0])
+    except (OSError, ValueError, TypeError):
+        return False
+
+
+def _flush() -> None:
+    """Let the terminal forget what was typed; a run in the background is not stopped for it."""
+    import termios  # noqa: PLC0415 - not there on every system that simulates
+
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTOU})
+    try:
+        with suppress(termios.error, OSError, ValueError, TypeError):  # it may be gone: the next look tells
+            termios.tcflush(sys.stdin, termios.TCIFLUSH)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _ready() -> bool:

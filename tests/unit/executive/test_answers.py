@@ -28,15 +28,24 @@ ATTACH = Question(name="board", form="attach", text="Connect x", options=("x", "
 
 
 class Typed:
-    """A terminal at which lines were typed; None is a moment without one, and at the end input ends."""
+    """A terminal at which lines were typed; None is a moment without one, and at the end input ends.
 
-    def __init__(self, *lines):
+    The first `ahead` of them were typed before anything was shown.
+    """
+
+    def __init__(self, *lines, ahead=0):
         self.lines = list(lines)
+        self.ahead = ahead
         self.shown = []
 
     def show(self, text):
         """Keep what is shown."""
         self.shown.append(text)
+
+    def discard(self):
+        """Drop what was typed ahead."""
+        assert not self.shown, "a question that stands on the screen may have its answer"
+        del self.lines[: self.ahead]
 
     def line(self):
         """Return the next line."""
@@ -212,6 +221,15 @@ def test_a_safety_confirmation_is_given_by_name():
     assert TerminalPerson(Typed("yes\n"), "", lambda: None).answer(CONFIRM) == Answer(True, "person at the terminal")
     with pytest.raises(Declined, match="answered without a name"):
         TerminalPerson(Typed("yes\n"), "", lambda: None).answer(SAFETY)
+
+
+def test_what_was_typed_ahead_confirms_no_safety():
+    """It goes right before the question is shown; any other question is answered by it."""
+    answered = [
+        TerminalPerson(Typed("yes\n", "yes\n", "no\n", ahead=2), "Ada", lambda: None).answer(question).value
+        for question in (SAFETY, CONFIRM)
+    ]
+    assert answered == [False, True]
 
 
 def test_what_is_asked_for_safety_is_in_the_events(tmp_path):

@@ -45,6 +45,10 @@ class Prompt(Protocol):
         """Show a line."""
         ...
 
+    def discard(self) -> None:
+        """Throw away what was typed so far, and say so."""
+        ...
+
     def line(self) -> str | None:
         """Return a line with its newline if one was entered, None if not yet, an empty text at the end of input.
 
@@ -106,6 +110,8 @@ class SimulatedPerson:
 class TerminalPerson:
     """A person at the terminal; monitors and stop requests are looked at while an answer is awaited.
 
+    A safety confirmation is answered by what is typed once it is shown, never by what was typed ahead.
+
     Args:
         prompt: the terminal.
         name: the person's name; asked for, with a safety confirmation, where it is empty.
@@ -126,6 +132,8 @@ class TerminalPerson:
             Declined: if the input has ended, so that no line will ever come.
         """
         with self._elsewhere.asks(question):
+            if question.safety:
+                self._prompt.discard()
             self._prompt.show(spoken(question))
             said = self._said(question)
         return said if isinstance(said, Answer) else Answer(said, self._name or self._named(question))
