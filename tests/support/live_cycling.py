@@ -14,6 +14,7 @@ from pathlib import Path
 from battery_runs import BatteryWorkspace, battery_workspace
 from live_runs import Served, guardian_of, seconds_until, served
 from resumed_runs import without_git
+from terminals import Terminal
 from workspaces import Ended, executive, finish, kill
 
 from hil.evidence.folder import JOURNAL
@@ -39,7 +40,7 @@ _ANSWERS = """\
 schema: hil/answers/1
 answers: {cell-place: assembly}
 """
-_TYPED = b"yes\nyes\n"
+_ASKED = (("plus to plus? [yes or no]", "yes"), ("tightly to the cell? [yes or no]", "yes"))
 """What a person says at each arming: the cell is connected behind its fuse, and the thermistor is at it."""
 
 
@@ -76,13 +77,13 @@ class Cycling:
         workspace: whose plan and bench it is.
         bench: where that is served.
         process: the command that goes on, or went on last.
-        keyboard: the other end of its terminal.
+        terminal: where that runs, and is answered.
     """
 
     workspace: BatteryWorkspace
     bench: Served
     process: subprocess.Popen[str]
-    keyboard: int
+    terminal: Terminal
 
     @property
     def folder(self) -> Path:
@@ -104,7 +105,7 @@ class Cycling:
 
         def there() -> bool:
             if self.process.poll() is not None:
-                raise AssertionError(self.process.communicate()[0])
+                raise AssertionError(self.process.communicate()[0] + self.terminal.shown)
             if not self.workspace.folders() or not self.rows.exists():
                 return False
             begun = [event for event in self.events() if event["kind"] == "step"]
@@ -130,8 +131,8 @@ class Cycling:
         name = self.folder.name
         acknowledged = self.workspace.hil("ack", name, "--by", "Ada", "--text", "all is off, the cell is cold")
         assert acknowledged.code == 0, acknowledged.err
-        os.close(self.keyboard)
-        self.process, self.keyboard = _started(self.workspace, "resume", name, bench=self.bench)
+        self.terminal.leave()
+        self.process, self.terminal = _started(self.workspace, "resume", name, bench=self.bench)
 
     def ended(self) -> Ended:
         """Wait for its end."""
@@ -154,14 +155,13 @@ def cycling(root: Path, folder: Path) -> Iterator[Cycling]:
             if run.process.stdout is not None:
                 run.process.stdout.close()
             run.process.wait()
-            os.close(run.keyboard)
+            run.terminal.leave()
 
 
-def _started(workspace: BatteryWorkspace, *words: str, bench: Served) -> tuple[subprocess.Popen[str], int]:
-    """Start a command at a terminal of its own, at which a person has typed ahead; return both."""
+def _started(workspace: BatteryWorkspace, *words: str, bench: Served) -> tuple[subprocess.Popen[str], Terminal]:
+    """Start a command at a terminal of its own, at which a person sits; return both."""
     options = ("--served", str(bench.folder), "--answers", "answers.yaml")
-    keyboard, terminal = os.openpty()
-    os.write(keyboard, _TYPED)
-    process = workspace.start(*words, *options, stdin=terminal, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-    os.close(terminal)
-    return process, keyboard
+    terminal = Terminal(*_ASKED)
+    process = workspace.start(*words, *options, stdin=terminal.near, stdout=subprocess.PIPE, stderr=terminal.near)
+    terminal.sit()
+    return process, terminal

@@ -12,6 +12,7 @@ import pytest
 from battery_runs import BatteryWorkspace, battery_workspace
 from live_runs import seconds_until, served
 from resumed_runs import without_git
+from terminals import Terminal
 from workspaces import ROOT, executive, finish, kill
 
 from hil.bench.latching import clear_latches_of
@@ -96,8 +97,12 @@ def started(workspace, folder, *options):
 
 @contextmanager
 def at_a_terminal(workspace, *words):
-    """Start a command at a terminal, and give what types there once the run asks, and a second has passed."""
+    """Start a command at a terminal, and give what types there once the run asks, and a second has passed.
+
+    Somebody has typed ahead there, which says nothing of a bench that nobody was asked about.
+    """
     keyboard, terminal = os.openpty()
+    os.write(keyboard, b"no\n" * 2)
     process = workspace.start(*words, stdin=terminal)
     os.close(terminal)
 
@@ -159,12 +164,15 @@ def test_a_safety_confirmation_is_given_at_another_terminal(tmp_path, folder):
         assert bench.on() == set()
         refused = workspace.hil("answer", "latest", "yes", "--by", "Eve")
         assert (refused.code, "is a safety confirmation" in refused.err) == (4, True)
-        keyboard, terminal = os.openpty()
-        os.write(keyboard, b"perhaps\nyes\nAda\n")
-        answered = finish(workspace.start("answer", "latest", stdin=terminal))
-        for end in (keyboard, terminal):
-            os.close(end)
-        assert answered.code == 0, answered.out + answered.err
+        asked = "Is the fuse in? [yes or no]: "
+        terminal = Terminal((asked, "perhaps"), (asked, "yes"), ("Your name: ", "Ada"))
+        terminal.type("no\nEve\n")
+        there = workspace.start("answer", "latest", stdin=terminal.near, stderr=terminal.near)
+        terminal.sit()
+        answered = finish(there)
+        terminal.leave()
+        assert answered.code == 0, answered.out + terminal.shown
+        assert "what was typed before this question was asked is thrown away" in terminal.shown
         assert answered.out.splitlines()[-1] == "answered fuse: True (Ada)"
         ended = finish(process)
     assert ended.code == 0, ended.out + ended.err
@@ -202,6 +210,7 @@ def test_a_run_is_resumed_whose_person_took_time_to_answer(tmp_path, folder, sai
             clear_latches_of(run.name)
         assert bench.on() == set()
     assert ended.code == (0 if said == "yes" else 1), ended.out + ended.err
+    assert "what was typed before this question was asked is thrown away" in ended.err
     assert "NOT SAFE" not in ended.out
     package = Package(run)
     (question, answer) = package.events("question", "answer")
