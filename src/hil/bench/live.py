@@ -74,7 +74,7 @@ def reach_of_served(spec: BenchSpec, folder: Path) -> Reach:
             f"{', '.join(on_host)} of bench '{spec.name}' are on the host's own bus, which cannot be served",
             "run it with --source simulated alone, in one process",
         )
-    ports, speed = ends_of(folder)
+    ports, speed = ends_of(folder, spec.name)
     wanted = {item.name for item in spec.instruments if not item.bus}
     if wanted != set(ports):
         differing = ", ".join(sorted(wanted ^ set(ports)))

@@ -54,14 +54,18 @@ def served(spec: BenchSpec, folder: Path, *, speed: float = 1.0, first_port: int
         yield ServedEnds(spec=spec, where=_where(spec, server), run=server.run, stop=server.stop)
 
 
-def ends_of(folder: Path) -> tuple[dict[str, str], float]:
+def ends_of(folder: Path, bench: str) -> tuple[dict[str, str], float]:
     """Return where the instruments of a bench are that is served in a folder, and its speed.
+
+    Args:
+        folder: where it is served.
+        bench: its name, for what a person is told to do where nobody serves it.
 
     Raises:
         Refused: if none is served there.
     """
-    ends = cast("dict[str, str]", ask(folder, {"ends": None})["ends"])
-    return ends, cast("dict[str, float]", ask(folder, {"time": None})["time"])["speed"]
+    ends = cast("dict[str, str]", ask(folder, {"ends": None}, bench=bench)["ends"])
+    return ends, cast("dict[str, float]", ask(folder, {"time": None}, bench=bench)["time"])["speed"]
 
 
 def _where(spec: BenchSpec, server: Server) -> dict[str, str]:

@@ -12,7 +12,7 @@ __all__ = ["SERVED", "command"]
 
 SERVED = click.option(
     "--served",
-    type=click.Path(path_type=Path, exists=True, file_okay=False),
+    type=click.Path(path_type=Path),
     metavar="FOLDER",
     help="Where hil simulate serves the bench.",
 )

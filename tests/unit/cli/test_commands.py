@@ -6,7 +6,7 @@ import signal
 
 import click
 import pytest
-from workspaces import make
+from workspaces import ROOT, make
 
 from hil.cli.main import COMMANDS, cli, main
 
@@ -77,6 +77,24 @@ def test_a_mistake_is_a_sentence_and_exit_code_4(capsys, arguments, message):
     code, _, err = said(capsys, *arguments)
     assert code == 4
     assert message in err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("bench", "check", "battery"),
+        ("bench", "safe", "battery"),
+        ("run", "battery_charge", "--bench", "battery", "--dut", "SIM-BAT-1"),
+    ],
+    ids=" ".join,
+)
+def test_a_server_that_has_ended_is_told_with_how_to_start_it_again(tmp_path, monkeypatch, capfd, arguments):
+    """Its folder has gone with it, and nothing is begun."""
+    monkeypatch.chdir(ROOT)
+    code, out, err = said(capfd, *arguments, "--source", "simulated", "--served", str(tmp_path / "gone"))
+    assert (code, out) == (4, "")
+    assert "gone: the folder is not there; its server has ended, or another folder was meant" in err
+    assert f"start it again with: hil simulate battery --folder {tmp_path / 'gone'}" in err
 
 
 @pytest.fixture(scope="module")

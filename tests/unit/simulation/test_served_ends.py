@@ -326,10 +326,30 @@ def test_no_instrument_can_take_the_sockets_name(folder):
         ServedFolder(folder, ("psu1", CONTROL))
 
 
-def test_asking_where_nobody_serves_is_refused(tmp_path):
-    """The client says that nobody is there, and how to start it."""
-    with pytest.raises(Refused, match="no served bench answers"):
-        ask(tmp_path, {"time": None})
+@pytest.mark.parametrize(
+    ("left", "why"),
+    [
+        ("nothing", "the folder is not there; its server has ended, or another folder was meant"),
+        ("folder", "its server has ended, or has not begun"),
+        ("file", "Not a directory"),
+        ("socket", "its server was killed"),
+    ],
+)
+def test_asking_where_nobody_serves_any_more_says_where_what_and_what_to_do(folder, left, why):
+    """A server takes its folder along as it ends, and leaves its socket if it is killed."""
+    if left == "file":
+        folder.touch()
+    elif left != "nothing":
+        folder.mkdir()
+    if left == "socket":
+        with socket.socket(socket.AF_UNIX) as killed:
+            killed.bind(str(folder / CONTROL))
+    with pytest.raises(Refused) as refused:
+        ask(folder, {"time": None}, bench="adcs")
+    assert str(refused.value).startswith(f"no served bench answers in {folder}: {why}")
+    assert refused.value.hint == (
+        f"start it again with: hil simulate adcs --folder {folder}; hil status tells how far a run on it came"
+    )
 
 
 def test_network_instruments_listen_from_the_first_port_on(folder):
