@@ -28,11 +28,10 @@ def command(run: str, by: str, text: str, code: str) -> int:
     if code.strip():
         return _reached(run, by, code)
     from hil.evidence.package.listing import shown as printable  # noqa: PLC0415 - heavy
-    from hil.executive.live.acknowledging import acknowledge, what_happened  # noqa: PLC0415 - heavy
+    from hil.executive.live.acknowledging import acknowledge  # noqa: PLC0415 - heavy
 
     folder = _run_or_latched(run)
-    for line in what_happened(folder):
-        click.echo(printable(line))
+    _tell(folder)
     done = acknowledge(folder, reports_folder(), by=by, text=text)
     if done.entry is not None:
         click.echo(f"written into {shown(done.entry)}")
@@ -41,6 +40,19 @@ def command(run: str, by: str, text: str, code: str) -> int:
     for bench in done.benches:
         click.echo(f"bench {printable(bench)} is not latched any more")
     return 0
+
+
+def _tell(folder: Path) -> None:
+    """Print when what happened, in the order of time, and where it is written down in full."""
+    from hil.evidence.package.listing import shown as printable  # noqa: PLC0415 - heavy
+    from hil.executive.live.happened import moment, what_happened, written_down  # noqa: PLC0415 - heavy
+
+    told = [(printable(moment(each.at)), printable(each.text)) for each in what_happened(folder)]
+    width = max((len(at) for at, _ in told), default=0)
+    for at, text in told:
+        click.echo(f"{at.ljust(width)}  {text}")
+    if files := [printable(shown(path)) for path in written_down(folder)]:
+        click.echo(f"in full: {', '.join(files)}")
 
 
 def _run_or_latched(asked: str) -> Path:

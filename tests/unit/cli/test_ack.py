@@ -18,6 +18,8 @@ from hil.guardian.latch import Latch
 
 SAFED = "20261121T093100Z-battery-x-cd60b0"
 SEALED = "20261120T093100Z-battery-x-ab12cd"
+SINCE = "2026-11-21T10:00:07.2Z"
+ACTED = '{"event":"acting","utc":"2026-11-21T10:00:07.250000Z","why":"the executive died"}\n'
 TEXT = "cell warm, fuse F2 replaced"
 
 
@@ -33,10 +35,10 @@ def reports(tmp_path, monkeypatch):
         journal.write("trip", 1.0, limit="cell", text="cell voltage above 4.25 V")
         journal.write("safe", 1.0, output="supply.charge", state="off", ok=False, detail="no reply", duration=0.5)
     (reports / SAFED / "inbox/files").mkdir(parents=True)
-    (reports / SAFED / GUARDIAN).write_text('{"event":"acting","why":"the executive died"}\n')
+    (reports / SAFED / GUARDIAN).write_text(ACTED)
     sealed_run(reports / SEALED)
     for name, key in ((SAFED, "/dev/psu"), (SEALED, "/dev/tec")):
-        latch = Latch(bench="battery", run=str(reports / name), why="it died", since="2026-11-21", outputs=("tec",))
+        latch = Latch(bench="battery", run=str(reports / name), why="it died", since=SINCE, outputs=("tec",))
         latch_bench([key], latch)
     return reports
 
@@ -55,11 +57,11 @@ def test_what_happened_is_told_before_anything_is_acknowledged(capsys):
     code, out, err = said(capsys, "ack", "cd60b0")
     assert code == 4
     assert out.splitlines() == [
-        "bench battery latched since 2026-11-21: it died",
-        "not proven safe: tec",
-        "guardian: event acting, why the executive died",
-        "trip: cell voltage above 4.25 V",
-        "not safe: supply.charge is not off: no reply",
+        "2026-11-21 10:00:05.000 UTC  the run tripped: cell voltage above 4.25 V",
+        "2026-11-21 10:00:06.000 UTC  NOT MADE SAFE by the run: supply.charge, which is not off: no reply",
+        "2026-11-21 10:00:07.200 UTC  bench battery is latched since then: it died; not proven safe: tec",
+        "2026-11-21 10:00:07.250 UTC  the guardian acted: the executive died",
+        f"in full: reports/{SAFED}/data/guardian.jsonl, reports/{SAFED}/data/journal.jsonl",
     ]
     assert "needs --by NAME and --text TEXT" in err
     assert f'hil ack {SAFED} --by NAME --text "what was seen and done"' in err

@@ -1,22 +1,19 @@
-"""Acknowledging what was done to a bench by force: what happened is told, and a named person says what was seen."""
+"""Acknowledging what was done to a bench by force: a named person says what was seen."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from hil.bench.latching import ack_line, clear_latches_of, latches_of
 from hil.bench.lease import holds_a_lease
-from hil.evidence.folder import JOURNAL, is_held, is_run, is_sealed
+from hil.evidence.folder import is_held, is_run, is_sealed
 from hil.evidence.inbox import post
-from hil.evidence.journal.reader import Body, read_journal
 from hil.evidence.ledger import ACKNOWLEDGEMENTS, enter
-from hil.evidence.safed import guardian_hash, guardian_lines, is_acknowledged
-from hil.model.errors import EvidenceError, Refused
+from hil.evidence.safed import guardian_hash, is_acknowledged
+from hil.model.errors import Refused
 
-__all__ = ["Acknowledged", "acknowledge", "require_acknowledged", "waits_for_ack", "what_happened"]
+__all__ = ["Acknowledged", "acknowledge", "require_acknowledged", "waits_for_ack"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,16 +22,6 @@ class Acknowledged:
 
     benches: tuple[str, ...]
     entry: Path | None
-
-
-def what_happened(folder: Path) -> list[str]:
-    """Return what latched the bench, what the guardian did, and what tripped or stayed unsafe: a line each."""
-    latches = latches_of(folder.name).values()
-    told = [f"bench {each.bench} latched since {each.since}: {each.why}" for each in latches]
-    told += [f"not proven safe: {', '.join(each.outputs)}" for each in latches if each.outputs]
-    told += [f"guardian: {_facts(line)}" for line in guardian_lines(folder)]
-    told += _of_journal(folder)
-    return list(dict.fromkeys(told))
 
 
 def waits_for_ack(folder: Path) -> bool:
@@ -95,30 +82,3 @@ def _require_over(folder: Path) -> None:
         raise Refused(f"{folder.name}: the run, or its guardian, is still going on", hint)
     if holds_a_lease(folder.name):
         raise Refused(f"{folder.name}: its guardian still holds the bench", "wait until it is done, some seconds")
-
-
-def _of_journal(folder: Path) -> Iterator[str]:
-    """Give trips, what could not be made safe, and how the run was stopped."""
-    try:
-        events = read_journal(folder / JOURNAL).events
-    except EvidenceError:
-        return
-    for event in events:
-        if told := _told(event):
-            yield told
-
-
-def _told(event: Body) -> str:
-    match event["kind"]:
-        case "trip":
-            return f"trip: {event['text']}"
-        case "safe" if not event["ok"]:
-            return f"not safe: {event['output']} is not {event['state']}: {event['detail']}"
-        case "stop":
-            return f"stop: {event['reason']}"
-        case _:
-            return ""
-
-
-def _facts(line: Mapping[str, Any]) -> str:
-    return ", ".join(f"{name} {value}" for name, value in line.items())
