@@ -342,4 +342,5 @@ def declared_in(folder):
     )
     built()
     _simulator()
-    return {OUT: str(_out()[0]), "PYTHONPATH": os.pathsep.join((str(folder), str(Path(__file__).parent)))}
+    places = [str(folder), str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")]
+    return {OUT: str(_out()[0]), "PYTHONPATH": os.pathsep.join(filter(None, places))}

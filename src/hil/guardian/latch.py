@@ -43,12 +43,12 @@ class Latch:
     outputs: tuple[str, ...]
 
 
-def path_of(key: str, folder: Path = FOLDER) -> Path:
-    """Return where the latch of an instrument lies, by the key of its lease."""
-    return folder / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.latch"
+def path_of(key: str, folder: Path | None = None) -> Path:
+    """Return where the latch of an instrument lies, by the key of its lease; in `FOLDER` where no other is named."""
+    return (folder or FOLDER) / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.latch"
 
 
-def share(folder: Path = FOLDER) -> None:
+def share(folder: Path) -> None:
     """Make the folder so that every user can latch in it.
 
     Raises:
