@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from hil.plugin.prompt import NoTerminal, Terminal
+from hil.plugin.terminal.prompt import NoTerminal, Terminal
 
 
 @pytest.fixture

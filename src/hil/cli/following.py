@@ -10,14 +10,14 @@ from typing import Any
 
 import click
 
-from hil.cli.status import latch_word
+from hil.cli.latched import latch_word
 from hil.clock import wall
 from hil.evidence.folder import RESULTS
 from hil.evidence.package.listing import shown
 from hil.evidence.results.facts import read_json
 from hil.evidence.runs import RunSummary, status
 from hil.model.errors import EvidenceError
-from hil.plugin.progress import Progress
+from hil.plugin.terminal.progress import Progress
 from hil.report.live.following import Follower
 from hil.report.live.lines import facts, one_line, reading_lines
 from hil.report.numbers import duration

@@ -60,7 +60,7 @@ class Commands(click.Group):
         """Load one command."""
         if cmd_name not in COMMANDS:
             return None
-        module = importlib.import_module(f"hil.cli.{cmd_name}")
+        module = importlib.import_module(f"hil.cli.commands.{cmd_name}")
         return cast("click.Command", module.command)
 
     def resolve_command(

@@ -7,7 +7,7 @@ from hil.executive.live.people import People
 from hil.executive.live.unattended import OnCall
 from hil.executive.run.notifying import Notifier
 from hil.executive.run.session import Session
-from hil.plugin.answering import answers_of
+from hil.plugin.terminal.answering import answers_of
 
 __all__ = ["attend"]
 

@@ -14,10 +14,10 @@ from hil.executive.run.stop import Stopped
 from hil.executive.setup.configuration import Configuration
 from hil.model.errors import HilError
 from hil.model.verdict import Verdict
-from hil.plugin.case_fixtures import case_fixtures
-from hil.plugin.collection import MARKERS, plan_cases, skipped_cases
-from hil.plugin.fixture_modules import load_fixture_modules
-from hil.plugin.plan_sources import refuse_sources
+from hil.plugin.plans.case_fixtures import case_fixtures
+from hil.plugin.plans.collection import MARKERS, plan_cases, skipped_cases
+from hil.plugin.plans.fixture_modules import load_fixture_modules
+from hil.plugin.plans.plan_sources import refuse_sources
 
 __all__ = ["Campaign", "Opener"]
 

@@ -16,7 +16,7 @@ from hil.executive.run.events import Listener
 from hil.executive.run.session import Session
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.resuming import require_same_cases
-from hil.plugin.answering import answers_of
+from hil.plugin.terminal.answering import answers_of
 from hil.wire.transcript import Transcript
 
 __all__ = ["open_new", "open_resumed"]

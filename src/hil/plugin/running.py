@@ -25,7 +25,7 @@ from hil.model.errors import Diverged, EvidenceError, Refused
 from hil.plugin.attending import attend
 from hil.plugin.launch import launch
 from hil.plugin.opening import open_new, open_resumed
-from hil.plugin.progress import Progress
+from hil.plugin.terminal.progress import Progress
 from hil.report.summary import closing_lines
 from hil.report.write import write_reports
 

@@ -13,7 +13,7 @@ _MODULE = "hil.guardian.latch"
 
 
 class _Moved:
-    """Finds the module of latches, and moves their folder once it is loaded; a start of Python takes no longer for it."""
+    """Finds the module of latches, and moves their folder once it is loaded; Python starts as soon as before."""
 
     def find_spec(self, name, path, target=None):
         """Return where the module comes from, and nothing for any other."""

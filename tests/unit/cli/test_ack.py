@@ -172,7 +172,7 @@ def test_a_safed_run_is_not_resumed_before_it_is_acknowledged(reports):
 )
 def test_the_run_answers_whether_the_code_is_right(reports, capsys, monkeypatch, answer, code, told):
     """It is asked through its inbox, by name."""
-    monkeypatch.setattr("hil.cli.ack.answer_of", lambda _, kinds: answer if kinds == {"reached"} else None)
+    monkeypatch.setattr("hil.cli.commands.ack.answer_of", lambda _, kinds: answer if kinds == {"reached"} else None)
     with hold(reports / SAFED):
         ended = said(capsys, "ack", SAFED, "--code", " K7 ", "--by", "Ada")
     assert ended[0] == code

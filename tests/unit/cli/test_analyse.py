@@ -16,8 +16,8 @@ import pytest
 from click.testing import CliRunner
 
 from hil.analysis.allan.noise import characterise
-from hil.cli.analyse import command
 from hil.cli.analyses.allan_text import Axis, Result, show, stated
+from hil.cli.commands.analyse import command
 from hil.model.errors import Refused
 from hil.model.figure import Figure, FigureStatus
 
@@ -191,7 +191,8 @@ def test_the_unit_must_be_given():
 def test_help_loads_nothing_heavy():
     """`--help` starts without numpy, scipy, matplotlib or rich."""
     code = (
-        "import sys; from hil.cli.analyse import command; command(['allan', '--help'], standalone_mode=False); "
+        "import sys; from hil.cli.commands.analyse import command; "
+        "command(['allan', '--help'], standalone_mode=False); "
         "sys.exit(bool({'numpy', 'scipy', 'matplotlib', 'rich'} & set(sys.modules)))"
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from hil.cli.analyse import command
+from hil.cli.commands.analyse import command
 from hil.model.errors import Refused
 from tests.support import cell
 

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from hil.analysis.gyroscope.interchange import from_json
-from hil.cli.analyse import command
+from hil.cli.commands.analyse import command
 from hil.model.errors import Refused
 
 ROOT = Path(__file__).parents[3]

@@ -8,7 +8,7 @@ import shutil
 import pytest
 from evidence_runs import begin, sealed_run, whole_case
 
-from hil.cli import runs as runs_command
+from hil.cli.commands import runs as runs_command
 from hil.cli.main import main
 from hil.evidence.folder import hold
 
@@ -38,7 +38,7 @@ def inside(reports, tmp_path, monkeypatch):
     for path in (tmp_path / "w").rglob("*"):
         path.chmod(0o755)
     monkeypatch.chdir(tmp_path / "w")
-    monkeypatch.setattr("hil.cli.replay.pin", lambda: None)  # it would start this process anew
+    monkeypatch.setattr("hil.cli.commands.replay.pin", lambda: None)  # it would start this process anew
     monkeypatch.setattr("hil.evidence.runs._began", lambda folder: folder.name[:16])
     return tmp_path / "w/reports"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from click.testing import CliRunner
 
-from hil.cli.resume import command
+from hil.cli.commands.resume import command
 from hil.cli.supervision import Invocation
 from hil.evidence.journal.reader import JournalLine
 from hil.executive.again.earlier import Earlier
@@ -43,7 +43,7 @@ def test_the_person_on_call_has_the_time_that_is_given(tmp_path, monkeypatch, op
         requests.append(request(Earlier(folder=folder, head=(line,), lines=(), size=0)))
         return 0
 
-    monkeypatch.setattr("hil.cli.resume.find_run", lambda _: tmp_path)
+    monkeypatch.setattr("hil.cli.commands.resume.find_run", lambda _: tmp_path)
     monkeypatch.setattr("hil.plugin.running.resume", resume)
     ended = CliRunner().invoke(command, ["x", *options], obj=Invocation((), Heard()), standalone_mode=False)
     assert ended.exception is None

@@ -10,7 +10,7 @@ import pytest
 
 from hil.instruments.registry import driver_names
 from hil.instruments.roles import ROLES, STATES
-from hil.plugin.case_fixtures import case_fixtures
+from hil.plugin.plans.case_fixtures import case_fixtures
 from hil.simulation.faults import BUS_FAULTS, SERIAL_FAULTS
 from hil.simulation.registry import PEERS, PLANTS
 

@@ -13,7 +13,7 @@ from hil.executive.case.operator import Answer, Declined, Question
 from hil.executive.run.elsewhere import Elsewhere
 from hil.executive.setup.configuration import Request
 from hil.model.identity import Source
-from hil.plugin.answering import answers_of
+from hil.plugin.terminal.answering import answers_of
 
 SAFETY = Question(name="fuse", form="confirm", text="Is the fuse in?", safety=True)
 JIG = Question(name="jig", form="confirm", text="Closed?")
@@ -55,7 +55,9 @@ def test_no_file_answers_a_safety_confirmation_outside_of_this_process(tmp_path,
 def test_the_person_at_the_terminal_answers_it(tmp_path, source, monkeypatch):
     """By the name that the run was given; the file goes on answering the rest."""
     monkeypatch.setattr(sys, "stdin", SimpleNamespace(isatty=lambda: True))
-    monkeypatch.setattr("hil.plugin.answering.Terminal", lambda: SimpleNamespace(show=print, line=lambda: "yes\n"))
+    monkeypatch.setattr(
+        "hil.plugin.terminal.answering.Terminal", lambda: SimpleNamespace(show=print, line=lambda: "yes\n")
+    )
     answers = source_on(tmp_path, live=True, source=source, operator="Ada")
     assert answers.answer(SAFETY) == Answer(True, "Ada")
     assert answers.answer(JIG) == Answer(True, "answers file")

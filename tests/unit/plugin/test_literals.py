@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hil.plugin.literals import given_to, written_checks, written_names
+from hil.plugin.plans.literals import given_to, written_checks, written_names
 
 
 def case(check, name):

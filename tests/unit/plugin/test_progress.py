@@ -6,7 +6,7 @@ import io
 
 import pytest
 
-from hil.plugin.progress import Progress
+from hil.plugin.terminal.progress import Progress
 
 
 def shown(*events):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import io
 
-from hil.plugin.progress import Progress
-from hil.plugin.status_line import StatusLine
+from hil.plugin.terminal.progress import Progress
+from hil.plugin.terminal.status_line import StatusLine
 
 
 class Terminal(io.StringIO):

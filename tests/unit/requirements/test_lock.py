@@ -6,7 +6,7 @@ import unicodedata
 import pytest
 from click.testing import CliRunner
 
-from hil.cli.requirements import command
+from hil.cli.commands.requirements import command
 from hil.model.errors import ConfigurationError, Refused
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hil.cli.attending import attendance_of, attendance_options
-from hil.cli.bench import SERVED
+from hil.cli.commands.bench import SERVED
 from hil.cli.deviating import deviation_options, overrides_of, skips_of
 from hil.cli.display import Display
 from hil.cli.folders import reports_folder

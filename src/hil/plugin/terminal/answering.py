@@ -21,7 +21,7 @@ from hil.executive.run.answers import (
 )
 from hil.executive.run.elsewhere import Elsewhere
 from hil.executive.setup.configuration import Request
-from hil.plugin.prompt import NoTerminal, Terminal
+from hil.plugin.terminal.prompt import NoTerminal, Terminal
 
 __all__ = ["answers_of"]
 

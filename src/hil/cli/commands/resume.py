@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from hil.cli.attending import ACKNOWLEDGE_WITHIN
-from hil.cli.bench import SERVED
+from hil.cli.commands.bench import SERVED
 from hil.cli.folders import find_run
 from hil.cli.supervision import Invocation, supervise
 

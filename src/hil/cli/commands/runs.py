@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hil.cli.folders import reports_folder
-from hil.cli.status import latch_word
+from hil.cli.latched import latch_word
 from hil.documents.suggest import did_you_mean
 from hil.model.errors import Refused
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from hil.cli.folders import find_run
+from hil.cli.latched import latch_word
 
 __all__ = ["command"]
 
@@ -74,13 +75,6 @@ def status_lines(folder: Path) -> list[str]:
             for event in found.added
         ),
     ]
-
-
-def latch_word(folder: Path) -> str:
-    """Return what a run waits for that left its bench by force; nothing for any other."""
-    from hil.executive.live.acknowledging import waits_for_ack  # noqa: PLC0415 - heavy
-
-    return f"latched, waits for hil ack {folder.name}" if waits_for_ack(folder) else ""
 
 
 def _machine(folder: Path, *, follow: bool) -> int:

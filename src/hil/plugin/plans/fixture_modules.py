@@ -10,7 +10,7 @@ from types import ModuleType
 
 from hil.executive.setup.workspace import Workspace
 from hil.model.errors import ConfigurationError, Finding
-from hil.plugin.plan_sources import hook_findings, imported_hooks
+from hil.plugin.plans.plan_sources import hook_findings, imported_hooks
 
 __all__ = ["load_fixture_modules"]
 

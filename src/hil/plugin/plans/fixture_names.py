@@ -13,9 +13,9 @@ from hil.documents.suggest import did_you_mean
 from hil.executive.setup.configuration import Configuration
 from hil.instruments.roles import ROLES
 from hil.model.errors import Finding
-from hil.plugin import case_fixtures
-from hil.plugin.case_fixtures import CASE_FIXTURES
-from hil.plugin.literals import WrittenName, given_to, written_names
+from hil.plugin.plans import case_fixtures
+from hil.plugin.plans.case_fixtures import CASE_FIXTURES
+from hil.plugin.plans.literals import WrittenName, given_to, written_names
 from hil.requirements.parameters import Parameters
 
 __all__ = ["name_findings"]

@@ -83,7 +83,7 @@ def _read(question: Question) -> str:
     A safety confirmation is not answered by what was typed before it was shown.
     """
     from hil.executive.run.wording import spoken, understood  # noqa: PLC0415 - heavy
-    from hil.plugin.prompt import Terminal  # noqa: PLC0415 - only when it is used
+    from hil.plugin.terminal.prompt import Terminal  # noqa: PLC0415 - only when it is used
 
     if question.safety:
         _require_terminal(spoken(question))

@@ -46,7 +46,7 @@ def command(run: str, report: bool) -> int:
 
 
 def _compared(folder: Path) -> bool:
-    from hil.cli.report import derived  # noqa: PLC0415 - heavy
+    from hil.cli.commands.report import derived  # noqa: PLC0415 - heavy
 
     whole = True
     for name, (_, word, same) in derived(folder).items():

@@ -10,7 +10,7 @@ from typing import Any, TextIO
 from rich.console import Console
 from rich.text import Text
 
-from hil.plugin.status_line import StatusLine
+from hil.plugin.terminal.status_line import StatusLine
 from hil.report.live.lines import one_line
 from hil.report.live.outlook import Outlook
 from hil.report.live.readings import Readings

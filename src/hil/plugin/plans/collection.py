@@ -12,9 +12,9 @@ from hil.documents.suggest import did_you_mean
 from hil.executive.case.case_run import PlannedCase
 from hil.executive.setup.configuration import Configuration
 from hil.model.errors import ConfigurationError, Finding, Refused
-from hil.plugin.fixture_names import name_findings
-from hil.plugin.literals import written_checks
-from hil.plugin.lost_cases import lost_cases
+from hil.plugin.plans.fixture_names import name_findings
+from hil.plugin.plans.literals import written_checks
+from hil.plugin.plans.lost_cases import lost_cases
 from hil.requirements.catalogue import Catalogue
 
 __all__ = ["MARKERS", "plan_cases", "skipped_cases"]

@@ -1,0 +1,1 @@
+"""The commands of `hil`, one module each; its object `command` is the command."""
