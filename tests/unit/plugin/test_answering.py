@@ -55,9 +55,8 @@ def test_no_file_answers_a_safety_confirmation_outside_of_this_process(tmp_path,
 def test_the_person_at_the_terminal_answers_it(tmp_path, source, monkeypatch):
     """By the name that the run was given; the file goes on answering the rest."""
     monkeypatch.setattr(sys, "stdin", SimpleNamespace(isatty=lambda: True))
-    monkeypatch.setattr(
-        "hil.plugin.terminal.answering.Terminal", lambda: SimpleNamespace(show=print, line=lambda: "yes\n")
-    )
+    terminal = SimpleNamespace(show=print, line=lambda: "yes\n", discard=lambda: None)
+    monkeypatch.setattr("hil.plugin.terminal.answering.Terminal", lambda: terminal)
     answers = source_on(tmp_path, live=True, source=source, operator="Ada")
     assert answers.answer(SAFETY) == Answer(True, "Ada")
     assert answers.answer(JIG) == Answer(True, "answers file")
