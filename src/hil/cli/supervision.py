@@ -23,6 +23,7 @@ _SI_KERNEL = 0x80  # the sender was the terminal, which tells the whole group
 _PR_SET_PDEATHSIG = 1
 _INTERNAL = 3
 _PIPE = 1 << 16
+_AGAIN_S = 0.02
 
 
 class Word:
@@ -55,9 +56,11 @@ class Word:
 
     def listen(self) -> None:
         """Let signals through, as KeyboardInterrupt until the run has handlers of its own."""
+        interrupt = _Interrupt()
+        sys.unraisablehook = interrupt.lost
         for number in _ASKS:
             if number == signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:
-                signal.signal(number, _interrupt)
+                signal.signal(number, interrupt)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _ASKS)
 
     def begun(self, folder: Path) -> None:
@@ -224,8 +227,22 @@ def _end_with(supervisor: int) -> None:
         os.kill(os.getpid(), signal.SIGTERM)
 
 
-def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    """End what goes on; who asks twice, such as a terminal and the process that waits, does not disturb the ending."""
-    for number in _ASKS:
-        signal.signal(number, signal.SIG_IGN)
-    raise KeyboardInterrupt
+class _Interrupt:
+    """Ends what goes on; who asks twice, such as a terminal and the process that waits, does not disturb the ending."""
+
+    def __init__(self) -> None:
+        self._asked = False
+
+    def __call__(self, number: int, _frame: FrameType | None) -> None:
+        """Be the handler of a signal."""
+        if not self._asked or number == signal.SIGALRM:
+            self._asked = True
+            raise KeyboardInterrupt
+
+    def lost(self, unraisable: sys.UnraisableHookArgs) -> None:
+        """Ask again in a moment where it was raised amid a callback of the interpreter, which nothing can leave."""
+        if isinstance(unraisable.exc_value, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) == self:
+            signal.signal(signal.SIGALRM, self)
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
+        else:
+            sys.__unraisablehook__(unraisable)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import signal
+import subprocess
 import sys
 
 import pytest
@@ -35,3 +36,38 @@ def test_nothing_is_added_behind_a_run_that_ended_by_itself(monkeypatch):
     monkeypatch.setattr(sys, "stdout", shown := Terminal())
     assert supervision._believed(0, {"ended": (1, "")}) == 1
     assert shown.getvalue() == ""
+
+
+LOST = """
+import os, signal, sys, time, weakref
+from hil.cli.supervision import Word
+
+class Thing:
+    pass
+
+Word(os.open(os.devnull, os.O_WRONLY)).listen()
+thing = Thing()
+callback = weakref.ref(thing, lambda _: signal.raise_signal(signal.SIGINT))
+try:
+    del thing
+    for _ in range(500):
+        time.sleep(0.01)
+    print("went on")
+except KeyboardInterrupt:
+    signal.raise_signal(signal.SIGINT)
+    print("ended")
+"""
+
+
+def test_a_request_to_end_amid_a_callback_is_not_lost():
+    """What the interpreter swallows there is raised again behind it, without a word; a second one changes nothing."""
+    done = subprocess.run([sys.executable, "-c", LOST], capture_output=True, text=True, timeout=60, check=True)
+    assert (done.stdout, done.stderr) == ("ended\n", "")
+
+
+def test_other_lost_errors_are_told():
+    """They are nobody's request."""
+    code = LOST.replace("signal.raise_signal(signal.SIGINT))", "1 / 0)").replace("500", "1")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout == "went on\n"
+    assert "ZeroDivisionError" in done.stderr
