@@ -12,7 +12,7 @@ import specimen_run
 from hil.evidence.package.contents import Package
 from hil.model.verdict import Verdict
 from hil.report.from_package import PackageMaterial
-from hil.report.page.as_run import recording_rows
+from hil.report.page.as_run import fed_limits, recording_rows, watched_rows
 from hil.report.page.drawings import charts, recording_graphics
 from hil.report.page.rendering import TEMPLATES
 from hil.report.write import HTML, JUNIT, make_reports
@@ -378,6 +378,24 @@ def test_recordings_of_a_case_that_are_alike_share_a_row():
     field, rest = recording_rows(events)
     assert (field.id, field.count, field.gap, field.rows) == ("001 to 002, 004-c-field", 3, "0.1 s to 0.3 s", "40")
     assert (rest.id, rest.count, rest.gap) == ("003-c-rest", 1, "0.1 s")
+
+
+def test_limits_that_rows_fed_have_no_gap_and_one_sentence():
+    """Readings of their own stood still meanwhile, which is no hole in the watch; alike ones are told together."""
+    channel = {"name": "x", "unit": "V", "instrument": "cycler1"}
+    events = []
+    for name in ("cell-voltage", "polarity", "plate"):
+        begun = {"case": None, "recording": f"envelope-{name}", "name": name, "channels": [channel], "rate": 0.02}
+        events.append({"kind": "recording", **begun, "duration": None, "source": "simulated"})
+        end = {"recording": f"envelope-{name}", "rows": 61, "gaps": 290_000.0, "complete": True}
+        events.append({"kind": "recording-end", **end})
+    events += [{"kind": "fed", "limit": name, "recording": "001-c-test"} for name in ("cell-voltage", "polarity")]
+    assert [row.gap for row in watched_rows(events)] == ["judged on rows", "judged on rows", "80 h 33 min"]
+    (sentence,) = fed_limits(events)
+    assert sentence == (
+        "cell-voltage, polarity were judged on every row of recording 001-c-test; no readings of their own were taken"
+        " while rows came in time."
+    )
 
 
 def test_narrow_screens_and_paper_are_foreseen(html):

@@ -11,7 +11,7 @@ from hil.report.material import Body, flag, inner, inners, text, texts, verdict
 from hil.report.numbers import bench_time, duration, limit_text, measured, number, with_unit
 from hil.report.page.view import CaseName, CheckRow, Exchange, RecordingRow, StepRow
 
-__all__ = ["attributed", "check_row", "checks_of", "fed_limits", "recording_rows", "step_rows"]
+__all__ = ["attributed", "check_row", "checks_of", "fed_limits", "recording_rows", "step_rows", "watched_rows"]
 
 _EFFECTS = {"reads": "read", "waits": "wait", "asks": "question"}
 _OUTSIDE = frozenset({"effect", "question", "answer", "recording"})
@@ -91,16 +91,27 @@ def recording_rows(events: Sequence[Body]) -> tuple[RecordingRow, ...]:
     return tuple(_merged(rows, ends) for rows in alike.values())
 
 
+def watched_rows(events: Sequence[Body]) -> tuple[RecordingRow, ...]:
+    """Return the recordings of the envelope's own readings; where a limit was judged on rows, they have no gap."""
+    fed = {text(event, "limit") for event in events if event["kind"] == "fed"}
+    rows = recording_rows([event for event in events if not text(event, "case")])
+    return tuple(replace(row, gap="judged on rows") if row.name in fed else row for row in rows)
+
+
 def fed_limits(events: Sequence[Body]) -> tuple[str, ...]:
-    """Return a sentence for each limit of the envelope that recordings fed: it was judged on rows, not by readings."""
+    """Return a sentence for limits of the envelope that recordings fed: they were judged on rows, not by readings."""
     fed: dict[str, list[str]] = {}
     for event in events:
         if event["kind"] == "fed":
             fed.setdefault(text(event, "limit"), []).append(text(event, "recording"))
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for limit, names in fed.items():
+        alike.setdefault(tuple(names), []).append(limit)
     return tuple(
-        f"{limit} was judged on every row of recording{'s' * (len(names) > 1)} {_ids(names)}; no readings of its own"
+        f"{', '.join(limits)} {'were' if len(limits) > 1 else 'was'} judged on every row of"
+        f" recording{'s' * (len(names) > 1)} {_ids(names)}; no readings of {'their' if len(limits) > 1 else 'its'} own"
         " were taken while rows came in time."
-        for limit, names in fed.items()
+        for names, limits in alike.items()
     )
 
 

@@ -11,7 +11,7 @@ from hil.model.verdict import Verdict
 from hil.report.catalogue import demands, documents, plan_files, requirement_entries
 from hil.report.material import Body, Material, flat, inner, inners, text, texts, verdict
 from hil.report.numbers import duration, with_unit
-from hil.report.page.as_run import attributed, checks_of, fed_limits, recording_rows, step_rows
+from hil.report.page.as_run import attributed, checks_of, fed_limits, recording_rows, step_rows, watched_rows
 from hil.report.page.bench_file import instruments, parse, wiring
 from hil.report.page.drawings import charts, recording_graphics
 from hil.report.page.facts import facts
@@ -64,7 +64,6 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
     place = _json(material, "place.json")
     entries, names = requirement_entries(material), _names(results)
     begun = [event for event in events if event["kind"] == "recording"]
-    outside = [event for event in events if not text(event, "case")]
     check_events = [event for event in events if event["kind"] == "check" and event["counted"]]
     fed = [event for event in events if event["kind"] == "fed"]
     drawn = recording_graphics(material, begun, check_events, inners(bench, "envelope"), fed)
@@ -90,7 +89,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         checks=checks_of(events, names),
         charts=charts(check_events),
         cases=_cases(events, results, drawn),
-        watched=recording_rows(outside),
+        watched=watched_rows(events),
         watched_graphics=drawn.get("", ()),
         fed=fed_limits(events),
         not_run=_not_run(events, results),
