@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from enum import StrEnum
 
-__all__ = ["Verdict", "worst"]
+__all__ = ["NO_CHECK", "Verdict", "worst"]
+
+NO_CHECK = " got no check of "
+"""Stands in a reason between a requirement and its parameters that nobody checked."""
 
 
 class Verdict(StrEnum):

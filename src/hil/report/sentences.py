@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from hil.model.identity import Source
-from hil.model.verdict import Verdict
+from hil.model.verdict import NO_CHECK, Verdict
 from hil.report.material import Body, flag, inner, inners, text, texts, verdict
 from hil.report.page.view import Closing
 
@@ -15,12 +15,14 @@ __all__ = [
     "common_reasons",
     "counted",
     "headline",
+    "in_short",
     "safe_word",
     "source_word",
     "subject",
     "warnings",
 ]
 
+_FEW = 3  # requirements without a check that are told one by one
 _CAN = "the verdict is good, and nothing in this run speaks against its evidence"
 _TOLD = {
     Verdict.PASS: "passed",
@@ -116,6 +118,18 @@ def closing_sentence(results: Body) -> str:
 
 def _closes(requirement: Body) -> bool:
     return flag(requirement, "eligible") and verdict(requirement).good
+
+
+def in_short(word: Verdict, reasons: Sequence[str]) -> list[str]:
+    """Return the reasons of a case for a terminal: checks that an error kept from being made are told in one line."""
+    if word not in {Verdict.ERROR, Verdict.ABORTED}:
+        return list(reasons)
+    missing = [reason.partition(NO_CHECK) for reason in reasons if NO_CHECK in reason]
+    others = [reason for reason in reasons if NO_CHECK not in reason]
+    if len(missing) <= _FEW or not others:
+        return list(reasons)
+    names = [name for name, _, _ in missing]
+    return [*others, f"checks of {', '.join(names[:-1])} and {names[-1]} are missing; the report names them"]
 
 
 def counted(count: int, word: str) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from hil.model.verdict import Verdict
 from hil.report.material import Body, inner, inners, text, texts, verdict
 from hil.report.page.as_run import check_row
-from hil.report.sentences import closing_sentence, closings, counted, headline, source_word, warnings
+from hil.report.sentences import closing_sentence, closings, counted, headline, in_short, source_word, warnings
 
 __all__ = ["check_lines", "closing_lines"]
 
@@ -67,7 +67,7 @@ def _case_lines(case: Body) -> Iterator[str]:
         yield from _aligned([("not evaluated", ", ".join(short))])
     bad = [check for check in inners(case, "checks") if not verdict(check).good]
     told = tuple(f"{text(check, 'requirement')} {text(check, 'parameter')}" for check in bad)
-    for reason in texts(case, "reasons"):
+    for reason in in_short(word, texts(case, "reasons")):
         if not reason.startswith(told):  # its check is written out below
             yield f"{_INDENT}{reason}"
     for check in bad:

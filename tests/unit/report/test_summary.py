@@ -86,6 +86,20 @@ def test_case_names_the_requirements_that_it_left_unevaluated():
     assert "  not evaluated  A-2" in lines
 
 
+def test_checks_that_an_error_kept_from_being_made_are_told_in_one_line():
+    """What went wrong does not drown in what followed from it; a case that came to its end names each."""
+    missing = [f"A-{number} got no check of u of 1 to 10 (10 checks)" for number in range(1, 5)]
+    case = {"case": "a", "verdict": "ERROR", "requirements": {}, "reasons": ["the load fell silent", *missing]}
+    lines = closing_lines({"verdict": "ERROR", "run": {"source": "hardware"}, "cases": [case]})
+    assert lines[lines.index("ERROR a") + 1 :][:2] == [
+        "  the load fell silent",
+        "  checks of A-1, A-2, A-3 and A-4 are missing; the report names them",
+    ]
+    case["verdict"] = "NOT_EVALUATED"
+    lines = closing_lines({"verdict": "NOT_EVALUATED", "run": {"source": "hardware"}, "cases": [case]})
+    assert [f"  {reason}" for reason in missing] == [line for line in lines if "got no check" in line]
+
+
 def test_many_requirements_are_counted():
     """A reason that concerns many requirements names the first six of them."""
     entries = [

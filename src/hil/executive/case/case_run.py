@@ -17,7 +17,7 @@ from hil.executive.run.stop import Stopped
 from hil.executive.watch.scheduler import CaseTimeout, Scheduler
 from hil.model.bench import InstrumentSpec
 from hil.model.errors import DeviceFault, Diverged, HilError, Implausible
-from hil.model.verdict import Verdict, worst
+from hil.model.verdict import NO_CHECK, Verdict, worst
 from hil.requirements.requirement import Kind, Requirement
 
 __all__ = ["ANSWERS", "CaseRun", "Outcome", "PlannedCase"]
@@ -207,7 +207,7 @@ class CaseRun:
         ]
         for requirement in () if self._skipped else self.requirements.values():
             if missing := self._missing(requirement):
-                reasons.append(f"{requirement.id} got no check of {', '.join(missing)}")
+                reasons.append(f"{requirement.id}{NO_CHECK}{', '.join(missing)}")
             elif requirement.kind is Kind.RECORD and not any(
                 item.requirement == requirement.id for item in self.check.evaluated
             ):

@@ -10,12 +10,14 @@ from typing import Any, TextIO
 from rich.console import Console
 from rich.text import Text
 
+from hil.model.verdict import Verdict
 from hil.plugin.terminal.status_line import StatusLine
 from hil.report.live.lines import one_line
 from hil.report.live.outlook import Outlook
 from hil.report.live.readings import Readings
 from hil.report.numbers import bench_time, duration, limit_text, measured
 from hil.report.page.happenings import attached, noted
+from hil.report.sentences import in_short
 
 __all__ = ["Progress"]
 
@@ -174,7 +176,7 @@ class Progress:
         text.append(event["verdict"], _STYLES[event["verdict"]])
         text.append(f"  {duration(event['duration'])} of bench time")
         self._print(text)
-        for reason in event["reasons"]:
+        for reason in in_short(Verdict(event["verdict"]), event["reasons"]):
             if not reason.startswith(tuple(self._told)):  # it stands beside its check
                 self._line(f"    {reason}")
 
