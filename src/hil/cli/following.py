@@ -66,6 +66,7 @@ def _document(follower: Follower, found: RunSummary, *, goes_on: bool) -> dict[s
         "source": found.source,
         "dut": found.dut,
         "purpose": found.purpose,
+        "stopped": found.stopped,
         "verdict": found.verdict,
         "latched": bool(latch_word(found.folder)),
         "age": found.age,

@@ -43,6 +43,7 @@ class RunSummary:
         step: its step, as `1.2 title`.
         t: bench time of the newest event in s.
         age: seconds since the newest event; None where the machine was booted since.
+        stopped: who or what asked it to stop, and why; empty where nobody did, and once it goes on again.
         verdict: the sealed verdict, empty before.
         added: the events of notes, attachments and anomalies, in order.
     """
@@ -61,6 +62,7 @@ class RunSummary:
     step: str = ""
     t: float = 0.0
     age: float | None = None
+    stopped: str = ""
     verdict: str = ""
     added: tuple[Body, ...] = ()
 
@@ -152,6 +154,7 @@ def _summary(folder: Path, reading: JournalReading) -> RunSummary:
         step=step,
         t=float(events[-1]["t"]) if events else 0.0,
         age=_age(reading.lines[-1]) if events else None,
+        stopped=_stopped(events),
         verdict=_verdict(folder),
         added=tuple(event for event in _since_armed(events) if event["kind"] in _ADDED),
     )
@@ -161,6 +164,16 @@ def _since_armed(events: tuple[Body, ...]) -> tuple[Body, ...]:
     """Return the events from the first gate on; anomalies before it are those of the catalogue's sources."""
     begun = next((place for place, event in enumerate(events) if event["kind"] == "gate"), 0)
     return events[begun:]
+
+
+def _stopped(events: tuple[Body, ...]) -> str:
+    reason = ""
+    for event in events:
+        if event["kind"] == "stop":
+            reason = str(event["reason"])
+        elif event["kind"] == "gate":  # it was resumed, and arms its bench
+            reason = ""
+    return reason
 
 
 def _current(events: tuple[Body, ...]) -> tuple[str, str]:

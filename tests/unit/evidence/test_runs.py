@@ -50,6 +50,16 @@ def test_a_run_tells_what_people_added(tmp_path):
     ]
 
 
+def test_a_stopped_run_tells_who_asked_until_it_goes_on(tmp_path):
+    """A run that was left to be resumed looks interrupted; nobody has to read its journal to learn by whom."""
+    with begin(tmp_path) as journal:
+        assert status(tmp_path).stopped == ""
+        journal.write("stop", 1.0, reason="Ada: smell", urgent=False, resumable=True)
+        assert status(tmp_path).stopped == "Ada: smell"
+        journal.write("gate", 1.0, name="identity of psu1", ok=True, detail="")
+        assert status(tmp_path).stopped == ""
+
+
 def test_a_sealed_run_tells_its_verdict(tmp_path):
     """Nothing goes on in it any more."""
     folder = create(tmp_path, bench="b", dut="d")

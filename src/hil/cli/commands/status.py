@@ -60,6 +60,7 @@ def status_lines(folder: Path) -> list[str]:
         "left": str(outlook.left() or ""),
         "asks": "" if outlook.asked is None else f"{outlook.asked['text']} hil answer {folder.name}",
         "held": "" if outlook.held is None else outlook.held or "yes",
+        "stopped by": found.stopped,
         "last event": "" if found.age is None else f"{duration(found.age)} ago",
         "verdict": found.verdict,
         "latch": latch_word(folder),
