@@ -50,9 +50,14 @@ def overrides_of(pairs: Sequence[str]) -> dict[str, str]:
     """Return by parameter the value that it is changed to.
 
     Raises:
-        Refused: where there is no value.
+        Refused: where there is no value, or a parameter is named twice.
     """
-    return dict(_pair(text) for text in pairs)
+    found = [_pair(text) for text in pairs]
+    names = [name for name, _ in found]
+    for name in names:
+        if names.count(name) > 1:
+            raise Refused(f"--parameter {name} is given {names.count(name)} times", "give every parameter one value")
+    return dict(found)
 
 
 def _pair(text: str) -> tuple[str, str]:

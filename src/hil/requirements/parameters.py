@@ -5,7 +5,7 @@ from __future__ import annotations
 import keyword
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -13,7 +13,8 @@ from hil.documents.canonical import digest
 from hil.documents.findings import Findings
 from hil.documents.reader import MappingReader, read_document
 from hil.documents.suggest import did_you_mean
-from hil.model.errors import HilError
+from hil.model.errors import HilError, Refused
+from hil.requirements.allowed import Allowed, read_allowed
 from hil.requirements.layout import PARAMETERS, shown
 from hil.requirements.units import UnitError, check_unit, convert, is_plain
 
@@ -44,6 +45,15 @@ class Parameter:
     unit: str = ""
     text: str = ""
     planned: str = ""
+    allowed: Allowed = field(default_factory=Allowed)
+
+    @property
+    def problem(self) -> str:
+        """What the plan has against the value, empty where it is allowed."""
+        values = self.value if isinstance(self.value, tuple) else (self.value,)
+        if self.allowed.holds([value for value in values if not isinstance(value, str)]):
+            return ""
+        return f"parameter '{self.name}' is {self.shown}, allowed is {self.allowed.shown(self.unit)}"
 
     @property
     def deviation(self) -> str:
@@ -124,10 +134,13 @@ class Parameters:
 
         Raises:
             UnknownParameter: where the plan does not have it.
+            Refused: where the plan does not allow the value.
             HilError: where the text is no value for it.
         """
         before = self._parameter(name)
         changed = replace(before, value=_value_of(before, text), planned=before.planned or before.shown)
+        if changed.problem:
+            raise Refused(changed.problem, f"the plan has {before.planned or before.shown}: change it within that")
         return Parameters(tuple(changed if item.name == name else item for item in self._parameters.values()))
 
     @property
@@ -185,6 +198,7 @@ def load_parameters(root: Path, plan: Path) -> Parameters:
 
 
 def _read(entry: MappingReader) -> Parameter:
+    before = len(entry.findings)
     name = entry.text("name", pattern="[a-z][a-z0-9_]*")
     if hasattr(Parameters, name) or keyword.iskeyword(name):
         entry.findings.add(entry.place("name"), f"'{name}' cannot be the name of a parameter, choose another")
@@ -199,9 +213,17 @@ def _read(entry: MappingReader) -> Parameter:
         value = _list(entry, number=bool(unit))
     else:
         value = entry.number("value", 0.0) if unit else entry.text("value", "")
-    text = entry.text("text", "")
+    found = Parameter(
+        name=name,
+        value=value,
+        unit=unit,
+        text=entry.text("text", ""),
+        allowed=read_allowed(entry, number=bool(unit)),
+    )
+    if len(entry.findings) == before and found.problem:
+        entry.findings.add(entry.place("values" if entry.has("values") else "value"), found.problem)
     entry.done()
-    return Parameter(name=name, value=value, unit=unit, text=text)
+    return found
 
 
 def _list(entry: MappingReader, *, number: bool) -> tuple[_Single, ...]:
