@@ -21,6 +21,8 @@ BROKEN_OFF = 0.5
 """A current that fades is not much below that which ends a charge when it ends it; this part of it is."""
 
 IN_THE_REST = "the run was stopped in the rest behind this discharge"
+REST_VOLTAGES = ("rest_voltage_charged", "rest_voltage_discharged")
+NO_REST = "there was no rest behind this half-cycle: the parameter 'rest' is 0 s"
 
 S_PER_H = 3600.0
 LINE_S = 5.0
@@ -261,6 +263,12 @@ def summaries_of(lines, starts, parameters):
     ]
 
 
+def untold(summary):
+    """Return the gates of the declaration that whole cycles cannot be held against: what is declared is missing."""
+    whole = any(cycle.complete for cycle in summary.cycles)
+    return [gate for gate in summary.gates if whole and gate.ok is None and gate.name in OF_THE_DECLARATION]
+
+
 def doubts_of(number, made, ends, parameters):
     """Return what speaks against the numbers of one cycle."""
     if made is None or not made.complete:
@@ -339,9 +347,12 @@ def test_charge(cell, iterations, check, step, artifact, parameters):
                 if name == "rest_voltage_discharged" and number == cycles:
                     continue  # nothing comes behind the last discharge but the end of the test
                 rested = [IN_THE_REST] if name == "rest_voltage_discharged" and number in stopped else []
+                if name in REST_VOLTAGES and not parameters.rest:
+                    rested = [NO_REST]
                 check(requirement, name, row[name], of=f"{number}", doubts=[*doubts, *own[number], *rested])
     with step("Hold capacity and energy against what is declared"):
         capacity, energy = median_of(made.values(), known)
+        told += [gate for summary in summaries for gate in untold(summary)]
         against = [*(str(gate) for gate in told), *(doubt for number in rows for doubt in own[number])]
         check("EPS-BAT-009", "discharge_capacity", capacity, doubts=against)
         check("EPS-BAT-009", "discharge_energy", energy, doubts=against)

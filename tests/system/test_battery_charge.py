@@ -133,10 +133,38 @@ def test_a_cell_below_its_label_fails(tmp_path):
     assert found(ran)["EPS-BAT-009"] == "FAIL"
 
 
+def test_nothing_declared_is_no_pass(tmp_path):
+    """A gate that lacks a number is unknown: a plan that declares zero is INCONCLUSIVE, for that reason."""
+    workspace = battery_workspace(tmp_path / "workspace", "battery_charge")
+    bounded = {'value: "1.4", unit: Ah, min: "0.05"': 'value: "0", unit: Ah, min: "0"'}
+    workspace.change("testplans/battery_charge/parameters.yaml", bounded)
+    workspace.change(
+        "testplans/battery_charge/parameters.yaml",
+        {'value: "5.16", unit: Wh, min: "0.2"': 'value: "0", unit: Wh, min: "0"'},
+    )
+    ran = workspace.run(overrides=SHORT)
+    assert found(ran)["EPS-BAT-009"] == "INCONCLUSIVE"
+    for event in ran.package.events("check"):
+        if event["requirement"] == "EPS-BAT-009":
+            assert "capacity_ratio: cannot be told" in event["reason"]
+            assert "energy_ratio: cannot be told" in event["reason"]
+
+
+def test_without_a_rest_there_is_no_rest_voltage(tmp_path):
+    """The reason is that there was no rest, and which parameter says so."""
+    ran = short_run(tmp_path, rest="0")
+    (event,) = [event for event in ran.package.events("check") if event["parameter"] == "rest_voltage_charged"]
+    assert event["verdict"] == "INCONCLUSIVE"
+    assert event["reason"] == "there was no rest behind this half-cycle: the parameter 'rest' is 0 s"
+
+
 def test_a_test_that_the_tester_ends_is_an_error(tmp_path):
     """A charge that takes longer than it may is ended by the tester: an ERROR at once, and the bench is safe."""
     ran = short_run(tmp_path, longest_half_cycle="3600")
     assert "ended its test by itself, it says 'tripped TIME'" in ran.reasons("test_charge")
+    (fault,) = ran.package.events("fault")
+    assert "than the parameter longest_half_cycle, the cycler's setting 'time', allows" in fault["hint"]
+    assert "fuse" not in fault["hint"]
     assert ran.verdicts() == {"test_charge": "ERROR"}
     assert "bench safe, every line proven" in ran.out
 
