@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
 import textwrap
 
 import pytest
-from workspaces import HEAD, make
+from workspaces import HEAD, ROOT, make
 
 from hil.model.errors import ConfigurationError, HilError, Refused
 
@@ -74,6 +75,19 @@ def test_a_fixture_that_nothing_provides_is_refused(tmp_path):
     """A misspelt role costs no arming."""
     said = refused(tmp_path, "def test_one(suply):\n    pass")
     assert said.endswith("test_one asks for 'suply', which nothing provides, did you mean 'supply'?")
+
+
+def test_a_role_that_the_bench_does_not_have_names_the_benches_that_have_it(tmp_path):
+    """A plan on the wrong bench is told so, and not that a name is unknown."""
+
+    def beside(workspace):
+        shutil.copytree(ROOT / "fixtures/benches/battery", workspace.root / "fixtures/benches/battery")
+
+    said = refused(tmp_path, "def test_one(cycler):\n    pass", prepare=beside)
+    assert said.endswith(
+        "test_one asks for 'cycler', a role that no wire of the bench adcs has: this plan cannot run there;"
+        " benches that have it: battery"
+    )
 
 
 def test_fixtures_of_every_kind_are_found(tmp_path):

@@ -66,6 +66,13 @@ def test_hardware_is_where_the_bench_file_says(tmp_path):
     assert reach.speed == 1.0
 
 
+def test_an_article_that_is_simulated_only_names_the_option_that_is_missing(tmp_path):
+    """Hardware is what a run is on where nobody says otherwise."""
+    workspace = make(tmp_path / "workspace", CASES)
+    with pytest.raises(Refused, match="SIM-ADCS-1 exists on .* on hardware; is --source simulated missing?"):
+        configure(workspace.request(source=Source.HARDWARE))
+
+
 @pytest.mark.parametrize("purpose", [Purpose.QUALIFICATION, Purpose.ACCEPTANCE])
 def test_an_article_that_is_simulated_only_is_never_qualified_or_accepted(tmp_path, purpose):
     """What the register calls simulated has nothing that could be; a real article may be rehearsed with."""

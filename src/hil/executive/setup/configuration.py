@@ -24,6 +24,7 @@ from hil.requirements.parameters import Parameters, load_parameters
 __all__ = ["Configuration", "Request", "configure", "reach_of"]
 
 _ELSEWHERE = "use --source simulated here"
+_NOT_SIMULATED = "is --source simulated missing? On hardware, name the article that is on the bench"
 _Loaded = TypeVar("_Loaded")
 
 
@@ -161,7 +162,7 @@ def _bench(workspace: Workspace, request: Request) -> BenchSpec:
 def _dut(dut: Dut, request: Request) -> Dut:
     """Return the article, or refuse what nobody can do with one that exists on simulated benches only."""
     if dut.simulated and request.source is Source.HARDWARE:
-        raise Refused(f"{dut.serial} exists on simulated benches only", "name the article that is on the bench")
+        raise Refused(f"{dut.serial} exists on simulated benches only, and this run is on hardware", _NOT_SIMULATED)
     if dut.simulated and request.source is Source.SIMULATED and request.purpose.closes:
         raise Refused(
             f"{dut.serial} exists on simulated benches only, so there is no {request.purpose.value} of it",

@@ -16,6 +16,7 @@ from hil.model.errors import Finding
 from hil.plugin.plans import case_fixtures
 from hil.plugin.plans.case_fixtures import CASE_FIXTURES
 from hil.plugin.plans.literals import WrittenName, given_to, written_names
+from hil.plugin.plans.other_benches import unwired
 from hil.requirements.parameters import Parameters
 
 __all__ = ["name_findings"]
@@ -92,7 +93,8 @@ def _unprovided(
             if name in inspect.signature(function).parameters:
                 who, path = f"the fixture {function.__name__}", _shown(function, configuration)
                 line = inspect.unwrap(function).__code__.co_firstlineno
-        yield Finding(path, line, 1, f"{who} asks for '{name}', which nothing provides{did_you_mean(name, known)}")
+        why = unwired(name, configuration) or f"which nothing provides{did_you_mean(name, known)}"
+        yield Finding(path, line, 1, f"{who} asks for '{name}', {why}")
 
 
 def _functions(
