@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from workspaces import Workspace, make
 
@@ -38,6 +40,8 @@ def test_driving(supply, relays, field, record, check, clock):
     clock.sleep(1.0)
     check("T-050", "voltage", supply.coil.voltage())
 """
+
+TOO_HIGH = "type(supply.coil.voltage())(value=7.0, unit='V', uncertainty=0.01)"
 
 
 def held(tmp_path, *kinds, hold=HOLD):
@@ -103,3 +107,26 @@ def test_a_bench_that_does_not_reach_its_hold_state_ends_the_run(tmp_path):
     assert "did not reach its hold state: supply.coil is not off" in stop["reason"]
     assert (ran.code, ran.verdicts()) == (2, {"test_driving": "ABORTED"})
     assert ran.package.results()["safe"] is True
+
+
+def test_a_hold_within_a_case_that_fails_is_told_with_the_verdict(tmp_path):
+    """A FAIL stays one; page and terminal say beside it when the bench was held, for how long, by whom and why."""
+    cases = DRIVING.replace("KINDS", "'hold', 'release'").replace("supply.coil.voltage()", TOO_HIGH)
+    workspace = make(tmp_path / "workspace", cases)
+    workspace.change_bench({"\nrest:\n": f"{HOLD}\nrest:\n"})
+    ran = workspace.run()
+    assert ran.verdicts() == {"test_driving": "FAIL"}
+    (hold,) = ran.package.results()["cases"][0]["holds"]
+    assert (hold["by"], hold["text"]) == ("Ada", "door")
+    said = r"the bench was held at 0:00:\d\d\.\d of bench time for [\d.]+ m?s of bench time \(Ada: door\)"
+    assert re.search(rf"^  {said}$", ran.out, re.MULTILINE)
+    _, box, _ = re.split(r">Why not PASS<|</section>", ran.page(), maxsplit=2)
+    assert re.search(said, box)
+    assert verify(ran.package.folder).findings == ()
+
+
+def test_a_case_that_was_not_held_has_no_word_of_it(tmp_path):
+    """What was held before it, or never, is no reason of its own."""
+    ran = held(tmp_path)
+    assert "holds" not in ran.package.results()["cases"][0]
+    assert "the bench was held" not in ran.page()

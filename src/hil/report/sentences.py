@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from hil.model.identity import Source
 from hil.model.verdict import NO_CHECK, Verdict
 from hil.report.material import Body, flag, inner, inners, text, texts, verdict
+from hil.report.numbers import bench_time, duration
 from hil.report.page.view import Closing
 
 __all__ = [
@@ -15,6 +16,7 @@ __all__ = [
     "common_reasons",
     "counted",
     "headline",
+    "holds",
     "in_short",
     "safe_word",
     "source_word",
@@ -77,6 +79,18 @@ def _warnings(results: Body) -> Iterable[tuple[bool, str, str]]:
     yield unknown, "SAFE STATE UNKNOWN", "no proof that the bench was left safe is on record."
     deviates = bool(texts(inner(results, "run"), "deviations"))
     yield deviates, "DEVIATION", "the run deviates from its plan; the report says how."
+
+
+def holds(case: Body) -> tuple[str, ...]:
+    """Return when the bench was held in the course of a case, for how long, by whom and why, a sentence each."""
+    return tuple(_hold(each) for each in inners(case, "holds"))
+
+
+def _hold(each: Body) -> str:
+    lasted = duration(each.get("duration"))
+    how_long = f"for {lasted} of bench time" if lasted else "with no end on record"
+    why = f" ({text(each, 'by')}: {text(each, 'text')})" if text(each, "by") else ""
+    return f"the bench was held at {bench_time(each.get('t'))} of bench time {how_long}{why}"
 
 
 def safe_word(results: Body) -> str:

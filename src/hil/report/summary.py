@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from hil.model.verdict import Verdict
 from hil.report.material import Body, inner, inners, text, texts, verdict
 from hil.report.page.as_run import check_row
-from hil.report.sentences import closing_sentence, closings, counted, headline, in_short, source_word, warnings
+from hil.report.sentences import closing_sentence, closings, counted, headline, holds, in_short, source_word, warnings
 
 __all__ = ["check_lines", "closing_lines"]
 
@@ -70,6 +70,7 @@ def _case_lines(case: Body) -> Iterator[str]:
     for reason in in_short(word, texts(case, "reasons")):
         if not reason.startswith(told):  # its check is written out below
             yield f"{_INDENT}{reason}"
+    yield from (f"{_INDENT}{sentence}" for sentence in holds(case))
     for check in bad:
         yield from (f"{_INDENT}{line}" for line in check_lines(check))
 

@@ -21,6 +21,7 @@ Derived = dict[str, Any]
 """The content of `data/results.json`."""
 
 _BY_CASES = frozenset({"test", "inspection"})
+_HOLDS = frozenset({"hold", "hold-end"})
 _OVERRIDING = frozenset({Verdict.ERROR, Verdict.ABORTED, Verdict.NOT_RUN})
 
 
@@ -41,6 +42,7 @@ class _Case:
     checks: list[Body] = field(default_factory=list)
     steps: list[dict[str, Any]] = field(default_factory=list)
     recordings: list[str] = field(default_factory=list)
+    holds: list[dict[str, Any]] = field(default_factory=list)
     not_run: list[str] = field(default_factory=list)
     dut_fault: bool = False
 
@@ -69,6 +71,13 @@ class _Case:
                 self.dut_fault = self.dut_fault or bool(event["dut"])
             case "not-run":
                 self.not_run.append(event["reason"])
+
+    def take_hold(self, event: Body) -> None:
+        """Take that the bench was held in the course of this case, or released."""
+        if event["kind"] == "hold":
+            self.holds.append({"t": event["t"], "duration": None, "by": event["by"], "text": event["text"]})
+        elif self.holds:
+            self.holds[-1]["duration"] = event["duration"]
 
     def own_verdict(self) -> Verdict:
         """Return how the case ended, whatever its checks say."""
@@ -160,6 +169,7 @@ def _facts_of_run(run: Body, events: Sequence[Body]) -> dict[str, Any]:
 
 def _cases(events: Sequence[Body]) -> list[_Case]:
     cases: dict[str, _Case] = {}
+    current: _Case | None = None
     for event in events:
         if event["kind"] == "planned":
             for planned in event["cases"]:
@@ -169,7 +179,11 @@ def _cases(events: Sequence[Body]) -> list[_Case]:
                     cases[planned["case"]] = _Case(planned=planned)
         elif isinstance(event.get("case"), str):
             unplanned = {"case": event["case"], "title": "", "plan": "", "requirements": []}
-            cases.setdefault(event["case"], _Case(planned=unplanned)).take(event)
+            named = cases.setdefault(event["case"], _Case(planned=unplanned))
+            named.take(event)
+            current = {"case": named, "case-end": None}.get(event["kind"], current)
+        elif event["kind"] in _HOLDS and current is not None:
+            current.take_hold(event)
     return list(cases.values())
 
 
@@ -190,6 +204,7 @@ def _case(case: _Case, facts: Facts) -> dict[str, Any]:
         "checks": [dict(check) for check in case.checks],
         "steps": case.steps,
         "recordings": case.recordings,
+        **({"holds": case.holds} if case.holds else {}),
     }
 
 

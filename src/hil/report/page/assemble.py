@@ -35,6 +35,7 @@ from hil.report.sentences import (
     common_reasons,
     counted,
     headline,
+    holds,
     safe_word,
     source_word,
     subject,
@@ -61,7 +62,6 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
     events, results = attributed(material.events()), material.results()
     run = inner(results, "run")
     bench = parse(material.text("bench/bench.yaml"), "bench/bench.yaml")
-    place = _json(material, "place.json")
     entries, names = requirement_entries(material), _names(results)
     begun = [event for event in events if event["kind"] == "recording"]
     check_events = [event for event in events if event["kind"] == "check" and event["counted"]]
@@ -83,6 +83,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         documents=_documents(material),
         failed=tuple(row for row in checks_of(check_events, names) if not row.verdict.good),
         broken=_broken(results, names),
+        held=_held(results, names),
         requirements=tuple(
             _requirement(entry, entries.get(text(entry, "id"), {}), names) for entry in inners(results, "requirements")
         ),
@@ -103,7 +104,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         happenings=happenings(events, names, guarded(material.text("guardian.jsonl")), material.sent()),
         deviations=deviations(run),
         parameters=_parameters(material),
-        software=_software(run, _json(material, "software.json"), place),
+        software=_software(run, _json(material, "software.json"), _json(material, "place.json")),
         content_digest=text(results, "content_digest"),
         evidence_digest=evidence_digest,
     )
@@ -166,6 +167,12 @@ def _broken(results: Body, names: Mapping[str, CaseName]) -> tuple[BrokenRow, ..
         for (word, reasons), cases in groups.items()
         if word is worst
     )
+
+
+def _held(results: Body, names: Mapping[str, CaseName]) -> tuple[tuple[CaseName, str], ...]:
+    """Return when the bench was held in the course of cases that are not good: it may be why."""
+    bad = [case for case in inners(results, "cases") if not verdict(case).good]
+    return tuple((names[text(case, "case")], sentence) for case in bad for sentence in holds(case))
 
 
 def _cases(events: Sequence[Body], results: Body, drawn: Mapping[str, tuple[Graphic, ...]]) -> tuple[CaseView, ...]:

@@ -237,7 +237,7 @@ class RunView:
     """Everything the page shows.
 
     `source_word` stands on every printed page and is empty for hardware; `common` are the reasons against closing that
-    concern every requirement.
+    concern every requirement; `held` is when the bench was held in the course of cases that are not good.
     """
 
     title: str
@@ -254,6 +254,7 @@ class RunView:
     facts: tuple[Fact, ...]
     failed: tuple[CheckRow, ...]
     broken: tuple[BrokenRow, ...]
+    held: tuple[tuple[CaseName, str], ...]
     documents: tuple[DocumentRow, ...]
     requirements: tuple[RequirementRow, ...]
     checks: tuple[CheckRow, ...]
