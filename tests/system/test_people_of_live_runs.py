@@ -173,7 +173,7 @@ def test_a_safety_confirmation_is_given_at_another_terminal(tmp_path, folder):
         terminal.leave()
         assert answered.code == 0, answered.out + terminal.shown
         assert "what was typed before this question was asked is thrown away" in terminal.shown
-        assert answered.out.splitlines()[-1] == "answered fuse: True (Ada)"
+        assert answered.out.splitlines()[-1] == "answered fuse: yes (Ada)"
         ended = finish(process)
     assert ended.code == 0, ended.out + ended.err
     assert "answer it with hil answer" in ended.err

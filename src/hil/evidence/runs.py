@@ -45,6 +45,7 @@ class RunSummary:
         age: seconds since the newest event; None where the machine was booted since.
         stopped: who or what asked it to stop, and why; empty where nobody did, and once it goes on again.
         verdict: the sealed verdict, empty before.
+        deviates: whether it differs from its plan.
         added: the events of notes, attachments and anomalies, in order.
     """
 
@@ -64,6 +65,7 @@ class RunSummary:
     age: float | None = None
     stopped: str = ""
     verdict: str = ""
+    deviates: bool = False
     added: tuple[Body, ...] = ()
 
 
@@ -156,6 +158,7 @@ def _summary(folder: Path, reading: JournalReading) -> RunSummary:
         age=_age(reading.lines[-1]) if events else None,
         stopped=_stopped(events),
         verdict=_verdict(folder),
+        deviates=bool(run.get("deviations")) or any(event.get("deviation") for event in events),
         added=tuple(event for event in _since_armed(events) if event["kind"] in _ADDED),
     )
 

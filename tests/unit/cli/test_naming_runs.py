@@ -116,6 +116,17 @@ def test_a_run_that_cannot_be_read_is_listed_with_the_others(capsys, inside):
     assert lines[3].split()[1:] == ["SEALED", "1/1", "cases", "PASS", "simulated", "qualification", "SN2"]
 
 
+def test_a_verdict_of_a_run_that_deviates_is_marked(capsys, tmp_path, monkeypatch):
+    """A PASS with changed parameters does not look like one of the plan."""
+    (tmp_path / "hil.toml").touch()
+    for name, deviations in ((FIRST, []), (SECOND, ["parameter current is 1 A instead of 2 A"])):
+        sealed_run(tmp_path / "reports" / name, deviations=deviations)
+    monkeypatch.chdir(tmp_path)
+    lines = said(capsys, "runs")[1].splitlines()
+    found = {line.split()[0]: " ".join(line.split()[4:6]) for line in lines}
+    assert found == {FIRST: "PASS simulated", SECOND: "PASS, deviates"}
+
+
 @pytest.mark.parametrize(
     ("options", "found"),
     [

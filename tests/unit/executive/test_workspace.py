@@ -65,6 +65,14 @@ def test_wrong_settings_are_told(tmp_path, text, message):
     assert message in str(caught.value)
 
 
+def test_a_misspelt_key_is_one_finding(tmp_path):
+    """Nothing is asked of the value of a key that nobody knows."""
+    (tmp_path / "hil.toml").write_text('notifi = ["/usr/bin/say"]\n')
+    with pytest.raises(ConfigurationError) as caught:
+        find_workspace(tmp_path)
+    assert str(caught.value) == "hil.toml: unknown key 'notifi', did you mean 'notify'?"
+
+
 def test_plans_and_fixtures_lie_in_the_workspace(tmp_path):
     """A package names files by their path in the workspace; reports may go anywhere."""
     root = tmp_path / "root"

@@ -37,6 +37,21 @@ def test_what_another_terminal_says_is_acknowledged(event, line):
     assert shown(gate, event) == f"  {line}\n"
 
 
+@pytest.mark.parametrize(
+    ("kind", "value", "line"),
+    [
+        ("answer", True, "answered fuse: yes (Ada)"),
+        ("answer", False, "answered fuse: no (Ada)"),
+        ("answer", 3.7, "answered fuse: 3.7 (Ada)"),
+        ("answer", "container", "answered fuse: container (Ada)"),
+        ("confirmed", True, "confirmed again fuse: yes (Ada)"),
+    ],
+)
+def test_an_answer_is_shown_as_it_was_given(kind, value, line):
+    """Who typed yes reads yes."""
+    assert shown({"kind": kind, "name": "fuse", "value": value, "by": "Ada"}) == f"  {line}\n"
+
+
 def test_anomalies_of_sources_are_left_to_the_report():
     """What is wrong with the source of a requirement is known before the run, and does not hide what happens."""
     assert shown({"kind": "anomaly", "text": "A-1, source ECSS: the sign is wrong"}) == ""

@@ -30,6 +30,7 @@ def command(run: str, answer: str, by: str) -> int:
     """
     from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
     from hil.report.live.following import Follower  # noqa: PLC0415 - only when it is used
+    from hil.report.page.happenings import answered  # noqa: PLC0415 - only when it is used
 
     folder = find_running(run)
     follower = Follower(folder)
@@ -45,7 +46,7 @@ def command(run: str, answer: str, by: str) -> int:
     if told["kind"] == "anomaly":
         click.echo(f"not taken: {told['text']}", err=True)
         return 1
-    click.echo(f"answered {told['name']}: {told['value']} ({told['by']})")
+    click.echo(f"answered {told['name']}: {answered(told)} ({told['by']})")
     return 0
 
 

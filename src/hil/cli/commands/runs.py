@@ -105,7 +105,8 @@ def _lines(runs: Sequence[RunSummary], width: int) -> Iterator[str]:
 
 
 def _cells(run: RunSummary) -> tuple[str, ...]:
-    told = (run.folder.name, run.state, f"{run.ended}/{run.planned} cases", run.verdict or "-")
+    verdict = f"{run.verdict or '-'}{', deviates' if run.deviates else ''}"
+    told = (run.folder.name, run.state, f"{run.ended}/{run.planned} cases", verdict)
     return tuple(_printable(cell) for cell in (*told, run.source or "-", run.purpose or "-", run.dut or "-"))
 
 

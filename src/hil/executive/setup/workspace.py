@@ -120,7 +120,7 @@ def _workspace(root: Path, settings: dict[str, Any], file: str) -> Workspace:
     findings += [
         Finding(file, 0, 0, f"'{key}' must be a text that can be a name of a file")
         for key, value in settings.items()
-        if key not in {"hardware", "notify"}
+        if key in {"name", *_FOLDERS}
         if not isinstance(value, str) or not value.strip() or "\0" in value
     ]
     notify = _command(settings.get("notify", []), "notify", file, findings)

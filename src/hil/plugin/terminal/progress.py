@@ -16,7 +16,7 @@ from hil.report.live.lines import one_line
 from hil.report.live.outlook import Outlook
 from hil.report.live.readings import Readings
 from hil.report.numbers import bench_time, duration, limit_text, measured
-from hil.report.page.happenings import attached, noted
+from hil.report.page.happenings import answered, attached, noted
 from hil.report.sentences import in_short
 
 __all__ = ["Progress"]
@@ -146,10 +146,10 @@ class Progress:
 
     def _confirmed(self, event: Mapping[str, Any]) -> None:
         self._status.quiet = False
-        self._line(f"  confirmed again {event['name']}: {event['value']} ({event['by']})")
+        self._line(f"  confirmed again {event['name']}: {answered(event)} ({event['by']})")
 
     def _answer(self, event: Mapping[str, Any]) -> None:
-        self._line(f"  answered {event['name']}: {event['value']} ({event['by']})")
+        self._line(f"  answered {event['name']}: {answered(event)} ({event['by']})")
 
     def _check(self, event: Mapping[str, Any]) -> None:
         of = f" of {event['of']}" if event["of"] else ""

@@ -9,7 +9,7 @@ from hil.report.material import Body, flag, inners, text, texts
 from hil.report.numbers import bench_time, duration, number, with_unit
 from hil.report.page.view import CaseName, Happening
 
-__all__ = ["attached", "deviations", "happenings", "noted", "people"]
+__all__ = ["answered", "attached", "deviations", "happenings", "noted", "people"]
 
 
 def people(run: Body, events: Sequence[Body]) -> tuple[tuple[str, str], ...]:
@@ -67,6 +67,12 @@ def _nothing(_: Body) -> str:
 def noted(event: Body) -> str:
     """Return what a note says and who wrote it."""
     return f"{text(event, 'text')} ({_by(event)})"
+
+
+def answered(event: Body) -> str:
+    """Return what was answered, as a person says it: `yes` for what is true."""
+    value = event.get("value")
+    return {True: "yes", False: "no"}[value] if isinstance(value, bool) else text(event, "value")
 
 
 def attached(event: Body) -> str:
@@ -178,7 +184,7 @@ _WORDS = {
 }
 _TOLD: Mapping[str, Callable[[Body], str]] = {
     "acknowledged": noted,
-    "confirmed": lambda event: f"{text(event, 'text')} {'yes' if flag(event, 'value') else 'no'} ({_by(event)})",
+    "confirmed": lambda event: f"{text(event, 'text')} {answered(event)} ({_by(event)})",
     "anomaly": lambda event: text(event, "text"),
     "trip": _reading,
     "monitor-late": _reading,
