@@ -124,7 +124,7 @@ def test_a_verdict_of_a_run_that_deviates_is_marked(capsys, tmp_path, monkeypatc
     monkeypatch.chdir(tmp_path)
     lines = said(capsys, "runs")[1].splitlines()
     found = {line.split()[0]: " ".join(line.split()[4:6]) for line in lines}
-    assert found == {FIRST: "PASS simulated", SECOND: "PASS, deviates"}
+    assert found == {FIRST: "PASS hardware", SECOND: "PASS, deviates"}
 
 
 @pytest.mark.parametrize(
