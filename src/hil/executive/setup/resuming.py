@@ -28,6 +28,8 @@ _PARTS = {
     "data/catalogue/": "requirements or parameters",
     "data/sources/": "plans or fixtures",
 }
+_MOST_FILES = 3
+_DIGITS = 12
 _SOFTWARE = ("hil", "python", "packages", "numeric", "byte_order")
 """What of the software decides how numbers come out."""
 
@@ -105,9 +107,9 @@ def deviation_of(earlier: Earlier, configuration: Configuration, reason: str) ->
     """
     then, now = _software(earlier.folder), software_identity(configuration.workspace.root)
     differing = [name for name in _SOFTWARE if then.get(name) != now.get(name)]
-    if not differing:
+    told = ", ".join(text for name in differing if (text := _versions(name, then.get(name), now.get(name))))
+    if not told:
         return ""
-    told = ", ".join(_versions(name, then.get(name), now.get(name)) for name in differing)
     if not reason:
         raise Refused(
             f"{earlier.folder.name}: the software is not that which began it: {told}",
@@ -167,5 +169,24 @@ def _software(folder: Path) -> Mapping[str, object]:
 def _versions(name: str, then: object, now: object) -> str:
     if isinstance(then, dict) and isinstance(now, dict):
         keys = [key for key in sorted({*then, *now}) if then.get(key) != now.get(key)]
-        return ", ".join(f"{name} {key} {then.get(key, 'none')} is {now.get(key, 'none')}" for key in keys)
+        told = (_version(f"{name} {key}", then.get(key, "none"), now.get(key, "none")) for key in keys)
+        return ", ".join(text for text in told if text)
     return f"{name} {then} is {now}"
+
+
+def _version(name: str, then: object, now: object) -> str:
+    """Return in words what is another, nothing where it only looks so; of a commit which, and the files beside it."""
+    if not isinstance(then, dict) or not isinstance(now, dict):
+        return f"{name} {then} is {now}"
+    told = [] if then.get("id") == now.get("id") else [f"{name} {_short(then)} is {_short(now)}"]
+    before, after = then.get("files", {}), now.get("files", {})
+    if files := sorted(path for path in {*before, *after} if before.get(path) != after.get(path)):
+        more = f" and {len(files) - _MOST_FILES} more" if len(files) > _MOST_FILES else ""
+        told.append(f"its source differs in {', '.join(files[:_MOST_FILES])}{more}")
+    elif bool(then.get("changed")) != bool(now.get("changed")):  # a run of before files were named
+        told.append(f"its source was {'changed' if then.get('changed') else 'not changed'} then")
+    return ", ".join(told)
+
+
+def _short(commit: Mapping[str, object]) -> str:
+    return str(commit.get("id") or "none")[:_DIGITS]

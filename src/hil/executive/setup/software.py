@@ -11,6 +11,8 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
+import hil
+from hil.evidence.durable import sha256_of
 from hil.executive.setup.pins import PINNED
 
 __all__ = ["software_identity", "version"]
@@ -24,10 +26,10 @@ def version() -> str:
 
 
 def software_identity(workspace: Path) -> dict[str, object]:
-    """Return what is frozen as `data/software.json`; the difference to the commit is kept whole."""
+    """Return what is frozen as `data/software.json`; the workspace's difference to its commit is kept whole."""
     return {
         "format": 1,
-        "hil": {"version": version(), "commit": _commit(Path(__file__).parent)},
+        "hil": {"version": version(), "commit": _source(Path(hil.__file__).parent)},
         "workspace": {"commit": _commit(workspace), "difference": _git(workspace, "diff", "HEAD")},
         "python": platform.python_version(),
         "platform": platform.platform(),
@@ -46,6 +48,29 @@ def _packages() -> tuple[tuple[str, str], ...]:
 def _commit(folder: Path) -> dict[str, object]:
     commit = _git(folder, "rev-parse", "HEAD").strip()
     return {"id": commit, "changed": bool(commit and _git(folder, "status", "--porcelain").strip())}
+
+
+def _source(package: Path) -> dict[str, object]:
+    """Return the commit of the product's own source, and the files that differ from it, by their SHA-256.
+
+    What else lies in its checkout cannot change a run: plans and fixtures have digests of their own. A package that was
+    installed into somebody's checkout is no part of it.
+    """
+    if not _git(package, "ls-files", "--", "__init__.py"):
+        return {"id": "", "changed": False, "files": {}}
+    status = _git(package, "status", "--porcelain", "-z", "--no-renames", "--untracked-files=all", "--", ".")
+    top = Path(_git(package, "rev-parse", "--show-toplevel").removesuffix("\n"))
+    names = [entry[3:] for entry in status.split("\0") if entry]
+    files = {name: _digest(top / name) for name in names}
+    return {"id": _git(package, "rev-parse", "HEAD").strip(), "changed": bool(files), "files": files}
+
+
+def _digest(path: Path) -> str:
+    """Return a file's SHA-256, empty where it is gone."""
+    try:
+        return sha256_of(path)
+    except OSError:
+        return ""
 
 
 def _git(folder: Path, *arguments: str) -> str:
