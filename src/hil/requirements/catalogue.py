@@ -77,6 +77,10 @@ class Catalogue:
         """Return the document that one asked plan's requirements stand for."""
         return self._files[plan].document
 
+    def part_numbers(self, plan: str) -> tuple[str, ...]:
+        """Return the part numbers that one asked plan is for, none where it is for any."""
+        return self._files[plan].part_numbers
+
     def limit(self, requirement_id: str, parameter: str) -> Limit:
         """Return the limit of a requirement's parameter.
 

@@ -25,11 +25,12 @@ _PLAN_KINDS = (Kind.LIMIT, Kind.RECORD, Kind.CHARACTERISE)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RequirementFile:
-    """What one `requirements.yaml` holds."""
+    """What one `requirements.yaml` holds; `part_numbers` are those that the plan is for, empty where it is for any."""
 
     path: str
     plan: str
     document: Document
+    part_numbers: tuple[str, ...] = ()
     requirements: tuple[Requirement, ...]
 
 
@@ -46,12 +47,25 @@ def read_requirements(file: Path, shown: str, plan: str, findings: Findings) -> 
     if reader is None:
         return None
     document = _document(reader.child("document"))
+    part_numbers = _part_numbers(reader) if plan else ()
     entries = reader.children("requirements", required=True)
     requirements = tuple(_requirement(entry, plan) for entry in entries)
     if not entries and reader.has("requirements"):
         findings.add(reader.place("requirements"), "there are no requirements here")
     reader.done()
-    return RequirementFile(path=shown, plan=plan, document=document, requirements=requirements)
+    return RequirementFile(
+        path=shown, plan=plan, document=document, part_numbers=part_numbers, requirements=requirements
+    )
+
+
+def _part_numbers(reader: MappingReader) -> tuple[str, ...]:
+    if not reader.has("part_numbers"):
+        return ()
+    before, parts = len(reader.findings), reader.texts("part_numbers", ())
+    if len(reader.findings) == before and not parts:
+        wrong = "'part_numbers' must name those that the plan is for; leave it out of a plan for any"
+        reader.findings.add(reader.place("part_numbers"), wrong)
+    return parts
 
 
 def _document(reader: MappingReader | None) -> Document:

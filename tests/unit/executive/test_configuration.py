@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import pytest
-from workspaces import make
+from dataclasses import replace
 
-from hil.executive.setup.configuration import configure, reach_of
+import pytest
+from workspaces import ROOT, Workspace, make
+
+from hil.executive.setup.configuration import Request, configure, reach_of
 from hil.model.errors import ConfigurationError, Refused
 from hil.model.identity import Purpose, Source
 
@@ -111,3 +113,67 @@ def test_deviations_are_sentences(tmp_path):
         "parameter current is 0.02 A instead of 0.01 A",
         "case test_one is skipped: no jig",
     )
+
+
+ANOTHER = '- {serial: SN-1, part: FIT-1, model: QM, hardware: "A"}\n'
+SIMULATED = '- {serial: SIM-1, part: FIT-2, model: EM, hardware: "A", simulated: true}\n'
+
+
+@pytest.mark.parametrize(
+    ("register", "source", "hint"),
+    [
+        (ANOTHER + SIMULATED, Source.SIMULATED, "name one that fits with --dut: SN-1, SIM-1"),
+        (ANOTHER + SIMULATED, Source.HARDWARE, "name one that fits with --dut: SN-1"),
+        ("", Source.SIMULATED, "no article in fixtures/duts.yaml fits; register it there"),
+    ],
+    ids=["simulated", "hardware", "none"],
+)
+def test_an_article_that_a_plan_is_not_for_is_refused(tmp_path, register, source, hint):
+    """Those that fit are named; on hardware none that exists on simulated benches only."""
+    workspace = make(tmp_path / "workspace", CASES)
+    workspace.change(
+        "testplans/small/requirements.yaml", {"requirements:\n": "part_numbers: [FIT-1, FIT-2]\nrequirements:\n"}
+    )
+    duts = workspace.root / "fixtures/duts.yaml"
+    duts.write_text(duts.read_text(encoding="utf-8") + register, encoding="utf-8")
+    with pytest.raises(Refused) as refused:
+        configure(workspace.request(source=source))
+    assert refused.value.message == "SIM-ADCS-1 has the part number ADCS-2, but small is for FIT-1 or FIT-2"
+    assert refused.value.hint == hint
+    if register:
+        assert configure(workspace.request(dut="SN-1")).dut.part == "FIT-1"
+
+
+def test_plans_for_different_articles_are_not_run_together(tmp_path):
+    """One article fits one of them at most."""
+    workspace = make(tmp_path / "workspace", CASES)
+    workspace.change(
+        "testplans/small/requirements.yaml", {"requirements:\n": "part_numbers: [ADCS-2]\nrequirements:\n"}
+    )
+    other = workspace.root / "testplans/other"
+    other.mkdir()
+    text = (workspace.plan / "requirements.yaml").read_text(encoding="utf-8")
+    text = text.replace("ADCS-2", "BAT-1").replace("T-0", "U-0").replace("id: T,", "id: U,")
+    (other / "requirements.yaml").write_text(text, encoding="utf-8")
+    Workspace(workspace.root, other).lock()
+    with pytest.raises(Refused, match="but other is for BAT-1; no article fits all of these plans; run each by itself"):
+        configure(workspace.request(plans=("small", "other")))
+
+
+@pytest.mark.parametrize(
+    ("plan", "bench", "dut"),
+    [
+        ("battery_charge", "battery", "SIM-BAT-1"),
+        ("battery_degradation", "battery", "SIM-BAT-1"),
+        ("gyroscope", "adcs", "SIM-ADCS-1"),
+        ("jig", "adcs", "SIM-ADCS-1"),
+        ("magnetorquer", "adcs", "SIM-ADCS-1"),
+    ],
+)
+def test_no_plan_of_this_repository_takes_another_article(plan, bench, dut):
+    """A battery's report is about a battery."""
+    request = Request(start=ROOT, plans=(plan,), bench=bench, dut=dut, source=Source.SIMULATED)
+    assert configure(request).dut.serial == dut
+    (other,) = {"SIM-BAT-1", "SIM-ADCS-1"} - {dut}
+    with pytest.raises(Refused, match=rf"{other} has the part number .*, but {plan} is for .*; name one .*: {dut}"):
+        configure(replace(request, dut=other))

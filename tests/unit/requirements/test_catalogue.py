@@ -226,3 +226,13 @@ def test_a_frozen_catalogue_needs_no_workspace(workspace, tmp_path):
     catalogue = load_frozen(frozen)
     assert catalogue.digest == workspace.load().digest
     assert catalogue.plans == ("gyro",)
+
+
+@pytest.mark.parametrize("value", ["[]", '[""]', "BAT-1", "{}"])
+def test_the_part_numbers_of_a_plan_are_named_or_left_out(workspace, value):
+    """A plan for nothing could never run; where none is named it is for any."""
+    assert workspace.load().part_numbers("gyro") == ()
+    workspace.edit("\nrequirements:\n", f"\npart_numbers: {value}\nrequirements:\n")
+    (found,) = findings(workspace.load, locked=False)
+    assert found.startswith("testplans/gyro/requirements.yaml:3:")
+    assert "part_numbers" in found or "must not be empty" in found

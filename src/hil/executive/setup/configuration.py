@@ -14,6 +14,7 @@ from hil.bench.file.duts import find_dut, load_duts
 from hil.bench.file.reading import load_bench
 from hil.bench.live import Reach, reach_of_hardware, reach_of_served
 from hil.documents.findings import Findings
+from hil.executive.setup.fitting import require_fitting
 from hil.executive.setup.workspace import Workspace, find_workspace
 from hil.model.bench import BenchSpec
 from hil.model.errors import ConfigurationError, Finding, Refused
@@ -109,7 +110,7 @@ def configure(request: Request) -> Configuration:
     """Read everything that the request names.
 
     Raises:
-        Refused: for a name that does not exist.
+        Refused: for a name that does not exist, and an article that a plan is not for.
         ConfigurationError: with everything that is wrong with all files.
     """
     workspace = find_workspace(request.start)
@@ -121,6 +122,9 @@ def configure(request: Request) -> Configuration:
     duts = _gather(lambda: _duts(workspace), findings)
     if findings or catalogue is None or bench is None or duts is None:
         raise ConfigurationError(tuple(findings))
+    register = workspace.shown(workspace.duts)
+    dut = find_dut(duts, request.dut, register)
+    require_fitting(catalogue, dut, duts, request.source, register)
     return Configuration(
         request=request,
         workspace=workspace,
@@ -128,7 +132,7 @@ def configure(request: Request) -> Configuration:
         catalogue=catalogue,
         parameters=_overridden({name: item for name, item in parameters.items() if item is not None}, request),
         bench=bench,
-        dut=_dut(find_dut(duts, request.dut, workspace.shown(workspace.duts)), request),
+        dut=_dut(dut, request),
     )
 
 
