@@ -37,6 +37,15 @@ def test_equal_runs_that_notify_have_equal_digests(tmp_path):
     assert "nobody notified" in failed.page()
 
 
+def test_the_verdict_that_is_told_is_that_of_the_package(tmp_path):
+    """A run that fails wakes its people with that word."""
+    workspace = make(tmp_path / "workspace", CASE.replace("1.0)", "9.0)"))
+    (workspace.root / "hil.toml").write_text('notify = ["/bin/cp", "/dev/stdin", "told.json"]\n')
+    ran = workspace.run()
+    assert (ran.code, ran.package.results()["verdict"]) == (1, "FAIL")
+    assert '"text":"FAIL: not every case passed: of 1 case 1 FAIL"' in (workspace.root / "told.json").read_text()
+
+
 @pytest.mark.parametrize("value", ['"tell"', "[1]", '[""]', '["a\\u0000"]'])
 def test_a_command_is_a_list_of_texts(tmp_path, value):
     """Anything else is refused before a run."""

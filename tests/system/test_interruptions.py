@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import random
+import re
 import signal
 import subprocess
 import time
@@ -261,29 +262,81 @@ def small_disk(tmp_path):
     subprocess.run(["umount", "--lazy", place], check=True)
 
 
+TURNS = """
+@pytest.mark.requirement("T-050")
+@pytest.mark.max_duration(1e9)
+def test_long(supply, field, record, check, clock, iterations):
+    supply.coil.configure(1.9, 0.01)
+    supply.coil.enable()
+    with record.during("beside", field, rate=4.0):
+        for part in iterations("part", 200):
+            clock.sleep(20.0)
+            assert supply.coil.enabled()
+            check("T-050", "voltage", supply.coil.voltage())
+
+
+@pytest.mark.requirement("T-010")
+def test_last(check):
+    check("T-010", "ratio", 1.0)
+"""
+
+
 def test_a_full_disk_ends_the_run_safe_and_with_words(tmp_path, small_disk):
-    """What fits is kept and can be verified, the bench is safe, and the person reads why the run ended."""
-    workspace = make(tmp_path / "workspace", LONG)
-    process = workspace.start_run("--output", str(small_disk / "reports"))
-    until(process, "1 Part")
+    """The bench is safe, the run stays open, and the person and whoever is notified learn which disk it is."""
+    workspace = make(tmp_path / "workspace", TURNS)
+    (workspace.root / "hil.toml").write_text('notify = ["/bin/cp", "/dev/stdin", "told.json"]\n', encoding="utf-8")
+    process = workspace.start_run("--verbose", "--output", str(small_disk / "reports"))
+    until(process, "part 5 of 200")
     fill(small_disk / "filler")
     ended = finish(process)
     (folder,) = (small_disk / "reports").iterdir()
     package = Package(folder)
     assert "Traceback" not in ended.err + ended.out
-    assert ended.code == 2, ended.err
-    assert [stop["reason"] for stop in package.events("stop")] == ["disk full"]
+    assert (ended.code, ended.last_line) == (2, str(folder))
+    assert [(stop["reason"], stop["resumable"]) for stop in package.events("stop")] == [("disk full", True)]
     assert [end["ok"] for end in package.events("safe-end")] == [True]
-    assert "stopped by disk full" in ended.out
-    if verify(folder).state is not State.SEALED:
-        (small_disk / "filler").unlink()
-        assert workspace.hil("seal", str(folder)).code == 0
-    assert verify(folder).findings == ()
+    assert verify(folder).state is State.INTERRUPTED
+    told = re.search(rf"stopped by a full disk, and not sealed: {small_disk} has ([0-9 ]+) bytes free\n", ended.out)
+    assert told
+    assert int(told[1].replace(" ", "")) < 10_000_000
+    assert f"free some space there, then go on with hil resume {folder}, or seal it as it is" in ended.out
+    assert f"stopped by a full disk, and not sealed: {small_disk} has" in (workspace.root / "told.json").read_text()
+
+    refused = workspace.hil("resume", str(folder))
+    assert refused.code == 4
+    assert "MB are free" in refused.err
+    assert "free some space, and resume the run" in refused.err
+    (small_disk / "filler").unlink()
+    ended = workspace.hil("resume", str(folder), timeout=300)
+    assert (ended.code, ended.err) == (0, "")
+    assert (verify(folder).findings, verify(folder).ok) == ((), True)
+    package = Package(folder)
+    assert [case["verdict"] for case in package.results()["cases"]] == ["PASS", "PASS"]
+    turns = [event["turn"] for event in package.events("step") if "turn" in event]
+    assert turns == list(range(1, 201))
+    assert workspace.hil("replay", str(folder), timeout=300).code == 0
 
 
-def fill(path: Path) -> None:
+@pytest.mark.parametrize("again", [False, True], ids=["once", "again"])
+def test_a_run_that_a_full_disk_stopped_is_sealed_as_it_is(tmp_path, small_disk, again):
+    """Also where the reserve is eaten up, too; what was recorded is whole, and its verdict is ABORTED."""
+    workspace = make(tmp_path / "workspace", LONG)
+    process = workspace.start_run("--output", str(small_disk / "reports"))
+    until(process, "1 Part")
+    fill(small_disk / "filler")
+    while again and process.poll() is None:
+        fill(small_disk / "filler", "ab")
+    ended = finish(process)
+    assert (ended.code, "Traceback" in ended.err) == (2, False), ended.err
+    (folder,) = (small_disk / "reports").iterdir()
+    (small_disk / "filler").unlink()
+    assert workspace.hil("seal", str(folder)).code == 0
+    assert (verify(folder).findings, Package(folder).results()["verdict"]) == ((), "ABORTED")
+
+
+def fill(path: Path, mode: str = "wb") -> None:
     """Write until nothing more fits."""
-    with path.open("wb", buffering=0) as stream, contextlib.suppress(OSError):
+    with path.open(mode, buffering=0) as stream, contextlib.suppress(OSError):
         for size in (1 << 20, 1 << 12, 1):
             with contextlib.suppress(OSError):
                 while stream.write(bytes(size)):

@@ -60,6 +60,7 @@ SEAL = "bagit.txt"
 
 _RESERVED_BYTES = 8_000_000
 _LONGEST_PART = 40
+_ELSEWHERE = "free some space, or choose another place with --output"
 _ATTEMPTS = 5
 
 
@@ -85,8 +86,8 @@ def create(reports: Path, *, bench: str, dut: str) -> Path:
     return folder
 
 
-def require_space(place: Path, bytes_needed: int) -> None:
-    """Refuse a run for whose evidence there is no space at `place`, which need not exist yet.
+def require_space(place: Path, bytes_needed: int, hint: str = _ELSEWHERE) -> None:
+    """Refuse a run for whose evidence there is no space at `place`, which need not exist yet; `hint` tells what to do.
 
     Raises:
         Refused: with both numbers.
@@ -97,7 +98,7 @@ def require_space(place: Path, bytes_needed: int) -> None:
     if free < needed:
         raise Refused(
             f"{place}: {free / 1e6:.0f} MB are free, and this run may need {needed / 1e6:.0f} MB",
-            "free some space, or choose another place with --output",
+            hint,
         )
 
 

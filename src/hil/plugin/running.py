@@ -25,6 +25,7 @@ from hil.model.errors import Diverged, EvidenceError, Refused
 from hil.plugin.attending import attend
 from hil.plugin.launch import launch
 from hil.plugin.opening import open_new, open_resumed
+from hil.plugin.terminal.left_open import left_open_lines
 from hil.plugin.terminal.progress import Progress
 from hil.report.summary import closing_lines
 from hil.report.write import write_reports
@@ -192,13 +193,8 @@ def _close(session: Session, pytest_code: int, out: TextIO, word: Word) -> int:
     """Seal, tell, and return the exit code; what cannot be told changes nothing."""
     code = session.exit_code(pytest_code)
     if session.left_open:
-        session.leave_open()
-        with suppress(OSError, ValueError):
-            out.write(f"\nstopped, and not sealed: go on with hil resume {session.folder.name}\n")
-            out.write(f"{_shown(session.folder)}\n")
-            out.flush()
-        return code
-    session.keeper.last(code)
+        return _leave_open(session, code, out)
+    session.keeper.last(code, "")
     try:
         digest = session.seal(code, write_reports)
     except EvidenceError as error:
@@ -216,6 +212,17 @@ def _close(session: Session, pytest_code: int, out: TextIO, word: Word) -> int:
         _tell(session, digest, out)
     except (OSError, ValueError, KeyboardInterrupt, MemoryError):
         _complain(f"hil: standard output could not be written; the package is {session.folder}")
+    return code
+
+
+def _leave_open(session: Session, code: int, out: TextIO) -> int:
+    """Leave a run unsealed that was stopped to be resumed, tell how it goes on, and return the exit code."""
+    lines = left_open_lines(session.folder, session.flags.reason)
+    session.keeper.last(code, "; ".join(lines))
+    session.leave_open()
+    with suppress(OSError, ValueError):
+        out.writelines(["\n", *(f"{line}\n" for line in (*lines, _shown(session.folder)))])
+        out.flush()
     return code
 
 

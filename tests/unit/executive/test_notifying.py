@@ -97,6 +97,45 @@ def test_a_question_is_told_of_only_while_it_waits(tmp_path):
     assert written == ["end"]
 
 
+def test_a_question_names_the_command_that_answers_it(tmp_path):
+    """Also a long one, whose text is cut."""
+    for text in ("which way?", "x" * 5000):
+        assert ("notified", "question", None) in notified(tmp_path, python(KEEPING), {"kind": "question", "text": text})
+        told = json.loads((tmp_path / "question.json").read_text())["HIL_TEXT"]
+        assert told.startswith(text[:900])
+        assert told.endswith(
+            "x Answer with: hil answer run-1" if "x" in text else "which way? Answer with: hil answer run-1"
+        )
+        assert len(told) <= 1000
+
+
+CASES = [{"kind": "planned", "cases": [{"case": name} for name in "abcde"]}]
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "text"),
+    [
+        (
+            ["PASS", "FAIL", "INCONCLUSIVE", "FAIL", None],
+            "FAIL: not every case passed: of 5 cases 2 FAIL, 1 NOT_RUN, 1 INCONCLUSIVE",
+        ),
+        (
+            ["PASS", "RECORDED", "PASS", "PASS", "INCONCLUSIVE"],
+            "INCONCLUSIVE: not every case passed: of 5 cases 1 INCONCLUSIVE",
+        ),
+        (["ERROR", "PASS", "PASS", "PASS", "PASS"], "ERROR: not every case passed: of 5 cases 1 ERROR"),
+    ],
+)
+def test_the_end_of_a_run_that_is_no_pass_tells_its_verdict(tmp_path, verdicts, text):
+    """And of how many cases how many ended in which."""
+    ends = [
+        {"kind": "case-end", "case": name, "verdict": verdict} if verdict else {"kind": "not-run", "case": name}
+        for name, verdict in zip("abcde", verdicts, strict=True)
+    ]
+    notified(tmp_path, python(KEEPING), *CASES, *ends, code=1)
+    assert json.loads((tmp_path / "end.json").read_text())["HIL_TEXT"] == text
+
+
 def test_no_text_is_too_long_or_too_odd(tmp_path):
     """A megabyte, zero bytes, and a command that does not read do not hold up the run."""
     events = [{"kind": "trip", "text": "\0" + "ü" * 1_000_000}]

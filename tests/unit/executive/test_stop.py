@@ -138,3 +138,20 @@ def test_another_thread_is_turned_away(service):
     thread.join()
     assert met == [flags.astray]
     assert "another thread" in flags.astray
+
+
+def test_what_can_be_put_right_leaves_the_run_open():
+    """Nobody's first word is changed by it, it is never urgent, and before the first case there is nothing to leave."""
+    flags = StopFlags()
+    flags.leave_off("disk full")
+    assert (flags.reason, flags.leave_open) == ("disk full", False)
+    flags = StopFlags()
+    flags.turns = 1
+    for _ in range(3):
+        flags.leave_off("disk full")
+    assert (flags.reason, flags.leave_open, flags.urgent) == ("disk full", True, False)
+    flags = StopFlags()
+    flags.turns = 1
+    flags.request("SIGINT")
+    flags.leave_off("disk full")
+    assert (flags.reason, flags.leave_open, flags.urgent) == ("SIGINT", False, False)

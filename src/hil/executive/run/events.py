@@ -120,7 +120,7 @@ class Events:
         try:
             self._journal.write(kind, t, beside=beside, **fields)
         except EvidenceError:
-            self._flags.request(DISK_FULL)  # told once, see Journal.write
+            self._flags.leave_off(DISK_FULL)  # told once, see Journal.write
 
     def _comes_again(self, kind: str, t: float, fields: Mapping[str, object]) -> bool:
         if self._past is None:

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -14,6 +15,8 @@ from typing import Any
 
 from hil.clock import wall
 from hil.documents.canonical import canonical
+from hil.model.verdict import Verdict, worst
+from hil.report.sentences import counted
 
 __all__ = ["Notifier"]
 
@@ -21,9 +24,10 @@ _LIMIT_S = 10.0
 _LOOK_S = 0.02
 _MOST_AT_ONCE = 4
 _LONGEST_TEXT = 1000
+_FAILED = 1
 _ENDS = {
     0: "every case passed",
-    1: "not every case passed",
+    _FAILED: "not every case passed",
     2: "the run was stopped",
     6: "the envelope tripped, and the bench is safe",
     7: "the bench could not be proven safe",
@@ -62,6 +66,8 @@ class Notifier:
         self._sent: list[_Sent] = []
         self._late: set[str] = set()
         self._question = ""
+        self._planned = 0
+        self._verdicts: dict[str, Verdict] = {}
 
     def attach(self, run: str, write: Callable[..., None]) -> None:
         """Begin, for the run of this name, whose events `write` writes."""
@@ -77,8 +83,15 @@ class Notifier:
                 self._send("stale", str(event["text"]))
             case "question" | "asked-again":
                 self._question = str(event["text"])
-            case "answer" | "confirmed" | "effect" | "case-end":
+            case "answer" | "confirmed" | "effect":
                 self._question = ""
+            case "case-end":
+                self._question = ""
+                self._verdicts[str(event["case"])] = Verdict(event["verdict"])
+            case "not-run":
+                self._verdicts[str(event["case"])] = Verdict.NOT_RUN
+            case "planned":
+                self._planned = len(event["cases"])
 
     def send(self, event: str, text: str) -> Callable[[], str | None]:
         """Notify of something that is no event of the run; return what tells what became of it.
@@ -91,16 +104,22 @@ class Notifier:
     def tick(self) -> None:
         """Notify of a question that waits for a person, and look after the commands that run."""
         if self._question:
-            self._send("question", self._question)
+            how = f" Answer with: hil answer {self._run}"
+            self._send("question", self._question[: _LONGEST_TEXT - len(how)] + how)
             self._question = ""
         for sent in self._sent:
             if sent.problem is None:
                 self._look_after(sent)
 
-    def finish(self, code: int) -> None:
-        """Notify of the end of the run, wait for every command within its limit, and write down what became of them."""
+    def finish(self, code: int, text: str = "") -> None:
+        """Notify of the end of the run, wait for every command within its limit, and write down what became of them.
+
+        Args:
+            code: the run's exit code.
+            text: what is told of the end, that of the exit code where it is empty.
+        """
         self._question = ""
-        self._send("end", _ENDS.get(code, f"the run ended with exit code {code}"))
+        self._send("end", text or self._ended(code))
         while any(sent.problem is None for sent in self._sent):
             self.tick()
             wall.pause(_LOOK_S)
@@ -111,6 +130,15 @@ class Notifier:
             else:
                 self._tell("notified", event=sent.event, beside=beside)
         self._sent.clear()
+
+    def _ended(self, code: int) -> str:
+        """Return how the run ended: of one that is no pass its verdict, and how many cases have which."""
+        told = _ENDS.get(code, f"the run ended with exit code {code}")
+        counts = Counter(verdict for verdict in self._verdicts.values() if not verdict.good)
+        if code != _FAILED or not counts:
+            return told
+        cases = ", ".join(f"{counts[verdict]} {verdict}" for verdict in reversed(Verdict) if counts[verdict])
+        return f"{worst(counts)}: {told}: of {counted(self._planned, 'case')} {cases}"
 
     def _tell(self, kind: str, **fields: object) -> None:
         if self._write is not None:

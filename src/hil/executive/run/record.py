@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
 from io import FileIO
 from pathlib import Path
@@ -26,12 +26,13 @@ from hil.executive.run.stop import StopFlags
 from hil.executive.run.upkeep import Upkeep
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import write_head
-from hil.model.errors import Diverged
+from hil.model.errors import Diverged, EvidenceError
 from hil.wire.transcript import Transcript, count_operations, past_lines
 
 __all__ = ["Record"]
 
 _LEAST_SPACE = 50_000_000
+_AGAIN = "free some space, and resume the run; or seal it as it is with hil seal"
 
 
 class Record:
@@ -141,7 +142,8 @@ class Record:
         """Write down where the bench is, and close everything without a seal, so that the run can be resumed."""
         self.upkeep.flush()
         if self._checkpoints is not None:
-            self._checkpoints.write()
+            with suppress(OSError, EvidenceError):  # on a full disk the one before will do
+                self._checkpoints.write()
         self.abandon()
 
     def if_diverged(self, tell: Callable[[Diverged], object]) -> None:
@@ -200,7 +202,7 @@ class Record:
 
     def _open_folder(self, leases: Sequence[str], closing: ExitStack) -> Path:
         configuration = self._configuration
-        require_space(configuration.reports, _LEAST_SPACE)
+        require_space(configuration.reports, _LEAST_SPACE, *([_AGAIN] if self._earlier else []))
         self.leases = leases
         self.lease = lease = Lease(leases, f"a run of {', '.join(plan.name for plan in configuration.plans)}")
         closing.callback(lease.release)

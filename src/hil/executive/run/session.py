@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -214,7 +214,8 @@ class Session:
         )
         self._verdicts.append(outcome.verdict)
         self.current = None
-        self.record.transcript.flush()
+        with suppress(OSError):  # a full disk is told by who looks after it
+            self.record.transcript.flush()
         return outcome.verdict
 
     def not_run(self, case: str, reason: str) -> None:

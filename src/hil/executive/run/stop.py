@@ -37,6 +37,7 @@ class StopFlags:
 
     Attributes:
         reason: who or what asked first, empty where nobody did.
+        leave_open: whether the run is not sealed then, so that it can be resumed.
         urgent: whether somebody asked again.
         cuts: how often a case's own code was cut.
         turns: how many cases had or have their turn.
@@ -79,6 +80,16 @@ class StopFlags:
         """Ask the run to end; a second request is urgent. Safe to call from a signal handler."""
         self.urgent = bool(self.reason)
         self.reason = self.reason or reason
+
+    def leave_off(self, reason: str) -> None:
+        """Ask the run to end safe and stay open, so that it is gone on with once the reason is away.
+
+        Asked again and again, it is no more urgent than a person's first word, and changes nothing of that. Before the
+        first case there is nothing to go on with, and the run ends for good.
+        """
+        if not self.reason:
+            self.leave_open = self.turns > 0
+            self.request(reason)
 
     def check(self) -> None:
         """Raise Stopped if the run is to end and nothing is shielded."""

@@ -95,6 +95,5 @@ class Upkeep:
                 self.flush()
 
     def _disk_is_full(self) -> None:
-        """Ask for the run's end; asked again and again, it is no more urgent than a person's first word."""
-        if not self._flags.reason:
-            self._flags.request(DISK_FULL)
+        """Ask for an end from which the run goes on once there is space again."""
+        self._flags.leave_off(DISK_FULL)

@@ -61,7 +61,7 @@ class BenchKeeper:
         self._dut = dut
         self._flags = flags
         self.write = self._write = write
-        self.last: Callable[[int], None] = lambda _: None
+        self.last: Callable[[int, str], None] = lambda *_: None
         self.outside: Outside | None = None
         self.arming = FIRST_ARMING
         self.not_opened: Mapping[int, Gate] = {}

@@ -1,0 +1,34 @@
+"""What is said of a run that was stopped and stays open: why, and how it is gone on with."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from hil.executive.run.events import DISK_FULL
+
+__all__ = ["left_open_lines"]
+
+
+def left_open_lines(folder: Path, reason: str) -> list[str]:
+    """Return why a run was stopped and is not sealed, and what a person does next.
+
+    Args:
+        folder: the run's folder.
+        reason: why it was stopped; of a full disk which one, and how much of it is free now, is told, too.
+    """
+    if reason != DISK_FULL:
+        return [f"stopped, and not sealed: go on with hil resume {folder.name}"]
+    ways = f"go on with hil resume {folder}, or seal it as it is with hil seal {folder}"
+    return [f"stopped by a full disk, and not sealed: {_disk(folder)}", f"free some space there, then {ways}"]
+
+
+def _disk(folder: Path) -> str:
+    """Return where the folder's file system is mounted, and how much is free now that the reserve was given back."""
+    folder = folder.resolve()
+    mounted = next((place for place in (folder, *folder.parents) if place.is_mount()), folder)
+    try:
+        free = shutil.disk_usage(folder).free
+    except OSError:
+        return f"{mounted}"
+    return f"{mounted} has {free:,} bytes free".replace(",", " ")
