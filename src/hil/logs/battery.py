@@ -31,6 +31,9 @@ class BatteryLog:
         own_energy: likewise net energy, in Wh.
         charge: the instrument's own count of net charge at each row, in Ah, None where it is not in the rows.
         energy: likewise of net energy, in Wh.
+        test: number of the test that each row belongs to, None where the log holds one.
+        stretch: number of the stretch that each row belongs to, None where the log is one; between two stretches the
+            time is not known.
         remarks: what was left out or mended, in sentences.
     """
 
@@ -45,6 +48,8 @@ class BatteryLog:
     own_energy: float | None = None
     charge: NDArray[np.float64] | None = None
     energy: NDArray[np.float64] | None = None
+    test: NDArray[np.int64] | None = None
+    stretch: NDArray[np.int64] | None = None
     remarks: tuple[str, ...] = ()
 
 

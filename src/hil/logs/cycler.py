@@ -11,48 +11,47 @@ from pathlib import Path
 import numpy as np
 
 from hil.logs.battery import BatteryLog, lines_of
+from hil.logs.cycler_rows import Placed, Row, placed
 from hil.model.errors import Refused
 
 __all__ = ["read"]
 
 _CELLS, _SEALED_CELLS = 4, 7
-_SECONDS_PER_HOUR = 3600.0
 _ROW = re.compile(r"\s*[-+]?\d[-+\d.,eE]*\s*;")
-_ITERATION = re.compile(r"\b(?:iteration|cycle)\D*(\d+)", re.IGNORECASE)
+_ITERATION = re.compile(r"\b(?:iteration|cycle)(?![a-z])\D*(\d+)", re.IGNORECASE)
 _SEALED = re.compile(r"(.*)\*([0-9A-F]{4})")
 _WRAP_MS = 2**32
 _END = re.compile(r"\bend\b", re.IGNORECASE)
-_RESOLVED = 4  # last digits of the energy that one interval must be worth before a missing row can be seen
 
 
 @dataclass(slots=True)
 class _Rows:
-    """Rows as they are read; a slot is one interval of the cycler."""
+    """Rows as they are read, and what the marks between them say."""
 
     interval: float
-    now: float = 0.0
     device_ms: int | None = None
     cycle: float = 0.0
-    numbered: bool = False
+    test: int = 0
+    stretch: int = 0
+    passed: float = 0.0
+    marked: dict[int, bool] = field(default_factory=dict)  # by test: whether a mark numbered its cycles
+    blind: int | None = None  # first row of a stretch whose cycle no mark has told yet
     torn: int = 0
-    missing: int = 0
-    energy: float = 0.0
     headers: int = 0
     starts: int = 0
     stamped: bool = False
     ended: bool = False
-    before: tuple[float, float] | None = None  # magnitude of accumulated energy, power
-    rows: list[tuple[float, ...]] = field(default_factory=list)
+    rows: list[Row] = field(default_factory=list)
 
     def row(self, numbers: list[float], digits: int, device_ms: int | None = None) -> None:
-        """Take a whole row; rows that are missing before it show in its time, or else as a jump of the energy."""
+        """Take a whole row."""
         voltage, current, energy, temperature = numbers
-        power = voltage * current
         self._pass(device_ms)
-        if self.before is not None:
-            self._follow(abs(energy) - self.before[0], power, self.before[1], digits)
-        self.before = (abs(energy), power)
-        self.rows.append((self.now, voltage, current, temperature, self.cycle))
+        self.rows.append(
+            Row(voltage, current, abs(energy), temperature, digits, self.cycle, self.test, self.stretch, self.passed)
+        )
+        self.passed = 0.0
+        self.marked.setdefault(self.test, False)
 
     def _pass(self, device_ms: int | None) -> None:
         """Let the time pass that lies before a row: by the device's clock where it tells it, else one interval."""
@@ -62,37 +61,53 @@ class _Rows:
             since = None if self.device_ms is None else (device_ms - self.device_ms) % _WRAP_MS
             self.device_ms = device_ms
         if since is not None and since < _WRAP_MS // 2:
-            self.now += since / 1000.0
+            self.passed = since / 1000.0
         elif self.rows or self.torn:
-            self.now += self.interval
-
-    def _follow(self, jump: float, power: float, before: float, digits: int) -> None:
-        if jump < 0:  # begun anew with the next step
-            return
-        self.energy += math.copysign(jump, power)
-        usual = 0.5 * abs(power + before) * self.interval / _SECONDS_PER_HOUR
-        if not self.stamped and power * before > 0 and usual >= _RESOLVED * 10.0**-digits:
-            lost = max(round(jump / usual) - 1, 0)
-            self.now += lost * self.interval
-            self.missing += lost
+            self.passed += self.interval
 
     def tear(self) -> None:
         """Take a torn row: its interval has passed, its numbers are lost."""
         if not self.stamped and (self.rows or self.torn):
-            self.now += self.interval
+            self.passed += self.interval
         self.torn += 1
-        self.before = None
 
-    def mark(self, text: str) -> None:
-        """Take a line that is no row."""
-        self.headers += "PuTTY log" in text
+    def mark(self, text: str, *, again: bool) -> None:
+        """Take a line that is no row; `again` says that it may be a line that was sent before."""
+        if "PuTTY log" in text:
+            self.headers += 1
+            self._break(anew=False)
+            return
         if text.startswith("START ARDUINO"):
             self.starts += 1
             self.device_ms = None
+            self._break(anew=True)
+            return
         self.ended |= text.upper().startswith("TEST END")
         found = _ITERATION.search(text)
         if found and not _END.search(text):
-            self.cycle, self.numbered = float(found[1]), True
+            self._iterate(float(found[1]), repeats=text.upper().startswith("TEST ITERATION") and not again)
+
+    def _break(self, *, anew: bool) -> None:
+        """End the stretch: what comes now is a new test, or the same one after a time that nobody knows."""
+        if not self.rows:
+            return
+        if self.rows[-1].stretch == self.stretch:
+            self.stretch += 1
+        if anew:
+            self.test, self.cycle, self.blind = self.rows[-1].test + 1, 0.0, None
+        elif self.test == self.rows[-1].test:
+            self.blind = len(self.rows)
+
+    def _iterate(self, number: float, *, repeats: bool) -> None:
+        """Begin a cycle; a number that does not follow on begins a new test."""
+        here = self.rows and self.rows[-1].test == self.test and self.marked.get(self.test)
+        if here and self.blind is not None and number > self.cycle:
+            # Every mark since has been read: what came before this one is the cycle before.
+            self.rows[self.blind :] = [row._replace(cycle=number - 1.0) for row in self.rows[self.blind :]]
+        elif here and (number not in {self.cycle, self.cycle + 1.0} or (number == self.cycle and repeats)):
+            self._break(anew=True)
+        self.cycle, self.blind = number, None
+        self.marked[self.test] = True
 
 
 def read(path: Path, *, interval: float = 5.0) -> BatteryLog:
@@ -103,7 +118,8 @@ def read(path: Path, *, interval: float = 5.0) -> BatteryLog:
 
     Rows are counted to tell the time. A torn row counts as an interval. A row that is missing as a whole is seen in the
     accumulated energy, where its digits resolve one interval; else it makes the test seem shorter. A line that names an
-    iteration or a cycle with its number, and not its end, begins that cycle.
+    iteration or a cycle with its number, and not its end, begins that cycle. A start, or a number that does not follow
+    on, begins a new test; behind a header of the terminal the same test goes on after a time that is not known.
 
     Args:
         path: the file.
@@ -117,25 +133,29 @@ def read(path: Path, *, interval: float = 5.0) -> BatteryLog:
         _take(rows, line)
     if not rows.rows:
         raise Refused(f"{path}: no row of voltage;current;energy;temperature", "is this the cycler's log?")
-    time, voltage, current, temperature, cycle = np.array(rows.rows).T
+    found = placed(rows.rows, interval, stamped=rows.stamped)
+    columns = dict(zip(Row._fields, np.array(found.rows).T, strict=True))
     return BatteryLog(
         maker="cycler",
-        time=time,
-        voltage=voltage,
-        current=current,
-        temperature=temperature,
-        cycle=cycle if rows.numbered else None,
-        own_energy=rows.energy,
-        remarks=_remarks(rows),
+        time=found.time,
+        voltage=columns["voltage"],
+        current=columns["current"],
+        temperature=columns["temperature"],
+        cycle=columns["cycle"] if all(rows.marked[row.test] for row in found.rows) else None,
+        own_energy=float(found.energy[-1]),
+        energy=found.energy,
+        test=columns["test"].astype(np.int64),
+        stretch=columns["stretch"].astype(np.int64),
+        remarks=_remarks(rows, found),
     )
 
 
 def _take(rows: _Rows, line: str) -> None:
     text = line.strip()
-    if not text or text[0].isalpha() or ";" not in text:
-        rows.mark(text)
-        return
     sealed = _SEALED.fullmatch(text)
+    if not text or text[0].isalpha() or ";" not in text or "PuTTY log" in text:
+        rows.mark(text, again=sealed is not None)
+        return
     cells = (sealed[1] if sealed else text.replace(",", ".")).split(";")
     whole = line[-1] == "\n" and len(cells) == (_SEALED_CELLS if sealed else _CELLS) and _ROW.match(text)
     if sealed and int(sealed[2], 16) != crc_hqx(sealed[1].encode("utf-8"), 0xFFFF):
@@ -151,12 +171,23 @@ def _take(rows: _Rows, line: str) -> None:
     rows.row(numbers, len(cells[2].strip().partition(".")[2]), device_ms)
 
 
-def _remarks(rows: _Rows) -> tuple[str, ...]:
+def _remarks(rows: _Rows, found: Placed) -> tuple[str, ...]:
     told = [] if rows.stamped else [f"the time is counted from rows, {rows.interval:g} s each"]
-    if rows.torn:
-        told.append(f"{rows.torn} torn rows are left out, their intervals are counted")
-    if rows.missing:
-        told.append(f"{rows.missing} missing rows are seen in the accumulated energy, their intervals are counted")
+    for number, one, many in (
+        (rows.torn, "torn row is left out, its interval is", "torn rows are left out, their intervals are"),
+        (
+            found.stray,
+            "row with an accumulated energy that the next takes back is left out, its interval is",
+            "rows with an accumulated energy that the next takes back are left out, their intervals are",
+        ),
+        (
+            found.missing,
+            "missing row is seen in the accumulated energy, its interval is",
+            "missing rows are seen in the accumulated energy, their intervals are",
+        ),
+    ):
+        if number:
+            told.append(f"{number} {one if number == 1 else many} counted")
     if rows.headers > 1:
         told.append(f"the terminal began {rows.headers} times to log; how long it was off is not known")
     if rows.starts > 1:

@@ -63,7 +63,7 @@ def read(path: Path) -> BatteryLog:
         own_energy=None if energy is None else float(energy[-1] - energy[0]),
         charge=charge,
         energy=energy,
-        remarks=(f"{torn} torn rows are left out",) if torn else (),
+        remarks=(f"{torn} torn {'row is' if torn == 1 else 'rows are'} left out",) if torn else (),
     )
 
 

@@ -47,7 +47,7 @@ def test_torn_rows_and_end_marks_of_a_novonix_file(tmp_path):
     path.write_text(text[:-60] + "\n[End Data]\n", encoding="utf-8")
     read = novonix.read(path)
     assert read.time.size == 206
-    assert read.remarks == ("1 torn rows are left out",)
+    assert read.remarks == ("1 torn row is left out",)
 
 
 def test_a_novonix_file_without_data_or_column_is_refused(tmp_path):
@@ -108,7 +108,7 @@ def test_own_energy_of_the_cycler_is_net(tmp_path):
     """The accumulated energy begins anew with each half; its steps count with the sign of the current."""
     read = cycler.read(log(tmp_path, [*rows(100), *rows(50, amperes=-0.7)]))
     each = 3.7 * 0.7 * 5.0 / 3600.0
-    assert read.own_energy == pytest.approx((99 - 49) * each, abs=2e-4)
+    assert read.own_energy == pytest.approx((99 - 50) * each, abs=2e-4)
 
 
 def sealed(text):
@@ -125,7 +125,7 @@ def test_sealed_rows_tell_their_time_and_are_checked(tmp_path):
     read = cycler.read(log(tmp_path, [marks[0], *lines, marks[1]]))
     assert read.time.tolist() == [0.0, 5.0, 20.0, 25.0]
     assert read.cycle.tolist() == [1.0] * 4
-    assert read.remarks == ("1 torn rows are left out, their intervals are counted",)
+    assert read.remarks == ("1 torn row is left out, its interval is counted",)
 
 
 def test_the_devices_clock_may_wrap_or_begin_anew(tmp_path):
@@ -154,3 +154,54 @@ def test_the_maker_is_recognised(tmp_path):
     assert made_by(lines_of(NOVONIX)) == "novonix"
     assert made_by(lines_of(log(tmp_path, rows(2)))) == "cycler"
     assert made_by(["time,U,I\n", "0,3.7,0.7\n"]) == "table"
+
+
+def test_a_start_begins_a_new_test(tmp_path):
+    """A second start in a half-cycle: another test and stretch, and the energy is not carried across."""
+    lines = ["TEST ITERATION 1", *rows(6), "START ARDUINO", "TEST ITERATION 1", *rows(4), "TEST END"]
+    read = cycler.read(log(tmp_path, lines))
+    assert read.test.tolist() == [0] * 6 + [1] * 4
+    assert read.stretch.tolist() == [0] * 6 + [1] * 4
+    assert read.own_energy == pytest.approx((5 + 3) * 3.7 * 0.7 * 5.0 / 3600.0, abs=2e-4)
+
+
+@pytest.mark.parametrize(("second", "tests"), [("1", 2), ("2", 1), ("4", 2)])
+def test_an_iteration_that_does_not_follow_on_begins_a_new_test(tmp_path, second, tests):
+    """The first again, or one that leaves some out; the next one goes on."""
+    lines = ["TEST ITERATION 1", *rows(6), f"TEST ITERATION {second}", *rows(4), "TEST END"]
+    read = cycler.read(log(tmp_path, lines))
+    assert np.unique(read.test).size == tests
+    assert np.unique(read.stretch).size == tests
+
+
+def test_a_header_in_the_middle_begins_a_stretch_of_the_same_test(tmp_path):
+    """What came while the terminal was off is not known: the rows behind are of the cycle before the next mark."""
+    lines = ["TEST ITERATION 1", *rows(6), HEADER.splitlines()[0], *rows(4), "TEST ITERATION 3", *rows(3), "TEST END"]
+    read = cycler.read(log(tmp_path, lines))
+    assert set(read.test.tolist()) == {0}
+    assert read.stretch.tolist() == [0] * 6 + [1] * 7
+    assert read.cycle.tolist() == [1.0] * 6 + [2.0] * 4 + [3.0] * 3
+
+
+def test_an_energy_that_goes_back_is_a_bad_row(tmp_path):
+    """One watt-hour more, or less, for one row: the row is left out, no row is missing, and no energy is added."""
+    lines = rows(40)
+    for place, energy in ((9, "1,0360"), (30, "0,0001")):
+        lines[place] = ";".join([*lines[place].split(";")[:2], energy, "25,1"])
+    read = cycler.read(log(tmp_path, [*lines, "TEST END"]))
+    assert read.time.size == 38
+    assert read.time[-1] == 195.0
+    assert read.own_energy == pytest.approx(39 * 3.7 * 0.7 * 5.0 / 3600.0, abs=2e-4)
+    assert not any("missing" in remark for remark in read.remarks)
+    assert any(
+        remark.startswith("2 rows with an accumulated energy that the next takes back") for remark in read.remarks
+    )
+
+
+def test_a_torn_row_takes_nothing_from_the_own_energy(tmp_path):
+    """The field at the end less that at the beginning, whatever row between them is torn, the first as well."""
+    whole = [*rows(20), *rows(20, amperes=-0.7)]
+    expected = cycler.read(log(tmp_path, whole)).own_energy
+    for place in (10, 20, 30):
+        torn = [row[:9] if place == each else row for each, row in enumerate(whole)]
+        assert cycler.read(log(tmp_path, torn)).own_energy == pytest.approx(expected, abs=1e-9)
