@@ -69,9 +69,10 @@ def counted(data: Series, steps: Sequence[Step]) -> Counted:
     if data.charge is None or data.energy is None:
         return Counted(used=used, charge=charge, energy=energy)
     current, power = _most(data, data.current), _most(data, data.current * data.voltage)
+    broken = data.broken
     for before, after in pairwise(steps):
         place = before.last
-        if StepKind.REST not in {before.kind, after.kind}:
+        if StepKind.REST not in {before.kind, after.kind} or broken[place]:
             continue
         found = data.charge[place + 1] - data.charge[place], data.energy[place + 1] - data.energy[place]
         if _possible(found[0], current[place]) and _possible(found[1], power[place]):
@@ -91,7 +92,7 @@ def net(data: Series, steps: Sequence[Step], *, energy: bool) -> Net:
         energy: energy, not charge.
     """
     rate = data.current * data.voltage if energy else data.current
-    parts = np.diff(data.time) * (rate[:-1] + rate[1:]) / (2.0 * SECONDS_PER_HOUR)
+    parts = np.diff(data.time) * (rate[:-1] + rate[1:]) / (2.0 * SECONDS_PER_HOUR) * ~data.broken
     edges = counted(data, steps)
     own = edges.energy if energy else edges.charge
     half = np.abs(_most(data, rate)[edges.used]) / 2.0

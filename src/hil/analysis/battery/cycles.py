@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
+from hil.analysis.battery.grouping import Group, groups
 from hil.analysis.battery.half_cycle import Flow, HalfCycle, Limits, flow, half_cycle
 from hil.analysis.battery.series import Series
 from hil.analysis.battery.steps import Segmentation, Step, StepKind, gaps, segment
@@ -57,9 +58,9 @@ class Cycle:
     Attributes:
         number: of the source where it counts them, else from 1.
         start: s, of its first sample.
-        duration: s to the first sample of the next cycle; to the last sample for the last cycle.
-        complete: whether it has charge and discharge, is not the part that a series begins or ends in, as far as
-            that can be told, and has lost nothing to a gap across an edge.
+        duration: s to the first sample of the next cycle; to the last sample for the last cycle of a stretch.
+        complete: whether it has charge and discharge, is not the part that a series or a stretch of it begins or
+            ends in, as far as that can be told, and has lost nothing to a gap across an edge.
         charge: its charge; None where there is none.
         discharge: its discharge.
         coulombic_efficiency: charge out over charge in; NaN where one is missing.
@@ -83,8 +84,8 @@ class Cycle:
 def cycles(data: Series, limits: Limits | None = None, how: Segmentation | None = None) -> tuple[Cycle, ...]:
     """Return the cycles of a series.
 
-    Where the series numbers its cycles these numbers hold. Else a cycle begins with each step of the kind that came
-    first, charge or discharge, after one of the other kind.
+    Where the series numbers its cycles these numbers hold, numbered on where a new test begins anew. Else a cycle
+    begins with each step of the kind that came first in the test, charge or discharge, after one of the other kind.
 
     Args:
         data: the samples.
@@ -95,13 +96,11 @@ def cycles(data: Series, limits: Limits | None = None, how: Segmentation | None 
     steps = segment(data, how)
     flows = flow(data, steps, how)
     edges = resistances(data, steps, how)
-    groups = list(_groups(data, steps))
     made = []
-    for place, (number, group) in enumerate(groups):
-        following = groups[place + 1][1][0].first if place + 1 < len(groups) else data.time.size - 1
-        ends = (float(data.time[group[0].first]), float(data.time[following]))
+    for group in groups(data, steps, limits):
+        ends = (float(data.time[group.steps[0].first]), float(data.time[group.end]))
         near = tuple(each for each in edges if ends[0] <= each.time < ends[1])
-        made.append(_cycle(data, number, group, ends, flows, limits, near, steps))
+        made.append(_cycle(data, group, ends, flows, limits, near, steps))
     return tuple(made)
 
 
@@ -115,7 +114,7 @@ def resistances(data: Series, steps: Sequence[Step], how: Segmentation | None = 
         steps: from `segment`.
         how: `Segmentation.gap` says what is a gap.
     """
-    missing = gaps(data.time, how)
+    missing = gaps(data.time, how) | data.broken
     least = 0.1 * float(np.percentile(np.abs(data.current), 95.0))
     found = []
     for before, after in pairwise(steps):
@@ -146,43 +145,9 @@ def equivalent_full_cycles(made: Sequence[Cycle], capacity: float) -> float:
     return sum(half.charge for half in halves) / (2.0 * capacity)
 
 
-def _groups(data: Series, steps: Sequence[Step]) -> Iterator[tuple[int, list[Step]]]:
-    """Yield number and steps of each cycle that has a charge or a discharge."""
-    active = [step.kind for step in steps if step.kind is not StepKind.REST]
-    number, group = 1, list[Step]()
-    if not active:
-        return
-    for step in steps:
-        if group and _begins(data, group, step, active[0]):
-            yield _number(data, group, number), group
-            number, group = number + 1, []
-        group.append(step)
-    yield _number(data, group, number), group
-
-
-def _begins(data: Series, group: Sequence[Step], step: Step, leading: StepKind) -> bool:
-    if step.kind is StepKind.REST or all(each.kind is StepKind.REST for each in group):
-        return False
-    if data.cycle is not None:
-        return _told(data, step) != _told(data, [each for each in group if each.kind is not StepKind.REST][-1])
-    return step.kind is leading and any(each.kind not in {leading, StepKind.REST} for each in group)
-
-
-def _told(data: Series, step: Step) -> int:
-    """Return the number of the cycle in the middle of a step: at its edges a mark may come a sample early or late."""
-    return 0 if data.cycle is None else int(data.cycle[(step.first + step.last) // 2])
-
-
-def _number(data: Series, group: Sequence[Step], counted: int) -> int:
-    if data.cycle is None:
-        return counted
-    return _told(data, next(step for step in group if step.kind is not StepKind.REST))
-
-
 def _cycle(
     data: Series,
-    number: int,
-    group: Sequence[Step],
+    group: Group,
     ends: tuple[float, float],
     flows: Flow,
     limits: Limits,
@@ -191,41 +156,29 @@ def _cycle(
 ) -> Cycle:
     halves = {}
     for kind in (StepKind.CHARGE, StepKind.DISCHARGE):
-        own = [step for step in group if step.kind is kind]
+        own = [step for step in group.steps if step.kind is kind]
         halves[kind] = half_cycle(data, own, flows, limits) if own else None
     charge, discharge = halves[StepKind.CHARGE], halves[StepKind.DISCHARGE]
-    lost = bool(flows.lost[max(group[0].first - 1, 0) : group[-1].last + 1].any())
+    lost = bool(flows.lost[max(group.steps[0].first - 1, 0) : group.steps[-1].last + 1].any())
     both = charge is not None and discharge is not None
     return Cycle(
-        number=number,
+        number=group.number,
         start=ends[0],
         duration=ends[1] - ends[0],
-        complete=both and not lost and not _torn(data, group, limits, last=group[-1] is steps[-1]),
+        complete=both and not lost and not group.cut,
         charge=charge,
         discharge=discharge,
         coulombic_efficiency=_ratio(discharge, charge, "charge"),
         energy_efficiency=_ratio(discharge, charge, "energy"),
-        rests=tuple(_rest(data, steps, step) for step in group if step.kind is StepKind.REST),
+        rests=tuple(_rest(data, steps, step) for step in group.steps if step.kind is StepKind.REST),
         resistances=edges,
     )
-
-
-def _torn(data: Series, group: Sequence[Step], limits: Limits, *, last: bool) -> bool:
-    """Tell whether the series ends within the cycle's last step; only a level that was not reached shows it."""
-    end = group[-1]
-    if not last or end.kind is StepKind.REST:
-        return False
-    if end.kind is StepKind.DISCHARGE:
-        slack = 0.1  # V: under load the last sample before the cut-off lies above it by what one interval takes
-        return limits.lower is not None and bool(data.voltage[end.first : end.last + 1].min() > limits.lower + slack)
-    taken = np.abs(data.current[end.first : end.last + 1])
-    return limits.cut_off is not None and bool(taken[-1] > 2.0 * limits.cut_off)
 
 
 def _rest(data: Series, steps: Sequence[Step], step: Step) -> Rest:
     place = steps.index(step)
     return Rest(
-        after=steps[place - 1].kind if place else None,
+        after=steps[place - 1].kind if place and not data.broken[step.first - 1] else None,
         voltage=float(data.voltage[step.last]),
         duration=float(data.time[step.last] - data.time[step.first]),
     )

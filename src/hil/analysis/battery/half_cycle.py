@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hil.analysis.battery.counted import counted
 from hil.analysis.battery.crossing import first_fall, first_rise
 from hil.analysis.battery.integration import one_way
-from hil.analysis.battery.series import Series
+from hil.analysis.battery.series import Series, can_be_warm
 from hil.analysis.battery.steps import Segmentation, Step, StepKind, gaps
 
 __all__ = ["Flow", "HalfCycle", "Limits", "flow", "half_cycle"]
@@ -50,12 +50,14 @@ class Flow:
         charge: by kind of step, in Ah.
         energy: by kind of step, in Wh.
         lost: whether the interval is a gap across which the state changed, so that nothing is known of it.
+        broken: whether it lies between two stretches, so that nothing is known of it either.
         bridged: whether it is a gap within one state, where the straight line stands for what is missing.
     """
 
     charge: dict[StepKind, NDArray[np.float64]]
     energy: dict[StepKind, NDArray[np.float64]]
     lost: NDArray[np.bool_]
+    broken: NDArray[np.bool_]
     bridged: NDArray[np.bool_]
 
 
@@ -68,6 +70,7 @@ class HalfCycle:
         duration: s from the first sample to the last, rests between its parts not counted.
         charge: Ah.
         energy: Wh.
+        own_energy: Wh that the instrument itself counted, NaN where it did not.
         mean_voltage: energy over charge, in V.
         current: median magnitude in A.
         cc_time: s at constant current.
@@ -94,6 +97,7 @@ class HalfCycle:
     duration: float
     charge: float
     energy: float
+    own_energy: float
     mean_voltage: float
     current: float
     cc_time: float
@@ -129,7 +133,8 @@ def flow(data: Series, steps: Sequence[Step], how: Segmentation | None = None) -
     missing = gaps(data.time, how)
     turns = np.zeros(data.time.size - 1, dtype=bool)
     turns[[step.last for step in steps[:-1]]] = True
-    known = ~(missing & turns)
+    broken = data.broken
+    known = ~(missing & turns | broken)
     power = data.voltage * data.current
     signs = {StepKind.CHARGE: 1, StepKind.DISCHARGE: -1}
     edges = counted(data, steps)
@@ -142,7 +147,8 @@ def flow(data: Series, steps: Sequence[Step], how: Segmentation | None = None) -
     return Flow(
         charge=charge,
         energy=energy,
-        lost=missing & turns,
+        lost=missing & turns & ~broken,
+        broken=broken,
         bridged=missing & ~turns,
     )
 
@@ -170,6 +176,7 @@ def half_cycle(data: Series, steps: Sequence[Step], flows: Flow, limits: Limits)
         duration=float(elapsed[-1]),
         charge=charge,
         energy=energy,
+        own_energy=_own(data, parts, flows),
         mean_voltage=energy / charge if charge > 0 else math.nan,
         current=float(np.median(np.abs(data.current[samples]))),
         cc_time=float(elapsed[-1]) - cv_time,
@@ -189,6 +196,14 @@ def half_cycle(data: Series, steps: Sequence[Step], flows: Flow, limits: Limits)
         bridged_charge=float(flows.charge[kind][parts][flows.bridged[parts]].sum()),
         gaps=int((flows.bridged[parts] | flows.lost[parts]).sum()),
     )
+
+
+def _own(data: Series, parts: NDArray[np.int64], flows: Flow) -> float:
+    """Return what the instrument counted in these intervals; the sign of its count may be either."""
+    if data.energy is None:
+        return math.nan
+    counted_there = np.diff(data.energy)[parts[~flows.broken[parts]]]
+    return max(float(np.maximum(sign * counted_there, 0.0).sum()) for sign in (1.0, -1.0))
 
 
 def _intervals(data: Series, steps: Sequence[Step]) -> NDArray[np.int64]:
@@ -242,7 +257,7 @@ def _time_to_cut_off(
     samples = np.concatenate([np.arange(step.first, step.last + 1) for step in steps])
     end = steps[-1].last
     ends_low = abs(data.current[end]) <= 2.0 * limits.cut_off
-    if ends_low and end + 1 < data.time.size and not flows.lost[end]:
+    if ends_low and end + 1 < data.time.size and not (flows.lost[end] or flows.broken[end]):
         samples = np.append(samples, end + 1)
         elapsed = np.append(elapsed, elapsed[-1] + data.time[end + 1] - data.time[end])
     current = np.maximum(data.current[samples], 0.0)
@@ -257,7 +272,7 @@ def _warmth(
     """Return lowest, highest, mean over time, and rise."""
     if data.temperature is None:
         return math.nan, math.nan, math.nan, math.nan
-    kept = np.isfinite(data.temperature[samples])
+    kept = can_be_warm(data.temperature[samples])
     values, times = data.temperature[samples][kept], elapsed[kept]
     if not values.size:
         return math.nan, math.nan, math.nan, math.nan

@@ -9,9 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from hil.model.errors import Refused
 
-__all__ = ["SECONDS_PER_HOUR", "Series", "series", "usual_interval"]
+__all__ = ["SECONDS_PER_HOUR", "Series", "can_be_warm", "series", "usual_interval"]
 
 SECONDS_PER_HOUR = 3600.0
+
+_WARMTH = (-60.0, 120.0)  # degC: no cell is tested beyond these, but an open or shorted sensor reads so
 
 _LEAST = 3  # samples
 
@@ -28,6 +30,9 @@ class Series:
         cycle: number of the cycle that each sample belongs to, or None where the source does not count them.
         charge: net charge in Ah that the instrument itself had counted at each sample, None where it does not tell.
         energy: likewise net energy, in Wh.
+        test: number of the test that each sample belongs to, None where there is one; tests follow on each other.
+        stretch: number of the stretch of each sample, None where the series is one; between two stretches the time is
+            not known, and no step goes across.
     """
 
     time: NDArray[np.float64]
@@ -37,9 +42,27 @@ class Series:
     cycle: NDArray[np.int64] | None = None
     charge: NDArray[np.float64] | None = None
     energy: NDArray[np.float64] | None = None
+    test: NDArray[np.int64] | None = None
+    stretch: NDArray[np.int64] | None = None
+
+    @property
+    def broken(self) -> NDArray[np.bool_]:
+        """Whether the interval behind each sample lies between two stretches, shape (n - 1,)."""
+        if self.stretch is None:
+            return np.zeros(self.time.size - 1, dtype=bool)
+        return np.asarray(np.diff(self.stretch) != 0)
+
+    def test_of(self, place: int) -> int:
+        """Return the number of the test that a sample belongs to, 0 where there is one."""
+        return 0 if self.test is None else int(self.test[place])
 
 
-def series(
+def can_be_warm(temperature: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which temperatures in degC a cell can have; one that is no number is none."""
+    return np.asarray((temperature >= _WARMTH[0]) & (temperature <= _WARMTH[1]))
+
+
+def series(  # noqa: PLR0913 - one argument per column
     time: ArrayLike,
     voltage: ArrayLike,
     current: ArrayLike,
@@ -48,6 +71,8 @@ def series(
     cycle: ArrayLike | None = None,
     charge: ArrayLike | None = None,
     energy: ArrayLike | None = None,
+    test: ArrayLike | None = None,
+    stretch: ArrayLike | None = None,
 ) -> Series:
     """Return samples as a series; those with a time, voltage or current that is no number are left out.
 
@@ -61,12 +86,15 @@ def series(
         cycle: numbers of cycles.
         charge: the instrument's own count, in Ah.
         energy: likewise, in Wh.
+        test: numbers of tests.
+        stretch: numbers of stretches.
 
     Raises:
         Refused: arrays of different lengths, fewer than three samples, times that go back.
     """
     rows = [np.asarray(each, dtype=float) for each in (time, voltage, current)]
-    others = [None if each is None else np.asarray(each, dtype=float) for each in (temperature, cycle, charge, energy)]
+    given = (temperature, cycle, charge, energy, test, stretch)
+    others = [None if each is None else np.asarray(each, dtype=float) for each in given]
     if any(each.shape != (rows[0].size,) for each in (*rows, *others) if each is not None):
         raise Refused("time, voltage and current differ in length", "give one value of each for every sample")
     whole = np.isfinite(rows).all(axis=0)
@@ -74,14 +102,16 @@ def series(
         whole &= np.isfinite(others[1])
     times, voltages, currents = (each[whole] for each in rows)
     if times.size < _LEAST:
-        raise Refused(f"{times.size} whole samples are too few", f"record at least {_LEAST}")
+        found = "1 whole sample is" if times.size == 1 else f"{times.size} whole samples are"
+        raise Refused(f"{found} too few", f"record at least {_LEAST}")
     back = np.flatnonzero(np.diff(times) < 0)
     if back.size:
+        often = "once" if back.size == 1 else f"{back.size} times"
         raise Refused(
-            f"the time goes back {back.size} times, first after {times[back[0]]:g} s",
+            f"the time goes back {often}, first after {times[back[0]]:g} s",
             "take a time that runs through the whole test, not that of a step",
         )
-    warmth, number, charged, spent = (None if each is None else each[whole] for each in others)
+    warmth, number, charged, spent, tested, stretched = (None if each is None else each[whole] for each in others)
     return Series(
         time=times,
         voltage=voltages,
@@ -90,6 +120,8 @@ def series(
         cycle=None if number is None else number.astype(np.int64),
         charge=charged,
         energy=spent,
+        test=None if tested is None else tested.astype(np.int64),
+        stretch=None if stretched is None else stretched.astype(np.int64),
     )
 
 

@@ -63,15 +63,19 @@ class Step(NamedTuple):
 
 
 def segment(data: Series, how: Segmentation | None = None) -> tuple[Step, ...]:
-    """Return the steps of a series in order; every sample belongs to exactly one.
+    """Return the steps of a series in order; every sample belongs to exactly one, and none goes across stretches.
 
     Args:
         data: the samples, at intervals that may vary.
         how: thresholds, by default those of `Segmentation`.
     """
     how = how or Segmentation()
-    states = _without_glitches(_states(data.current, _threshold(data.current, how), how.hysteresis), how.shortest)
-    edges = np.flatnonzero(np.diff(states)) + 1
+    threshold = _threshold(data.current, how)
+    parts = np.split(data.current, np.flatnonzero(data.broken) + 1)
+    states = np.concatenate(
+        [_without_glitches(_states(part, threshold, how.hysteresis), how.shortest) for part in parts]
+    )
+    edges = np.flatnonzero((np.diff(states) != 0) | data.broken) + 1
     starts = [0, *edges.tolist()]
     ends = [*(edges - 1).tolist(), states.size - 1]
     return tuple(_step(data, int(states[first]), first, last, how) for first, last in zip(starts, ends, strict=True))

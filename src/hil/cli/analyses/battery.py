@@ -169,6 +169,7 @@ def _series(log: BatteryLog, *, discharge_positive: bool) -> Series:
     return series(
         log.time, log.voltage, log.current,
         temperature=log.temperature, cycle=log.cycle, charge=log.charge, energy=log.energy,
+        test=log.test, stretch=log.stretch,
     )  # fmt: skip
 
 
