@@ -106,7 +106,7 @@ def test_what_is_left_out_or_not_there_is_told(tmp_path):
     path = tmp_path / "rest.csv"
     path.write_text("t,U,I\n" + "".join(f"{5 * n},{'nan' if n == 2 else 3.7},0\n" for n in range(6)), encoding="utf-8")
     text = run(str(path), *COLUMNS).stdout
-    assert "note: 1 rows without a time, voltage or current are left out" in text
+    assert "note: 1 row without a time, voltage or current is left out" in text
     assert "note: the current never leaves rest" in text
     assert "no fade: 0 cycles of 0 whole" in text
 
@@ -124,6 +124,146 @@ def test_the_plot_is_the_same_bytes_twice(table, tmp_path):
     for name in ("a.svg", "b.svg"):
         run(table, *COLUMNS, "--time-unit", "h", "--discharge-positive", "--plot", str(tmp_path / name))
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+
+
+HEADER = "=~=~= PuTTY log 2025.03.12 09:11:02 =~=~="
+
+
+def cycler_rows(count, *, fade=0.01, interval=10.0):
+    """Rows of a cycler and its marks, the energy of each half-cycle from zero."""
+    _, voltage, current = cell.campaign(count, interval, fade=fade)
+    lines, number, energy = [], 0, 0.0
+    before = -1.0
+    for v, i in zip(voltage, current, strict=True):
+        if i > 0 and before <= 0:
+            number += 1
+            lines.append(f"TEST ITERATION {number}")
+        energy = 0.0 if i == 0 or i * before < 0 else energy + abs(v * i) * interval / 3600.0
+        lines.append(f"{v:.4f};{i:.4f};{energy:.5f};25.0")
+        before = i
+    return lines
+
+
+def analyse(tmp_path, lines, *arguments):
+    """Analyse a cycler's log of these lines as a program does."""
+    path = tmp_path / "putty.log"
+    path.write_text("\n".join([HEADER, "START ARDUINO", *lines, "TEST END", ""]), encoding="ascii")
+    return json.loads(run(str(path), "--interval", "10", "--json", *arguments).stdout)
+
+
+def ok(document):
+    """The answers of the gates by name."""
+    return {gate["name"]: gate["ok"] for gate in document["gates"]}
+
+
+def test_a_restart_cuts_a_cycle_and_begins_a_test(tmp_path):
+    """A trial that was reset in its first discharge: not whole, in no fade, and its cycle not that of the test."""
+    lines = cycler_rows(4)
+    cut = [place for place, line in enumerate(lines) if ";-0.7" in line][60]
+    alone = analyse(tmp_path, lines)
+    assert ok(alone)["one_stretch"] is True
+    for again in (["START ARDUINO"], [HEADER, "START ARDUINO"], []):
+        found = analyse(tmp_path, [*lines[:cut], *again, *lines])
+        assert [each["number"] for each in found["cycles"]] == [1, 2, 3, 4, 5]
+        assert [each["complete"] for each in found["cycles"]] == [False, True, True, True, True]
+        assert found["cycles"][1]["charge"]["charge"] == pytest.approx(alone["cycles"][0]["charge"]["charge"], rel=5e-3)
+        capacity = "discharge_capacity"
+        assert found["fade"][capacity]["slope"]["value"] == pytest.approx(alone["fade"][capacity]["slope"]["value"])
+        assert ok(found)["one_stretch"] is False
+        assert any("2 tests in the log" in remark for remark in found["remarks"])
+
+
+def test_rows_that_a_closed_terminal_missed_are_doubted(tmp_path):
+    """From the first discharge into the second charge nothing was logged: two cycles are not whole, and it is told."""
+    lines = cycler_rows(5)
+    first = [place for place, line in enumerate(lines) if ";-0.7" in line][60]
+    second = lines.index("TEST ITERATION 2") + 100
+    found = analyse(tmp_path, [*lines[:first], HEADER, *lines[second:]])
+    assert [(each["number"], each["complete"]) for each in found["cycles"]] == [
+        (1, False), (2, False), (3, True), (4, True), (5, True),
+    ]  # fmt: skip
+    assert ok(found)["one_stretch"] is False
+
+
+def test_two_tests_with_the_same_numbers_share_none(tmp_path):
+    """The cycles of the second test go on behind those of the first, and the pause is doubted."""
+    found = analyse(tmp_path, [*cycler_rows(3), "TEST END", HEADER, "START ARDUINO", *cycler_rows(3, fade=0.02)])
+    assert [each["number"] for each in found["cycles"]] == [1, 2, 3, 4, 5, 6]
+    assert all(each["complete"] for each in found["cycles"])
+    assert ok(found)["one_stretch"] is False
+
+
+def test_one_cycle_with_an_impossible_efficiency_is_doubted(tmp_path):
+    """The median of five is sound, but half of one charge was not logged."""
+    lines = cycler_rows(5, fade=0.0)
+    place = lines.index("TEST ITERATION 3")
+    found = analyse(tmp_path, [*lines[: place + 1], *lines[place + 120 :]])
+    assert ok(found)["coulombic_efficiency"] is True
+    assert ok(found)["single_coulombic_efficiency"] is False
+
+
+def spoilt(lines, place, column, value):
+    """The lines with one cell of one row changed."""
+    cells = lines[place].split(";")
+    cells[column] = value
+    return [*lines[:place], ";".join(cells), *lines[place + 1 :]]
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "told"),
+    [
+        (0, "3.900", "voltage 3.9 V at 1990 s"),
+        (1, "7.7000", "current 7.7 A at 1990 s"),
+        (3, "60", "temperature 60 degC"),
+    ],
+)
+def test_a_single_row_that_stands_out_is_doubted(tmp_path, column, value, told):
+    """A changed digit that no limit shows is found between its neighbours."""
+    found = analyse(tmp_path, spoilt(cycler_rows(2), 200, column, value))
+    (reason,) = [gate["reason"] for gate in found["gates"] if gate["name"] == "stray_rows" and gate["ok"] is False]
+    assert f"1 row stands out from both neighbours; {told}" in reason
+    assert ok(analyse(tmp_path, cycler_rows(2)))["stray_rows"] is True
+
+
+@pytest.mark.parametrize("value", ["-273", "151.0"])
+def test_a_temperature_that_cannot_be_is_told_and_not_counted(tmp_path, value):
+    """An open sensor gives no lowest or highest temperature of a cell."""
+    found = analyse(tmp_path, spoilt(cycler_rows(2), 200, 3, value))
+    charge = found["cycles"][0]["charge"]
+    assert (charge["temperature_low"], charge["temperature_high"]) == (25.0, 25.0)
+    assert ok(found)["temperature"] is False
+    assert ok(found)["stray_rows"] is True
+
+
+def test_another_energy_than_the_cyclers_own_is_doubted(tmp_path):
+    """A current with a gain of 1.05 in the rows, beside an energy that was counted with the true one."""
+    lines = cycler_rows(2)
+    assert ok(analyse(tmp_path, lines))["own_energy"] is True
+    wrong = [";".join([v, f"{float(i) * 1.05:.4f}", e, t]) for v, i, e, t in (x.split(";") for x in lines if ";" in x)]
+    found = analyse(tmp_path, wrong)
+    assert ok(found)["own_energy"] is False
+    (reason,) = [gate["reason"] for gate in found["gates"] if gate["name"] == "own_energy"]
+    assert "charge 1 +5." in reason
+
+
+def test_a_current_in_ma_is_doubted(tmp_path):
+    """Seven hundred amperes are no cell's; with a nominal capacity the ratio tells it."""
+    lines = [
+        ";".join([v, f"{float(i) * 1e3:.1f}", e, t])
+        for v, i, e, t in (x.split(";") for x in cycler_rows(2) if ";" in x)
+    ]
+    reasons = {gate["name"]: gate["reason"] for gate in analyse(tmp_path, lines)["gates"] if gate["ok"] is False}
+    assert "convert mA first" in reasons["current_unit"]
+    found = analyse(tmp_path, lines, "--capacity", "1.4")
+    reasons = {gate["name"]: gate["reason"] for gate in found["gates"] if gate["ok"] is False}
+    assert "convert mA first" in reasons["capacity_ratio"]
+
+
+def test_a_wrong_sign_of_the_current_is_doubted(table):
+    """A charge below its discharge: the option that turns the sign is named."""
+    gates = json.loads(run(table, *COLUMNS, "--time-unit", "h", "--json").stdout)["gates"]
+    (reason,) = [gate["reason"] for gate in gates if gate["name"] == "current_sign" and gate["ok"] is False]
+    assert "--discharge-positive" in reason
 
 
 def test_a_cyclers_log_is_recognised(tmp_path):

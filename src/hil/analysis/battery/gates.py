@@ -17,6 +17,7 @@ __all__ = ["Declared", "Told", "judge", "told", "tripped"]
 
 _INTERVAL = (0.02, 3600.0)  # s: no cycler logs a test faster, and none so slowly
 _SWING = (180.0, 3.6e6)  # s: 20 C and C/1000
+_MILLI = 100.0  # ratio from which a unit is wrong, and not a gain
 _WIDE = 0.8  # V: no cell goes through these without most of its charge
 
 
@@ -135,14 +136,17 @@ def _gates(numbers: Told, declared: Declared) -> Iterator[Gate]:
     ):
         advice = "current or voltage is measured elsewhere than at the cell, or has a wrong gain or offset"
         yield _between(name, "V", _over(energy, charge), span, advice)
+    yield _sign(numbers)
     advice = "the current has an offset, or charge and discharge do not belong together"
     yield _between(
         "coulombic_efficiency", "1", _over(numbers.charge_out, numbers.charge_in), declared.coulombic, advice
     )
     advice = "voltage or current is measured elsewhere than at the cell, or the resistance is high"
     yield _between("energy_efficiency", "1", _over(numbers.energy_out, numbers.energy_in), declared.energetic, advice)
+    ratio = _over(numbers.charge_out, declared.capacity)
     advice = "the gain of the current is wrong, or the declared value is"
-    yield _between("capacity_ratio", "1", _over(numbers.charge_out, declared.capacity), declared.nominal, advice)
+    milli = "currents are taken as A; convert mA first"
+    yield _between("capacity_ratio", "1", ratio, declared.nominal, milli if ratio > _MILLI else advice)
     yield _between("energy_ratio", "1", _over(numbers.energy_out, declared.energy), declared.nominal, advice)
     yield _elapsed(numbers, declared)
     yield _time_unit(numbers)
@@ -157,6 +161,16 @@ def _between(name: str, unit: str, value: float, span: tuple[float, float], advi
     ok = span[0] <= value <= span[1]
     found = f"{value:.4g}{suffix}, expected {span[0]:g} to {span[1]:g}{suffix}"
     return Gate(name=name, channel="", ok=ok, reason=found if ok else f"{found}: {advice}")
+
+
+def _sign(numbers: Told) -> Gate:
+    """Return whether a charge lies above a discharge, as it must where current flows through a resistance."""
+    taken, given = _over(numbers.energy_in, numbers.charge_in), _over(numbers.energy_out, numbers.charge_out)
+    if math.isnan(taken) or math.isnan(given):
+        return Gate(name="current_sign", channel="", ok=None, reason="cannot be told without charge and discharge")
+    found = f"mean voltage {taken:.4g} V of the charge, {given:.4g} V of the discharge"
+    advice = ": a charge lies above a discharge; is the sign of the current right (--discharge-positive)?"
+    return Gate(name="current_sign", channel="", ok=taken >= given, reason=found if taken >= given else found + advice)
 
 
 def _elapsed(numbers: Told, declared: Declared) -> Gate:

@@ -14,6 +14,7 @@ from hil.analysis.battery.half_cycle import Limits, flow
 from hil.analysis.battery.incremental import IncrementalCapacity, incremental_capacity
 from hil.analysis.battery.integration import cumulative
 from hil.analysis.battery.series import Series, usual_interval
+from hil.analysis.battery.singles import judge_singles
 from hil.analysis.battery.steps import Segmentation, StepKind, segment
 from hil.analysis.quality.gate import Gate
 from hil.model.errors import Refused
@@ -81,7 +82,8 @@ def summarise(
         upper=limits.upper if declared.upper is None else declared.upper,
         lower=limits.lower if declared.lower is None else declared.lower,
     )
-    return Summary(cycles=made, fades=_fades(made, skip, remaining), gates=judge(numbers, facts))
+    singles = judge_singles(data, segment(data, how), made, capacity=declared.capacity)
+    return Summary(cycles=made, fades=_fades(made, skip, remaining), gates=(*judge(numbers, facts), *singles))
 
 
 def incremental_capacities(

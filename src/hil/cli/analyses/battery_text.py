@@ -121,7 +121,15 @@ def _remarks(result: Result) -> list[str]:
     remarks = list(result.log.remarks)
     left_out = result.log.time.size - result.data.time.size
     if left_out:
-        remarks.append(f"{left_out} rows without a time, voltage or current are left out")
+        rows = (
+            "1 row without a time, voltage or current is"
+            if left_out == 1
+            else (f"{left_out} rows without a time, voltage or current are")
+        )
+        remarks.append(f"{rows} left out")
+    tests = 0 if result.data.test is None else int(np.unique(result.data.test).size)
+    if tests > 1:
+        remarks.append(f"{tests} tests in the log: their cycles are numbered on in the order of the log")
     if not result.summary.cycles:
         remarks.append("the current never leaves rest: are its column, its unit and --rest-current right?")
     return remarks
@@ -142,7 +150,7 @@ def _cycle(cycle: Cycle) -> Iterator[str]:
         yield "       not a whole cycle: in no fade and no median"
     bridged = sum(half.gaps for half in (cycle.charge, cycle.discharge) if half is not None)
     if bridged:
-        yield f"       {bridged} gaps in the rows"
+        yield f"       {bridged} {'gap' if bridged == 1 else 'gaps'} in the rows"
 
 
 def _half(half: HalfCycle) -> str:

@@ -1,0 +1,146 @@
+"""Gates on single rows, half-cycles and cycles, and on the log as a whole: what medians do not show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.analysis.battery.cycles import Cycle
+from hil.analysis.battery.half_cycle import HalfCycle
+from hil.analysis.battery.series import Series, can_be_warm
+from hil.analysis.battery.steps import Step
+from hil.analysis.quality.gate import Gate
+
+__all__ = ["judge_singles"]
+
+_COULOMBIC = (0.95, 1.02)  # of one cycle; wider than that of the median
+_OWN = 0.01  # share by which trapezoid and the instrument's own energy may differ
+_SMALL = 0.1  # of the largest half-cycle's energy: below it one interval at an edge is too large a share
+_MOST = 100.0  # A: no cell of a small satellite takes so much
+_STEEP = 10.0  # times the usual change from sample to sample of its step by which a single row may stand out
+_SHARE = 0.1  # of the step's current by which it may
+_NAMED = 3  # of those that are doubted, the first
+
+
+def judge_singles(
+    data: Series, steps: Sequence[Step], made: Sequence[Cycle], *, capacity: float | None = None
+) -> tuple[Gate, ...]:
+    """Return the gates on single rows, half-cycles and cycles.
+
+    Args:
+        data: the samples.
+        steps: from `segment`.
+        made: from `cycles`.
+        capacity: nominal, in Ah; None where it is not known.
+    """
+    return (_one_stretch(data), _coulombic(made), _own_energy(made), _warmth(data), *_rows(data, steps, capacity))
+
+
+def _rows(data: Series, steps: Sequence[Step], capacity: float | None) -> Iterator[Gate]:
+    yield _stray_rows(data, steps)
+    usual = float(np.percentile(np.abs(data.current), 95.0))
+    if capacity is not None:
+        yield _gate("current_unit", None, "is told by capacity_ratio")
+        return
+    advice = "" if usual <= _MOST else ": currents are taken as A; convert mA first, or give --capacity"
+    yield _gate("current_unit", usual <= _MOST, f"{usual:.3g} A, expected at most {_MOST:g} A{advice}")
+
+
+def _one_stretch(data: Series) -> Gate:
+    if data.stretch is None:
+        return _gate("one_stretch", None, "cannot be told: the log does not tell when it began anew")
+    breaks = int(data.broken.sum())
+    if not breaks:
+        return _gate("one_stretch", True, "the log goes on from beginning to end")
+    places = "1 place" if breaks == 1 else f"{breaks} places"
+    found = f"at {places} the log begins anew after a time that is not known"
+    return _gate("one_stretch", False, f"{found}: the fade takes what lay there as nothing")
+
+
+def _coulombic(made: Sequence[Cycle]) -> Gate:
+    whole = [each for each in made if each.complete]
+    if not whole:
+        return _gate("single_coulombic_efficiency", None, "cannot be told without a whole cycle")
+    low, high = _COULOMBIC
+    bad = [each for each in whole if not low <= each.coulombic_efficiency <= high]
+    named = _named([f"cycle {each.number} {each.coulombic_efficiency:.4g}" for each in bad])
+    found = f"of each cycle expected {low:g} to {high:g}"
+    advice = f"; {named}: charge and discharge do not belong together, or rows are missing" if bad else ""
+    return _gate("single_coulombic_efficiency", not bad, found + advice)
+
+
+def _own_energy(made: Sequence[Cycle]) -> Gate:
+    halves = [
+        (f"{name} {each.number}", half)
+        for each in made
+        for name, half in (("charge", each.charge), ("discharge", each.discharge))
+        if half is not None and np.isfinite(half.own_energy)
+    ]
+    if not halves:
+        return _gate("own_energy", None, "cannot be told: the instrument did not count energy itself")
+    least = _SMALL * max(half.energy for _, half in halves)
+    bad = [(name, _apart(half)) for name, half in halves if half.energy > least and abs(_apart(half)) > _OWN]
+    found = f"trapezoid and the instrument's own energy of each half-cycle expected within {_OWN:.0%}"
+    advice = "samples are missing or false, or in another unit than the instrument counts in"
+    named = _named([f"{name} {apart:+.2%}" for name, apart in bad])
+    return _gate("own_energy", not bad, f"{found}; {named}: {advice}" if bad else found)
+
+
+def _apart(half: HalfCycle) -> float:
+    return half.energy / half.own_energy - 1.0 if half.own_energy > 0 else np.inf
+
+
+def _warmth(data: Series) -> Gate:
+    if data.temperature is None:
+        return _gate("temperature", None, "cannot be told: none was recorded")
+    false = np.isfinite(data.temperature) & ~can_be_warm(data.temperature)
+    if not false.any():
+        return _gate("temperature", True, "all between -60 and 120 degC")
+    place = int(np.flatnonzero(false)[0])
+    rows = "1 row" if false.sum() == 1 else f"{false.sum()} rows"
+    found = f"{rows} beyond -60 to 120 degC, first {data.temperature[place]:g} at {data.time[place]:g} s, not counted"
+    return _gate("temperature", False, f"{found}: the sensor is open or shorted, or its unit is not degC")
+
+
+def _stray_rows(data: Series, steps: Sequence[Step]) -> Gate:
+    columns = [("voltage", data.voltage, "V", 0.05, 0.0), ("current", data.current, "A", 0.0, _SHARE)]
+    if data.temperature is not None:
+        possible = np.where(can_be_warm(data.temperature), data.temperature, np.nan)
+        columns.append(("temperature", possible, "degC", 5.0, 0.0))
+    found = list[tuple[int, str]]()
+    for name, values, unit, least, share in columns:
+        for step in steps:
+            part = values[step.first : step.last + 1]
+            for place in _standing_out(part, least, share):
+                found.append((step.first + int(place), f"{name} {part[place]:g} {unit}"))
+    if not found:
+        return _gate("stray_rows", True, "no row stands out from both neighbours")
+    number = len({place for place, _ in found})
+    rows = "1 row stands" if number == 1 else f"{number} rows stand"
+    named = _named([f"{what} at {data.time[place]:g} s" for place, what in sorted(found)])
+    return _gate("stray_rows", False, f"{rows} out from both neighbours; {named}: is it true, or a fault of the log?")
+
+
+def _standing_out(part: NDArray[np.float64], least: float, share: float) -> NDArray[np.int64]:
+    """Return the places within a step whose value leaves that of both neighbours by more than noise takes it."""
+    if part.size < 5:
+        return np.zeros(0, dtype=np.int64)
+    changes = np.abs(np.diff(part))
+    if not np.isfinite(changes).any():
+        return np.zeros(0, dtype=np.int64)
+    floor = max(least, share * float(np.nanmedian(np.abs(part))))
+    usual = float(np.nanpercentile(changes, 80.0))
+    before, here, after = part[:-2], part[1:-1], part[2:]
+    beyond = np.maximum(here - np.maximum(before, after), np.minimum(before, after) - here)
+    return np.asarray(np.flatnonzero(beyond > max(floor, _STEEP * usual)) + 1, dtype=np.int64)
+
+
+def _named(names: Sequence[str]) -> str:
+    more = len(names) - _NAMED
+    return ", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
+def _gate(name: str, ok: bool | None, reason: str) -> Gate:
+    return Gate(name=name, channel="", ok=ok, reason=reason)
