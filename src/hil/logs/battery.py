@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,9 +11,10 @@ from numpy.typing import NDArray
 
 from hil.model.errors import Refused
 
-__all__ = ["BatteryLog", "lines_of", "made_by"]
+__all__ = ["BatteryLog", "holds_rows_of_cycler", "lines_of", "made_by"]
 
 _LOOKED_AT = 4096  # characters from which the maker is recognised
+_ROW = re.compile(r"\s*(?:[-+]?\d+[.,]?\d*\s*;\s*){3}[-+]?\d+[.,]?\d*\s*(?:;.*\*[0-9A-F]{4}\s*)?")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,12 +59,14 @@ def lines_of(path: Path) -> list[str]:
     """Return the lines of a text file with their ends, in UTF-8 or a code in which digits are ASCII.
 
     Raises:
-        Refused: no such file, or one that holds no text.
+        Refused: no such file, one that holds no text, or nothing at all.
     """
     try:
         raw = path.read_bytes()
     except OSError as error:
         raise Refused(f"{path}: {error.strerror}", "name a log that can be read") from None
+    if not raw.strip():
+        raise Refused(f"{path}: the file is empty", "name a log with rows in it")
     if b"\0" in raw[:_LOOKED_AT]:
         raise Refused(f"{path}: not a text file", "export the log as text in UTF-8 first")
     return raw.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").replace("\r", "\n").splitlines(keepends=True)
@@ -76,3 +80,9 @@ def made_by(lines: list[str]) -> str:
     if "PuTTY log" in start or "START ARDUINO" in start:
         return "cycler"
     return "table"
+
+
+def holds_rows_of_cycler(lines: list[str]) -> bool:
+    """Tell whether most of the first lines are four numbers between semicolons, as a cycler without a banner writes."""
+    written = [line for line in lines[:200] if line.strip()]
+    return 2 * sum(_ROW.fullmatch(line) is not None for line in written) > len(written)

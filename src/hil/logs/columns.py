@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -17,6 +18,7 @@ from hil.model.errors import Refused
 
 __all__ = ["Table", "read"]
 
+_CLOCK = re.compile(r"\d:\d\d")
 _SAMPLE = 400  # lines from which the layout is recognised
 _MARKS = tuple({mark[0] for mark in COMMENT_MARKS})
 
@@ -139,7 +141,9 @@ def _located(path: Path, layout: Layout, chosen: list[int], error: ValueError) -
                     column = _position(layout, line, place)
                     return Refused(
                         f"{path}:{number}:{column}: '{cells[place]}' in column {place + 1} is not a number",
-                        "mend or remove the line, or choose other columns",
+                        "convert times of day or hh:mm:ss to one number, such as seconds, first"
+                        if _CLOCK.search(cells[place])
+                        else "mend or remove the line, or choose other columns",
                     )
     return Refused(f"{path}: {error}", "mend the table")
 

@@ -119,6 +119,70 @@ def test_impossible_options_are_refused(table):
         run(table, "--interval", "0")
 
 
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--skip", "-1"), "--skip -1 is not possible"),
+        (("--counted", "0"), "--counted 0 is not possible"),
+        (("--remaining", "2"), "--remaining 2 is not possible"),
+        (("--upper", "2", "--lower", "4"), "--upper 2 and --lower 4 are no range"),
+        (("--mean-voltage", "3.95,3.4"), "--mean-voltage 3.95,3.4 is no range"),
+        (("--capacity", "0"), "--capacity 0 is not possible"),
+        (("--capacity", "-1.4"), "--capacity -1.4 is not possible"),
+        (("--energy", "nan"), "--energy nan is not possible"),
+        (("--cut-off", "-0.05"), "--cut-off -0.05 is not possible"),
+        (("--rest-current", "0"), "--rest-current 0 is not possible"),
+    ],
+)
+def test_nonsense_is_refused(table, options, told):
+    """What no test of a cell can have is named, with what to give."""
+    with pytest.raises(Refused, match=told):
+        run(table, *COLUMNS, *options)
+
+
+@pytest.mark.parametrize("text", ["", "\n\n\n"])
+@pytest.mark.parametrize("columns", [(), COLUMNS])
+def test_an_empty_file_is_told_to_be_empty(tmp_path, text, columns):
+    """No column can be named in it."""
+    path = tmp_path / "e.log"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(Refused, match=r"e\.log: the file is empty"):
+        run(str(path), *columns)
+
+
+def test_rows_of_a_cycler_without_its_banner_name_the_format(tmp_path):
+    """A log that begins behind the banner, with points or commas; both ways are named."""
+    path = tmp_path / "n.log"
+    for mark in ".,":
+        path.write_text("\n".join(cycler_rows(1)).replace(".", mark), encoding="utf-8")
+        with pytest.raises(Refused, match=r"n\.log: which columns") as caught:
+            run(str(path))
+        assert "--format cycler" in caught.value.hint
+
+
+def test_refusals_of_the_samples_name_the_file(tmp_path):
+    """Too few, and a time that goes back, with singular and plural right."""
+    path = tmp_path / "few.csv"
+    for text, told in (
+        ("0,3.7,0.7\n", "1 whole sample is too few"),
+        ("0,3.7,0.7\n5,3.7,0.7\n", "2 whole samples are too few"),
+        ("0,3.7,0.7\n5,3.7,0.7\n4,3.7,0.7\n", "the time goes back once, first after 5 s"),
+        ("5,3.7,0.7\n4,3.7,0.7\n3,3.7,0.7\n", "the time goes back 2 times, first after 5 s"),
+    ):
+        path.write_text("t,U,I\n" + text, encoding="utf-8")
+        with pytest.raises(Refused, match=rf"few\.csv: {told}"):
+            run(str(path), *COLUMNS)
+
+
+def test_a_time_of_the_clock_is_to_be_converted(tmp_path):
+    """hh:mm:ss is no number; what to do is said."""
+    path = tmp_path / "c.csv"
+    path.write_text("t,U,I\n" + "".join(f"00:00:{n:02d},3.7,0.7\n" for n in range(9)), encoding="utf-8")
+    with pytest.raises(Refused, match="is not a number") as caught:
+        run(str(path), *COLUMNS)
+    assert "hh:mm:ss to one number" in caught.value.hint
+
+
 def test_the_plot_is_the_same_bytes_twice(table, tmp_path):
     """Four parts drawn, without dates or random names."""
     for name in ("a.svg", "b.svg"):

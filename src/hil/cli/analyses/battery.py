@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
+from hil.cli.analyses.battery_options import refuse_impossible, span_of
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:
     from hil.analysis.battery.series import Series
+    from hil.analysis.battery.steps import Segmentation
+    from hil.analysis.battery.summary import Summary
     from hil.logs.battery import BatteryLog
 
 __all__ = ["battery"]
@@ -97,31 +100,38 @@ def battery(  # noqa: PLR0913 - one argument per option
     from hil.analysis.battery.summary import summarise  # noqa: PLC0415 - start-up stays light
     from hil.cli.analyses import battery_text  # noqa: PLC0415 - start-up stays light
 
+    positive = {"--interval": interval, "--capacity": capacity, "--energy": energy, "--cut-off": cut_off}
+    refuse_impossible(
+        positive=positive | {"--rest-current": rest_current},
+        upper=upper, lower=lower, skip=skip, counted=counted, remaining=remaining,
+    )  # fmt: skip
     columns = _Mapping(time, time_unit, voltage, current, temperature, cycle)
     log = _read(file, form, columns, interval)
-    data = _series(log, discharge_positive=discharge_positive)
+    data = _series(file, log, discharge_positive=discharge_positive)
     how = Segmentation(rest_current=rest_current)
     capacity = log.capacity if capacity is None else capacity
     summary = summarise(
         data,
         limits=Limits(upper=upper, lower=lower, cut_off=cut_off),
-        declared=Declared(capacity=capacity, energy=energy, mean_voltage=_span(mean_voltage)),
+        declared=Declared(capacity=capacity, energy=energy, mean_voltage=span_of(mean_voltage)),
         how=how, skip=skip, remaining=remaining, counted=counted,
     )  # fmt: skip
+    _draw(plot, data, summary, how)
+    result = battery_text.Result(file=str(file), log=log, data=data, summary=summary, capacity=capacity, how=how)
+    click.echo(battery_text.as_json(result) if as_json else battery_text.as_text(result))
+
+
+def _draw(plot: Path | None, data: Series, summary: Summary, how: Segmentation) -> None:
     if plot is not None:
         from hil.cli.analyses.battery_plot import draw  # noqa: PLC0415 - matplotlib is slow to import
 
         draw(plot, data, summary, how)
-    result = battery_text.Result(file=str(file), log=log, data=data, summary=summary, capacity=capacity, how=how)
-    click.echo(battery_text.as_json(result) if as_json else battery_text.as_text(result))
 
 
 def _read(file: Path, form: str, columns: _Mapping, interval: float) -> BatteryLog:
     from hil.logs import battery as logs  # noqa: PLC0415 - start-up stays light
     from hil.logs import cycler, novonix  # noqa: PLC0415 - start-up stays light
 
-    if not 0.0 < interval < float("inf"):
-        raise Refused(f"--interval {interval:g} is not possible", "give the seconds between two rows")
     named = (columns.time, columns.voltage, columns.current)
     if form == "auto":
         form = "table" if any(named) else logs.made_by(logs.lines_of(file))
@@ -133,19 +143,19 @@ def _read(file: Path, form: str, columns: _Mapping, interval: float) -> BatteryL
 
 
 def _table(file: Path, columns: _Mapping) -> BatteryLog:
-    from hil.logs.battery import BatteryLog  # noqa: PLC0415 - start-up stays light
+    from hil.logs import battery as logs  # noqa: PLC0415 - start-up stays light
     from hil.logs.columns import read  # noqa: PLC0415 - start-up stays light
 
     if columns.time is None or columns.voltage is None or columns.current is None:
-        raise Refused(
-            f"{file}: which columns hold time, voltage and current is not known",
-            "name them with --time, --voltage and --current, by number or name",
-        )
+        name = "name them with --time, --voltage and --current, by number or name"
+        if logs.holds_rows_of_cycler(logs.lines_of(file)):
+            name += "; or read voltage;current;accumulated energy;temperature of a cycler with --format cycler"
+        raise Refused(f"{file}: which columns hold time, voltage and current is not known", name)
     wanted = [columns.time, columns.voltage, columns.current]
     others = [column for column in (columns.temperature, columns.cycle) if column is not None]
     table = read(file, [*wanted, *others])
     rest = iter(table.values.T[len(wanted) :])
-    return BatteryLog(
+    return logs.BatteryLog(
         maker="table",
         time=table.values[:, 0] * _TIME_UNITS[columns.time_unit],
         voltage=table.values[:, 1],
@@ -156,7 +166,7 @@ def _table(file: Path, columns: _Mapping) -> BatteryLog:
     )
 
 
-def _series(log: BatteryLog, *, discharge_positive: bool) -> Series:
+def _series(file: Path, log: BatteryLog, *, discharge_positive: bool) -> Series:
     from hil.analysis.battery.series import series  # noqa: PLC0415 - start-up stays light
 
     if discharge_positive:
@@ -166,16 +176,11 @@ def _series(log: BatteryLog, *, discharge_positive: bool) -> Series:
             charge=None if log.charge is None else -log.charge,
             energy=None if log.energy is None else -log.energy,
         )
-    return series(
-        log.time, log.voltage, log.current,
-        temperature=log.temperature, cycle=log.cycle, charge=log.charge, energy=log.energy,
-        test=log.test, stretch=log.stretch,
-    )  # fmt: skip
-
-
-def _span(text: str) -> tuple[float, float]:
     try:
-        low, high = map(float, text.split(","))
-    except ValueError:
-        raise Refused(f"--mean-voltage {text} is no range", "give two voltages as 3.4,3.95") from None
-    return low, high
+        return series(
+            log.time, log.voltage, log.current,
+            temperature=log.temperature, cycle=log.cycle, charge=log.charge, energy=log.energy,
+            test=log.test, stretch=log.stretch,
+        )  # fmt: skip
+    except Refused as error:
+        raise Refused(f"{file}: {error.message}", error.hint) from None
