@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import random
 import re
@@ -81,6 +82,39 @@ def package_of(workspace) -> Package:
     """Return the one run of a workspace."""
     (folder,) = workspace.folders()
     return Package(folder)
+
+
+@pytest.mark.parametrize("detached", [False, True], ids=["attended", "detached"])
+def test_somebody_is_notified_of_a_run_that_died(tmp_path, detached):
+    """The process that waited tells which run it was, how it ended, and what to do next."""
+    workspace = make(tmp_path / "workspace", LONG)
+    (workspace.root / "hil.toml").write_text('notify = ["/bin/cp", "/dev/stdin", "told.json"]\n', encoding="utf-8")
+    if detached:
+        assert workspace.hil(*workspace.run_arguments, "--detach").code == 0
+        (folder,) = [path for path in workspace.folders() if path.is_dir()]
+        (process,) = [int(path.name) for path in Path("/proc").glob("[0-9]*") if _holds(path, folder)]
+        os.kill(process, signal.SIGKILL)
+    else:
+        process = workspace.start_run()
+        until(process, "1 Part")
+        folder = package_of(workspace).folder
+        os.kill(executive(process), signal.SIGKILL)
+        assert finish(process).code == 3
+    told = workspace.root / "told.json"
+    while not told.exists() or not told.read_bytes().endswith(b"\n"):
+        time.sleep(0.05)
+    found = json.loads(told.read_bytes())
+    assert (found["event"], found["run"]) == ("died", folder.name)
+    assert found["text"].startswith("the process of the run was ended by SIGKILL before the run was sealed; ")
+    assert f"hil status {folder.name}" in found["text"]
+    assert f"hil resume {folder}" in found["text"]
+
+
+def _holds(process: Path, folder: Path) -> bool:
+    """Return whether a process has the journal of a run open."""
+    with contextlib.suppress(OSError):
+        return any(each.readlink() == folder / "data/journal.jsonl" for each in (process / "fd").iterdir())
+    return False
 
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])

@@ -185,10 +185,14 @@ def _believed(status: int, words: Mapping[str, tuple[int, str]]) -> int:
         return code
     _say(f"hil: the process of the run {how} before the run was sealed")
     if "begun" in words:
-        from hil.cli.interrupted import ways_on  # noqa: PLC0415 - only behind a run that was interrupted
+        from hil.cli.died import tell_of_death  # noqa: PLC0415 - only behind a run that was interrupted
+        from hil.cli.interrupted import ways_on  # noqa: PLC0415 - as above
 
-        for line in ways_on(Path(words["begun"][1])):
+        run = Path(words["begun"][1])
+        ways = list(ways_on(run))
+        for line in ways:
             _say(f"     {line}")
+        tell_of_death(run, how, ways)
     else:
         _say("     no case had begun and nothing was driven; hil runs lists what it may have left")
     return _INTERNAL

@@ -1,0 +1,97 @@
+"""A run that died tells nobody, so the process that waited for it runs the workspace's notification in its place."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from hil.clock import wall
+from hil.model.errors import HilError
+
+__all__ = ["tell_of_death"]
+
+_GUARDIAN_S = 10.0
+_COMMAND_S = 10.0
+_LOOK_S = 0.1
+
+
+def tell_of_death(
+    folder: Path, how: str, ways: list[str], *, guardian_s: float = _GUARDIAN_S, command_s: float = _COMMAND_S
+) -> None:
+    """Run the notification `died` of the workspace around the present folder, if it has one; what keeps it is said.
+
+    Args:
+        folder: the run's folder.
+        how: how its process ended, as "was ended by SIGKILL".
+        ways: what a person does next, a sentence each.
+        guardian_s: how long a guardian at work is waited for, so that what it did can be told [s].
+        command_s: after so long the command is killed [s].
+    """
+    try:
+        _tell(folder, how, ways, guardian_s, command_s)
+    except (HilError, OSError, ValueError) as error:
+        with suppress(OSError, ValueError, AttributeError):
+            sys.stderr.write(f"hil: nobody was notified of 'died': {error}\n")
+
+
+def _tell(folder: Path, how: str, ways: list[str], guardian_s: float, command_s: float) -> None:
+    from hil.executive.setup.workspace import find_workspace  # noqa: PLC0415 - only behind a run that died
+
+    workspace = find_workspace(Path.cwd())
+    if not workspace.notify:
+        return
+    from hil.executive.run.notifying import Notifier  # noqa: PLC0415 - as above
+
+    with _undisturbed():
+        told = "; ".join(
+            (f"the process of the run {how} before the run was sealed", *_bench(folder, guardian_s), *ways)
+        )
+        notifier = Notifier(workspace.notify, workspace.root, command_s)
+        notifier.attach(folder.name, lambda *_, **__: None)
+        became = notifier.send("died", told)
+        while became() is None:
+            notifier.tick()
+            wall.pause(_LOOK_S)
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Let requests to end pass by, because it ends anyway; the command does not inherit that they are blocked."""
+    asks = {number for name in ("SIGINT", "SIGTERM", "SIGHUP") if (number := getattr(signal, name, None)) is not None}
+    heard = {number: found for number in asks if (found := signal.getsignal(number)) is not signal.SIG_IGN}
+    for number in heard:
+        signal.signal(number, lambda *_: None)
+    before = signal.pthread_sigmask(signal.SIG_UNBLOCK, {*asks, signal.SIGCHLD})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for number, handler in heard.items():
+            signal.signal(number, handler)
+
+
+def _bench(folder: Path, limit_s: float) -> Iterator[str]:
+    """Yield what the guardian wrote down of the bench, once it is done or the time is over; nothing without one."""
+    from hil.bench.lease import holds_a_lease  # noqa: PLC0415 - only behind a run that died
+    from hil.evidence.folder import is_held  # noqa: PLC0415 - as above
+    from hil.evidence.safed import guardian_lines  # noqa: PLC0415 - as above
+    from hil.executive.live.acknowledging import waits_for_ack  # noqa: PLC0415 - as above
+
+    began = wall.monotonic()
+    while at_work := is_held(folder) or holds_a_lease(folder.name):
+        if wall.monotonic() - began > limit_s:
+            break
+        wall.pause(_LOOK_S)
+    lines = guardian_lines(folder)
+    done: dict[str, Any] | None = next((line for line in reversed(lines) if line.get("event") == "done"), None)
+    if done is not None:
+        unproven = ", ".join(map(str, done.get("unproven", ())))
+        yield f"NOT PROVEN SAFE by the guardian: {unproven}" if unproven else "the guardian made the bench safe"
+    elif lines or at_work:
+        yield "the guardian is not done yet"
+    if waits_for_ack(folder):
+        yield f"the bench is latched and waits for hil ack {folder.name}"

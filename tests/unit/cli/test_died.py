@@ -1,0 +1,110 @@
+"""A run that died tells nobody, so whoever waited for it does."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import time
+
+import pytest
+
+from hil.cli import supervision
+from hil.cli.died import tell_of_death
+from hil.evidence.folder import GUARDIAN, create, hold
+
+KEEPING = """
+import json, os, signal, sys
+blocked = sorted(signal.pthread_sigmask(signal.SIG_BLOCK, ()))
+open("told.json", "w").write(json.dumps({**json.load(sys.stdin), "blocked": blocked}))
+"""
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """Return a workspace that keeps what is notified, as the present folder."""
+    command = json.dumps([sys.executable, "-I", "-c", KEEPING])
+    (tmp_path / "hil.toml").write_text(f"notify = {command}\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run_of(place):
+    """Return the folder of a run of that workspace, with nothing in its journal."""
+    folder = create(place / "reports", bench="b", dut="d")
+    (folder / "data/journal.jsonl").touch()
+    return folder
+
+
+def told(place):
+    """Return what was notified."""
+    return json.loads((place / "told.json").read_text(encoding="utf-8"))
+
+
+def test_who_waited_tells_of_the_death(place, capsys):
+    """Run, how it ended, and the next commands; the command has no signals blocked that its parent has."""
+    folder = run_of(place)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM, signal.SIGCHLD})
+    try:
+        assert supervision._believed(signal.SIGKILL, {"begun": (0, str(folder))}) == 3
+        os.kill(os.getpid(), 0)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    found = told(place)
+    assert (found["event"], found["run"], found["blocked"]) == ("died", folder.name, [])
+    assert found["text"].startswith("the process of the run was ended by SIGKILL before the run was sealed; ")
+    assert f"hil status {folder.name}" in found["text"]
+    assert f"hil seal {folder}" in found["text"]
+    assert "guardian" not in found["text"]
+    assert "nobody was notified" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [{}, {"begun": (0, "x"), "sealed": (0, "x")}, {"begun": (0, "x"), "ended": (1, "x")}])
+def test_nobody_is_told_of_what_did_not_die(place, words):
+    """A run that had not begun, was sealed, or ended by itself has told what there was to tell."""
+    supervision._believed(signal.SIGKILL, words)
+    assert not (place / "told.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("unproven", "said"),
+    [([], "the guardian made the bench safe"), (["supply.a"], "NOT PROVEN SAFE by the guardian: supply.a")],
+)
+def test_what_the_guardian_wrote_down_is_told(place, unproven, said):
+    """Whether everything is safe, and that somebody has to acknowledge it."""
+    folder = run_of(place)
+    lines = [{"event": "acting", "why": "the executive died"}, {"event": "done", "unproven": unproven}]
+    (folder / GUARDIAN).write_text("".join(f"{json.dumps(line)}\n" for line in lines), encoding="utf-8")
+    tell_of_death(folder, "was ended by SIGKILL", [])
+    assert said in told(place)["text"]
+    assert f"the bench is latched and waits for hil ack {folder.name}" in told(place)["text"]
+
+
+def test_a_guardian_that_takes_long_is_not_waited_for_for_ever(place):
+    """It is told that it is not done; its run's folder is held as long as it works."""
+    folder = run_of(place)
+    with hold(folder):
+        tell_of_death(folder, "was ended by SIGKILL", [], guardian_s=0.2)
+    assert "the guardian is not done yet" in told(place)["text"]
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ("", ""),
+        ('notify = ["/nowhere/tell"]', "nobody was notified of 'died': /nowhere/tell: No such file or directory"),
+        ('notify = ["/bin/sleep", "60"]', "nobody was notified of 'died': /bin/sleep: it took longer than 0.2 s"),
+        ("notify = 1", "nobody was notified of 'died': hil.toml"),
+    ],
+    ids=["nobody", "missing", "slow", "wrong"],
+)
+def test_a_command_that_fails_is_said_and_holds_nothing_up(place, capsys, settings, said):
+    """Nothing is run where nobody is named; the ending goes on within the stated time."""
+    folder = run_of(place)
+    (place / "hil.toml").write_text(f"{settings}\n", encoding="utf-8")
+    began = time.monotonic()
+    tell_of_death(folder, "was ended by SIGKILL", [], command_s=0.2)
+    assert time.monotonic() - began < 10.0
+    assert said in capsys.readouterr().err
+    assert not (place / "told.json").exists()
