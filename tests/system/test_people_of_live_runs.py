@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 import pytest
 from battery_runs import BatteryWorkspace, battery_workspace
-from live_runs import seconds_until, served
+from live_runs import live_workspace, running, seconds_until, served
 from resumed_runs import without_git
 from terminals import Terminal
 from workspaces import ROOT, executive, finish, kill
@@ -279,3 +279,20 @@ def test_after_the_guardian_acted_a_named_person_comes_first(tmp_path, folder):
     (said,) = events(workspace, "acknowledged")
     assert (said["by"], said["text"]) == ("Ada", "cold")
     assert workspace.hil("verify", "latest").out.splitlines()[0].endswith("SEALED, the run did not go to its own end")
+
+
+def test_whoever_is_notified_of_a_death_learns_what_the_guardian_did(tmp_path_factory):
+    """The process that waited for the run waits for the guardian, too, and tells that the bench is safe and latched."""
+    workspace = live_workspace(tmp_path_factory.mktemp("w") / "w")
+    (workspace.root / "hil.toml").write_text(NOTIFY, encoding="utf-8")
+    with served(tmp_path_factory.mktemp("b") / "e", speed=4.0) as bench, running(bench, workspace) as run:
+        (workspace.root / "told.json").unlink(missing_ok=True)
+        name = run.folder.name
+        run.send(signal.SIGKILL)
+        ended = run.ended()
+        told = json.loads((workspace.root / "told.json").read_bytes())
+        assert workspace.hil("ack", name, "--by", "Ada", "--text", "everything is off").code == 0
+    assert (ended.code, told["event"], told["run"]) == (3, "died", name)
+    assert "was ended by SIGKILL before the run was sealed; the guardian made the bench safe; " in told["text"]
+    assert f"the bench is latched and waits for hil ack {name}; " in told["text"]
+    assert f"hil resume {workspace.root}" in told["text"]
