@@ -264,3 +264,13 @@ def test_a_frozen_file_that_cannot_be_read_is_named(tmp_path):
     (tmp_path / "data/catalogue/catalogue.json").write_text('{"requirements": [NaN]}')
     with pytest.raises(EvidenceError, match=r"catalogue\.json"):
         facts_of(tmp_path, read_journal(tmp_path / JOURNAL))
+
+
+def test_results_are_derived_in_the_format_that_they_were_sealed_in():
+    """What format 1 did not tell would make every earlier package with a hold another one than its journal gives."""
+    begin, *rest = passed("test_a")
+    held = [{"kind": "hold", "t": 1.0, "by": "Ada", "text": "door"}, {"kind": "hold-end", "duration": 2.0}]
+    events = events_of(begin, *held, *rest)
+    new, old = (derive(events, Facts(catalogue={}), content_digest="", **form) for form in ({}, {"form": 1}))
+    assert [(hold["by"], hold["duration"]) for hold in new["cases"][0]["holds"]] == [("Ada", 2.0)]
+    assert (new["format"], old["format"], "holds" in old["cases"][0]) == (2, 1, False)

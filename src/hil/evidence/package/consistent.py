@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
-from hil.documents.canonical import canonical
+from hil.documents.canonical import JsonError, canonical, parse_strict
 from hil.evidence.durable import read_plain
 from hil.evidence.folder import ATTACHMENTS, CALIBRATION, CATALOGUE, JOURNAL, PARAMETERS, RECORDINGS, RESULTS
 from hil.evidence.journal.reader import Body, JournalReading
@@ -16,7 +16,7 @@ from hil.evidence.package.judged import judge_again
 from hil.evidence.package.listing import shown
 from hil.evidence.package.sealing import info_of
 from hil.evidence.recordings.hdf5 import hashes_of
-from hil.evidence.results.derived import results_of
+from hil.evidence.results.derived import FORMAT, results_of
 from hil.evidence.results.facts import facts_of
 from hil.model.errors import Finding, HilError
 
@@ -89,11 +89,22 @@ def _begun_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterato
 def _results_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
     if results_event(reading).get("sha256") != hashes.get(RESULTS):
         yield Finding(RESULTS, 0, 0, "the journal names other results")
-    derived = results_of(folder, reading)
+    sealed = read_plain(folder / RESULTS)
+    derived = results_of(folder, reading, _format(sealed))
     if results_event(reading).get("verdict") != derived["verdict"]:
         yield Finding(JOURNAL, 0, 0, f"the run's verdict is {derived['verdict']}, and not what the journal says")
-    if canonical(derived) != read_plain(folder / RESULTS):
+    if canonical(derived) != sealed:
         yield Finding(RESULTS, 0, 0, "journal and frozen catalogue give other results")
+
+
+def _format(results: bytes) -> int:
+    """Return the format that results are said to be in; the newest for what is none."""
+    try:
+        found = parse_strict(results)
+    except JsonError:
+        return FORMAT
+    form = found.get("format") if isinstance(found, dict) else None
+    return 1 if form == 1 else FORMAT
 
 
 def _recording_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:

@@ -15,7 +15,10 @@ from hil.evidence.results.eligibility import reasons_against
 from hil.evidence.results.facts import Facts, facts_of
 from hil.model.verdict import Verdict, worst
 
-__all__ = ["Derived", "derive", "results_of"]
+__all__ = ["FORMAT", "Derived", "derive", "results_of"]
+
+FORMAT = 2
+"""What is written; format 1 did not tell when the bench was held in the course of a case."""
 
 Derived = dict[str, Any]
 """The content of `data/results.json`."""
@@ -122,16 +125,16 @@ class _Case:
                 return
 
 
-def results_of(folder: Path, reading: JournalReading) -> Derived:
-    """Derive the results of a run's folder from its journal and what was frozen in it.
+def results_of(folder: Path, reading: JournalReading, form: int = FORMAT) -> Derived:
+    """Derive the results of a run's folder from its journal and what was frozen in it, in a format.
 
     Raises:
         EvidenceError: where what was frozen cannot be read.
     """
-    return derive(reading.events, facts_of(folder, reading), content_digest=reading.content_digest)
+    return derive(reading.events, facts_of(folder, reading), content_digest=reading.content_digest, form=form)
 
 
-def derive(events: Sequence[Body], facts: Facts, *, content_digest: str) -> Derived:
+def derive(events: Sequence[Body], facts: Facts, *, content_digest: str, form: int = FORMAT) -> Derived:
     """Derive cases, requirements and the run's verdict; none is better than its evidence.
 
     A planned case that did not end is ABORTED if it began and NOT_RUN if it did not. A requirement's verdict is the
@@ -142,14 +145,14 @@ def derive(events: Sequence[Body], facts: Facts, *, content_digest: str) -> Deri
     kinds = {event["kind"] for event in events}
     safe_ends = [bool(event["ok"]) for event in events if event["kind"] == "safe-end"]
     results: Derived = {
-        "format": 1,
+        "format": form,
         "run": _facts_of_run(run, events),
         "interrupted": bool(kinds & {"recovered", "stop"}) or not run,
         "tripped": "trip" in kinds,
         "safe": all(safe_ends) if safe_ends else None,
         "content_digest": content_digest,
     }
-    cases = [_case(case, facts) for case in _cases(events)]
+    cases = [_case(case, facts, form) for case in _cases(events)]
     results["cases"] = cases
     results["requirements"] = [
         _requirement(identifier, results, events, facts)
@@ -187,7 +190,7 @@ def _cases(events: Sequence[Body]) -> list[_Case]:
     return list(cases.values())
 
 
-def _case(case: _Case, facts: Facts) -> dict[str, Any]:
+def _case(case: _Case, facts: Facts, form: int) -> dict[str, Any]:
     checked = (check["requirement"] for check in case.checks)
     identifiers = {*case.planned["requirements"], *checked, *case.earlier}
     requirements = {identifier: _within(identifier, case, facts) for identifier in sorted(identifiers)}
@@ -204,7 +207,7 @@ def _case(case: _Case, facts: Facts) -> dict[str, Any]:
         "checks": [dict(check) for check in case.checks],
         "steps": case.steps,
         "recordings": case.recordings,
-        **({"holds": case.holds} if case.holds else {}),
+        **({"holds": case.holds} if form > 1 else {}),
     }
 
 
