@@ -289,6 +289,14 @@ def test_a_single_row_that_stands_out_is_doubted(tmp_path, column, value, told):
     assert ok(analyse(tmp_path, cycler_rows(2)))["stray_rows"] is True
 
 
+def test_the_last_digit_of_a_current_in_a_rest_is_no_stray_row(tmp_path):
+    """A milliampere that comes and goes where nothing flows speaks against no cycle."""
+    lines = cycler_rows(2)
+    end = lines[-1].split(";")
+    rest = [";".join([end[0], "0.0010" if number % 25 == 10 else "0.0000", "0.00000", "25.0"]) for number in range(200)]
+    assert ok(analyse(tmp_path, lines + rest))["stray_rows"] is True
+
+
 @pytest.mark.parametrize("value", ["-273", "151.0"])
 def test_a_temperature_that_cannot_be_is_told_and_not_counted(tmp_path, value):
     """An open sensor gives no lowest or highest temperature of a cell."""

@@ -21,6 +21,7 @@ _SMALL = 0.1  # of the largest half-cycle's energy: below it one interval at an 
 _MOST = 100.0  # A: no cell of a small satellite takes so much
 _STEEP = 10.0  # times the usual change from sample to sample of its step by which a single row may stand out
 _SHARE = 0.1  # of the step's current by which it may
+_FAINT = 0.02  # of the usual current by which it may in any step: in a rest the last digit comes and goes
 _NAMED = 3  # of those that are doubted, the first
 
 
@@ -40,7 +41,7 @@ def judge_singles(
 
 def _rows(data: Series, steps: Sequence[Step], capacity: float | None) -> Iterator[Gate]:
     yield _stray_rows(data, steps)
-    usual = float(np.percentile(np.abs(data.current), 95.0))
+    usual = _usual(data)
     if capacity is not None:
         yield _gate("current_unit", None, "is told by capacity_ratio")
         return
@@ -105,7 +106,8 @@ def _warmth(data: Series) -> Gate:
 
 
 def _stray_rows(data: Series, steps: Sequence[Step]) -> Gate:
-    columns = [("voltage", data.voltage, "V", 0.05, 0.0), ("current", data.current, "A", 0.0, _SHARE)]
+    faint = _FAINT * _usual(data)
+    columns = [("voltage", data.voltage, "V", 0.05, 0.0), ("current", data.current, "A", faint, _SHARE)]
     if data.temperature is not None:
         possible = np.where(can_be_warm(data.temperature), data.temperature, np.nan)
         columns.append(("temperature", possible, "degC", 5.0, 0.0))
@@ -135,6 +137,11 @@ def _standing_out(part: NDArray[np.float64], least: float, share: float) -> NDAr
     before, here, after = part[:-2], part[1:-1], part[2:]
     beyond = np.maximum(here - np.maximum(before, after), np.minimum(before, after) - here)
     return np.asarray(np.flatnonzero(beyond > max(floor, _STEEP * usual)) + 1, dtype=np.int64)
+
+
+def _usual(data: Series) -> float:
+    """Return a current [A] that is not exceeded but by few rows."""
+    return float(np.percentile(np.abs(data.current), 95.0))
 
 
 def _named(names: Sequence[str]) -> str:
