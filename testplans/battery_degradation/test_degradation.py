@@ -44,6 +44,9 @@ COLUMNS = (
 )
 """Columns of the table of cycles with unit and decimals."""
 
+UNTABLED = ("end_current", "last_change")
+"""What is known of a cycle besides: the last current of its charge, and its discharge's last change of voltage."""
+
 FADES = (
     ("energy_fade", "discharge_energy", "Wh"),
     ("capacity_fade", "discharge_capacity", "Ah"),
@@ -149,7 +152,7 @@ def rows_of(test, parts, parameters):
 
 def row_of(number, part, limits):
     """Return the numbers of one cycle by name of the column; NaN where it lacks a half."""
-    row = {"cycle": number, "end_current": math.nan} | {name: math.nan for name, _, _ in COLUMNS}
+    row = {"cycle": number} | dict.fromkeys((*UNTABLED, *(name for name, _, _ in COLUMNS)), math.nan)
     if len(part["time"]) < LEAST_CYCLES:
         return row
     data = series(*(part[name] for name in ("time", *BEGINNING[:2])), temperature=part["temperature"])
@@ -172,6 +175,7 @@ def row_of(number, part, limits):
             "energy_efficiency": found[0].energy_efficiency,
             "highest_voltage": charge.highest_voltage,
             "lowest_voltage": discharge.lowest_voltage,
+            "last_change": discharge.last_change,
         }
     return row
 
@@ -216,6 +220,15 @@ def extreme(rows, column, unit, worst, uncertainty):
     if not numbers or not all(map(math.isfinite, numbers)):
         return not_observable(unit)
     return Figure(value=worst(numbers), unit=unit, uncertainty=uncertainty)
+
+
+def uncertainty_of_ends(rows, meter):
+    """Return the standard uncertainty [V] of the end of a discharge, which came behind its last line.
+
+    By then the voltage had changed as much again as from line to line at most; the greatest such change counts.
+    """
+    changes = [abs(row["last_change"]) for row in rows if math.isfinite(row["last_change"])]
+    return math.hypot(meter, max(changes) / math.sqrt(3.0)) if meter is not None and changes else None
 
 
 def total(rows, column):
@@ -302,7 +315,8 @@ def test_degradation(cell, assembly, record, iterations, check, step, artifact, 
         check("EPS-DEG-001", "charges", share(rows, "charge_energy"), doubts=charged)
         check("EPS-DEG-001", "end_of_charge_voltage", extreme(rows, "highest_voltage", "V", min, volts), doubts=charged)
         check("EPS-DEG-002", "discharges", share(rows, "discharge_energy"), doubts=ended)
-        check("EPS-DEG-002", "end_of_discharge_voltage", extreme(rows, "lowest_voltage", "V", max, volts), doubts=ended)
+        emptied = extreme(rows, "lowest_voltage", "V", max, uncertainty_of_ends(rows, volts))
+        check("EPS-DEG-002", "end_of_discharge_voltage", emptied, doubts=ended)
         check("EPS-DEG-010", "highest_voltage", Figure(value=test["voltage"].max(), unit="V", uncertainty=volts))
         doubts = ended if soaks else [NO_SOAK]
         for parameter in ("charge_temperature", "discharge_temperature"):

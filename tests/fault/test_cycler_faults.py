@@ -55,6 +55,12 @@ def test_torn_lines_are_shorter_and_fail_their_sum():
     assert again.sent == under.sent
 
 
+def test_a_spike_is_in_the_lines_of_its_time_alone():
+    """One line shows what was added to its voltage, the others what there is."""
+    under = running([{"kind": "spike", "volts": "0.05", "from": "12 s", "until": "17 s"}])
+    assert [line.split(";")[0] for line in under.wait(24)] == ["3.600", "3.600", "3.650", "3.600"]
+
+
 def _sound(data):
     text, star, _ = data.decode("ascii").rpartition("*")
     return bool(star) and sealed(text).rstrip(b"\n") == data.rstrip(b"\r\n")

@@ -354,18 +354,23 @@ def test_how_fast_a_level_is_come_to(interval):
     assert math.isnan(only.discharge.cut_off_sensitivity)
 
 
-def times_of(offsets, drift=0.0):
-    """Return the times of a cycle, seen by a tester with offsets [V, A] and a clock that drifts, as the plan does."""
+def row_of(samples, drift=0.0, certified=CERTIFIED):
+    """Return a cycle's row of the charge plan, by a tester with a certificate and a clock that drifts."""
     path = Path(__file__).parents[2] / "testplans/battery_charge/test_charge.py"
     spec = importlib.util.spec_from_file_location("numeric_battery_charge", path)
     plan = importlib.util.module_from_spec(spec)
     with patch.object(pytest, "mark"):  # its markers are known in runs only
         spec.loader.exec_module(plan)
-    time, voltage, current = cell.cycle(plan.LINE_S)
-    current = current + np.where(current != 0.0, offsets[1], 0.0)
-    (only,) = cycles(series(time * (1.0 + drift), voltage + offsets[0], current), REACHED)
+    time, voltage, current = samples
+    (only,) = cycles(series(time * (1.0 + drift), voltage, current), REACHED)
     stream = SimpleNamespace(drift=drift, drift_uncertainty=1e-6)
-    row = plan.row_of(only, plan.Certainty(SimpleNamespace(uncertainty=CERTIFIED.get, stream=stream)), 0.05)
+    return plan.row_of(only, plan.Certainty(SimpleNamespace(uncertainty=certified.get, stream=stream)), 0.05)
+
+
+def times_of(offsets, drift=0.0):
+    """Return the times of a cycle, seen by a tester with offsets [V, A] and a clock that drifts, as the plan does."""
+    time, voltage, current = cell.cycle(5.0)
+    row = row_of((time, voltage + offsets[0], current + np.where(current != 0.0, offsets[1], 0.0)), drift)
     return row["charge_time"], row["discharge_time"]
 
 
@@ -381,3 +386,16 @@ def test_times_are_as_uncertain_as_the_clock():
     """A tester whose clock is off by 1 % knows no time better than that."""
     for figure in times_of((0.0, 0.0), drift=0.01):
         assert figure.uncertainty >= 0.01 * figure.value
+
+
+def test_the_end_of_a_discharge_is_as_uncertain_as_what_no_line_shows():
+    """Wherever the lines of a tester fall, the voltage at the end lies as far below the last as is stated at most."""
+    time, voltage, current = cell.cycle(0.1)
+    exact = {"voltage": 1e-9, "current": 0.0, "temperature": 0.0}
+    apart = []
+    for first in range(50):
+        ended = row_of((time[first::50], voltage[first::50], current[first::50]), certified=exact)
+        figure = ended["end_of_discharge_voltage"]
+        apart.append((figure.value - cell.LOWER) / (math.sqrt(3.0) * figure.uncertainty))
+    assert min(apart) >= 0.0
+    assert 0.9 < max(apart) <= 1.0

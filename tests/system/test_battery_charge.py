@@ -179,6 +179,19 @@ def test_lines_that_are_lost_show(tmp_path):
     assert [(event["verdict"], event["value"] > 10) for event in gaps] == [("FAIL", True)] * 3
 
 
+def test_one_row_that_stands_out_is_held_against_its_own_cycle(tmp_path):
+    """A spike in one line of the first charge: its cycle is in doubt, the second has its verdicts and numbers."""
+    place = "      truth: {clock_drift:"
+    fault = "      faults: [{kind: spike, from: 3000 s, until: 3005 s}]"
+    ran = short_run(tmp_path, {place: f"{fault}\n{place}"}, iterations="2")
+    of = {(event["parameter"], event["of"]): event for event in ran.package.events("check")}
+    for parameter, good in (("end_of_discharge_voltage", "PASS"), ("charge_energy", "RECORDED")):
+        first, second = of[parameter, "1"], of[parameter, "2"]
+        assert (first["verdict"], second["verdict"]) == ("INCONCLUSIVE", good)
+        assert first["reason"].startswith("stray_rows: 1 row stands out")
+        assert "doubts" not in second
+
+
 def test_a_cell_that_is_too_empty_is_not_charged(tmp_path):
     """A cell below 2.5 V is a fault of what was connected: the tester refuses it when the bench is armed."""
     ran = short_run(

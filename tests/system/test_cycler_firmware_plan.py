@@ -35,7 +35,6 @@ BESIDES = {
     "charge_time": FADING_H,
     "constant_voltage_time": FADING_H,
     "constant_current_time": LINE_H,
-    "end_of_discharge_voltage": LINE_V,
     "rest_voltage_discharged": LINE_V,
     "duration": 10 * 3600 * FADING_H,
 }

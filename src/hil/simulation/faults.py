@@ -33,7 +33,8 @@ class Fault:
         number: `partial`: bytes that come through; `refuse-off`: channel, 0 for all; `welded`: contact;
             `temperature-raw`: counts of the temperature; `lose-frames`, `lost-lines`: how many;
             `nack`: the bus address.
-        field: `saturated`: what is added to every axis, in the sensor's unit [uT, deg/s].
+        field: `saturated`: what is added to every axis, in the sensor's unit [uT, deg/s]; `spike`: what is added to
+            the voltage [V].
         text: `chatty`: the bytes; `identity`: who answers instead; `refuse-off`: what it says, `on` or `off`;
             `stuck-relay`: which one; `no-stop`: whether switching the motor off stops it, `cuts` or `stays`.
     """
@@ -159,6 +160,10 @@ def _saturated(truth: Truth, fault: Fault) -> Fault:
     return replace(fault, field=truth.number("field", 5000.0))
 
 
+def _spike(truth: Truth, fault: Fault) -> Fault:
+    return replace(fault, field=truth.number("volts", 0.1))
+
+
 _SETTINGS: Mapping[str, Callable[[Truth, Fault], Fault]] = {
     "chatty": _chatty,
     "garbled": _garbled,
@@ -172,6 +177,7 @@ _SETTINGS: Mapping[str, Callable[[Truth, Fault], Fault]] = {
     "refuse-off": _refuse_off,
     "saturated": _saturated,
     "slipping": _slipping,
+    "spike": _spike,
     "stuck-relay": _stuck_relay,
     "temperature-raw": _temperature_raw,
     "torn-lines": _garbled,

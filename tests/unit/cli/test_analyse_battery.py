@@ -220,6 +220,12 @@ def ok(document):
     return {gate["name"]: gate["ok"] for gate in document["gates"]}
 
 
+def against(document, name):
+    """The cycles that a gate speaks against."""
+    (cycles,) = [gate["cycles"] for gate in document["gates"] if gate["name"] == name]
+    return cycles
+
+
 def test_a_restart_cuts_a_cycle_and_begins_a_test(tmp_path):
     """A trial that was reset in its first discharge: not whole, in no fade, and its cycle not that of the test."""
     lines = cycler_rows(4)
@@ -264,6 +270,7 @@ def test_one_cycle_with_an_impossible_efficiency_is_doubted(tmp_path):
     found = analyse(tmp_path, [*lines[: place + 1], *lines[place + 120 :]])
     assert ok(found)["coulombic_efficiency"] is True
     assert ok(found)["single_coulombic_efficiency"] is False
+    assert against(found, "single_coulombic_efficiency") == [3]
 
 
 def spoilt(lines, place, column, value):
@@ -284,8 +291,9 @@ def spoilt(lines, place, column, value):
 def test_a_single_row_that_stands_out_is_doubted(tmp_path, column, value, told):
     """A changed digit that no limit shows is found between its neighbours."""
     found = analyse(tmp_path, spoilt(cycler_rows(2), 200, column, value))
-    (reason,) = [gate["reason"] for gate in found["gates"] if gate["name"] == "stray_rows" and gate["ok"] is False]
-    assert f"1 row stands out from both neighbours; {told}" in reason
+    (gate,) = [gate for gate in found["gates"] if gate["name"] == "stray_rows" and gate["ok"] is False]
+    assert f"1 row stands out from both neighbours; {told}" in gate["reason"]
+    assert gate["cycles"] == [1]
     assert ok(analyse(tmp_path, cycler_rows(2)))["stray_rows"] is True
 
 
@@ -304,6 +312,7 @@ def test_a_temperature_that_cannot_be_is_told_and_not_counted(tmp_path, value):
     charge = found["cycles"][0]["charge"]
     assert (charge["temperature_low"], charge["temperature_high"]) == (25.0, 25.0)
     assert ok(found)["temperature"] is False
+    assert against(found, "temperature") == [1]
     assert ok(found)["stray_rows"] is True
 
 
@@ -316,6 +325,7 @@ def test_another_energy_than_the_cyclers_own_is_doubted(tmp_path):
     assert ok(found)["own_energy"] is False
     (reason,) = [gate["reason"] for gate in found["gates"] if gate["name"] == "own_energy"]
     assert "charge 1 +5." in reason
+    assert against(found, "own_energy") == [1, 2]
 
 
 def test_a_current_in_ma_is_doubted(tmp_path):

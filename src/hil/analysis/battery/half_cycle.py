@@ -85,6 +85,8 @@ class HalfCycle:
             of a current that fades exponentially.
         highest_voltage: V.
         lowest_voltage: V.
+        last_change: V from the last sample but one to the last; the end, which no sample shows, lies as far beyond the
+            last one at most. NaN where there is one sample only.
         temperature_low: degC.
         temperature_high: degC.
         temperature_mean: degC, over time.
@@ -110,6 +112,7 @@ class HalfCycle:
     cut_off_sensitivity: float
     highest_voltage: float
     lowest_voltage: float
+    last_change: float
     temperature_low: float
     temperature_high: float
     temperature_mean: float
@@ -189,6 +192,7 @@ def half_cycle(data: Series, steps: Sequence[Step], flows: Flow, limits: Limits)
         cut_off_sensitivity=cut_off_sensitivity,
         highest_voltage=float(voltage.max()),
         lowest_voltage=float(voltage.min()),
+        last_change=float(voltage[-1] - voltage[-2]) if voltage.size > 1 else math.nan,
         temperature_low=warmth[0],
         temperature_high=warmth[1],
         temperature_mean=warmth[2],

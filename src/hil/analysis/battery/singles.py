@@ -36,11 +36,12 @@ def judge_singles(
         made: from `cycles`.
         capacity: nominal, in Ah; None where it is not known.
     """
-    return (_one_stretch(data), _coulombic(made), _own_energy(made), _warmth(data), *_rows(data, steps, capacity))
+    return (_one_stretch(data), _coulombic(made), _own_energy(made), *_rows(data, steps, made, capacity))
 
 
-def _rows(data: Series, steps: Sequence[Step], capacity: float | None) -> Iterator[Gate]:
-    yield _stray_rows(data, steps)
+def _rows(data: Series, steps: Sequence[Step], made: Sequence[Cycle], capacity: float | None) -> Iterator[Gate]:
+    yield _warmth(data, made)
+    yield _stray_rows(data, steps, made)
     usual = _usual(data)
     if capacity is not None:
         yield _gate("current_unit", None, "is told by capacity_ratio")
@@ -69,31 +70,32 @@ def _coulombic(made: Sequence[Cycle]) -> Gate:
     named = _named([f"cycle {each.number} {each.coulombic_efficiency:.4g}" for each in bad])
     found = f"of each cycle expected {low:g} to {high:g}"
     advice = f"; {named}: charge and discharge do not belong together, or rows are missing" if bad else ""
-    return _gate("single_coulombic_efficiency", not bad, found + advice)
+    return _gate("single_coulombic_efficiency", not bad, found + advice, [each.number for each in bad])
 
 
 def _own_energy(made: Sequence[Cycle]) -> Gate:
     halves = [
-        (f"{name} {each.number}", half)
+        (name, each.number, half)
         for each in made
         for name, half in (("charge", each.charge), ("discharge", each.discharge))
         if half is not None and np.isfinite(half.own_energy)
     ]
     if not halves:
         return _gate("own_energy", None, "cannot be told: the instrument did not count energy itself")
-    least = _SMALL * max(half.energy for _, half in halves)
-    bad = [(name, _apart(half)) for name, half in halves if half.energy > least and abs(_apart(half)) > _OWN]
+    least = _SMALL * max(half.energy for *_, half in halves)
+    bad = [each for each in halves if each[-1].energy > least and abs(_apart(each[-1])) > _OWN]
     found = f"trapezoid and the instrument's own energy of each half-cycle expected within {_OWN:.0%}"
     advice = "samples are missing or false, or in another unit than the instrument counts in"
-    named = _named([f"{name} {apart:+.2%}" for name, apart in bad])
-    return _gate("own_energy", not bad, f"{found}; {named}: {advice}" if bad else found)
+    named = _named([f"{name} {number} {_apart(half):+.2%}" for name, number, half in bad])
+    against = [number for _, number, _ in bad]
+    return _gate("own_energy", not bad, f"{found}; {named}: {advice}" if bad else found, against)
 
 
 def _apart(half: HalfCycle) -> float:
     return half.energy / half.own_energy - 1.0 if half.own_energy > 0 else np.inf
 
 
-def _warmth(data: Series) -> Gate:
+def _warmth(data: Series, made: Sequence[Cycle]) -> Gate:
     if data.temperature is None:
         return _gate("temperature", None, "cannot be told: none was recorded")
     false = np.isfinite(data.temperature) & ~can_be_warm(data.temperature)
@@ -102,10 +104,11 @@ def _warmth(data: Series) -> Gate:
     place = int(np.flatnonzero(false)[0])
     rows = "1 row" if false.sum() == 1 else f"{false.sum()} rows"
     found = f"{rows} beyond -60 to 120 degC, first {data.temperature[place]:g} at {data.time[place]:g} s, not counted"
-    return _gate("temperature", False, f"{found}: the sensor is open or shorted, or its unit is not degC")
+    reason = f"{found}: the sensor is open or shorted, or its unit is not degC"
+    return _gate("temperature", False, reason, _holding(data, made, np.flatnonzero(false)))
 
 
-def _stray_rows(data: Series, steps: Sequence[Step]) -> Gate:
+def _stray_rows(data: Series, steps: Sequence[Step], made: Sequence[Cycle]) -> Gate:
     faint = _FAINT * _usual(data)
     columns = [("voltage", data.voltage, "V", 0.05, 0.0), ("current", data.current, "A", faint, _SHARE)]
     if data.temperature is not None:
@@ -119,10 +122,20 @@ def _stray_rows(data: Series, steps: Sequence[Step]) -> Gate:
                 found.append((step.first + int(place), f"{name} {part[place]:g} {unit}"))
     if not found:
         return _gate("stray_rows", True, "no row stands out from both neighbours")
-    number = len({place for place, _ in found})
-    rows = "1 row stands" if number == 1 else f"{number} rows stand"
+    places = np.unique([place for place, _ in found])
+    rows = "1 row stands" if places.size == 1 else f"{places.size} rows stand"
     named = _named([f"{what} at {data.time[place]:g} s" for place, what in sorted(found)])
-    return _gate("stray_rows", False, f"{rows} out from both neighbours; {named}: is it true, or a fault of the log?")
+    reason = f"{rows} out from both neighbours; {named}: is it true, or a fault of the log?"
+    return _gate("stray_rows", False, reason, _holding(data, made, places))
+
+
+def _holding(data: Series, made: Sequence[Cycle], rows: NDArray[np.int64]) -> list[int]:
+    """Return the numbers of the cycles that hold these rows; none where a row lies in no cycle."""
+    times = data.time[rows]
+    inside = [(times >= each.start) & (times <= each.start + each.duration) for each in made]
+    if not np.any(inside, axis=0).all():
+        return []
+    return [each.number for each, own in zip(made, inside, strict=True) if own.any()]
 
 
 def _standing_out(part: NDArray[np.float64], least: float, share: float) -> NDArray[np.int64]:
@@ -149,5 +162,5 @@ def _named(names: Sequence[str]) -> str:
     return ", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
-def _gate(name: str, ok: bool | None, reason: str) -> Gate:
-    return Gate(name=name, channel="", ok=ok, reason=reason)
+def _gate(name: str, ok: bool | None, reason: str, against: Sequence[int] = ()) -> Gate:
+    return Gate(name=name, channel="", ok=ok, reason=reason, cycles=tuple(dict.fromkeys(against)))

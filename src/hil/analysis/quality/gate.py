@@ -16,12 +16,15 @@ class Gate:
         channel: the channel that was asked, empty where it was the recording as a whole.
         ok: the answer; None where a fact is missing, so that nothing could be judged.
         reason: what was found, or which fact is missing, in a sentence.
+        cycles: numbers of the battery's cycles that the answer speaks against; empty where that is the recording as a
+            whole.
     """
 
     name: str
     channel: str
     ok: bool | None
     reason: str
+    cycles: tuple[int, ...] = ()
 
     def __str__(self) -> str:
         return f"{self.name} of {self.channel}: {self.reason}" if self.channel else f"{self.name}: {self.reason}"

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from hil.clock.port import NANOSECONDS
+from hil.simulation.faults import Fault
 from hil.simulation.plants.terminal import SignalPoint, observing
 from hil.simulation.seeds import BLOCK, Stream
 
@@ -63,6 +64,7 @@ class Article:
         voltage: its gauge, in mV.
         current: its gauge, in mA.
         temperature: its gauge, in tenths of a degree Celsius.
+        spikes: faults that add to the voltage what they say, while they hold.
     """
 
     extended: bool
@@ -76,6 +78,7 @@ class Article:
     voltage: Gauge
     current: Gauge
     temperature: Gauge
+    spikes: tuple[Fault, ...] = ()
 
     def measuring(self) -> Callable[[Sequence[int]], list[Reading]]:
         """Return a function of the bench's times [ns], the first of which is now: what the device will measure then.
@@ -105,4 +108,16 @@ class Article:
                 )
             return readings
 
-        return measure
+        return _spiked(measure, self.spikes) if self.spikes else measure
+
+
+def _spiked(
+    measure: Callable[[Sequence[int]], list[Reading]], spikes: Sequence[Fault]
+) -> Callable[[Sequence[int]], list[Reading]]:
+    def spiked(times_ns: Sequence[int]) -> list[Reading]:
+        return [
+            (volts + round(1000 * sum(spike.field for spike in spikes if spike.holds(time_ns))), amperes, degrees)
+            for time_ns, (volts, amperes, degrees) in zip(times_ns, measure(times_ns), strict=False)
+        ]
+
+    return spiked

@@ -58,6 +58,7 @@ def _article(setup: PeerSetup, *, extended: bool) -> Article:
         voltage=_gauge(setup, "voltage", 0.0, 1000),
         current=_gauge(setup, "current", 0.0, 1000),
         temperature=_gauge(setup, "temperature", 25.0, 10),
+        spikes=setup.faults.of("spike"),
     )
 
 
@@ -80,5 +81,5 @@ def _pattern(truth: Truth, key: str, usual: str, pattern: str, expected: str) ->
     return text
 
 
-MODEL = PeerModel(link="serial", fault_kinds=("lost-lines", "reset", "stuck-relay", "torn-lines"), build=build)
+MODEL = PeerModel(link="serial", fault_kinds=("lost-lines", "reset", "spike", "stuck-relay", "torn-lines"), build=build)
 """The model of the battery test apparatus."""
