@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pty
 import signal
@@ -167,6 +168,18 @@ def test_a_process_that_vanishes_is_no_pass(tmp_path, ending, how):
     assert "INTERRUPTED" in workspace.hil("runs").out
     assert workspace.hil("seal", str(folder)).code == 0
     assert verify(folder).findings == ()
+
+
+def test_a_run_that_cannot_be_sealed_is_notified_of(tmp_path):
+    """Who is not at the terminal learns that no package came of it, after they learned of the end."""
+    losing = "import pathlib; [each.unlink() for each in pathlib.Path('reports').glob('*/data/journal.jsonl')]"
+    workspace = make(tmp_path / "workspace", case(losing))
+    (workspace.root / "hil.toml").write_text('notify = ["/usr/bin/tee", "-a", "told.json"]\n', encoding="utf-8")
+    ended = finish(workspace.start_run())
+    told = [json.loads(line) for line in (workspace.root / "told.json").read_text(encoding="utf-8").splitlines()]
+    assert ended.code == 3
+    assert [each["event"] for each in told] == ["end", "died"]
+    assert "left with exit code 3 before the run was sealed" in told[1]["text"]
 
 
 def test_sys_exit_where_modules_load_is_no_pass(tmp_path):

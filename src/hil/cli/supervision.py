@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -175,27 +175,34 @@ def _heard(reader: int) -> dict[str, tuple[int, str]]:
 
 def _believed(status: int, words: Mapping[str, tuple[int, str]]) -> int:
     """Return the exit code that the words prove; without them the ending was none."""
-    if "ended" in words:
-        return words["ended"][0]
-    _begin_line()
     how = _manner(os.waitstatus_to_exitcode(status))
+    if "ended" in words:
+        code = words["ended"][0]
+        if code == _INTERNAL and "begun" in words and "sealed" not in words:  # it has said itself what went wrong
+            _notify(Path(words["begun"][1]), how)
+        return code
+    _begin_line()
     if "sealed" in words:
         code, folder = words["sealed"]
         _say(f"hil: the process {how} after the run was sealed; the package is {folder}")
         return code
     _say(f"hil: the process of the run {how} before the run was sealed")
     if "begun" in words:
-        from hil.cli.died import tell_of_death  # noqa: PLC0415 - only behind a run that was interrupted
-        from hil.cli.interrupted import ways_on  # noqa: PLC0415 - as above
-
-        run = Path(words["begun"][1])
-        ways = list(ways_on(run))
-        for line in ways:
-            _say(f"     {line}")
-        tell_of_death(run, how, ways)
+        _notify(Path(words["begun"][1]), how, _say)
     else:
         _say("     no case had begun and nothing was driven; hil runs lists what it may have left")
     return _INTERNAL
+
+
+def _notify(run: Path, how: str, say: Callable[[str], None] = lambda _: None) -> None:
+    """Say what a person does next, and run the notification of a run that died."""
+    from hil.cli.died import tell_of_death  # noqa: PLC0415 - only behind a run that was interrupted
+    from hil.cli.interrupted import ways_on  # noqa: PLC0415 - as above
+
+    ways = list(ways_on(run))
+    for line in ways:
+        say(f"     {line}")
+    tell_of_death(run, how, ways)
 
 
 def _manner(code: int) -> str:

@@ -60,6 +60,21 @@ def test_who_waited_tells_of_the_death(place, capsys):
     assert "nobody was notified" not in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("code", "others", "notified"),
+    [(3, {}, True), (3, {"sealed": (3, "/r")}, False), (2, {}, False), (0, {}, False)],
+    ids=["unsealed", "sealed", "stopped", "good"],
+)
+def test_a_process_that_leaves_its_run_unsealed_by_an_error_is_told_of_as_well(place, capsys, code, others, notified):
+    """It has said itself what went wrong, and on the terminal nothing is added; whoever is not there is notified."""
+    folder = run_of(place)
+    assert supervision._believed(code << 8, {"begun": (0, str(folder)), **others, "ended": (code, "")}) == code
+    assert (place / "told.json").exists() is notified
+    if notified:
+        assert told(place)["text"].startswith("the process of the run left with exit code 3 before the run was sealed;")
+    assert capsys.readouterr().err == ""
+
+
 @pytest.mark.parametrize("words", [{}, {"begun": (0, "x"), "sealed": (0, "x")}, {"begun": (0, "x"), "ended": (1, "x")}])
 def test_nobody_is_told_of_what_did_not_die(place, words):
     """A run that had not begun, was sealed, or ended by itself has told what there was to tell."""
