@@ -31,7 +31,7 @@ def test_every_arming_stands_by_itself():
     events = (gate(1.0, "a"), ARMED, RESUMED, gate(61.0, "a", ok=False), RESUMED, gate(90.0, "a"), ARMED)
     assert told(*events) == [
         ("Arming, at 0:00:01.0 of bench time", ["a"]),
-        ("Armed again, at 0:01:01.0 of bench time", ["a"]),
+        ("Not armed again, at 0:01:01.0 of bench time", ["a"]),
         ("Armed again, at 0:01:30.0 of bench time", ["a"]),
     ]
 

@@ -10,6 +10,7 @@ from hil.report.numbers import bench_time, duration
 
 __all__ = ["Arming", "GateRow", "SafeRow", "armings", "safe_off"]
 
+_AGAIN = "Armed again"
 _CUT_PATH, _NOT_TRIED = "cut path of ", "not tried: "
 
 
@@ -55,11 +56,13 @@ def armings(events: Sequence[Body]) -> tuple[Arming, ...]:
         again = kind == "resumed" and bool(inner(event, "entry"))
         gate = kind in {"gate", "host-gate"}
         if again or (gate and over):
-            titles.append("Armed again" if again else "At the release of the bench")
+            titles.append(_AGAIN if again else "At the release of the bench")
             parts.append([])
             over = False
         if gate:
             parts[-1].append(event)
+            if titles[-1] == _AGAIN and not flag(event, "ok"):
+                titles[-1] = "Not armed again"
         over = over or kind == "armed" or (gate and not flag(event, "ok"))
     found = [(title, part) for title, part in zip(titles, parts, strict=True) if part]
     return tuple(
