@@ -4,20 +4,48 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from typing import Protocol
 
-from hil.simulation.peers.cycler.sequence import RUNNING
-from hil.simulation.peers.cycler.settings import TABLE, text_of
+from hil.simulation.peers.cycler.article import Article, Reading
+from hil.simulation.peers.cycler.framing import Command
+from hil.simulation.peers.cycler.output import Output
+from hil.simulation.peers.cycler.relays import Relays
+from hil.simulation.peers.cycler.sequence import RUNNING, Sequence
+from hil.simulation.peers.cycler.settings import TABLE, Settings, text_of
 
-if TYPE_CHECKING:
-    from hil.simulation.peers.cycler.firmware import Firmware
-    from hil.simulation.peers.cycler.framing import Command
-
-__all__ = ["Commands"]
+__all__ = ["Commands", "Device"]
 
 _RUN = re.compile(r"[0-9A-F]{8}")
 _CRC = re.compile(r"[0-9A-F]{4}")
 _LONGEST_WORD = 16
+
+
+class Device(Protocol):
+    """What the commands act on."""
+
+    article: Article
+    boots: int
+    reset_reason: str
+    output: Output
+    relays: Relays
+    sequence: Sequence
+    settings: Settings
+
+    def measure(self) -> Reading:
+        """Return what is measured now."""
+        ...
+
+    def start(self, run: str) -> None:
+        """Begin a test."""
+        ...
+
+    def stop(self) -> None:
+        """Open the relays, and end a test."""
+        ...
+
+    def beat(self) -> None:
+        """Take a heartbeat."""
+        ...
 
 
 class _Refusal(Exception):
@@ -33,13 +61,13 @@ class Commands:
     """Executes what the host says.
 
     Args:
-        firmware: what the commands act on.
+        device: what the commands act on.
     """
 
-    def __init__(self, firmware: Firmware) -> None:
-        self._firmware = firmware
-        self._sequence = firmware.sequence
-        self._settings = firmware.settings
+    def __init__(self, device: Device) -> None:
+        self._device = device
+        self._sequence = device.sequence
+        self._settings = device.settings
         self._known: Mapping[str, Callable[[tuple[str, ...]], str]] = {
             "BEAT": self._beat,
             "CLEAR": self._clear,
@@ -65,16 +93,16 @@ class Commands:
 
     def _id(self, fields: tuple[str, ...]) -> str:
         _values(fields)
-        article, boots, reset = self._firmware.article, self._firmware.boots, self._firmware.reset_reason
+        article, boots, reset = self._device.article, self._device.boots, self._device.reset_reason
         firmware = f"firmware={article.firmware} serial={article.serial}"
         return f"level=2.0 name=hil-cycler {firmware} boots={boots} reset={reset}"
 
     def _state(self, fields: tuple[str, ...]) -> str:
         _values(fields)
-        sequence, output = self._sequence, self._firmware.output
-        volts, amperes, degrees = self._firmware.measure()
+        sequence, output = self._sequence, self._device.output
+        volts, amperes, degrees = self._device.measure()
         test = f"state={sequence.state} run={sequence.run or '-'} cycle={sequence.cycle}"
-        device = f"relays={self._firmware.relays.letter} lines={output.number} ms={output.milliseconds()}"
+        device = f"relays={self._device.relays.letter} lines={output.number} ms={output.milliseconds()}"
         battery = (
             f"v={text_of(volts, 3)} i={text_of(amperes, 3)} e={text_of(sequence.energy, 4)} t={text_of(degrees, 1)}"
         )
@@ -107,7 +135,7 @@ class Commands:
         run, settings = _values(fields, run=_RUN, settings=_CRC)
         sequence = self._sequence
         if sequence.state in RUNNING and run == sequence.run:
-            self._firmware.beat()
+            self._device.beat()
             return f"run={run}"
         self._refuse_running()
         if sequence.state != "IDLE":
@@ -118,9 +146,9 @@ class Commands:
             raise _Refusal("SETTINGS", self._settings.check())
         if wrong := self._settings.contradiction() or "":
             raise _Refusal("ORDER", wrong)
-        if limit := sequence.outside(self._firmware.measure()):
+        if limit := sequence.outside(self._device.measure()):
             raise _Refusal("LIMIT", limit)
-        self._firmware.start(run)
+        self._device.start(run)
         return f"run={run}"
 
     def _beat(self, fields: tuple[str, ...]) -> str:
@@ -129,12 +157,12 @@ class Commands:
             raise _Refusal("STATE", self._sequence.state)
         if run != self._sequence.run:
             raise _Refusal("RUN", self._sequence.run)
-        self._firmware.beat()
+        self._device.beat()
         return f"run={run}"
 
     def _stop(self, fields: tuple[str, ...]) -> str:
         _values(fields)
-        self._firmware.stop()
+        self._device.stop()
         return f"state={self._sequence.state}"
 
     def _clear(self, fields: tuple[str, ...]) -> str:
