@@ -60,7 +60,7 @@ def test_the_code_of_the_notification_reaches_whoever_is_on_call():
 
 
 def test_another_code_reaches_nobody(monkeypatch):
-    """Nor does one that was sent before, or one that comes when none is awaited."""
+    """Nor does one that was sent before, one that comes when none is awaited, or one in letters that no code has."""
     monkeypatch.setattr("hil.executive.live.unattended.wall.pause", lambda _: None)
     phone = Phone()
     on_call = OnCall("Ada", RUN, 600, phone, Written())
@@ -68,6 +68,7 @@ def test_another_code_reaches_nobody(monkeypatch):
     assert called(on_call, phone, lambda code: code[:-1]) == "the run is to end"
     old = phone.code
     assert not on_call.knows(old)
+    assert called(on_call, phone, lambda code: code[:-1] + "Ä") == "the run is to end"
     assert called(on_call, phone, lambda _: old) == "the run is to end"
     assert phone.code != old
 

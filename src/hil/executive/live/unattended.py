@@ -92,7 +92,8 @@ class OnCall:
 
     def knows(self, code: str) -> bool:
         """Return whether this is the code that was sent last, and nobody has given it back so far."""
-        return bool(self._code) and not self._by and secrets.compare_digest(code.strip().upper(), self._code)
+        given = code.strip().upper().encode(errors="surrogatepass")  # of texts, only such in ASCII can be compared
+        return bool(self._code) and not self._by and secrets.compare_digest(given, self._code.encode())
 
     def reach(self, idle: Callable[[], bool]) -> str:
         """Send a code and wait until somebody gives it back; return why nobody was reached, empty if somebody was.
