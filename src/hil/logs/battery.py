@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,7 +70,7 @@ def lines_of(path: Path) -> list[str]:
         raise Refused(f"{path}: the file is empty", "name a log with rows in it")
     if b"\0" in raw[:_LOOKED_AT]:
         raise Refused(f"{path}: not a text file", "export the log as text in UTF-8 first")
-    return raw.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").replace("\r", "\n").splitlines(keepends=True)
+    return list(io.StringIO(raw.decode("utf-8-sig", errors="replace"), newline=None))
 
 
 def made_by(lines: list[str]) -> str:

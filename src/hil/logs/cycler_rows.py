@@ -12,6 +12,7 @@ __all__ = ["Placed", "Row", "placed"]
 
 _SECONDS_PER_HOUR = 3600.0
 _RESOLVED = 4  # last digits of the energy that one interval must be worth before a missing row can be seen
+_RESTS = 0.1  # part of the power before below which a row rests
 _STRAY = 3.0  # intervals' worth by which an energy must leave that of both neighbours to be a bad row
 
 
@@ -82,7 +83,7 @@ def placed(rows: Sequence[Row], interval: float, *, stamped: bool) -> Placed:
         lost = 0 if stamped else _lost(before, row, interval)
         missing += lost
         time[place] = time[place - 1] + row.passed + lost * interval
-        energy[place] = energy[place - 1] + np.copysign(_counted(before, row), row.power)
+        energy[place] = energy[place - 1] + np.copysign(_counted(before, row), _way(before, row))
     return Placed(rows=kept, time=time, energy=energy, missing=missing, stray=stray)
 
 
@@ -116,6 +117,11 @@ def _lost(before: Row, row: Row, interval: float) -> int:
     if before.stretch != row.stretch or before.power * row.power <= 0 or usual < _RESOLVED * 10.0**-row.digits:
         return 0
     return max(round((row.energy - before.energy) / usual) - round(row.passed / interval), 0)
+
+
+def _way(before: Row, row: Row) -> float:
+    """Return a power with the sign of what was counted between two rows: behind a half-cycle nothing new flows."""
+    return before.power if abs(row.power) < _RESTS * abs(before.power) else row.power
 
 
 def _counted(before: Row, row: Row) -> float:

@@ -348,6 +348,15 @@ def test_a_wrong_sign_of_the_current_is_doubted(table):
     assert "--discharge-positive" in reason
 
 
+def test_a_turned_current_turns_the_own_sums_as_well(tmp_path):
+    """What the cycler counted itself is held against samples of the same sign."""
+    lines = cycler_rows(2)
+    turned = [line.replace(";", ";-", 1).replace(";--", ";") for line in lines]
+    found, expected = analyse(tmp_path, turned, "--discharge-positive"), analyse(tmp_path, lines)
+    assert found["own"]["energy_Wh"] == pytest.approx(expected["own"]["energy_Wh"])
+    assert found["apart"]["energy_Wh"] == pytest.approx(expected["apart"]["energy_Wh"], abs=1e-9)
+
+
 def test_a_cyclers_log_is_recognised(tmp_path):
     """The terminal log of two cycles, with the energy it summed up itself beside the trapezoid."""
     time, voltage, current = cell.campaign(2, 5.0)

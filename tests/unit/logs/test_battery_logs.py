@@ -85,6 +85,15 @@ def test_torn_rows_keep_their_time(tmp_path):
     assert "3 torn rows are left out, their intervals are counted" in read.remarks
 
 
+def test_a_torn_row_with_a_control_character_is_one_row(tmp_path):
+    """A disturbed line may hold a form feed, which ends no line: one interval has passed, not two."""
+    lines = rows(4)
+    lines[1] = lines[1][:9] + "\f" + lines[1][12:]
+    read = cycler.read(log(tmp_path, [*lines, "TEST END"]))
+    assert read.time.tolist() == [0.0, 10.0, 15.0]
+    assert "1 torn row is left out, its interval is counted" in read.remarks
+
+
 def test_missing_rows_are_seen_in_the_energy(tmp_path):
     """Three rows that never came leave a jump of the energy, and the time goes on as it went."""
     lines = rows(20)
@@ -199,9 +208,10 @@ def test_an_energy_that_goes_back_is_a_bad_row(tmp_path):
 
 
 def test_a_torn_row_takes_nothing_from_the_own_energy(tmp_path):
-    """The field at the end less that at the beginning, whatever row between them is torn, the first as well."""
-    whole = [*rows(20), *rows(20, amperes=-0.7)]
+    """The field at the end less that at the beginning, whatever row is torn, the first and the last as well."""
+    rest = [";".join(["3,700", "0,000", *row.split(";")[2:]]) for row in rows(20)[-1:] * 3]
+    whole = [*rows(20), *rows(20, amperes=-0.7), *rest]
     expected = cycler.read(log(tmp_path, whole)).own_energy
-    for place in (10, 20, 30):
+    for place in (10, 20, 30, 39):
         torn = [row[:9] if place == each else row for each, row in enumerate(whole)]
         assert cycler.read(log(tmp_path, torn)).own_energy == pytest.approx(expected, abs=1e-9)

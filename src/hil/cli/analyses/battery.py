@@ -106,8 +106,8 @@ def battery(  # noqa: PLR0913 - one argument per option
         upper=upper, lower=lower, skip=skip, counted=counted, remaining=remaining,
     )  # fmt: skip
     columns = _Mapping(time, time_unit, voltage, current, temperature, cycle)
-    log = _read(file, form, columns, interval)
-    data = _series(file, log, discharge_positive=discharge_positive)
+    log = _charging_positive(_read(file, form, columns, interval), discharge_positive=discharge_positive)
+    data = _series(file, log)
     how = Segmentation(rest_current=rest_current)
     capacity = log.capacity if capacity is None else capacity
     summary = summarise(
@@ -166,16 +166,23 @@ def _table(file: Path, columns: _Mapping) -> BatteryLog:
     )
 
 
-def _series(file: Path, log: BatteryLog, *, discharge_positive: bool) -> Series:
+def _charging_positive(log: BatteryLog, *, discharge_positive: bool) -> BatteryLog:
+    """Return a log whose current and counts are above zero where they charge."""
+    if not discharge_positive:
+        return log
+    return replace(
+        log,
+        current=-log.current,
+        charge=None if log.charge is None else -log.charge,
+        energy=None if log.energy is None else -log.energy,
+        own_charge=None if log.own_charge is None else -log.own_charge,
+        own_energy=None if log.own_energy is None else -log.own_energy,
+    )
+
+
+def _series(file: Path, log: BatteryLog) -> Series:
     from hil.analysis.battery.series import series  # noqa: PLC0415 - start-up stays light
 
-    if discharge_positive:
-        log = replace(
-            log,
-            current=-log.current,
-            charge=None if log.charge is None else -log.charge,
-            energy=None if log.energy is None else -log.energy,
-        )
     try:
         return series(
             log.time, log.voltage, log.current,
