@@ -136,6 +136,26 @@ def test_a_cycle_of_known_truth(interval):
     assert onset.delay == interval
 
 
+def test_an_edge_at_the_last_sample_is_told():
+    """A log that ends with the first sample of a rest: the resistance at the end of the discharge is not lost."""
+    time, voltage, current = cell.cycle(1.0)
+    end = int(np.flatnonzero(current < 0)[-1]) + 2
+    (only,) = cycles(series(time[:end], voltage[:end], current[:end]), LIMITS)
+    assert only.resistances[-1].after is StepKind.REST
+    assert only.resistances[-1].time == time[end - 1]
+
+
+@pytest.mark.parametrize("number", [2, 3])
+def test_a_row_speaks_against_the_one_cycle_that_holds_it(number):
+    """The first row of a cycle is not of the one before it, and the last of all is of the last cycle."""
+    time, voltage, current = cell.campaign(3, 30.0)
+    starts = [each.start for each in cycles(series(time, voltage, current), LIMITS)]
+    warmth = np.full(time.size, 25.0)
+    warmth[{2: np.searchsorted(time, starts[1]), 3: -1}[number]] = 300.0
+    gates = summarise(series(time, voltage, current, temperature=warmth), limits=LIMITS).gates
+    assert next(gate for gate in gates if gate.name == "temperature").cycles == (number,)
+
+
 def test_mean_voltage_is_energy_over_charge():
     """The discharge falls in a straight line at constant current: its mean is the middle."""
     (only,) = cycles(series(*cell.cycle(1.0)), LIMITS)

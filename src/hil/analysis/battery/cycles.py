@@ -99,7 +99,7 @@ def cycles(data: Series, limits: Limits | None = None, how: Segmentation | None 
     made = []
     for group in groups(data, steps, limits):
         ends = (float(data.time[group.steps[0].first]), float(data.time[group.end]))
-        near = tuple(each for each in edges if ends[0] <= each.time < ends[1])
+        near = tuple(each for each in edges if ends[0] <= each.time <= data.time[group.steps[-1].last])
         made.append(_cycle(data, group, ends, flows, limits, near, steps))
     return tuple(made)
 

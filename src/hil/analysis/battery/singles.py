@@ -130,12 +130,16 @@ def _stray_rows(data: Series, steps: Sequence[Step], made: Sequence[Cycle]) -> G
 
 
 def _holding(data: Series, made: Sequence[Cycle], rows: NDArray[np.int64]) -> list[int]:
-    """Return the numbers of the cycles that hold these rows; none where a row lies in no cycle."""
+    """Return the numbers of the cycles that hold these rows; none where a row lies in no cycle.
+
+    The row at which a cycle ends is the next one's, where there is one.
+    """
     times = data.time[rows]
-    inside = [(times >= each.start) & (times <= each.start + each.duration) for each in made]
-    if not np.any(inside, axis=0).all():
+    places = np.searchsorted([each.start for each in made], times, side="right") - 1
+    if (places < 0).any():
         return []
-    return [each.number for each, own in zip(made, inside, strict=True) if own.any()]
+    ends = np.array([each.start + each.duration for each in made])[places]
+    return [] if (times > ends).any() else [made[place].number for place in np.unique(places)]
 
 
 def _standing_out(part: NDArray[np.float64], least: float, share: float) -> NDArray[np.int64]:
