@@ -35,9 +35,14 @@ def command(run: str, answer: str, by: str) -> int:
     folder = find_running(run)
     follower = Follower(folder)
     follower.read()
-    question = _asked(folder.name, follower.outlook.asked)
+    asked = follower.outlook.asked
+    question = _asked(folder.name, asked)
     said = _given(question, answer) if answer else _read(question)
     name = by.strip() or _line("Your name")
+    follower.read()
+    if follower.outlook.asked is not asked:  # a person took time; another question may have the same name
+        click.echo(f"not taken: '{question.name}' is not asked any more", err=True)
+        return 1
     post(folder, "answer", text=said, by=name, question=question.name)
     told = answer_of(follower, {"answer", "anomaly"})
     if told is None:
