@@ -121,6 +121,45 @@ def test_what_a_case_raises_is_an_error(tmp_path, statement, reason):
     assert reason in found.reasons("test_one")
 
 
+@pytest.mark.parametrize(
+    ("call", "reason"),
+    [
+        ('check("T-010", "ratio", None)', "T-010 ratio: None (NoneType) is neither a number nor a word"),
+        ('check("T-010", "ratio", Figure(value=1.0, unit="V"))', "'V' does not convert to '1'"),
+        ('check.require("T-010", "rat" + "i", 1.0)', "T-010 has no parameter 'rati'"),
+    ],
+    ids=["nothing", "unit", "parameter"],
+)
+def test_a_refused_check_that_a_case_swallows_is_an_error(tmp_path, call, reason):
+    """A check that could not be made counts, though the case goes on and makes it again; it is told once."""
+    cases = f"""
+    @pytest.mark.requirement("T-010")
+    def test_one(check):
+        try:
+            {call}
+        except Exception:
+            pass
+        check("T-010", "ratio", 1.0)
+    """
+    found = ran(tmp_path, cases, LAST)
+    agreed(found, {"test_one": "ERROR", "test_last": "PASS"}, "ERROR", 1)
+    assert found.reasons("test_one").count(reason) == 1
+
+
+@pytest.mark.parametrize("statement", ["raise ValueError", "pytest.skip"])
+def test_text_that_is_no_utf_8_ends_a_case_and_not_the_run(tmp_path, statement):
+    """Bytes that Python kept in a text, as those of a file's name, are written out in the reason."""
+    cases = f"""
+    @pytest.mark.requirement("T-010")
+    def test_one(check):
+        {statement}("caf\\udce9.csv")
+    """
+    found = ran(tmp_path, cases, LAST)
+    verdict = "NOT_RUN" if statement == "pytest.skip" else "ERROR"
+    agreed(found, {"test_one": verdict, "test_last": "PASS"}, verdict, 1)
+    assert "caf\\udce9.csv" in found.reasons("test_one")
+
+
 @pytest.mark.parametrize("place", ["before", "after"])
 def test_what_set_up_and_teardown_raise_is_an_error(tmp_path, place):
     """An exception in a fixture counts as much as one in the case, also after a case that passed."""

@@ -77,6 +77,7 @@ class CaseRun:
     _bench_faults: list[str] = field(default_factory=list)
     _dut_faults: list[str] = field(default_factory=list)
     _problems: list[str] = field(default_factory=list)
+    _raised: list[BaseException] = field(default_factory=list)
     _aborted: str = ""
     _skipped: str = ""
 
@@ -106,10 +107,11 @@ class CaseRun:
 
     def skip(self, reason: str) -> None:
         """Note that the case took itself out; it is NOT_RUN at best, and what it found before stands."""
-        self._skipped = reason or "skipped"
+        self._skipped = _writable(reason) or "skipped"
 
     def raised(self, error: BaseException, where: str = "") -> None:
         """Note what came out of the case's code, and from where (file and line, as people see them)."""
+        self._raised.append(error)
         if isinstance(error, Stopped):
             self._aborted = f"stopped by {error}"
         elif isinstance(error, CaseTimeout):
@@ -120,7 +122,7 @@ class CaseRun:
             self._distrusted(error)
         elif not isinstance(error, CheckFailed):
             name = "" if isinstance(error, HilError) else f"{type(error).__name__}: "  # ours are sentences
-            told = _ADDRESS.sub("", f"{name}{error}".rstrip(": "))
+            told = _writable(_ADDRESS.sub("", f"{name}{error}".rstrip(": ")))
             self._problems.append(f"{told} ({where})" if where else told)
 
     def finish(self) -> None:
@@ -145,7 +147,8 @@ class CaseRun:
         requirements = {name: self._requirement(item) for name, item in self.requirements.items()}
         case = worst(requirements.values())
         reasons = (*([self._skipped] if self._skipped else []), *self._check_reasons())
-        problems = [*self._problems, *([f"Diverged: {self.effects.diverged}"] if self.effects.diverged else [])]
+        problems = [*self._problems, *self._let_through()]
+        problems += [f"Diverged: {self.effects.diverged}"] if self.effects.diverged else []
         if problems or self._bench_faults or self.scheduler.tripped:
             case = Verdict.ERROR
         elif self._aborted:
@@ -160,6 +163,11 @@ class CaseRun:
             told = (*told, "the case carries no requirement")
         reasons = tuple(dict.fromkeys([*([self._aborted] if self._aborted else []), *told]))
         return Outcome(verdict=case, requirements=requirements, reasons=reasons)
+
+    def _let_through(self) -> list[str]:
+        """Return why checks were refused where nothing of that came out of the case's code."""
+        refused = [error for error in self.check.refused if not any(error is each for each in self._raised)]
+        return [_writable(str(error)) for error in refused]
 
     def _distrusted(self, fault: Implausible) -> None:
         """Note a fixture's judgement that the bench is not what it says; nothing more is run on it."""
@@ -214,6 +222,11 @@ class CaseRun:
                 name = requirement.records.recording if requirement.records else ""
                 reasons.append(f"{requirement.id} got no whole recording '{name}'")
         return tuple(reasons)
+
+
+def _writable(text: str) -> str:
+    """Return a text that every file can hold: Python's stand-ins for bytes that are no UTF-8 are written out."""
+    return text.encode(errors="backslashreplace").decode()
 
 
 def _speaks_of_answers(requirement: Requirement) -> bool:

@@ -16,6 +16,7 @@ from hil.model.figure import Figure
 from hil.model.verdict import Verdict
 from hil.requirements.decision import Judgement, judge
 from hil.requirements.requirement import Kind, Limit, Requirement
+from hil.requirements.units import UnitError
 
 __all__ = ["CheckFailed", "Checks", "Evaluated"]
 
@@ -43,6 +44,9 @@ class Checks:
         steps: tells case and step.
         write: writes an event.
         used: the instruments that the case has used so far; every one of them may stand behind a figure.
+
+    Attributes:
+        refused: why calls were refused, in order: a check that was not made is an error, whatever the case makes of it.
     """
 
     def __init__(
@@ -53,6 +57,7 @@ class Checks:
         self._write = write
         self._used = used
         self._evaluated: list[Evaluated] = []
+        self.refused: list[HilError] = []
 
     @property
     def evaluated(self) -> tuple[Evaluated, ...]:
@@ -88,10 +93,14 @@ class Checks:
             Misused: if catalogue and call do not fit together.
         """
         of = of or None
-        limit = self._limit(requirement, parameter, of)
-        found = given(value, limit, f"{requirement} {parameter}")
-        added = _of_instrument(instrument, found)
-        self._evaluate(requirement, limit, of, found, added, doubts=_sentences(doubts))
+        try:
+            limit = self._limit(requirement, parameter, of)
+            found = given(value, limit, f"{requirement} {parameter}")
+            added = _of_instrument(instrument, found)
+            self._evaluate(requirement, limit, of, found, added, doubts=_sentences(doubts))
+        except (Misused, UnitError) as error:
+            self.refused.append(error)
+            raise
         return self._evaluated[-1].verdict
 
     def require(
