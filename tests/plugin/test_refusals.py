@@ -361,6 +361,20 @@ def test_two_cases_of_one_id_are_refused(tmp_path):
     assert said.endswith("there are two cases 'test_one[p-q-r]': give their parameters ids that differ")
 
 
+def test_a_case_that_returns_something_is_refused(tmp_path):
+    """Who returns a comparison believes that somebody looks at it."""
+    cases = """
+    @pytest.mark.parametrize("bound", [1, 2])
+    @pytest.mark.requirement("T-010")
+    def test_one(check, bound):
+        check("T-010", "ratio", 1.0)
+        return 1.0 < bound
+    """
+    said = refused(tmp_path, cases)
+    where = f"testplans/small/test_small.py:{FIRST + 4}:1: "
+    assert said == f"{where}nobody looks at what test_one returns: give it to `check`, or return nothing"
+
+
 @pytest.mark.parametrize("kind", ["generator", "coroutine"])
 def test_a_case_that_would_never_run_is_refused(tmp_path, kind):
     """The body of a generator or coroutine is not run by calling it."""

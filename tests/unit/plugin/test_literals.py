@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hil.plugin.plans.literals import given_to, written_checks, written_names
+from hil.plugin.plans.literals import given_to, returned_lines, written_checks, written_names
 
 
 def case(check, name):
@@ -67,3 +67,21 @@ def test_functions_that_are_given_a_name_are_found():
     source = b"one(1, parameters)\ntwo(given=parameters)\nthree(parameters.x)\nfour(other)\n"
     assert given_to(source, "parameters") == {"one", "two"}
     assert given_to(b"def (", "parameters") == set()
+
+
+def returning(values):
+    """Return something in one place."""
+
+    def inner():
+        return 1
+
+    if not inner():
+        return None
+    with values:
+        return values == [1]
+
+
+def test_what_a_function_returns_is_found_in_its_own_lines():
+    """Functions within it may return what they like, and nothing is nothing."""
+    assert returned_lines(returning) == (returning.__code__.co_firstlineno + 9,)
+    assert returned_lines(names) == ()

@@ -13,7 +13,7 @@ from hil.executive.case.case_run import PlannedCase
 from hil.executive.setup.configuration import Configuration
 from hil.model.errors import ConfigurationError, Finding, Refused
 from hil.plugin.plans.fixture_names import name_findings
-from hil.plugin.plans.literals import written_checks
+from hil.plugin.plans.literals import returned_lines, written_checks
 from hil.plugin.plans.lost_cases import lost_cases
 from hil.requirements.catalogue import Catalogue
 
@@ -134,6 +134,10 @@ def _item_findings(item: pytest.Item, configuration: Configuration) -> Iterator[
     function = inspect.unwrap(getattr(item, "function", item.runtest))
     if inspect.isgeneratorfunction(function) or inspect.iscoroutinefunction(function):
         yield _at(path, line, f"{item.name} would be called and never run: a case neither yields nor awaits")
+    for found in returned_lines(getattr(item, "function", item.runtest)):
+        case = _own_name(_function_of(item.nodeid))
+        message = f"nobody looks at what {case} returns: give it to `check`, or return nothing"
+        yield Finding(path=path, line=found, column=1, message=message)
 
 
 def _twice(items: Sequence[pytest.Item]) -> Iterator[Finding]:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
-__all__ = ["WrittenCheck", "WrittenName", "given_to", "written_checks", "written_names"]
+__all__ = ["WrittenCheck", "WrittenName", "given_to", "returned_lines", "written_checks", "written_names"]
 
 _NAMES = frozenset({"check", "check.require"})
 
@@ -85,6 +85,25 @@ def _taken(function: Callable[..., object]) -> Iterator[WrittenName]:
             path = tuple(ast.unparse(node).split(".")) if _is_path(node) else ()
             if path and path[0] in arguments:
                 yield WrittenName(path=path, line=line, column=column)
+
+
+@lru_cache(maxsize=256)
+def returned_lines(function: Callable[..., object]) -> tuple[int, ...]:
+    """Return the lines of the file in which a function itself returns something, not one that is defined within it."""
+    return tuple(
+        first + each.lineno - 1
+        for node, first, _ in _nodes(function)
+        if isinstance(node, ast.Module)
+        for each in _returns(node.body[0])
+    )
+
+
+def _returns(node: ast.AST) -> Iterator[ast.Return]:
+    for each in ast.iter_child_nodes(node):
+        if isinstance(each, ast.Return) and each.value is not None and ast.unparse(each.value) != "None":
+            yield each
+        elif not isinstance(each, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda | ast.ClassDef):
+            yield from _returns(each)
 
 
 @lru_cache(maxsize=64)
