@@ -55,11 +55,6 @@ def test_a_parameter_that_the_catalogue_does_not_hold_is_refused(tmp_path):
     assert said.endswith("T-010 has no parameter 'rati', did you mean 'ratio'?")
 
 
-def test_an_unknown_marker_is_refused(tmp_path):
-    """A misspelt marker would make an orphan of its case."""
-    assert "'requirment' not found" in refused(tmp_path, GOOD.replace("mark.requirement", "mark.requirment"))
-
-
 def test_what_a_requirement_wants_over_parameters_must_be_covered(tmp_path):
     """A board without a case is told before the run, not found missing after it."""
     cases = """
@@ -375,6 +370,40 @@ def test_a_case_that_returns_something_is_refused(tmp_path):
     assert said == f"{where}nobody looks at what test_one returns: give it to `check`, or return nothing"
 
 
+@pytest.mark.parametrize(
+    ("marker", "message"),
+    [
+        ("requirment('T-010')", "unknown marker 'requirment', did you mean 'requirement'?"),
+        (
+            "flaky(reruns=3)",
+            "unknown marker 'flaky'; a case can have requirement, max_duration, parametrize, skip, skipif, usefixtures",
+        ),
+    ],
+)
+def test_a_misspelt_marker_is_told_with_its_line(tmp_path, marker, message):
+    """A misspelt marker would make an orphan of its case."""
+    said = refused(tmp_path, f"def test_zero():\n    pass\n\n\n@pytest.mark.{marker}\ndef test_one():\n    pass")
+    assert said.startswith(f"testplans/small/test_small.py:{FIRST + 4}:1: {message}")
+
+
+def test_two_fixtures_of_one_name_are_refused(tmp_path):
+    """In one file or in two, only one of them would be there; a plan may still have its own."""
+    one = "import pytest\n\n\n@pytest.fixture\ndef board():\n    return 1\n"
+
+    def prepare(workspace):
+        (workspace.root / "fixtures/a.py").write_text(one)
+        (workspace.root / "fixtures/b.py").write_text(one.replace("fixture\n", "fixture(name='board')\n", 1))
+
+    case = "@pytest.fixture\ndef board():\n    return 2\n"
+    said = refused(tmp_path, case + "\n\n" + case + "\n\ndef test_one(board):\n    pass", prepare=prepare)
+    already = "already: a case would get one of them, name it otherwise"
+    small = "testplans/small/test_small.py"
+    assert said.splitlines() == [
+        f"fixtures/b.py:5:1: there is a fixture 'board' in fixtures/a.py:5 {already}",
+        f"{small}:{FIRST + 6}:1: there is a fixture 'board' in {small}:{FIRST + 1} {already}",
+    ]
+
+
 @pytest.mark.parametrize("kind", ["generator", "coroutine"])
 def test_a_case_that_would_never_run_is_refused(tmp_path, kind):
     """The body of a generator or coroutine is not run by calling it."""
@@ -399,6 +428,7 @@ NAMES = [
     ("supply.coyl.enable()", "no 'coyl' among the bench's supply, did you mean 'coil'?"),
     ("supply.coil.enabel()", "supply.coil has no operation 'enabel', did you mean 'enable'?"),
     ("magnetometer.strat()", "magnetometer has no operation 'strat', did you mean 'start'?"),
+    ("magnetometer.wake()", "magnetometer has no operation 'wake'; it has start, stop"),
 ]
 PARAMETERS = """
 schema: hil/parameters/1

@@ -13,10 +13,12 @@ from pathlib import Path
 
 import pytest
 
+from hil.documents.suggest import did_you_mean
 from hil.executive.run.session import Session
 from hil.executive.setup.configuration import Configuration
 from hil.model.errors import ConfigurationError, Finding, Refused
 from hil.plugin.campaign import Campaign, Opener
+from hil.plugin.plans.collection import MARKERS
 
 __all__ = ["Launched", "launch"]
 
@@ -28,6 +30,8 @@ filterwarnings =
     error::pytest.PytestUnhandledThreadExceptionWarning
 """
 """What ends a thread of a case is an error of the case."""
+
+_KNOWN = (*(each.partition("(")[0] for each in MARKERS), "parametrize", "skip", "skipif", "usefixtures", "xfail")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +58,8 @@ def launch(configuration: Configuration, opener: Opener) -> Launched:
     if campaign.error is not None:
         raise campaign.error
     if campaign.collection_errors:
-        raise ConfigurationError(tuple(_finding(where, text) for where, text in campaign.collection_errors))
+        root = workspace.root
+        raise ConfigurationError(tuple(_finding(where, text, root) for where, text in campaign.collection_errors))
     if campaign.session is None and code == pytest.ExitCode.USAGE_ERROR:
         raise Refused("the plans could not be collected, see above", "mend what pytest names there")
     return Launched(code, campaign.session)
@@ -126,8 +131,10 @@ def _is_inside(module: object, roots: Sequence[Path]) -> bool:
     return any(place and Path(place).is_relative_to(root) for place in places for root in roots)
 
 
-def _finding(where: str, text: str) -> Finding:
+def _finding(where: str, text: str, root: Path) -> Finding:
     """Return the sentence of a collection error and its line; of a traceback nothing else is for a person."""
+    if unknown := re.fullmatch(r"'(\w+)' not found in `markers` configuration option", text.strip()):
+        return _unknown_marker(where, unknown[1], root)
     told = [line[1:].strip() for line in text.splitlines() if line.startswith("E ")]
     frames = re.findall(rf"^.*{re.escape(where)}:(\d+): ", text, re.MULTILINE)
     quoted = re.search(r'^File ".*", line (\d+)$', told[0]) if told else None
@@ -135,3 +142,14 @@ def _finding(where: str, text: str) -> Finding:
         return Finding(path=where, line=int(quoted[1]), column=1, message=told[-1])
     message = "; ".join(told) or text.strip()
     return Finding(path=where, line=int(frames[-1]) if frames else 0, column=1 if frames else 0, message=message)
+
+
+def _unknown_marker(where: str, name: str, root: Path) -> Finding:
+    """Return that there is no such marker, and its first line; pytest tells the name only."""
+    try:
+        lines = (root / where).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError):
+        lines = []
+    line = next((number for number, text in enumerate(lines, 1) if re.search(rf"\bmark\.{name}\b", text)), 0)
+    hint = did_you_mean(name, _KNOWN) or f"; a case can have {', '.join(_KNOWN)}"
+    return Finding(path=where, line=line, column=min(line, 1), message=f"unknown marker '{name}'{hint}")

@@ -16,13 +16,16 @@ from hil.documents.suggest import did_you_mean
 from hil.model.errors import HilError, Refused
 from hil.requirements.allowed import Allowed, read_allowed
 from hil.requirements.layout import PARAMETERS, shown
-from hil.requirements.units import UnitError, check_unit, convert, is_plain
+from hil.requirements.units import UnitError, check_unit, compatible, convert, is_plain
 
 __all__ = ["Ambiguous", "Parameter", "Parameters", "UnknownParameter", "load_parameters"]
 
 _SCHEMA = "hil/parameters/1"
 
 _Single = float | str
+
+_TAKEN = ("s", "V", "A", "deg", "deg/s", "degC", "K", "Hz", "ohm", "uT", "W", "W.h", "A.h", "m", "kg", "1")
+"""Units that roles, `record` and formulas take: what somebody wants a parameter in that has another one."""
 
 
 class UnknownParameter(HilError, AttributeError):
@@ -266,7 +269,8 @@ def _is_plain(parameter: Parameter) -> bool:
 
 def _ambiguous(parameter: Parameter) -> str:
     name, unit = parameter.name, parameter.unit
-    return f"parameter '{name}' is in {unit}, say in which unit you want it: parameters.in_unit('{name}', '{unit}')"
+    wanted = next((plain for plain in _TAKEN if compatible(plain, unit)), unit)
+    return f"parameter '{name}' is in {unit}, say in which unit you want it: parameters.in_unit('{name}', '{wanted}')"
 
 
 def _number(text: str) -> float:

@@ -150,6 +150,17 @@ def test_numbers_in_plain_units_are_attributes(load, unit):
     assert load(f"schema: hil/parameters/1\nparameters:\n{entry}").a == 10.0
 
 
+@pytest.mark.parametrize(
+    ("unit", "wanted"),
+    [("mV", "V"), ("h", "s"), ("%", "1"), ("G", "uT"), ("rpm", "deg/s"), ("mWh", "W.h"), ("bar", "bar")],
+)
+def test_what_is_to_be_asked_for_is_what_roles_take(load, unit, wanted):
+    """Who follows the message must not set 5000 V where the plan has 5000 mV."""
+    entry = f'- {{name: a, value: "10", unit: "{unit}"}}\n'
+    told = load(f"schema: hil/parameters/1\nparameters:\n{entry}").problem_with("a")
+    assert told.endswith(f"parameters.in_unit('a', '{wanted}')")
+
+
 @pytest.mark.parametrize("unit", ["g", "mA", "uT", "h", "%", "Ah", "rpm", "kHz", "cm", "G", "deg/h"])
 def test_numbers_in_other_units_are_not(load, unit):
     """A factor away from what a reader expects is not what a reader expects."""

@@ -70,7 +70,9 @@ def _wrong_name(
             asked = second if "" in instances else (rest[0] if rest else None)
             if asked is not None and asked not in operations:
                 instance = first if "" in instances else f"{first}.{second}"
-                message = f"{instance} has no operation '{asked}'{did_you_mean(asked, operations)}"
+                offered = sorted(set(operations) - set(_FACADE))
+                hint = did_you_mean(asked, operations) or f"; it has {', '.join(offered)}"
+                message = f"{instance} has no operation '{asked}'{hint}"
     if message:
         yield Finding(path, written.line, written.column, message)
 

@@ -24,9 +24,11 @@ def refuse_sources(workspace: Workspace, plans: Sequence[Path]) -> None:
 
     Raises:
         ConfigurationError: with every `conftest.py` in a plan, and from the testplans up to the workspace; with every
-            hook in the modules of a plan, and every case that another of its name replaces.
+            hook in the modules of a plan, every case that another of its name replaces, and every second fixture of one
+        name in a file of a plan, or in all files of the workspace's fixtures.
     """
     findings = [*_conftests(workspace, plans), *(finding for plan in plans for finding in _in_plan(plan, workspace))]
+    findings += _fixtures_twice(sorted(workspace.fixtures.glob("*.py")), workspace)
     if findings:
         raise ConfigurationError(tuple(findings))
 
@@ -64,6 +66,7 @@ def _in_plan(plan: Path, workspace: Workspace) -> Iterator[Finding]:
             continue
         yield from _hooks(tree, workspace.shown(path))
         yield from _replaced(tree.body, workspace.shown(path))
+        yield from _fixtures_twice([path], workspace)
 
 
 def _hooks(tree: ast.Module, shown: str) -> Iterator[Finding]:
@@ -88,6 +91,36 @@ def _replaced(body: Sequence[ast.stmt], shown: str) -> Iterator[Finding]:
             yield Finding(shown, node.lineno, node.col_offset + 1, message)
         if isinstance(node, ast.ClassDef):
             yield from _replaced(node.body, shown)
+
+
+def _fixtures_twice(paths: Sequence[Path], workspace: Workspace) -> Iterator[Finding]:
+    """Yield every second fixture of one name: which one a case gets would be nobody's decision."""
+    first: dict[str, str] = {}
+    for path in paths:
+        try:
+            tree = ast.parse(path.read_bytes())
+        except (SyntaxError, ValueError):  # importing it tells
+            continue
+        shown = workspace.shown(path)
+        for node in tree.body:
+            if not isinstance(node, ast.FunctionDef) or (name := _fixture_name(node)) is None:
+                continue
+            before = first.setdefault(name, f"{shown}:{node.lineno}")
+            if before != f"{shown}:{node.lineno}":
+                message = (
+                    f"there is a fixture '{name}' in {before} already: a case would get one of them, name it otherwise"
+                )
+                yield Finding(shown, node.lineno, node.col_offset + 1, message)
+
+
+def _fixture_name(node: ast.FunctionDef) -> str | None:
+    """Return by which name cases ask for this function, None where it is no fixture."""
+    for each in node.decorator_list:
+        call = each.func if isinstance(each, ast.Call) else each
+        if getattr(call, "attr", getattr(call, "id", "")) == "fixture":
+            given = [keyword.value for keyword in getattr(each, "keywords", ()) if keyword.arg == "name"]
+            return str(given[0].value) if given and isinstance(given[0], ast.Constant) else node.name
+    return None
 
 
 def _bound(body: Sequence[ast.stmt]) -> Iterator[tuple[str, ast.stmt]]:
