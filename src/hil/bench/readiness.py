@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator, Sequence
 from typing import cast
 
@@ -24,6 +25,10 @@ _VOLTAGE_TOLERANCE = 0.05
 _LEAST_SHARE = 0.05
 _LEAST_CELL_V = 0.5
 """Below, a cell is reversed (a tester that cannot measure below zero reads zero), or there is none."""
+
+_DEFECTS = (ArithmeticError, AttributeError, LookupError, NameError, RuntimeError, TypeError, ValueError, struct.error)
+_TOLD = (HilError, *_DEFECTS)
+"""What keeps a gate from holding: the bench, and what a driver of another package does wrong; no full disk does."""
 
 
 def unpowered_gates(bench: BoundBench, dut: Dut | None = None) -> Iterator[Gate]:
@@ -78,14 +83,19 @@ def _identity(bench: BoundBench, instrument: InstrumentSpec, dut: Dut | None) ->
     name = f"identity of {instrument.name}"
     try:
         found = bench.drivers[instrument.name].identify()
-    except HilError as error:
-        return Gate(name, ok=False, detail=str(error))
-    if difference := _difference(instrument.identity, found):
+        difference = _difference(instrument.identity, found)
+    except _TOLD as error:
+        return Gate(name, ok=False, detail=_said(error))
+    if difference:
         return Gate(name, ok=False, detail=difference)
     expected = dut.recognised.get(instrument.name, "") if dut else ""
     if expected and expected not in {found.serial, found.model}:
         return Gate(name, ok=False, detail=f"{found} answers, but the DUT is recognised by '{expected}'")
     return Gate(name, ok=True, detail=str(found))
+
+
+def _said(error: Exception) -> str:
+    return str(error) if isinstance(error, HilError) else f"{type(error).__name__} in the driver: {error}"
 
 
 def _difference(expected: Identity, found: Identity) -> str:
@@ -122,8 +132,8 @@ def _found_on(bench: BoundBench) -> Iterator[Gate]:
             continue
         try:
             on = [outlet.channel for outlet in driver.outlets() if outlet.on]
-        except HilError as error:
-            yield Gate(f"outputs of {name}", ok=False, detail=str(error))
+        except _TOLD as error:
+            yield Gate(f"outputs of {name}", ok=False, detail=_said(error))
             continue
         stray = [channel for channel in on if (name, channel) not in safe_places and (name, 0) not in safe_places]
         if stray:
@@ -165,8 +175,8 @@ def _position(
         gates.append(_level_gate(name, supply, level, conducts=position is None or position.conducts))
         fed = [instrument for instrument in bench.spec.instruments if instrument.powered_by == wire.name]
         gates += [_identity(bench, instrument, dut) for instrument in fed]
-    except HilError as error:
-        gates.append(Gate(name, ok=False, detail=str(error)))
+    except _TOLD as error:
+        gates.append(Gate(name, ok=False, detail=_said(error)))
     finally:
         moved = {wire.name, position.relays} if position else {wire.name}
         stayed = _left_on(bench, [step for step in bench.spec.safe_off if step.output in moved])

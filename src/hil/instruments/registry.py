@@ -21,16 +21,22 @@ def driver_names() -> tuple[str, ...]:
 
 
 def driver_class(name: str) -> type[Driver]:
-    """Return the driver of that name; Refused where there is none, or where it cannot be imported."""
+    """Return the driver of that name; Refused where there is none, or several, or where it cannot be imported."""
     found = _found()
     if name not in found:
         raise Refused(
             f"unknown driver '{name}'{did_you_mean(name, found)}", f"installed are {', '.join(sorted(found)) or 'none'}"
         )
+    offers = {point.value: point for point in entry_points(group=GROUP, name=name)}
+    if len(offers) > 1:
+        raise Refused(
+            f"there are several drivers '{name}': {', '.join(sorted(offers))}", "uninstall the packages of all but one"
+        )
     try:
         loaded: type[Driver] = found[name].load()
-    except (ImportError, AttributeError) as error:
-        raise Refused(f"driver '{name}' cannot be imported: {error}", "install its package again") from error
+    except Exception as error:  # importing somebody's module can raise anything
+        why = str(error) if isinstance(error, ImportError | AttributeError) else f"{type(error).__name__}: {error}"
+        raise Refused(f"driver '{name}' cannot be imported: {why}", "install its package again, or mend it") from error
     return loaded
 
 

@@ -60,7 +60,7 @@ def peer_model(name: str, path: Path) -> PeerModel:
     """Return a peer model: one of ours, or one that another package declares in the group `hil.peers`.
 
     Raises:
-        TruthError: if there is none of that name.
+        TruthError: if there is none of that name, or it cannot be imported.
     """
     if name in PEERS:
         return PEERS[name]
@@ -68,7 +68,10 @@ def peer_model(name: str, path: Path) -> PeerModel:
     if name not in foreign.names:
         known = (*PEERS, *foreign.names)
         raise TruthError(path, f"no simulated instrument for '{name}'{suggestion(name, known)}")
-    model = foreign[name].load()
+    try:
+        model = foreign[name].load()
+    except Exception as error:  # importing somebody's module can raise anything
+        raise TruthError(path, f"the peer '{name}' cannot be imported: {type(error).__name__}: {error}") from error
     if not isinstance(model, PeerModel):
         raise TruthError(path, f"the entry point '{name}' of {_GROUP} is no peer model")
     return model

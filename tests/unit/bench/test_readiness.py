@@ -170,6 +170,18 @@ def test_wrong_identity_is_told_field_by_field(expected, detail):
         assert (gate.name, gate.ok, gate.detail) == ("identity of psu1", False, detail)
 
 
+@pytest.mark.parametrize(("operation", "gate"), [("identify", "identity of psu1"), ("outlets", "outputs of psu1")])
+@pytest.mark.parametrize("answer", [lambda: 0, lambda: "psu", lambda: {}["on"], lambda: int("")])
+def test_a_defect_of_a_driver_is_a_gate_that_does_not_hold(monkeypatch, operation, gate, answer):
+    """The other instruments are looked at all the same, and nobody has to read a traceback."""
+    with bound(adcs()) as bench:
+        monkeypatch.setattr(bench.drivers["psu1"], operation, answer)
+        found = {each.name: each for each in unpowered_gates(bench)}
+    assert not found[gate].ok
+    assert "in the driver: " in found[gate].detail
+    assert [each.name for each in found.values() if not each.ok] == [gate]
+
+
 @pytest.mark.parametrize(("device", "serial"), [("psu1", "MY59002391"), ("mag1", "LIS3MDL")])
 def test_article_is_recognised_by_any_device(device, serial):
     """What is read there must be what the register says, for devices with power of their own too."""

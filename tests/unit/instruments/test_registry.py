@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib.metadata import EntryPoint, EntryPoints
 
 import pytest
 
-from hil.instruments.registry import driver_class, driver_names
+from hil.instruments import registry
+from hil.instruments.registry import GROUP, driver_class, driver_names
 from hil.instruments.roles import ROLES
 from hil.model.errors import Refused
 
@@ -49,6 +51,39 @@ def test_an_unknown_driver_is_refused_with_the_nearest():
     """A slip of the keyboard gets the right word back."""
     with pytest.raises(Refused, match="unknown driver 'keysight-e36301', did you mean 'keysight-e36300'"):
         driver_class("keysight-e36301")
+
+
+def declared(monkeypatch, tmp_path, code, *values):
+    """Let another package declare drivers of one name in a module with this code."""
+    (tmp_path / "theirs_of_this_test.py").write_text(code)
+    monkeypatch.syspath_prepend(tmp_path)
+    points = EntryPoints(EntryPoint("theirs", value, GROUP) for value in values)
+    monkeypatch.setattr(registry, "entry_points", points.select)
+    monkeypatch.setattr(registry, "_found", registry._found.__wrapped__)
+
+
+@pytest.mark.parametrize(
+    ("code", "why"),
+    [
+        ("1 / 0", "ZeroDivisionError: division by zero"),
+        ("def", "SyntaxError: invalid syntax"),
+        ("", "has no attribute"),
+    ],
+)
+def test_a_driver_that_cannot_be_imported_is_refused(monkeypatch, tmp_path, code, why):
+    """Whatever its module raises is told in a sentence."""
+    declared(monkeypatch, tmp_path, code, "theirs_of_this_test:Driver")
+    with pytest.raises(Refused, match="driver 'theirs' cannot be imported: ") as caught:
+        driver_class("theirs")
+    assert why in str(caught.value)
+    sys.modules.pop("theirs_of_this_test", None)
+
+
+def test_two_packages_with_a_driver_of_one_name_are_refused(monkeypatch, tmp_path):
+    """Which of them speaks to the instrument would be chance."""
+    declared(monkeypatch, tmp_path, "", "one:Driver", "another:Driver")
+    with pytest.raises(Refused, match="several drivers 'theirs': another:Driver, one:Driver; uninstall"):
+        driver_class("theirs")
 
 
 def test_asking_for_names_imports_no_driver():

@@ -197,7 +197,7 @@ def test_peers_of_other_packages_are_found_by_entry_point(monkeypatch):
     """A name that is not ours is looked up in the group `hil.peers`; what is no peer model is refused."""
 
     class Found(dict):
-        names = ("theirs", "broken")
+        names = ("theirs", "broken", "torn")
 
     class Declared:
         def __init__(self, value):
@@ -206,11 +206,17 @@ def test_peers_of_other_packages_are_found_by_entry_point(monkeypatch):
         def load(self):
             return self.value
 
-    found = Found(theirs=Declared(PEERS["lis3mdl"]), broken=Declared(3))
+    class Torn:
+        def load(self):
+            raise ModuleNotFoundError("No module named 'nosuch'")
+
+    found = Found(theirs=Declared(PEERS["lis3mdl"]), broken=Declared(3), torn=Torn())
     monkeypatch.setattr("hil.simulation.registry.entry_points", lambda group: found if group == "hil.peers" else {})
     assert peer_model("theirs", ()) is PEERS["lis3mdl"]
     with pytest.raises(TruthError, match="no peer model"):
         peer_model("broken", ())
+    with pytest.raises(TruthError, match="the peer 'torn' cannot be imported: ModuleNotFoundError: No module named"):
+        peer_model("torn", ())
     with pytest.raises(TruthError, match="did you mean 'theirs'"):
         peer_model("their", ())
 
