@@ -10,6 +10,7 @@ from workspaces import DUT, Ended, make
 
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
+from hil.plugin.rehearsing import replay
 
 GOOD = """
 @pytest.mark.requirement("T-030")
@@ -54,6 +55,42 @@ def test_plain_pytest_tells_verdicts_and_keeps_deselected_cases(tmp_path):
     assert "T-010 ratio is FAIL" in ended.out
     assert (results["cases"][0]["verdict"], results["cases"][0]["reasons"]) == ("NOT_RUN", ["deselected"])
     assert results["cases"][1]["verdict"] == "FAIL"
+
+
+def test_a_case_named_alone_leaves_the_others_of_its_plan_not_run(tmp_path):
+    """A run of one case is no pass of its plan: all were planned, the run says so, and its package replays."""
+    workspace = make(tmp_path / "workspace", GOOD)
+    place = workspace.plan.relative_to(workspace.root) / "test_small.py"
+    ended = pytest_in(workspace.root, f"{place}::test_two", *BENCH[1:])
+    (folder,) = workspace.folders()
+    results = Package(folder).results()
+    assert ended.code == 1, ended.out
+    assert "NOT_RUN  2 cases: 1 not run, 1 passed." in ended.out
+    assert {case["case"].partition("::")[2]: case["verdict"] for case in results["cases"]} == {
+        "test_one": "NOT_RUN",
+        "test_two": "PASS",
+    }
+    assert results["verdict"] == "NOT_RUN"
+    assert replay(Package(folder)).differences == ()
+
+
+def test_plain_pytest_refuses_a_case_that_is_not_there(tmp_path):
+    """A misspelt case is no run of nothing."""
+    workspace = make(tmp_path / "workspace", GOOD)
+    place = workspace.plan.relative_to(workspace.root) / "test_small.py"
+    ended = pytest_in(workspace.root, f"{place}::test_tow", *BENCH[1:])
+    assert ended.code == 4
+    assert f"there is no case {place}::test_tow" in ended.out + ended.err
+    assert workspace.folders() == []
+
+
+def test_plain_pytest_refuses_a_root_that_names_cases_otherwise(tmp_path):
+    """Cases of one plan have the same names in every run, or packages cannot be compared and replayed."""
+    workspace = make(tmp_path / "workspace", GOOD)
+    ended = pytest_in(workspace.root, *BENCH, "--rootdir", str(tmp_path))
+    assert ended.code == 4
+    assert f"give pytest --rootdir {workspace.root}" in ended.out + ended.err
+    assert workspace.folders() == []
 
 
 def test_plain_pytest_refuses_hardware(tmp_path):

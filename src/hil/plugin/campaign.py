@@ -8,7 +8,7 @@ from typing import NoReturn
 
 import pytest
 
-from hil.executive.case.case_run import CaseRun, PlannedCase
+from hil.executive.case.case_run import DESELECTED, ENDED_BEFORE, CaseRun, PlannedCase
 from hil.executive.run.session import Session
 from hil.executive.run.stop import Stopped
 from hil.executive.setup.configuration import Configuration
@@ -93,14 +93,12 @@ class Campaign:
             self.collection_errors.append((report.nodeid, text))
 
     @pytest.hookimpl(tryfirst=True)
-    def pytest_collection_modifyitems(self, config: pytest.Config, items: list[pytest.Item]) -> None:
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         """Freeze the planned cases before anything is deselected."""
         if self.collection_errors:
             return
         try:
-            self._planned = plan_cases(
-                items, self.configuration, whole=all(Path(each).is_dir() for each in config.args)
-            )
+            self._planned = plan_cases(items, self.configuration)
             self._skipped = skipped_cases(self._planned, self.configuration.request.skips)
         except HilError as error:
             self._refuse(error)
@@ -232,10 +230,10 @@ class Campaign:
     def _note_not_run(self) -> None:
         """Give every planned case that never began its reason."""
         stopped = self.running.flags.reason
-        reason = f"stopped by {stopped}" if stopped else "the run ended before this case"
+        reason = f"stopped by {stopped}" if stopped else ENDED_BEFORE
         for case in self._planned:
             if case not in self._ended:
-                self.running.not_run(case, "deselected" if case in self._deselected else reason)
+                self.running.not_run(case, DESELECTED if case in self._deselected else reason)
 
 
 def _behind(error: pytest.ExceptionInfo[BaseException]) -> pytest.ExceptionInfo[BaseException]:

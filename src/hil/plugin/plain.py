@@ -7,11 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from hil.evidence.package.contents import Package
 from hil.executive.setup.configuration import Request, configure
 from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
 from hil.plugin.campaign import Campaign
+from hil.plugin.chosen import Chosen
 from hil.plugin.opening import open_new
+from hil.report.sentences import headline
 from hil.report.write import write_reports
 
 __all__ = ["configure_plain"]
@@ -21,15 +24,22 @@ def configure_plain(config: pytest.Config) -> None:
     """Register a campaign for the plans named on pytest's command line.
 
     Raises:
-        pytest.UsageError: for hardware, for distributed or reordered runs, and for wrong files.
+        pytest.UsageError: for hardware, for distributed or reordered runs, for a root folder that is not the
+            workspace's, and for wrong files.
     """
     try:
         _refuse_others(config)
-        campaign = Campaign(configure(_request(config)), partial(open_new, alone=True))
+        configuration = configure(_request(config))
+        _refuse_other_root(config, configuration.workspace.root)
+        campaign = Campaign(configuration, partial(open_new, alone=True))
     except HilError as error:
         raise pytest.UsageError(str(error)) from None
     config.pluginmanager.register(campaign, "hil_campaign")
     config.pluginmanager.register(_Seal(campaign), "hil_seal")
+    chosen = Chosen(config.args, configuration.plans)
+    if chosen.single:
+        config.args = chosen.whole
+        config.pluginmanager.register(chosen, "hil_chosen")
 
 
 class _Seal:
@@ -48,8 +58,10 @@ class _Seal:
         return (yield)
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
-        """Name the package."""
+        """Tell the run's verdict, which is that of all planned cases, and name the package."""
         if self._campaign.session is not None:
+            results = Package(self._campaign.session.folder).results()
+            terminalreporter.write_line(f"{results['verdict']}  {headline(results)}")
             terminalreporter.write_line(f"package: {self._campaign.session.folder}")
 
 
@@ -58,6 +70,13 @@ def _refuse_others(config: pytest.Config) -> None:
         raise Refused("plain pytest drives in-process simulated benches only", "use hil run")
     if config.getoption("numprocesses", None) or config.getoption("reruns", None):
         raise Refused("a bench has one executive: no -n and no --reruns", "use hil run")
+
+
+def _refuse_other_root(config: pytest.Config, root: Path) -> None:
+    """Refuse what would give cases other names than every other run does."""
+    if config.rootpath.resolve() != root.resolve():
+        what = f"cases are named from the workspace's folder on, and pytest names them from {config.rootpath} on"
+        raise Refused(what, f"give pytest --rootdir {root}")
 
 
 def _request(config: pytest.Config) -> Request:

@@ -13,6 +13,7 @@ from hil.evidence.journal.standing import Voided, entries
 from hil.evidence.package.contents import Package
 from hil.executive.again.entering import ReplayOf
 from hil.executive.again.not_opened import not_opened
+from hil.executive.case.case_run import DESELECTED, ENDED_BEFORE
 from hil.executive.case.effects import Recall
 from hil.executive.setup.configuration import Request
 from hil.model.errors import Diverged, EvidenceError
@@ -70,10 +71,16 @@ def replay_request(package: Package, root: Path, output: Path) -> Request:
         source=Source.REPLAYED,
         purpose=Purpose(run["purpose"]),
         operator=str(run["operator"]),
-        skips=dict(run["skips"]),
+        skips={**run["skips"], **_left_out(package)},
         overrides=dict(run["overrides"]),
         output=output,
     )
+
+
+def _left_out(package: Package) -> dict[str, str]:
+    """Return the cases that plain pytest was not asked for, or did not come to, with why."""
+    events = package.events("not-run")
+    return {str(event["case"]): event["reason"] for event in events if event["reason"] in {DESELECTED, ENDED_BEFORE}}
 
 
 def replay_of(package: Package) -> ReplayOf:

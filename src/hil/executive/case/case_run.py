@@ -20,10 +20,16 @@ from hil.model.errors import DeviceFault, Diverged, HilError, Implausible
 from hil.model.verdict import NO_CHECK, Verdict, worst
 from hil.requirements.requirement import Kind, Requirement
 
-__all__ = ["ANSWERS", "CaseRun", "Outcome", "PlannedCase"]
+__all__ = ["ANSWERS", "DESELECTED", "ENDED_BEFORE", "CaseRun", "Outcome", "PlannedCase"]
 
 ANSWERS = "answers"
 """A requirement with a limit on this parameter speaks of whether its device answers at all."""
+
+DESELECTED = "deselected"
+"""Why a case was not run that plain pytest was not asked for."""
+
+ENDED_BEFORE = "the run ended before this case"
+"""Why a case was not run that pytest did not come to."""
 
 _MOST_NAMED = 4
 _ADDRESS = re.compile(r" at 0x[0-9A-Fa-f]{8,}")

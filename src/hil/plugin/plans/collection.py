@@ -27,15 +27,12 @@ MARKERS = (
 _LONGEST_S = 3600.0
 
 
-def plan_cases(
-    items: Sequence[pytest.Item], configuration: Configuration, *, whole: bool = True
-) -> dict[str, PlannedCase]:
+def plan_cases(items: Sequence[pytest.Item], configuration: Configuration) -> dict[str, PlannedCase]:
     """Return every case by its node id.
 
     Args:
-        items: what was collected.
+        items: what was collected from the plans as a whole.
         configuration: what the run is made of.
-        whole: whether whole plans were collected, and not single files or cases of them.
 
     Raises:
         ConfigurationError: with every marker that the catalogue cannot follow, every gap in `over`, every name that
@@ -47,8 +44,7 @@ def plan_cases(
     findings += [finding for item in items for finding in _marker_findings(item, configuration.catalogue)]
     findings += [finding for item in items for finding in _check_findings(item, configuration.catalogue)]
     findings += _uncovered(items, configuration.catalogue)
-    if whole:
-        findings += lost_cases(items, configuration)
+    findings += lost_cases(items, configuration)
     if findings:
         # A parametrised case is one function: what is wrong in it is told once.
         raise ConfigurationError(tuple(dict.fromkeys(findings)))
