@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 
 from hil.report.material import Body, Material, inner, inners, text, texts
 from hil.report.numbers import limit_text
 from hil.report.page.bench_file import parse
 from hil.requirements.requirement import Decision
 
-__all__ = ["demands", "documents", "plan_files", "requirement_entries"]
+__all__ = ["demands", "documents", "plan_files", "requirement_entries", "unspoken"]
 
 
 def plan_files(material: Material, name: str) -> Iterator[tuple[str, Body]]:
@@ -29,6 +29,15 @@ def requirement_entries(material: Material) -> Mapping[str, Body]:
     """Return by id the entries of requirements as their files have them."""
     files = plan_files(material, "requirements.yaml")
     return {text(entry, "id"): entry for _, file in files for entry in inners(file, "requirements")}
+
+
+def unspoken(entries: Mapping[str, Body], spoken: Container[str]) -> tuple[tuple[str, str], ...]:
+    """Return the requirements of the plans that a run is silent about, with why: the method, or `withdrawn`."""
+    return tuple(
+        (name, "withdrawn" if text(entry, "withdrawn") == "true" else text(entry, "method"))
+        for name, entry in sorted(entries.items())
+        if name not in spoken
+    )
 
 
 def demands(entry: Body) -> tuple[str, ...]:

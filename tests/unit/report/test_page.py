@@ -79,6 +79,19 @@ def page_of(tmp_path, **how):
     return (folder / "data/report/report.html").read_text(encoding="utf-8")
 
 
+def test_requirements_that_no_case_verifies_are_named(tmp_path, monkeypatch, html):
+    """A run does not close a plan by leaving out what is reviewed or withdrawn: the page names those, with why."""
+    further = (
+        "- {id: ADCS-GYR-090, method: review}\n- {id: ADCS-GYR-080, method: test, withdrawn: true}\n"
+        "- {id: ADCS-GYR-040, method: test}\n"
+    )
+    monkeypatch.setattr(specimen_run, "PLAN", specimen_run.PLAN + further)
+    page = Page(page_of(tmp_path, events=list(one_case("PASS"))))
+    told = "no case of this run verifies: ADCS-GYR-080 (withdrawn), ADCS-GYR-090 (review)."
+    assert told in page.words.replace(" )", ")").replace(" ,", ",").replace(" .", ".")
+    assert "further requirements" not in html
+
+
 def test_same_package_same_bytes(folder):
     """A report made again from a sealed package is the report that was sealed."""
     for name, content in make_reports(folder).items():

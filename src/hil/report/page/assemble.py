@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from hil.documents.canonical import parse_strict
 from hil.model.verdict import Verdict
-from hil.report.catalogue import demands, documents, plan_files, requirement_entries
+from hil.report.catalogue import demands, documents, plan_files, requirement_entries, unspoken
 from hil.report.material import Body, Material, flat, inner, inners, text, texts, verdict
 from hil.report.numbers import duration, with_unit
 from hil.report.page.as_run import attributed, checks_of, fed_limits, recording_rows, step_rows, watched_rows
@@ -87,6 +87,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         requirements=tuple(
             _requirement(entry, entries.get(text(entry, "id"), {}), names) for entry in inners(results, "requirements")
         ),
+        unspoken=unspoken(entries, {text(entry, "id") for entry in inners(results, "requirements")}),
         checks=checks_of(events, names),
         charts=charts(check_events),
         cases=_cases(events, results, drawn),

@@ -237,7 +237,8 @@ class RunView:
     """Everything the page shows.
 
     `source_word` stands on every printed page and is empty for hardware; `common` are the reasons against closing that
-    concern every requirement; `held` is when the bench was held in the course of cases that are not good.
+    concern every requirement; `unspoken` are requirements of the plans that the run is silent about, with why;
+    `held` is when the bench was held in the course of cases that are not good.
     """
 
     title: str
@@ -257,6 +258,7 @@ class RunView:
     held: tuple[tuple[CaseName, str], ...]
     documents: tuple[DocumentRow, ...]
     requirements: tuple[RequirementRow, ...]
+    unspoken: tuple[tuple[str, str], ...]
     checks: tuple[CheckRow, ...]
     charts: tuple[Graphic, ...]
     cases: tuple[CaseView, ...]
