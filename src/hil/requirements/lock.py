@@ -147,6 +147,10 @@ def _disagreement(item: Requirement, was: Locked | None, shown: str, *, writing:
     """Return what is wrong between a requirement and its lock, an empty string where nothing is."""
     if was is None:
         return "" if writing else f"{item.id} is not locked, {_rerun(shown)}"
+    if was.explanation.get("withdrawn") and not item.withdrawn:
+        return (
+            f"{item.id} was withdrawn, and its id is not used again: keep `withdrawn: true`, and ask anew by a new id"
+        )
     if item.rev < was.rev:
         return f"the rev of {item.id} went back from {was.rev} to {item.rev}, revisions only grow"
     changed = item.fingerprint != was.fingerprint

@@ -140,6 +140,15 @@ def test_a_withdrawn_requirement_stays_in_the_plan(workspace):
     assert workspace.load().requirement("ADCS-GYR-011").withdrawn
 
 
+def test_what_was_withdrawn_does_not_come_back(workspace, hil):
+    """Once it is locked as withdrawn, a requirement is asked for anew by another id only, in a run and by the command."""
+    workspace.edit("id: ADCS-GYR-011", "withdrawn: true\n  id: ADCS-GYR-011")
+    assert hil("lock", "gyro").exit_code == 0
+    workspace.edit("withdrawn: true\n  id: ADCS-GYR-011", "id: ADCS-GYR-011")
+    assert "ADCS-GYR-011 was withdrawn, and its id is not used again" in only_finding(workspace)
+    assert "not used again" in str(hil("lock", "gyro").exception)
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
