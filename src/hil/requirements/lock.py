@@ -24,6 +24,7 @@ __all__ = ["Change", "ChangeKind", "Locked", "changes", "check_lock", "lock_text
 _FORMAT = 1
 _SHORT = 60
 _NONE = "nothing"
+_TAKE_BACK = "take it from version control again"  # the command refuses it, too: it would forget what it says
 _RELOCK = "and the next `hil requirements lock` writes them"
 
 
@@ -66,10 +67,10 @@ def read_lock(plan: Path, shown: str, findings: Findings) -> dict[str, Locked] |
     try:
         locked = _parse(parse_strict(file.read_bytes()))
     except (JsonError, OSError) as error:
-        findings.add(place, f"cannot be read: {error}; {_rerun(shown)}")
+        findings.add(place, f"cannot be read: {error}; {_TAKE_BACK}")
         return None
     if locked is None:
-        findings.add(place, f"is not a lock of format {_FORMAT} as it was written; {_rerun(shown)}")
+        findings.add(place, f"is not a lock of format {_FORMAT} as it was written; {_TAKE_BACK}")
     return locked
 
 
@@ -93,7 +94,8 @@ def check_lock(
         return
     present = {item.id for item in requirements}
     for item in requirements:
-        message = _disagreement(item, locked.get(item.id), shown, writing=writing)
+        was = locked.get(item.id)
+        message = _came_back(item, was) or _disagreement(item, was, shown, writing=writing)
         if message:
             findings.add(item.place, message)
     for id_ in locked:
@@ -143,14 +145,17 @@ def _change(item: Requirement, was: Locked) -> Change | None:
     return None
 
 
+def _came_back(item: Requirement, was: Locked | None) -> str:
+    """Return that a requirement is not withdrawn any more, an empty string where it never was, or still is."""
+    if was is None or item.withdrawn or not was.explanation.get("withdrawn"):
+        return ""
+    return f"{item.id} was withdrawn, and its id is not used again: keep `withdrawn: true`, and ask by a new id"
+
+
 def _disagreement(item: Requirement, was: Locked | None, shown: str, *, writing: bool) -> str:
     """Return what is wrong between a requirement and its lock, an empty string where nothing is."""
     if was is None:
         return "" if writing else f"{item.id} is not locked, {_rerun(shown)}"
-    if was.explanation.get("withdrawn") and not item.withdrawn:
-        return (
-            f"{item.id} was withdrawn, and its id is not used again: keep `withdrawn: true`, and ask anew by a new id"
-        )
     if item.rev < was.rev:
         return f"the rev of {item.id} went back from {was.rev} to {item.rev}, revisions only grow"
     changed = item.fingerprint != was.fingerprint

@@ -77,7 +77,18 @@ def test_a_lock_that_was_edited_by_hand_is_no_lock(workspace):
     """A meaning must have the fingerprint that stands beside it."""
     lock = workspace.plan / "requirements.lock.json"
     lock.write_text(lock.read_text().replace("deg/s", "rad/s"))
-    assert "not a lock of format 1 as it was written" in only_finding(workspace)
+    found = only_finding(workspace)
+    assert "not a lock of format 1 as it was written; take it from version control again" in found
+
+
+def test_a_damaged_lock_is_not_written_over(workspace, hil):
+    """The command would forget what was locked; it refuses as a run does, and does not advise itself."""
+    lock = workspace.plan / "requirements.lock.json"
+    lock.write_text("{")
+    found = str(hil("lock", "gyro").exception)
+    assert "take it from version control again" in found
+    assert "hil requirements lock" not in found
+    assert lock.read_text() == "{"
 
 
 @pytest.mark.parametrize(
@@ -141,7 +152,7 @@ def test_a_withdrawn_requirement_stays_in_the_plan(workspace):
 
 
 def test_what_was_withdrawn_does_not_come_back(workspace, hil):
-    """Once it is locked as withdrawn, a requirement is asked for anew by another id only, in a run and by the command."""
+    """Once it is locked as withdrawn, a requirement is asked for by another id only, in runs and by the command."""
     workspace.edit("id: ADCS-GYR-011", "withdrawn: true\n  id: ADCS-GYR-011")
     assert hil("lock", "gyro").exit_code == 0
     workspace.edit("withdrawn: true\n  id: ADCS-GYR-011", "id: ADCS-GYR-011")
