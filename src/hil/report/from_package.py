@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from hil.evidence.package.bag import INFO
+from hil.evidence.package.bag import INFO, identifier_of
 from hil.evidence.package.contents import Package
 from hil.evidence.recordings.hdf5 import Recorded
 from hil.model.errors import EvidenceError
@@ -13,7 +13,6 @@ from hil.report.material import Body, Trace
 
 __all__ = ["PackageMaterial"]
 
-_IDENTIFIER = "External-Identifier: "
 _MOST = 65_536  # samples of a channel; a drawing takes fewer still
 
 
@@ -31,9 +30,7 @@ class PackageMaterial:
     def run(self) -> str:
         """Return the name that the folder had at its seal; a copy under another name gives the same report."""
         if self._package.sealed:
-            for line in self._package.text(INFO).splitlines():
-                if line.startswith(_IDENTIFIER):
-                    return line.removeprefix(_IDENTIFIER)
+            return identifier_of(self._package.text(INFO)) or self._package.name
         return self._package.name
 
     def stamps(self) -> tuple[str, str]:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
+from dataclasses import replace
+from pathlib import Path
 
 import click
 import pytest
 from workspaces import ROOT, make
 
 from hil.cli.main import COMMANDS, cli, main
+from hil.evidence.package import verification
 
 GOOD = """
 @pytest.mark.requirement("T-010")
@@ -151,7 +155,19 @@ def test_runs_status_and_verify_say_the_same(capsys, inside):
     assert {"state       SEALED", "cases       1 of 1 ended", "verdict     PASS"} <= set(out.splitlines())
     code, out, err = said(capsys, "verify", f"reports/{inside}")
     assert (code, err) == (0, "")
-    assert out.startswith(f"{inside}: SEALED\nverdict          PASS\n")
+    assert out.startswith(f"{inside}: SEALED\nverdict          PASS, SIMULATED\n")
+
+
+def test_verify_tells_what_a_verdict_is_worth(capsys, inside, tmp_path, monkeypatch):
+    """A folder of another name is told with the run's own, and a run that deviates beside its verdict."""
+    copy = tmp_path / "FM-7-acceptance"
+    shutil.copytree(Path("reports") / inside, copy)
+    code, out, err = said(capsys, "verify", str(copy))
+    assert (code, err) == (0, "")
+    assert f"FM-7-acceptance: SEALED\nrun              {inside}, in a folder of another name\nverdict" in out
+    found = replace(verification.verify(copy), source="hardware", deviates=True)
+    monkeypatch.setattr(verification, "verify", lambda _: found)
+    assert "verdict          PASS, deviates\n" in said(capsys, "verify", str(copy))[1]
 
 
 def test_report_derives_the_same_bytes(capsys, inside):

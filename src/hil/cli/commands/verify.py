@@ -11,6 +11,8 @@ from hil.cli.folders import find_run
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from hil.evidence.package.verification import Verification
+
 __all__ = ["command"]
 
 
@@ -38,11 +40,19 @@ def command(run: str, report: bool) -> int:
         return 1
     same = _compared(found.folder) if report else True
     word = "not compared, see --report" if not report else "the same bytes" if same else "OTHER bytes"
-    click.echo(f"verdict          {found.verdict}")
+    if found.run != shown(found.folder.resolve().name):
+        click.echo(f"run              {found.run}, in a folder of another name")
+    click.echo(f"verdict          {_worth(found)}")
     click.echo(f"report           {word}")
     click.echo(f"evidence digest  {found.evidence_digest}")
     click.echo(f"content digest   {found.content_digest}")
     return 0 if found.ok and same else 1
+
+
+def _worth(found: Verification) -> str:
+    """Return the verdict with what speaks against it at first sight."""
+    source = "" if found.source == "hardware" else f", {found.source.upper() or 'SOURCE NOT RECORDED'}"
+    return f"{found.verdict}{source}{', deviates' if found.deviates else ''}"
 
 
 def _compared(folder: Path) -> bool:

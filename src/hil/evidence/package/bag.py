@@ -21,6 +21,7 @@ __all__ = [
     "digest_of_manifest",
     "evidence_digest",
     "hash_payload",
+    "identifier_of",
     "info_text",
     "make_read_only",
     "manifest_text",
@@ -36,6 +37,7 @@ MANIFEST = "manifest-sha256.txt"
 TAG_MANIFEST = "tagmanifest-sha256.txt"
 INFO = "bag-info.txt"
 
+_IDENTIFIER = "External-Identifier: "
 _ENCODED = {"%": "%25", "\n": "%0A", "\r": "%0D"}
 _LINE = re.compile(r"([0-9a-f]{64})  ([^\r\n]+)")
 
@@ -90,6 +92,12 @@ def info_text(folder: Path, *, identifier: str, date: str, content: str, version
         "Payload-Oxum": f"{sum(sizes)}.{len(sizes)}",
     }
     return "".join(f"{name}: {value}\n" for name, value in fields.items()).encode()
+
+
+def identifier_of(info: str) -> str:
+    """Return the name that a folder had at its seal, from its `bag-info.txt`; empty where that does not tell it."""
+    names = [line.removeprefix(_IDENTIFIER) for line in info.splitlines() if line.startswith(_IDENTIFIER)]
+    return names[0] if names else ""
 
 
 def tag_manifest_text(folder: Path) -> bytes:

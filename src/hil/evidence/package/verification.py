@@ -8,11 +8,11 @@ from enum import StrEnum
 from functools import partial
 from pathlib import Path
 
-from hil.evidence.durable import sha256_of
+from hil.evidence.durable import read_plain, sha256_of
 from hil.evidence.folder import JOURNAL, SEAL, is_held, is_run, is_sealed
 from hil.evidence.journal.reader import UnknownFormat, read_journal, require_known_format
 from hil.evidence.journal.standing import standing
-from hil.evidence.package.bag import digest_of_manifest, manifest_text, payload_of
+from hil.evidence.package.bag import INFO, digest_of_manifest, identifier_of, manifest_text, payload_of
 from hil.evidence.package.consistent import content_findings, guarded, results_event
 from hil.evidence.package.intact import bag_findings
 from hil.evidence.package.listing import list_folder, shown
@@ -46,6 +46,9 @@ class Verification:
         evidence_digest: what the package is named by; empty unless it is SEALED: a computed one would name the damage.
         content_digest: the digest over the journal's bodies; empty unless it is SEALED.
         verdict: the run's verdict; empty unless it is SEALED.
+        run: the name that the folder had at its seal; empty unless it is SEALED.
+        source: where the run's bytes came from; empty unless it is SEALED.
+        deviates: whether the run differs from its plan.
         complete: whether the run went to its own end; one that was interrupted never counts as verified.
     """
 
@@ -55,6 +58,9 @@ class Verification:
     evidence_digest: str = ""
     content_digest: str = ""
     verdict: str = ""
+    run: str = ""
+    source: str = ""
+    deviates: bool = False
     complete: bool = False
 
     @property
@@ -107,6 +113,9 @@ def _verify_sealed(folder: Path) -> Verification:
         evidence_digest=digest_of_manifest(manifest_text(hashes)),
         content_digest=reading.content_digest,
         verdict=str(results_event(reading)["verdict"]),
+        run=identifier_of(read_plain(folder / INFO).decode()),
+        source=str(reading.events[0].get("source", "")),
+        deviates=bool(reading.events[0].get("deviations")) or any(each.get("deviation") for each in reading.events),
         complete=not {"recovered", "stop"} & {event["kind"] for event in standing(reading.events)},
     )
 
