@@ -25,7 +25,7 @@ def refuse_sources(workspace: Workspace, plans: Sequence[Path]) -> None:
     Raises:
         ConfigurationError: with every `conftest.py` in a plan, and from the testplans up to the workspace; with every
             hook in the modules of a plan, every case that another of its name replaces, and every second fixture of one
-        name in a file of a plan, or in all files of the workspace's fixtures.
+            name in a file of a plan, or in all files of the workspace's fixtures.
     """
     findings = [*_conftests(workspace, plans), *(finding for plan in plans for finding in _in_plan(plan, workspace))]
     findings += _fixtures_twice(sorted(workspace.fixtures.glob("*.py")), workspace)
