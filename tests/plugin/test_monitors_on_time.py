@@ -62,7 +62,7 @@ def ran(tmp_path_factory):
 
 
 def test_no_reading_grows_too_old(ran):
-    """Between samples, also where more are asked for than the sensor gives, readings come within two of their periods."""
+    """Between samples, also where more are asked for than the sensor gives, readings come within two periods."""
     for limit, most in (("coil-current", 2.1), ("sensor-voltage", 4.1)):
         times = ran.package.recording(f"envelope-{limit}").time
         assert max(later - earlier for earlier, later in pairwise(times)) <= most

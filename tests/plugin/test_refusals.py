@@ -208,6 +208,11 @@ def test_cases_below_a_plan_are_refused(tmp_path):
     [
         ("def f(:\n    pass\n", "fixtures/bad.py:1:7: SyntaxError: invalid syntax"),
         ("x = 1\nimport nosuchthing\n", "fixtures/bad.py:2:1: ModuleNotFoundError: No module named 'nosuchthing'"),
+        ("import sys\nsys.exit(0)\n", "fixtures/bad.py:2:1: SystemExit: 0"),
+        (
+            "import pytest\npytest.importorskip('nosuchthing')\n",
+            "fixtures/bad.py:2:1: Skipped: could not import 'nosuchthing': No module named 'nosuchthing'",
+        ),
     ],
 )
 def test_a_fixture_module_that_cannot_be_loaded_is_told(tmp_path, text, message):

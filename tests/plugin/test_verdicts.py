@@ -146,6 +146,19 @@ def test_a_refused_check_that_a_case_swallows_is_an_error(tmp_path, call, reason
     assert found.reasons("test_one").count(reason) == 1
 
 
+def test_a_step_whose_title_is_no_utf_8_is_a_step(tmp_path):
+    """A file's name in a title costs no run."""
+    cases = """
+    @pytest.mark.requirement("T-010")
+    def test_one(check, step):
+        with step("Read caf\\udce9.csv"):
+            check("T-010", "ratio", 1.0)
+    """
+    found = ran(tmp_path, cases)
+    agreed(found, {"test_one": "PASS"}, "PASS", 0)
+    assert [each["path"] for each in found.package.events("step")] == [["Read caf\\udce9.csv"]]
+
+
 @pytest.mark.parametrize("statement", ["raise ValueError", "pytest.skip"])
 def test_text_that_is_no_utf_8_ends_a_case_and_not_the_run(tmp_path, statement):
     """Bytes that Python kept in a text, as those of a file's name, are written out in the reason."""

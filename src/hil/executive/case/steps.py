@@ -57,7 +57,7 @@ class Steps:
             depth = len(self._titles)
             del self._counts[depth + 1 :]
             self._counts[depth] += 1
-            self._titles.append(title)
+            self._titles.append(title.encode(errors="backslashreplace").decode())  # bytes that were no UTF-8, too
             self._began.append(began)
             self._counts.append(0)
             self._write("step", **self._facts(), **({} if turn is None else {"turn": turn}))

@@ -8,11 +8,16 @@ import traceback
 from pathlib import Path
 from types import ModuleType
 
+import pytest
+
 from hil.executive.setup.workspace import Workspace
 from hil.model.errors import ConfigurationError, Finding
 from hil.plugin.plans.plan_sources import hook_findings, imported_hooks
 
 __all__ = ["load_fixture_modules"]
+
+_ANYTHING = (Exception, SystemExit, pytest.skip.Exception)
+"""What importing somebody's module can raise."""
 
 
 def load_fixture_modules(workspace: Workspace) -> dict[str, ModuleType]:
@@ -31,7 +36,7 @@ def load_fixture_modules(workspace: Workspace) -> dict[str, ModuleType]:
         try:
             modules[path.stem] = _load(path)
             findings += imported_hooks(modules[path.stem], shown)
-        except Exception as error:  # noqa: BLE001 - importing somebody's module can raise anything
+        except _ANYTHING as error:
             findings.append(_finding(shown, path, error))
     if findings:
         raise ConfigurationError(tuple(findings))
@@ -49,7 +54,7 @@ def _load(path: Path) -> ModuleType:
     return module
 
 
-def _finding(shown: str, path: Path, error: Exception) -> Finding:
+def _finding(shown: str, path: Path, error: BaseException) -> Finding:
     message = f"{type(error).__name__}: {error}"
     if isinstance(error, SyntaxError) and error.filename == str(path):
         return Finding(shown, error.lineno or 0, error.offset or 1, f"{type(error).__name__}: {error.msg}")
