@@ -1,0 +1,84 @@
+"""The driver and the peer of the how-to work with each other."""
+
+from __future__ import annotations
+
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+from hil.instruments.driver import Clamps, Connection
+from hil.instruments.roles import Magnetometer
+from hil.model.bench import InstrumentSpec, Wire
+from hil.model.errors import Refused
+from hil.simulation.peers.model import Connections, PeerSetup
+from hil.simulation.truth import Truth
+
+PAGE = Path(__file__).parents[3] / "docs/how-to/write-a-driver.md"
+
+
+class Clock:
+    """Stands still."""
+
+    def now_ns(self):
+        """Return the beginning."""
+        return 0
+
+
+class Bus:
+    """Reaches one peer by what drivers call."""
+
+    def __init__(self, peer):
+        self.peer = peer
+
+    def read_byte_data(self, address, register):
+        """Return one register."""
+        return self.read_i2c_block_data(address, register, 1)[0]
+
+    def write_byte_data(self, address, register, value):
+        """Write one register."""
+        self.peer.write(address, bytes((register, value)))
+
+    def read_i2c_block_data(self, address, register, count):
+        """Return registers."""
+        self.peer.write(address, bytes((register,)))
+        return list(self.peer.read(address, count))
+
+
+@pytest.fixture
+def modules(tmp_path):
+    """Return what the page's two modules define."""
+    found = []
+    for number, code in enumerate(re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)):
+        path = tmp_path / f"part_{number}.py"
+        path.write_text(code, encoding="utf-8")
+        found.append(runpy.run_path(str(path)))
+    return found
+
+
+def test_the_pages_driver_reads_the_pages_peer(modules):
+    """It is identified, started, sampled and stopped, and goes on from its state."""
+    theirs, simulated = modules
+    instrument = InstrumentSpec(name="mag1", driver="acme-mag", bus="i2c", address=0x1C)
+    truth = Truth({"field": ["20", "-5", "40"], "noise": "0"}, ())
+    clock = Clock()
+    nothing = Connections({}, {}, set(), ())
+    setup = PeerSetup(instrument=instrument, truth=truth, connections=nothing)
+    peer = simulated["MODEL"].build(setup)
+    setup.finish()
+    peer.attach(clock)
+    connection = Connection(device="mag1", clock=clock, clamps=Clamps(), bus=Bus(peer), address=0x1C)
+    driver = theirs["AcmeMag"](connection)
+    assert str(driver.identify()) == "ACME 0x42"
+    role = driver.role(Wire(role="magnetometer", instance="", instrument="mag1"))
+    role.start()
+    assert role.sample() == pytest.approx((20.0, -5.0, 40.0, 25.0))
+    peer.restore(peer.state())
+    assert role.sample() == pytest.approx((20.0, -5.0, 40.0, 25.0))
+    role.stop()
+    assert role.sample() == (0.0, 0.0, 0.0, 0.0)
+    for name in ("start", "stop", "sample"):
+        assert getattr(type(role), name).effect == getattr(getattr(Magnetometer, name), "effect", "reads")
+    with pytest.raises(Refused, match="is a magnetometer without settings"):
+        driver.role(Wire(role="supply", instance="", instrument="mag1"))
