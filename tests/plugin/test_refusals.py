@@ -391,6 +391,17 @@ def test_a_misspelt_marker_is_told_with_its_line(tmp_path, marker, message):
     assert said.startswith(f"testplans/small/test_small.py:{FIRST + 4}:1: {message}")
 
 
+@pytest.mark.parametrize("scope", ["class", "module", "session"])
+def test_a_fixture_that_would_keep_a_role_for_other_cases_is_refused(tmp_path, scope):
+    """What a case is handed is its own; it is told before anything is armed, and not by pytest."""
+    fixture = f"@pytest.fixture(scope='{scope}')\ndef coil(supply):\n    return supply.coil\n"
+    said = refused(tmp_path, fixture + "\n\ndef test_one(coil):\n    pass")
+    where = f"testplans/small/test_small.py:{FIRST}:1: "
+    assert (
+        said == f"{where}the fixture coil asks for 'supply', which each case has for itself: leave out scope='{scope}'"
+    )
+
+
 def test_two_fixtures_of_one_name_are_refused(tmp_path):
     """In one file or in two, only one of them would be there; a plan may still have its own."""
     one = "import pytest\n\n\n@pytest.fixture\ndef board():\n    return 1\n"

@@ -45,6 +45,7 @@ def name_findings(item: pytest.Item, configuration: Configuration) -> Iterator[F
             message = f"{item.name} gets a '{name}' that is not the executive's: give that fixture another name"
             yield Finding(path, (line or 0) + 1, 1, message)
     ours = {name for name in own & set(provided) if _is_ours(provided[name])}
+    yield from _outliving(provided, ours, configuration)
     helpers = _helpers(item)
     for function in (*functions, *helpers):
         # A function that is no fixture may be given anything as its `supply`; `parameters` were handed on by name.
@@ -52,6 +53,21 @@ def name_findings(item: pytest.Item, configuration: Configuration) -> Iterator[F
         for written in written_names(function):
             if written.path[0] in known:
                 yield from _wrong_name(written, roles, _shown(function, configuration), _plan_of(item, configuration))
+
+
+def _outliving(
+    provided: Mapping[str, Sequence[Any]], ours: Collection[str], configuration: Configuration
+) -> Iterator[Finding]:
+    """Yield every fixture that would be kept for several cases, and asks for what is one case's own."""
+    for definitions in provided.values():
+        for each in definitions:
+            asked = [name for name in getattr(each, "argnames", ()) if name in ours]
+            scope = getattr(each, "scope", "function")
+            if asked and scope != "function":
+                line = inspect.unwrap(each.func).__code__.co_firstlineno
+                who = f"the fixture {each.func.__name__} asks for '{asked[0]}', which each case has for itself"
+                message = f"{who}: leave out scope='{scope}'"
+                yield Finding(_shown(each.func, configuration), line, 1, message)
 
 
 def _wrong_name(
