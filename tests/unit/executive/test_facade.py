@@ -6,8 +6,10 @@ import pytest
 from case_parts import Case
 
 from hil.executive.case.facade import RoleSet
+from hil.executive.case.given import Misused
 from hil.executive.run.stop import Stopped
 from hil.model.errors import NoReply
+from hil.model.figure import Figure
 
 
 def test_an_unknown_operation_names_the_nearest(tmp_path):
@@ -42,6 +44,17 @@ def test_a_call_with_wrong_arguments_drives_nothing(tmp_path):
     case = Case(tmp_path)
     with pytest.raises(TypeError):
         case.coil.configure(5.0)
+    assert (case.supply.calls, case.written.events) == ([], [])
+
+
+@pytest.mark.parametrize(
+    "voltage", ["5", True, None, Figure(value=5.0, unit="V")], ids=["text", "flag", "none", "figure"]
+)
+def test_what_is_no_number_drives_nothing(tmp_path, voltage):
+    """A text parameter, a flag or a figure in place of a number is told with operation and argument."""
+    case = Case(tmp_path)
+    with pytest.raises(Misused, match=r"supply.coil.configure: voltage is a number, found "):
+        case.coil.configure(voltage, 0.1)
     assert (case.supply.calls, case.written.events) == ([], [])
 
 

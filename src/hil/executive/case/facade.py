@@ -5,12 +5,14 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from functools import cache
+from numbers import Real
 from types import MappingProxyType
 from typing import Any, Protocol, TypeVar
 
 from hil.bench.calibration import calibrated
 from hil.documents.suggest import did_you_mean
 from hil.executive.case.effects import Effects
+from hil.executive.case.given import Misused
 from hil.instruments.roles import ROLES
 from hil.instruments.sampled import Sampled, Streamed
 from hil.model.bench import BenchSpec, InstrumentSpec, Wire
@@ -119,6 +121,7 @@ class Facade:
         def call(*args: object, **kwargs: object) -> object:
             arguments = signature.bind(self, *args, **kwargs).arguments
             arguments.pop("self")
+            _require_numbers(f"{self.wire.name}.{name}", signature, arguments)
             self._host.point()
             kind: str = operation.effect  # type: ignore[attr-defined]  # only marked operations come here
             return self._effects.perform(
@@ -151,6 +154,18 @@ def _operations_of(role: type) -> Mapping[str, Callable[..., Any]]:
 @cache  # of functions of roles, of which there are few
 def _signature_of(operation: Callable[..., Any]) -> inspect.Signature:
     return inspect.signature(operation)
+
+
+def _require_numbers(what: str, signature: inspect.Signature, arguments: Mapping[str, object]) -> None:
+    """Refuse what is no number where the role says that one is due; a flag would pass for 0 or 1."""
+    for name, value in arguments.items():
+        if signature.parameters[name].annotation not in {"float", float}:
+            continue
+        if isinstance(value, bool) or not isinstance(value, Real):
+            hint = (
+                "take its value, in the unit of the role" if isinstance(value, Figure) else "see the role's operations"
+            )
+            raise Misused(f"{what}: {name} is a number, found {value!r}", hint)
 
 
 class RoleSet:
