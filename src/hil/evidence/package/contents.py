@@ -94,7 +94,7 @@ class Package:
         if not path.exists():
             return results_of(self.folder, reading)
         results = read_json(path)
-        if not isinstance(results, dict):
+        if not isinstance(results, dict) or not isinstance(results.get("cases"), list):
             raise EvidenceError(f"{path}: these are no results", "see hil verify")
         return results
 

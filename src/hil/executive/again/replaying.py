@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
@@ -29,6 +30,9 @@ __all__ = ["STOPPED", "differences", "replay_of", "replay_request", "unpack"]
 STOPPED = frozenset({Verdict.ABORTED, Verdict.NOT_RUN})
 """The verdicts of cases that did not come to an end of their own."""
 
+_LAYOUT = ("testplans", "fixtures")
+_OF_REQUEST = frozenset({"bench", "dut", "operator", "overrides", "plans", "purpose", "skips"})
+
 _ANSWERED = frozenset({"asks"})
 """A person is not asked again; everything else comes from the recorded bytes."""
 
@@ -42,22 +46,38 @@ def unpack(package: Package, root: Path) -> None:
     """Lay the frozen catalogue, sources and bench out as the workspace that they came from.
 
     Raises:
-        EvidenceError: if the package does not say where they were.
+        EvidenceError: if the package does not say what was run and where they were, or names places outside of a
+            workspace.
     """
-    layout = package.json("data/place.json").get("workspace", {})
-    try:
-        testplans, fixtures = root / layout["testplans"], root / layout["fixtures"]
-    except (KeyError, TypeError):
-        raise EvidenceError(f"{package.name}: its place.json does not tell the workspace's layout") from None
+    if not package.run().keys() >= _OF_REQUEST:
+        raise EvidenceError(f"{package.name}: its journal does not tell what was run", "see hil verify")
+    layout = _layout(package)
+    testplans, fixtures = (_within(root, layout[name], package) for name in _LAYOUT)
+    bench = _within(fixtures / "benches", str(package.run()["bench"]), package)
     data = package.folder / "data"
     shutil.copytree(data / "sources", root, dirs_exist_ok=True)
     for plan in (path for path in (data / "catalogue").iterdir() if path.is_dir()):
         shutil.copytree(plan, testplans / plan.name, dirs_exist_ok=True)
-    shutil.copytree(data / "bench", fixtures / "benches" / str(package.run()["bench"]), dirs_exist_ok=True)
+    shutil.copytree(data / "bench", bench, dirs_exist_ok=True)
     shutil.copy(data / "bench/duts.yaml", fixtures / "duts.yaml")
-    (root / "hil.toml").write_text(
-        f'testplans = "{layout["testplans"]}"\nfixtures = "{layout["fixtures"]}"\n', encoding="utf-8"
-    )
+    lines = (f"{name} = {json.dumps(layout[name], ensure_ascii=False)}\n" for name in _LAYOUT)
+    (root / "hil.toml").write_text("".join(lines), encoding="utf-8")
+
+
+def _layout(package: Package) -> Mapping[str, str]:
+    place = package.json("data/place.json")
+    layout = place.get("workspace") if isinstance(place, dict) else None
+    if not isinstance(layout, dict) or not all(isinstance(layout.get(name), str) for name in _LAYOUT):
+        raise EvidenceError(f"{package.name}: its place.json does not tell the workspace's layout", "see hil verify")
+    return layout
+
+
+def _within(folder: Path, name: str, package: Package) -> Path:
+    """Return a place below a folder: nothing of a package is written anywhere else."""
+    path = (folder / name).resolve()
+    if not path.is_relative_to(folder):
+        raise EvidenceError(f"{package.name}: {name!r} is outside of the workspace of its replay", "see hil verify")
+    return path
 
 
 def replay_request(package: Package, root: Path, output: Path) -> Request:
