@@ -343,6 +343,15 @@ def test_each_finding_is_told_once_and_by_a_path_in_the_package(writable):
     assert any("verification cannot go on here: data/catalogue/catalogue.json: not JSON" in line for line in found)
 
 
+def test_an_empty_journal_is_told_in_sentences(writable):
+    """Nothing follows from no events; no finding is an error of the program."""
+    (writable / JOURNAL).write_bytes(b"")
+    found = messages(writable)
+    assert "a sealed journal begins with run, and ends with results and end, each once" in found
+    assert "bag-info.txt: it does not say what the journal and the files say" in found
+    assert "Error" not in found
+
+
 def test_a_damaged_package_has_no_digest(writable):
     """Neither digest nor verdict of it could be taken for the sealed ones."""
     (writable / "data/dut.json").write_bytes(b"{}")

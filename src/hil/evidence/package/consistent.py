@@ -71,7 +71,7 @@ def _journal_findings(_: Path, reading: JournalReading, __: Hashes) -> Iterator[
 def _info_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterator[Finding]:
     text = read_plain(folder / INFO)
     names = [line.removeprefix(b"External-Identifier: ") for line in text.split(b"\n") if line.startswith(b"Ext")]
-    if len(names) != 1 or text != info_of(folder, names[0].decode(), reading):
+    if len(names) != 1 or not reading.lines or text != info_of(folder, names[0].decode(), reading):
         yield Finding(INFO, 0, 0, "it does not say what the journal and the files say")
 
 
