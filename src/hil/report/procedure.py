@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 
-from hil.report.catalogue import demands
+from hil.evidence.results.derived import BY_CASES
+from hil.report.catalogue import demands, unspoken
 from hil.report.material import Body, inner, inners, text, texts, verdict
 from hil.report.numbers import bench_time, duration, limit_text, number, with_unit
 from hil.report.page.as_run import attributed
@@ -28,6 +29,7 @@ def procedure_lines(events: Sequence[Body], requirements: Mapping[str, Body]) ->
     planned = [case for event in events if event["kind"] == "planned" for case in inners(event, "cases")]
     lines = [_head(run, len(planned), events), *_driven(events), *_deviations(run), *_not_good(run, events)]
     named = dict.fromkeys(name for case in planned for name in texts(case, "requirements"))
+    lines += _not_covered(requirements, named)
     lines += [line for name in named for line in _requirement(name, requirements.get(name, {}))]
     by_case = _by(events, "case")
     for place, case in enumerate(planned, 1):
@@ -60,6 +62,17 @@ def _not_good(run: Body, events: Sequence[Body]) -> Iterator[str]:
     if bad:
         where = f"the {text(run, 'source')} bench" if text(run, "source") else "the bench"
         yield f"not good      {counted(bad, 'case')}, on {where}"
+
+
+def _not_covered(requirements: Mapping[str, Body], named: Container[str]) -> Iterator[str]:
+    """Give the requirements that no case carries; those that no case verifies by their method are told with it."""
+    left = unspoken(requirements, named)
+    bare = [name for name, why in left if why in BY_CASES]
+    other = [f"{name} ({why})" for name, why in left if why not in BY_CASES]
+    if bare:
+        yield f"without case  {', '.join(bare)}"
+    if other:
+        yield f"not by cases  {', '.join(other)}"
 
 
 def _requirement(name: str, entry: Body) -> Iterator[str]:

@@ -79,6 +79,10 @@ def _warnings(results: Body) -> Iterable[tuple[bool, str, str]]:
     yield unknown, "SAFE STATE UNKNOWN", "no proof that the bench was left safe is on record."
     deviates = bool(texts(inner(results, "run"), "deviations"))
     yield deviates, "DEVIATION", "the run deviates from its plan; the report says how."
+    entries = inners(results, "requirements")
+    bare = sum(entry.get("cases") == [] for entry in entries)
+    of = f"{bare} of {counted(len(entries), 'requirement')}"
+    yield bare > 0, "NOT COVERED", f"{of} {'has' if bare == 1 else 'have'} no case in this run: NOT_RUN."
 
 
 def holds(case: Body) -> tuple[str, ...]:

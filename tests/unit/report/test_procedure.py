@@ -123,3 +123,15 @@ def test_every_limit_names_its_decision_rule():
 def test_nothing_planned_is_said():
     """A journal that ended before its plan is a procedure of nothing."""
     assert procedure_lines([], {}) == ["Procedure of no plan: 0 cases, 0 s of bench time"]
+
+
+def test_a_procedure_names_what_no_case_verifies():
+    """Whoever reviews a procedure learns which requirements it leaves out."""
+    entries = {
+        "A-010": {"id": "A-010", "method": "test"},
+        "A-020": {"id": "A-020", "method": "review"},
+        "A-030": {"id": "A-030", "method": "test", "withdrawn": "true"},
+    }
+    lines = procedure_lines(planned(drive(1)), entries)
+    assert "without case  A-010" in lines
+    assert "not by cases  A-020 (review), A-030 (withdrawn)" in lines

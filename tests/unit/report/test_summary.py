@@ -63,6 +63,23 @@ def test_run_that_closes_says_so_and_nothing_else():
     assert closing_lines(results) == ["PASS  1 case: 1 passed.", "", "This run can close its requirement."]
 
 
+def test_requirements_without_a_case_stand_beside_the_verdict():
+    """The verdict of a run is that of its cases; a requirement that has none must not hide behind a PASS."""
+    cases = [{"case": "a", "verdict": "PASS"}]
+    covered = {"id": "A-1", "verdict": "PASS", "eligible": True, "reasons": [], "cases": cases}
+    bare = {"id": "A-2", "verdict": "NOT_RUN", "eligible": False, "reasons": ["no case"], "cases": []}
+    results = {
+        "verdict": "PASS",
+        "run": {"source": "hardware"},
+        "safe": True,
+        "counts": {"PASS": 1},
+        "cases": cases,
+        "requirements": [covered, bare],
+    }
+    assert closing_lines(results)[1] == "  NOT COVERED: 1 of 2 requirements has no case in this run: NOT_RUN."
+    assert not any("NOT COVERED" in line for line in closing_lines(results | {"requirements": [covered]}))
+
+
 def test_eligible_requirement_that_did_not_pass_is_not_closed():
     """A good word of the evidence does not make up for a verdict that is none."""
     entry = {"id": "A-1", "verdict": "NOT_EVALUATED", "eligible": True, "reasons": []}

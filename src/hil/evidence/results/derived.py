@@ -15,15 +15,17 @@ from hil.evidence.results.eligibility import reasons_against
 from hil.evidence.results.facts import Facts, facts_of
 from hil.model.verdict import Verdict, worst
 
-__all__ = ["FORMAT", "Derived", "derive", "results_of"]
+__all__ = ["BY_CASES", "FORMAT", "Derived", "derive", "results_of"]
 
 FORMAT = 2
 """What is written; format 1 did not tell when the bench was held in the course of a case."""
 
+BY_CASES = frozenset({"test", "inspection"})
+"""The methods whose requirements are verified by cases."""
+
 Derived = dict[str, Any]
 """The content of `data/results.json`."""
 
-_BY_CASES = frozenset({"test", "inspection"})
 _HOLDS = frozenset({"hold", "hold-end"})
 _OVERRIDING = frozenset({Verdict.ERROR, Verdict.ABORTED, Verdict.NOT_RUN})
 
@@ -259,7 +261,7 @@ def _due(facts: Facts) -> set[str]:
     return {
         identifier
         for identifier, entry in facts.catalogue.items()
-        if entry.get("method") in _BY_CASES and entry.get("kind") != "parent" and not entry.get("withdrawn")
+        if entry.get("method") in BY_CASES and entry.get("kind") != "parent" and not entry.get("withdrawn")
     }
 
 
