@@ -84,12 +84,11 @@ class Guarding:
                 yield Gate(f"guardian: {each.output}", ok=each.ok, detail=each.detail or f"after {each.seconds:.3g} s")
             self._until = _boot_s() + _ARMING_S
             self._guardian.watch()
+            self._watching, self._clock.pulse = True, self.pulse  # from here on it acts on silence
             latch_bench(self._leases, self._armed(plan))
         except (HilError, OSError) as error:
             yield Gate("guardian", ok=False, detail=str(error))
             return
-        self._watching = True
-        self._clock.pulse = self.pulse
         yield Gate("guardian", ok=True, detail=f"watches, and acts after {plan.hang_s:g} s without a heartbeat")
 
     def pulse(self) -> None:

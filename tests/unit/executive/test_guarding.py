@@ -1,0 +1,61 @@
+"""The guardian of a run, as the executive starts it and lets it go."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from hil.executive.live import guarding
+from hil.executive.live.guarding import Guarding
+from hil.executive.run.stop import StopFlags
+
+
+class Watchful:
+    """A guardian that finds every output safe, and notes what it is told."""
+
+    def __init__(self):
+        self.told = []
+
+    def drill(self):
+        """Find nothing wrong."""
+        return ()
+
+    disarm = drill
+
+    def watch(self):
+        """Watch from now on."""
+        self.told.append("watch")
+
+    def beat(self, _fresh_until):
+        """Hear that the run lives."""
+        self.told.append("beat")
+
+    def close(self):
+        """Go."""
+        self.told.append("close")
+
+
+def test_a_guardian_that_watches_hears_of_the_run_also_where_no_latch_can_be_written(tmp_path, monkeypatch):
+    """The bench is not armed then; but silence would let the guardian end the run amid its way to the safe state."""
+    guardian, clock = Watchful(), SimpleNamespace(pulse=lambda: None, boot_s_of=float)
+    spec = SimpleNamespace(safe_off=(), rest=(), hold=())
+    plan = SimpleNamespace(bench="battery", outputs=(), hang_s=1.0)
+    monkeypatch.setattr(guarding, "plan_of", lambda *_: plan)
+    monkeypatch.setattr(guarding.Guardian, "start", lambda *_: guardian)
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(guarding, "latch_bench", full)
+    bench = SimpleNamespace(spec=spec, descriptors={})
+    guard = Guarding(bench, clock, StopFlags(), lambda: None, folder=tmp_path, leases=["psu1"], locks=[])
+    (gate,) = guard.begin()
+    assert not gate.ok
+    assert "No space left" in gate.detail
+    clock.pulse()
+    assert guardian.told == ["watch", "beat"]
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(guarding, "clear_latches_of", lambda _: ())
+        assert guard.end() == []
+    assert guardian.told[-1] == "close"
