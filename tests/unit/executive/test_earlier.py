@@ -150,3 +150,20 @@ def test_who_answered_before_is_not_replaced_without_a_word(tmp_path, by, answer
     request = Request(start=tmp_path, plans=(), bench="b", dut="d", answers=answers, person=person)
     with pytest.raises(Refused, match=by) if refused else nullcontext():
         require_answers(earlier, request)
+
+
+def test_a_run_that_was_killed_is_not_said_to_have_been_stopped(tmp_path, monkeypatch):
+    """The stop behind which it had gone on before is void: it was interrupted this time."""
+    monkeypatch.setitem(HEAD_OF, "run", LIVE)
+    folder = folder_of(tmp_path, CASE, STOP)
+    for behind in (TURN[len(CASE) :], []):
+        found = find_earlier(folder)
+        place, last = found.boundary, found.lines[-1].body["seq"]
+        entry = Entry(place=place.place, boundary=place.sequence, void_to=last, operations=5, at=0.0, number=1, rows=())
+        with Journal(folder / "data/journal.jsonl") as journal:
+            go_on_with(found, journal, lambda: 99.0, entry)
+            for kind, fields in behind:
+                journal.write(kind, 99.0, **fields)
+    events = read_journal(folder / "data/journal.jsonl").events
+    told = [event["text"].partition(",")[0] for event in events if event["kind"] == "resumed"]
+    assert told == ["stopped by weekend", "interrupted"]

@@ -285,7 +285,7 @@ def go_on_with(earlier: Earlier, journal: Journal, now: Callable[[], float], ent
 
 
 def _entered(earlier: Earlier) -> str:
-    stop = next((line.body for line in reversed(earlier.lines) if line.body["kind"] == "stop"), None)
+    stop = next((event for event in standing([line.body for line in earlier.lines]) if event["kind"] == "stop"), None)
     how = f"stopped by {stop['reason']}" if stop else "interrupted"
     if earlier.boundary and earlier.boundary.over:
         return f"{how} behind its last case; nothing but the way to the safe state is driven, and the end made anew"
