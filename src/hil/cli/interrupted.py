@@ -49,7 +49,9 @@ def _why_not_resumed(journal: Path) -> str:
                 break
         lines.seek(0, os.SEEK_END)
         lines.seek(max(0, lines.tell() - _TAIL))
-        ended = b'"kind":"results"' in lines.read()
-    if ended:
+        last = lines.readlines()
+    if any(b'"kind":"results"' in line for line in last):
         return "because it has ended and only its seal is missing"
+    if any(b'"kind":"stop"' in line and b'"resumable":true' not in line for line in last):
+        return "because it was stopped for good"
     return "" if planned and (began or not live) else "because no case had begun"

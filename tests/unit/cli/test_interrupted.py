@@ -13,6 +13,7 @@ HEAD = {"run": {"format": 1}, "frozen": {"files": {}}, "planned": {"cases": []}}
 LIVE = {**HEAD, "run": {"format": 1, "live": {"served": True, "speed": 1}}}
 GATE = {"gate": {"name": "identity of psu1"}}
 CASE = {"armed": {}, "case": {"case": "a"}}
+STOP = {"reason": "SIGINT", "urgent": False}
 
 
 @pytest.mark.parametrize(
@@ -27,6 +28,9 @@ CASE = {"armed": {}, "case": {"case": "a"}}
         ({**LIVE, **CASE}, ""),
         ({**LIVE, **CASE, "results": {}}, "it has ended"),
         ({**HEAD, **CASE, "results": {}}, "it has ended"),
+        ({**LIVE, **CASE, "stop": STOP}, "it was stopped for good"),
+        ({**HEAD, **CASE, "stop": STOP}, "it was stopped for good"),
+        ({**LIVE, **CASE, "stop": {**STOP, "resumable": True}}, ""),
     ],
 )
 def test_a_resume_is_offered_where_there_is_something_to_go_on_with(tmp_path, events, why_not):
