@@ -106,7 +106,7 @@ def test_what_is_left_out_or_not_there_is_told(tmp_path):
     path = tmp_path / "rest.csv"
     path.write_text("t,U,I\n" + "".join(f"{5 * n},{'nan' if n == 2 else 3.7},0\n" for n in range(6)), encoding="utf-8")
     text = run(str(path), *COLUMNS).stdout
-    assert "note: 1 row without a time, voltage or current is left out" in text
+    assert "note: 1 row without a time, voltage, current or cycle is left out" in text
     assert "note: the current never leaves rest" in text
     assert "no fade: 0 cycles of 0 whole" in text
 

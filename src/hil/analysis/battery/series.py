@@ -74,9 +74,9 @@ def series(  # noqa: PLR0913 - one argument per column
     test: ArrayLike | None = None,
     stretch: ArrayLike | None = None,
 ) -> Series:
-    """Return samples as a series; those with a time, voltage or current that is no number are left out.
+    """Return samples as a series; those with a time, voltage, current or cycle that is no number are left out.
 
-    A temperature or a count that is no number stays: only what is told of it leaves it out.
+    A temperature or a charge or energy as counted that is no number stays: only what is told of it leaves it out.
 
     Args:
         time: in s, shape (n,).

@@ -121,12 +121,9 @@ def _remarks(result: Result) -> list[str]:
     remarks = list(result.log.remarks)
     left_out = result.log.time.size - result.data.time.size
     if left_out:
-        rows = (
-            "1 row without a time, voltage or current is"
-            if left_out == 1
-            else (f"{left_out} rows without a time, voltage or current are")
-        )
-        remarks.append(f"{rows} left out")
+        rows = "1 row" if left_out == 1 else f"{left_out} rows"
+        without = "without a time, voltage, current or cycle"
+        remarks.append(f"{rows} {without} {'is' if left_out == 1 else 'are'} left out")
     tests = 0 if result.data.test is None else int(np.unique(result.data.test).size)
     if tests > 1:
         remarks.append(f"{tests} tests in the log: their cycles are numbered on in the order of the log")
