@@ -21,7 +21,7 @@ from hil.guardian import latch
 from hil.simulation.served.client import ask
 from hil.wire.transcript import Transcript
 
-pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.alone]
+pytestmark = [pytest.mark.system, pytest.mark.alone]
 
 ON = {
     "peers.psu1.outputs.1.on": ("psu1", ":OUTP CH1,ON\n"),

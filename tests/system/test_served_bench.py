@@ -21,7 +21,7 @@ from workspaces import command_line
 from hil.model.errors import Refused
 from hil.simulation.served.client import ask
 
-pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.alone]
+pytestmark = [pytest.mark.system, pytest.mark.alone]
 
 
 class Served:
