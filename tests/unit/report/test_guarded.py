@@ -39,11 +39,22 @@ def test_it_stands_before_what_became_of_the_run():
     """Each time it acted before the resumption behind it, and what is left at the end."""
     acts = guarded(journal(ACTING, {**ACTING, "why": "the executive hangs"}, {**ACTING, "why": "a wake"}))
     resumed = {"kind": "resumed", "t": 1.0, "text": "went on", "seconds": 1.0}
+    said = {"kind": "acknowledged", "t": 1.0, "text": "all is off", "by": "Ada"}
     noted = {"kind": "note", "t": 2.0, "text": "cold", "by": "Ada"}
-    rows = happenings([noted, resumed, noted, resumed], {}, acts)
-    assert [row.kind for row in rows] == ["note", "guardian", "resumed", "note", "guardian", "resumed", "guardian"]
+    rows = happenings([noted, resumed, said, noted, resumed, said], {}, acts)
+    assert [row.kind for row in rows if row.kind != "acknowledged"] == [
+        "note", "guardian", "resumed", "note", "guardian", "resumed", "guardian",
+    ]  # fmt: skip
     assert [row.text.partition(";")[0] for row in rows if row.kind == "guardian"] == [
         "the executive died",
         "the executive hangs",
         "a wake",
     ]
+
+
+def test_it_does_not_stand_before_a_resumption_behind_a_stop():
+    """A run that was stopped with its bench safe, and died later: nobody had anything to acknowledge at first."""
+    resumed = {"kind": "resumed", "t": 1.0, "text": "went on", "seconds": 1.0}
+    said = {"kind": "acknowledged", "t": 2.0, "text": "all is off", "by": "Ada"}
+    rows = happenings([resumed, resumed, said], {}, guarded(journal(ACTING)))
+    assert [row.kind for row in rows] == ["resumed", "guardian", "resumed", "acknowledged"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import takewhile
 from types import MappingProxyType
 
 from hil.report.material import Body, flag, inners, text, texts
@@ -47,9 +48,9 @@ def happenings(
             it down when it went on, so that its bench time says nothing.
     """
     acts, found = list(guarded), []
-    for event in events:
+    for place, event in enumerate(events):
         kind = text(event, "kind")
-        if kind in {"recovered", "resumed"}:
+        if kind in _GOES_ON and _was_ended_by_force(events[place:]):
             found += acts[:1]
             del acts[:1]
         if told := _TOLD.get(kind, _nothing)(event):
@@ -58,6 +59,16 @@ def happenings(
             utc = sent.get(number, "") if kind == "acknowledged" and isinstance(number, int) else ""
             found.append(Happening(at=utc or bench_time(event.get("t")), kind=_WORDS[kind], case=case, text=told))
     return (*found, *acts)
+
+
+def _was_ended_by_force(events: Sequence[Body]) -> bool:
+    """Tell whether a guardian may have ended the run that goes on with the first of these events.
+
+    It is resumed once somebody has acknowledged that, which is written down next; one that was stopped with its bench
+    safe goes on without a word.
+    """
+    first, *behind = (text(event, "kind") for event in events)
+    return first == "recovered" or "acknowledged" in takewhile(lambda kind: kind not in _GOES_ON, behind)
 
 
 def _nothing(_: Body) -> str:
@@ -151,6 +162,7 @@ def _resumed(event: Body) -> str:
     return f"{told}; {text(event, 'deviation')}" if text(event, "deviation") else told
 
 
+_GOES_ON = frozenset({"recovered", "resumed"})
 _DID = {
     "acknowledged": "acknowledged what the guardian did",
     "answer": "answered questions",
