@@ -61,6 +61,8 @@ class Typed:
         (CHOOSE, "inward\n", "inward"),
         (MEASURE, "12.5\n", 12.5),
         (MEASURE, "12,5\n", 12.5),
+        (MEASURE, "0,125\n", 0.125),
+        (MEASURE, "-1.25e-3\n", -0.00125),
         (ATTACH, "yes\n", "x"),
         (ATTACH, "y\n", "x"),
     ],
@@ -74,10 +76,13 @@ def test_a_person_answers_in_the_form_of_the_question(question, line, value):
 
 @pytest.mark.parametrize(
     ("question", "line"),
-    [(CONFIRM, "maybe"), (CONFIRM, ""), (CHOOSE, "up"), (MEASURE, "much"), (MEASURE, "nan"), (MEASURE, "inf")],
+    [
+        *((CONFIRM, "maybe"), (CONFIRM, ""), (CHOOSE, "up")),
+        *((MEASURE, each) for each in ("much", "nan", "inf", "1,000", "-12,345", "1_000")),
+    ],
 )
 def test_what_is_no_answer_is_asked_again(question, line):
-    """A person is told what would be one; nothing is guessed."""
+    """A person is told what would be one; nothing is guessed, and no comma taken for thousands or for a point."""
     terminal = Typed(f"{line}\n", None, None, "yes\n", "inward\n", "1\n")
     answer = TerminalPerson(terminal, "Ada", lambda: None).answer(question)
     assert answer.value in {True, "inward"}

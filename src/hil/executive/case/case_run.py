@@ -11,6 +11,7 @@ from hil.executive.case.checks import CheckFailed, Checks
 from hil.executive.case.effects import Effects
 from hil.executive.case.operator import Operator
 from hil.executive.case.steps import Steps
+from hil.executive.case.writable import writable
 from hil.executive.recording.criteria import data_checks
 from hil.executive.recording.recorder import Recorder
 from hil.executive.run.stop import Stopped
@@ -113,7 +114,7 @@ class CaseRun:
 
     def skip(self, reason: str) -> None:
         """Note that the case took itself out; it is NOT_RUN at best, and what it found before stands."""
-        self._skipped = _writable(reason) or "skipped"
+        self._skipped = writable(reason) or "skipped"
 
     def raised(self, error: BaseException, where: str = "") -> None:
         """Note what came out of the case's code, and from where (file and line, as people see them)."""
@@ -128,7 +129,7 @@ class CaseRun:
             self._distrusted(error)
         elif not isinstance(error, CheckFailed):
             name = "" if isinstance(error, HilError) else f"{type(error).__name__}: "  # ours are sentences
-            told = _writable(_ADDRESS.sub("", f"{name}{error}".rstrip(": ")))
+            told = writable(_ADDRESS.sub("", f"{name}{error}".rstrip(": ")))
             self._problems.append(f"{told} ({where})" if where else told)
 
     def finish(self) -> None:
@@ -173,7 +174,7 @@ class CaseRun:
     def _let_through(self) -> list[str]:
         """Return why checks were refused where nothing of that came out of the case's code."""
         refused = [error for error in self.check.refused if not any(error is each for each in self._raised)]
-        return [_writable(str(error)) for error in refused]
+        return [writable(str(error)) for error in refused]
 
     def _distrusted(self, fault: Implausible) -> None:
         """Note a fixture's judgement that the bench is not what it says; nothing more is run on it."""
@@ -228,11 +229,6 @@ class CaseRun:
                 name = requirement.records.recording if requirement.records else ""
                 reasons.append(f"{requirement.id} got no whole recording '{name}'")
         return tuple(reasons)
-
-
-def _writable(text: str) -> str:
-    """Return a text that every file can hold: Python's stand-ins for bytes that are no UTF-8 are written out."""
-    return text.encode(errors="backslashreplace").decode()
 
 
 def _speaks_of_answers(requirement: Requirement) -> bool:

@@ -11,6 +11,7 @@ from hil.documents.suggest import did_you_mean
 from hil.executive.case.facade import Facade
 from hil.executive.case.given import Misused, given
 from hil.executive.case.steps import Steps
+from hil.executive.case.writable import one_line
 from hil.model.errors import HilError
 from hil.model.figure import Figure
 from hil.model.verdict import Verdict
@@ -230,7 +231,7 @@ def _too_coarse(judgement: Judgement, limit: Limit) -> bool:
 def _sentences(doubts: object) -> tuple[str, ...]:
     if isinstance(doubts, str) or not isinstance(doubts, Sequence) or not all(isinstance(one, str) for one in doubts):
         raise Misused("doubts are a list of sentences", "give [str(gate) for gate in tripped]")
-    return tuple(str(one) for one in doubts)
+    return tuple(map(one_line, doubts))
 
 
 def _of_instrument(instrument: Facade | None, found: Figure | str) -> float | None:

@@ -6,6 +6,8 @@ import re
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 
+from hil.executive.case.writable import one_line
+
 __all__ = ["Steps", "file_part"]
 
 
@@ -57,7 +59,7 @@ class Steps:
             depth = len(self._titles)
             del self._counts[depth + 1 :]
             self._counts[depth] += 1
-            self._titles.append(title.encode(errors="backslashreplace").decode())  # bytes that were no UTF-8, too
+            self._titles.append(one_line(title))
             self._began.append(began)
             self._counts.append(0)
             self._write("step", **self._facts(), **({} if turn is None else {"turn": turn}))

@@ -95,8 +95,10 @@ class Events:
         for listener in tuple(self._listeners):
             try:
                 listener(body)
-            except (Exception, SystemExit):  # noqa: BLE001 - a display that is gone must not reach the bench
+            except (OSError, ValueError):  # a display that is gone: what it is given would wait in its buffer for ever
                 self._listeners.remove(listener)
+            except (Exception, SystemExit):  # noqa: BLE001, S112 - the bench must not hear of it
+                continue
 
     def skip(self, last: int) -> None:
         """Let the events of the past up to sequence number `last` not come again: they are void."""

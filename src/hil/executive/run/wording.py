@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 
 from hil.executive.case.operator import Question
 
 __all__ = ["form", "spoken", "understood"]
+
+_PERHAPS_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
+"""A comma that may be a decimal sign or not: nobody guesses a factor of 1000."""
 
 _YES = frozenset({"true", "y", "yes"})
 _NO = frozenset({"false", "n", "no"})
@@ -23,7 +27,7 @@ def form(question: Question) -> str:
         case "confirm":
             return "yes or no"
         case "measure":
-            return f"a number in {question.unit}"
+            return f"a number in {question.unit}, such as 1.5"
         case "attach":
             return "yes when it is done"
         case _:
@@ -45,6 +49,8 @@ def understood(question: Question, line: str) -> str | float | bool | None:
 
 
 def _number(said: str) -> float | None:
+    if _PERHAPS_THOUSANDS.fullmatch(said) or "_" in said:
+        return None
     try:
         number = float(said.replace(",", "."))
     except ValueError:

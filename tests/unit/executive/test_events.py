@@ -1,0 +1,35 @@
+"""Who listens to the events of a run, and what becomes of whom they break."""
+
+from __future__ import annotations
+
+import pytest
+
+from hil.executive.run.events import Events
+
+
+def shown_to(error):
+    """Return which of three events a listener is shown that raises this at the first of them."""
+    heard = []
+
+    def listener(body):
+        heard.append(body["kind"])
+        if len(heard) == 1:
+            raise error
+
+    events = Events(None, None)
+    events.listen(listener)
+    for kind in ("a", "b", "c"):
+        events.show({"kind": kind})
+    return heard
+
+
+@pytest.mark.parametrize("error", [KeyError("x"), TypeError("x"), SystemExit(1)], ids=repr)
+def test_one_bad_event_does_not_make_a_listener_deaf(error):
+    """Who is notified, and who holds the bench, hears what comes next."""
+    assert shown_to(error) == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize("error", [BrokenPipeError(), ValueError("I/O operation on closed file")], ids=repr)
+def test_a_display_that_is_gone_is_shown_no_more(error):
+    """What it is given would wait in its buffer for ever."""
+    assert shown_to(error) == ["a"]
