@@ -127,14 +127,16 @@ def test_what_a_case_raises_is_an_error(tmp_path, statement, reason):
         ('check("T-010", "ratio", None)', "T-010 ratio: None (NoneType) is neither a number nor a word"),
         ('check("T-010", "ratio", Figure(value=1.0, unit="V"))', "'V' does not convert to '1'"),
         ('check.require("T-010", "rat" + "i", 1.0)', "T-010 has no parameter 'rati'"),
+        ("supply.coil.configure(7.0, 0.01)", "voltage 7 V is outside its clamp"),
+        ("supply.coil.configure(True, 0.01)", "supply.coil.configure: voltage is a number, found True"),
     ],
-    ids=["nothing", "unit", "parameter"],
+    ids=["nothing", "unit", "parameter", "clamp", "flag"],
 )
-def test_a_refused_check_that_a_case_swallows_is_an_error(tmp_path, call, reason):
-    """A check that could not be made counts, though the case goes on and makes it again; it is told once."""
+def test_what_was_refused_and_a_case_swallows_is_an_error(tmp_path, call, reason):
+    """What could not be done or checked counts, though the case goes on and makes its check; it is told once."""
     cases = f"""
     @pytest.mark.requirement("T-010")
-    def test_one(check):
+    def test_one(check, supply):
         try:
             {call}
         except Exception:

@@ -68,7 +68,7 @@ def find_run(asked: str) -> Path:
         return found[0]
     names = [printable(folder.name) for folder in found or folders]
     if found:
-        raise Refused(f"'{told}' could be {', '.join(names)}", "name more of it")
+        raise Refused(f"'{told}' could be {', '.join(sorted(names))}", "name more of it")
     raise Refused(f"there is no run '{told}'{did_you_mean(asked, names)}", "hil runs lists what there is")
 
 

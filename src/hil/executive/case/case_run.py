@@ -85,6 +85,7 @@ class CaseRun:
     _dut_faults: list[str] = field(default_factory=list)
     _problems: list[str] = field(default_factory=list)
     _raised: list[BaseException] = field(default_factory=list)
+    _refused: list[HilError] = field(default_factory=list)
     _aborted: str = ""
     _skipped: str = ""
 
@@ -111,6 +112,10 @@ class CaseRun:
         """Note silence or nonsense of a device, whether or not the case lets it through."""
         self._write_fault(fault, dut=instrument.dut)
         (self._dut_faults if instrument.dut else self._bench_faults).append(str(fault))
+
+    def refused(self, error: HilError) -> None:
+        """Note what was asked of a role and not done, whether or not the case lets it through."""
+        self._refused.append(error)
 
     def skip(self, reason: str) -> None:
         """Note that the case took itself out; it is NOT_RUN at best, and what it found before stands."""
@@ -172,9 +177,9 @@ class CaseRun:
         return Outcome(verdict=case, requirements=requirements, reasons=reasons)
 
     def _let_through(self) -> list[str]:
-        """Return why checks were refused where nothing of that came out of the case's code."""
-        refused = [error for error in self.check.refused if not any(error is each for each in self._raised)]
-        return [writable(str(error)) for error in refused]
+        """Return what was refused where nothing of that came out of the case's code."""
+        refused = (*self.check.refused, *self._refused)
+        return [writable(str(error)) for error in refused if not any(error is each for each in self._raised)]
 
     def _distrusted(self, fault: Implausible) -> None:
         """Note a fixture's judgement that the bench is not what it says; nothing more is run on it."""

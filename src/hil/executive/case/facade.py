@@ -16,10 +16,13 @@ from hil.executive.case.given import Misused
 from hil.instruments.roles import ROLES
 from hil.instruments.sampled import Sampled, Streamed
 from hil.model.bench import BenchSpec, InstrumentSpec, Wire
-from hil.model.errors import DeviceFault
+from hil.model.errors import ClampExceeded, DeviceFault, HilError, Refused
 from hil.model.figure import Figure
 
 __all__ = ["Facade", "Host", "RoleSet", "facades"]
+
+_NOT_DONE = (ClampExceeded, Misused, Refused)
+"""What is raised in place of an operation that is not begun."""
 
 _Result = TypeVar("_Result")
 
@@ -37,6 +40,10 @@ class Host(Protocol):
 
     def fault(self, instrument: InstrumentSpec, fault: DeviceFault) -> None:
         """Note silence or nonsense, before the case learns of it."""
+        ...
+
+    def refused(self, error: HilError) -> None:
+        """Note what the case asked for and was not done, before it learns of it."""
         ...
 
 
@@ -118,15 +125,19 @@ class Facade:
     def _bound(self, name: str, operation: Callable[..., Any]) -> Callable[..., Any]:
         signature = _signature_of(operation)
 
+        what = f"{self.wire.name}.{name}"
+        kind: str = operation.effect  # type: ignore[attr-defined]  # only marked operations come here
+
         def call(*args: object, **kwargs: object) -> object:
             arguments = signature.bind(self, *args, **kwargs).arguments
             arguments.pop("self")
-            _require_numbers(f"{self.wire.name}.{name}", signature, arguments)
-            self._host.point()
-            kind: str = operation.effect  # type: ignore[attr-defined]  # only marked operations come here
-            return self._effects.perform(
-                f"{self.wire.name}.{name}", kind, arguments, lambda: self._act(name, arguments)
-            )
+            try:
+                _require_numbers(what, signature, arguments)
+                self._host.point()
+                return self._effects.perform(what, kind, arguments, lambda: self._act(name, arguments))
+            except _NOT_DONE as error:
+                self._host.refused(error)
+                raise
 
         call.__name__, call.__doc__ = name, operation.__doc__
         return call
