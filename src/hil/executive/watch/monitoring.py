@@ -16,6 +16,9 @@ from hil.wire.tap import LONGEST_TRANSACTION
 
 __all__ = ["Monitoring"]
 
+_BEHIND_NS = NANOSECONDS // 10
+"""More than a turn of a monitor takes from the samples of a recording, which catch up with it."""
+
 
 class Monitoring:
     """Runs the monitors of a bench.
@@ -71,6 +74,16 @@ class Monitoring:
             if until_ns - now_ns >= monitor.room_ns or now_ns >= monitor.overdue_ns:
                 self._take(monitor, name)
         self.soonest_ns = min([monitor.due_ns for monitor in self.all], default=0)
+
+    def run_behind(self, when_ns: int) -> None:
+        """Run those that are overdue where a wait until `when_ns` would begin far behind its end.
+
+        Samples that come ever later leave no wait in which a monitor has its turn. One that is a little late does: a
+        turn before it would delay it more than the monitor needs.
+        """
+        now_ns = self._clock.now_ns()
+        if now_ns >= when_ns + _BEHIND_NS:
+            self.run(now_ns)
 
     def _replay(self, playback: Playback, until_ns: int, name: str) -> None:
         """Run those that the record holds here; those of a later wait are left for that one."""

@@ -136,8 +136,8 @@ class Scheduler:
     def wait_until(self, when_ns: int, done: Callable[[], bool] | None = None) -> None:
         """Let bench time pass until `when_ns`, or until `done` says so after a turn beside the case."""
         self._look()
-        if not self._take_turns(when_ns, done) and not self._pass(when_ns):
-            self._run_monitors(self.clock.now_ns())  # samples that are late leave no wait in which they could
+        if not self._take_turns(when_ns, done) and not self._pass(when_ns) and self._watching:
+            self.monitoring.run_behind(when_ns)
 
     def begin_beside(self, beside: Beside) -> None:
         """Let something take turns beside the case."""
