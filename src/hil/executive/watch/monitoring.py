@@ -78,8 +78,8 @@ class Monitoring:
     def run_behind(self, when_ns: int) -> None:
         """Run those that are overdue where a wait until `when_ns` would begin far behind its end.
 
-        Samples that come ever later leave no wait in which a monitor has its turn. One that is a little late does: a
-        turn before it would delay it more than the monitor needs.
+        Samples that come ever later leave no wait in which a monitor has its turn. The first of a recording, and one
+        that is a little late, are taken at once: a wait behind them has room.
         """
         now_ns = self._clock.now_ns()
         if now_ns >= when_ns + _BEHIND_NS:
