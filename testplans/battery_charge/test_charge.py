@@ -7,7 +7,7 @@ import math
 import pytest
 
 from hil.analysis.battery.gates import Declared
-from hil.analysis.battery.half_cycle import Limits
+from hil.analysis.battery.half_cycle import Limits, end_uncertainty
 from hil.analysis.battery.series import series
 from hil.analysis.battery.steps import StepKind
 from hil.analysis.battery.summary import summarise
@@ -89,10 +89,10 @@ class Certainty:
         return math.hypot(own, meter * sensitivity)
 
     def end_of(self, half):
-        """Of the last voltage [V]: the end came behind the last line, by which it had changed as much again at most."""
+        """Of the last voltage [V]: the end came behind the last line."""
         if self.voltage is None or math.isnan(half.last_change):
             return None
-        return math.hypot(self.voltage, half.last_change / math.sqrt(3.0))
+        return end_uncertainty(self.voltage, half.last_change)
 
     def charge(self, half):
         """Of a charge [Ah]: what the tester's current has too much, it has all the time."""

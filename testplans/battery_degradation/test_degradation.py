@@ -10,7 +10,7 @@ import pytest
 
 from hil.analysis.battery.cycles import cycles as cycles_of
 from hil.analysis.battery.fade import fade
-from hil.analysis.battery.half_cycle import Limits
+from hil.analysis.battery.half_cycle import Limits, end_uncertainty
 from hil.analysis.battery.series import series
 from hil.analysis.statistics import not_observable
 from hil.model.figure import Figure
@@ -223,12 +223,9 @@ def extreme(rows, column, unit, worst, uncertainty):
 
 
 def uncertainty_of_ends(rows, meter):
-    """Return the standard uncertainty [V] of the end of a discharge, which came behind its last line.
-
-    By then the voltage had changed as much again as from line to line at most; the greatest such change counts.
-    """
+    """Return the standard uncertainty [V] of the ends of all discharges: the greatest last change counts."""
     changes = [abs(row["last_change"]) for row in rows if math.isfinite(row["last_change"])]
-    return math.hypot(meter, max(changes) / math.sqrt(3.0)) if meter is not None and changes else None
+    return end_uncertainty(meter, max(changes)) if meter is not None and changes else None
 
 
 def total(rows, column):

@@ -15,7 +15,7 @@ from hil.analysis.battery.integration import one_way
 from hil.analysis.battery.series import Series, can_be_warm
 from hil.analysis.battery.steps import Segmentation, Step, StepKind, gaps
 
-__all__ = ["Flow", "HalfCycle", "Limits", "flow", "half_cycle"]
+__all__ = ["Flow", "HalfCycle", "Limits", "end_uncertainty", "flow", "half_cycle"]
 
 
 _LAST_V = 0.05
@@ -200,6 +200,19 @@ def half_cycle(data: Series, steps: Sequence[Step], flows: Flow, limits: Limits)
         bridged_charge=float(flows.charge[kind][parts][flows.bridged[parts]].sum()),
         gaps=int((flows.bridged[parts] | flows.lost[parts]).sum()),
     )
+
+
+def end_uncertainty(meter: float, last_change: float) -> float:
+    """Return the standard uncertainty in V of the voltage at the end of a half-cycle, of which no sample tells.
+
+    The end lies behind the last sample, by a change of voltage that is at most `last_change` and as likely anywhere up
+    to it: JCGM 100:2008, 4.3.7, with that as the half-width.
+
+    Args:
+        meter: standard uncertainty of the meter, in V.
+        last_change: of `HalfCycle`, in V.
+    """
+    return math.hypot(meter, last_change / math.sqrt(3.0))
 
 
 def _own(data: Series, parts: NDArray[np.int64], flows: Flow) -> float:
