@@ -11,7 +11,7 @@ import pytest
 SOURCE = Path(__file__).parents[2] / "src" / "hil"
 MODULES = sorted(path for path in SOURCE.rglob("*.py"))
 IDS = [str(path.relative_to(SOURCE)) for path in MODULES]
-LONGEST_MODULE = 300
+LONGEST_MODULE = 400
 LONGEST_FUNCTION = 50
 NAMES_THAT_SAY_NOTHING = {"common", "helpers", "misc", "stuff", "tools", "utils"}
 
