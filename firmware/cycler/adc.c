@@ -9,7 +9,7 @@
 
 #include "clock.h"
 #include "eeprom.h"
-#include "sequence.h"
+#include "relays.h"
 
 #define CONVERSIONS 64
 #define ONE 1
@@ -50,14 +50,14 @@ static uint16_t convert(void)
 		sei();
 		sleep_cpu();
 		if (clock_rang)
-			sequence_guard();
+			relays_guard();
 		cli();
 	}
 	sei();
 	return ADC;
 }
 
-/* The first conversion behind a change of the input is thrown away: the input has to settle. */
+/* The first conversion after a change of the input is thrown away: the input has to settle. */
 static uint16_t sum_of(uint8_t input, uint8_t conversions)
 {
 	uint16_t sum = 0;

@@ -5,9 +5,9 @@
 
 #include "eeprom.h"
 #include "fields.h"
-#include "level.h"
 #include "lines.h"
 #include "relays.h"
+#include "reset.h"
 #include "sequence.h"
 #include "settings.h"
 
@@ -59,7 +59,7 @@ static void identify(void)
 	line_flash(FLASH(" boots="));
 	line_number(eeprom_boots);
 	line_flash(FLASH(" reset="));
-	level_reset_reason();
+	line_flash(reset_reason());
 	line_send();
 }
 

@@ -4,7 +4,7 @@
 
 #include "board.h"
 
-/* Execute a command that came at a tick, and reply; words stand one behind the other, each ended by a 0. */
+/* Execute a command that came at a tick, and reply; words stand one after the other, each ended by a 0. */
 void command_execute(const char *tag, const char *words, uint8_t count, uint32_t ticks);
 
 #endif

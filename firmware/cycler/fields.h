@@ -4,7 +4,7 @@
 
 #include "board.h"
 
-/* Begin with the first field; words stand one behind the other, each ended by a 0, and the first is the command. */
+/* Begin with the first field; words stand one after the other, each ended by a 0, and the first is the command. */
 void fields_begin(const char *tag, const char *command, uint8_t words);
 
 /* Begin the reply to the command. */

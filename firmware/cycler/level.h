@@ -4,11 +4,8 @@
 
 #include "board.h"
 
-/* Send the banner; `flags` is MCUSR as the reset left it. */
-void level_banner(uint8_t flags);
-
-/* Write the reason of the last reset into the line; level 2 has it. */
-void level_reset_reason(void);
+/* Send the banner. */
+void level_banner(void);
 
 /* Take a byte of the host. */
 void level_receive(uint8_t byte);

@@ -4,9 +4,8 @@
 #include "sequence.h"
 #include "uart.h"
 
-void level_banner(uint8_t flags)
+void level_banner(void)
 {
-	(void)flags;
 	line_mark(FLASH("START ARDUINO"));
 }
 

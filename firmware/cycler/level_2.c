@@ -1,4 +1,3 @@
-#include <avr/io.h>
 #include <string.h>
 
 #include "clock.h"
@@ -7,6 +6,7 @@
 #include "eeprom.h"
 #include "level.h"
 #include "lines.h"
+#include "reset.h"
 #include "uart.h"
 
 #define LONGEST 63 /* without the \n */
@@ -16,27 +16,8 @@
 static char line[LONGEST + 2];
 static uint8_t length;
 
-static uint8_t reset_flags;
-
-static const __flash char *reason(void)
+void level_banner(void)
 {
-	if ((reset_flags & _BV(BORF)) && !(reset_flags & _BV(PORF)))
-		return FLASH("BROWNOUT");
-	if (reset_flags & _BV(WDRF))
-		return FLASH("WATCHDOG");
-	if (reset_flags & _BV(EXTRF))
-		return FLASH("EXTERNAL");
-	return reset_flags & _BV(PORF) ? FLASH("POWER") : FLASH("UNKNOWN");
-}
-
-void level_reset_reason(void)
-{
-	line_flash(reason());
-}
-
-void level_banner(uint8_t flags)
-{
-	reset_flags = flags;
 	line_begin();
 	line_flash(FLASH("START ARDUINO"));
 	line_count();
@@ -45,7 +26,7 @@ void level_banner(uint8_t flags)
 	line_char(';');
 	line_number(eeprom_boots);
 	line_char(';');
-	level_reset_reason();
+	line_flash(reset_reason());
 	line_send();
 }
 
@@ -79,8 +60,8 @@ static bool sealed(void)
 	return true;
 }
 
-/* The command behind the tag, or nothing if the line does not begin as it must. */
-static char *behind_tag(void)
+/* The command after the tag, or nothing if the line does not begin as it must. */
+static char *after_tag(void)
 {
 	char *text = &line[1];
 	uint32_t tag = 0;
@@ -122,7 +103,7 @@ static void take_line(void)
 	if (!length)
 		return;
 	lines_at(uart_arrived());
-	if (length <= LONGEST && sealed() && (words = behind_tag()) && (count = cut(words)))
+	if (length <= LONGEST && sealed() && (words = after_tag()) && (count = cut(words)))
 		command_execute(&line[1], words, count, uart_arrived());
 	else
 		line_mark(FLASH("ERROR FRAME"));

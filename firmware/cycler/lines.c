@@ -2,7 +2,7 @@
 
 #include "clock.h"
 #include "crc.h"
-#include "sequence.h"
+#include "relays.h"
 #include "uart.h"
 
 #define LONGEST 140
@@ -28,7 +28,7 @@ void line_begin(void)
 	length = 0;
 }
 
-/* No line is as long as this; one that were would be cut rather than written behind the end. */
+/* No line is as long as this; one that were would be cut rather than written past the end. */
 void line_char(char character)
 {
 	if (length < LONGEST)
@@ -104,7 +104,7 @@ static void send(char character)
 	while (!uart_room()) {
 		clock_sleep(&never);
 		if (clock_rang)
-			sequence_guard();
+			relays_guard();
 	}
 	uart_send(character);
 }

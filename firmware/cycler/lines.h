@@ -29,7 +29,7 @@ void line_count(void);
 /* Write CRC and end, and send it; the line stays whole. */
 void line_send(void);
 
-/* The bytes of the line so far; `line_cut` throws away what is behind a length. */
+/* The bytes of the line so far; `line_cut` throws away what follows a length. */
 uint8_t line_length(void);
 void line_cut(uint8_t length);
 

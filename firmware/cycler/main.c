@@ -13,22 +13,6 @@
 #include "sequence.h"
 #include "uart.h"
 
-/* Kept over the clearing of RAM. */
-static uint8_t reset_flags __attribute__((section(".noinit")));
-
-/*
- * A reset by the watchdog leaves it running at 16 ms, so that it is stopped before anything else. Where a bootloader
- * cleared MCUSR it hands over what it read in r2, as Optiboot does.
- */
-__attribute__((naked, used, section(".init3"))) static void keep_reset_flags(void)
-{
-	uint8_t handed_over;
-	__asm__ volatile("mov %0, r2" : "=r"(handed_over));
-	reset_flags = MCUSR ? MCUSR : handed_over & 0xF0 ? 0 : handed_over;
-	MCUSR = 0;
-	wdt_disable();
-}
-
 int main(void)
 {
 	enum alarm alarm;
@@ -41,7 +25,7 @@ int main(void)
 	eeprom_read();
 	sequence_start();
 	sei();
-	level_banner(reset_flags);
+	level_banner();
 	eeprom_count_boot();
 	for (;;) {
 		if (alarm_take(&alarm, &due))

@@ -4,7 +4,7 @@
 
 #include "clock.h"
 
-#define PAUSE_TICKS 1563 /* 100.03 ms, the first tick behind 100 ms */
+#define PAUSE_TICKS 1563 /* 100.03 ms, the first tick after 100 ms */
 
 static enum relay chosen;
 
@@ -36,6 +36,12 @@ void relays_close(void)
 		CHARGE_PORT |= _BV(CHARGE_PIN);
 	else if (chosen == RELAY_DISCHARGE)
 		DISCHARGE_PORT |= _BV(DISCHARGE_PIN);
+}
+
+void relays_guard(void)
+{
+	if (alarm_passed(ALARM_BEAT))
+		relays_open();
 }
 
 char relays_letter(void)

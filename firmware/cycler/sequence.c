@@ -95,12 +95,6 @@ void sequence_beat(uint32_t ticks)
 		alarm_set(ALARM_BEAT, ticks + settings[BEAT] * TICKS_PER_S);
 }
 
-void sequence_guard(void)
-{
-	if (alarm_passed(ALARM_BEAT))
-		relays_open();
-}
-
 static bool half_ended(const struct reading *reading)
 {
 	if (sequence.state == CHARGE)

@@ -34,12 +34,6 @@ void sequence_clear(void);
 /* Take a heartbeat that came at a tick. */
 void sequence_beat(uint32_t ticks);
 
-/*
- * Open the relays if the heartbeat is overdue, for whoever waits for something: the mark follows when the main loop
- * comes to it.
- */
-void sequence_guard(void);
-
 /* Do what is due: `alarm` was set for this tick. */
 void sequence_alarm(uint8_t alarm, uint32_t ticks);
 
