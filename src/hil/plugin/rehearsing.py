@@ -21,8 +21,8 @@ from hil.model.verdict import Verdict
 from hil.plugin.campaign import Opener
 from hil.plugin.launch import launch
 from hil.plugin.opening import open_new
-from hil.report.catalogue import requirement_entries
-from hil.report.from_package import PackageMaterial
+from hil.report.frozen import requirement_entries
+from hil.report.material import Material
 from hil.report.procedure import procedure_lines
 
 __all__ = ["Replayed", "procedure", "replay"]
@@ -55,7 +55,7 @@ def procedure(request: Request) -> list[str]:
     """Return the procedure of plans: whole cases, run on the simulated bench."""
     with tempfile.TemporaryDirectory(prefix="hil-plan-") as folder:
         configuration = configure(replace(request, output=Path(folder)))
-        material = PackageMaterial(Package(_rehearsed(configuration, open_new).folder))
+        material = Material(Package(_rehearsed(configuration, open_new).folder))
         return procedure_lines(material.events(), requirement_entries(material))
 
 

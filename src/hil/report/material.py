@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
+from hil.evidence.package.bag import INFO, identifier_of
+from hil.evidence.package.contents import Package
+from hil.evidence.recordings.hdf5 import Recorded
 from hil.model.errors import EvidenceError
 from hil.model.verdict import Verdict
 
@@ -13,9 +16,11 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Body", "Material", "Trace", "flag", "flat", "inner", "inners", "text", "texts", "verdict"]
+__all__ = ["Body", "Material", "Trace", "decimate", "flag", "flat", "inner", "inners", "text", "texts", "verdict"]
 
 Body = Mapping[str, object]
+
+_MOST = 65_536  # samples of a channel; a drawing takes fewer still
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,40 +33,56 @@ class Trace:
     values: NDArray[np.float64]
 
 
-class Material(Protocol):
-    """A run that can be read: a sealed package, or one that is about to be sealed."""
+class Material:
+    """What a run left behind: a sealed package, or one that is about to be sealed.
+
+    Args:
+        package: the run.
+    """
+
+    def __init__(self, package: Package) -> None:
+        self._package = package
+        self._data = package.folder / "data"
 
     def run(self) -> str:
-        """Return the name of the run."""
-        ...
+        """Return the name that the folder had at its seal; a copy under another name gives the same report."""
+        if self._package.sealed:
+            return identifier_of(self._package.text(INFO)) or self._package.name
+        return self._package.name
 
     def stamps(self) -> tuple[str, str]:
-        """Return the UTC of the first and of the last event, as ISO 8601; empty where there is none."""
-        ...
+        """Return the UTC of the first and of the last event."""
+        lines = self._package.lines()
+        return (str(lines[0].wall.get("utc", "")), str(lines[-1].wall.get("utc", ""))) if lines else ("", "")
 
     def sent(self) -> Mapping[int, str]:
-        """Return the UTC at which what came from other terminals was sent, by the sequence number of its event."""
-        ...
+        """Return the UTC at which what came from other terminals was sent; earlier records do not tell it."""
+        return {line.body["seq"]: str(line.wall["sent"]) for line in self._package.lines() if "sent" in line.wall}
 
     def events(self) -> Sequence[Body]:
         """Return the bodies of the journal in order."""
-        ...
+        return self._package.events()
 
     def results(self) -> Body:
-        """Return what was derived from them."""
-        ...
+        """Return the results."""
+        return self._package.results()
 
     def text(self, relative: str) -> str:
         """Return a file under `data/`, or an empty text where there is none."""
-        ...
+        return self._package.text(f"data/{relative}") if (self._data / relative).is_file() else ""
 
     def names(self, folder: str) -> Sequence[str]:
         """Return the sorted names directly within a folder under `data/`."""
-        ...
+        place = self._data / folder
+        return sorted(entry.name for entry in place.iterdir()) if place.is_dir() else []
 
     def traces(self, recording: str) -> Sequence[Trace]:
-        """Return the channels of a recording, none where it holds no rows."""
-        ...
+        """Return the channels of a recording; none where its samples cannot be read, which `verify` tells."""
+        try:
+            found = self._package.recording(recording)
+            return [_trace(found, name) for name in found.channels]
+        except EvidenceError:
+            return []
 
 
 def text(body: Body, key: str) -> str:
@@ -121,3 +142,37 @@ def flat(body: Body, before: str = "") -> Iterable[tuple[str, str]]:
             yield name, ", ".join(str(item) for item in value)
         else:
             yield name, "" if value is None else str(value)
+
+
+def decimate(
+    times: NDArray[np.float64], values: NDArray[np.float64], points: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return at most about `points` samples that keep the lowest and highest of every stretch.
+
+    Args:
+        times: instants, shape (n,).
+        values: samples, shape (n,); NaN stays a hole only where a whole stretch is NaN.
+        points: how many samples may remain, at least 2.
+    """
+    import numpy as np  # noqa: PLC0415 - slow to import
+
+    size = len(values)
+    stretch = -(-size // max(points // 2, 1))
+    if size <= points or stretch < 2:
+        return times, values
+    whole = size // stretch * stretch
+    rows = values[:whole].reshape(-1, stretch)
+    holes = np.isnan(rows)
+    pierced = bool(holes.any())  # weeks of samples are copied for holes only if there are some
+    low = np.argmin(np.where(holes, np.inf, rows) if pierced else rows, axis=1)
+    high = np.argmax(np.where(holes, -np.inf, rows) if pierced else rows, axis=1)
+    base = np.arange(0, whole, stretch)
+    rest = np.arange(whole, size)
+    kept = np.unique(np.concatenate([base + low, base + high, rest[:1], rest[-1:]]))
+    return times[kept], values[kept]
+
+
+def _trace(found: Recorded, name: str) -> Trace:
+    """Return one channel; of a long one the lowest and highest of each stretch, so that it leaves memory again."""
+    times, values = decimate(found.time, found[name], _MOST)
+    return Trace(name=name, unit=found.unit(name), times=times, values=values)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 
 from hil.evidence.results.derived import BY_CASES
-from hil.report.catalogue import demands, unspoken
+from hil.report.frozen import demands, unspoken
 from hil.report.material import Body, inner, inners, text, texts, verdict
 from hil.report.numbers import bench_time, duration, limit_text, number, with_unit
 from hil.report.page.as_run import attributed

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from hil.model.identity import Source
 from hil.model.verdict import NO_CHECK, Verdict
 from hil.report.material import Body, flag, inner, inners, text, texts, verdict
 from hil.report.numbers import bench_time, duration
-from hil.report.page.view import Closing
 
 __all__ = [
+    "Closing",
     "closing_sentence",
     "closings",
     "common_reasons",
@@ -36,6 +37,15 @@ _TOLD = {
     Verdict.ABORTED: "aborted",
     Verdict.NOT_RUN: "not run",
 }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Closing:
+    """Why this run can or cannot close some requirements; one that it cannot close may stand under several reasons."""
+
+    closes: bool
+    reason: str
+    requirements: tuple[str, ...]
 
 
 def headline(results: Body) -> str:

@@ -1,21 +1,31 @@
-"""The reports of a run, written into its folder before the seal, or made again from a sealed one."""
+"""The reports of a run, written into its folder before the seal, or derived again from a sealed one.
+
+The page is one HTML file that needs no network and no script, on a screen and on A4.
+"""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from hil.evidence.durable import write_whole
 from hil.evidence.folder import REPORT
 from hil.evidence.package.contents import Package
-from hil.report.from_package import PackageMaterial
 from hil.report.junit import junit
+from hil.report.material import Material
 from hil.report.page.assemble import assemble
-from hil.report.page.rendering import render
+from hil.report.page.view import RunView
 
-__all__ = ["HTML", "JUNIT", "make_reports", "write_reports"]
+__all__ = ["HTML", "JUNIT", "TEMPLATES", "make_reports", "write_reports"]
 
 HTML = "report.html"
 JUNIT = "junit.xml"
+_MOST_FAILED = 12  # checks, and cases, that are named beside the verdict; the sections below name all
+TEMPLATES = Path(__file__).parent / "page/templates"
+# Controls, and marks that reorder or hide text: they are shown by their number, never obeyed.
+_UNSEEN = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb\ud800-\udfff]"
+)
 
 
 def make_reports(folder: Path) -> dict[str, bytes]:
@@ -43,9 +53,34 @@ def write_reports(package: Package) -> None:
 
 
 def _reports(package: Package) -> dict[str, bytes]:
-    digest, material = package.evidence_digest, PackageMaterial(package)
+    digest, material = package.evidence_digest, Material(package)
     view = assemble(material, digest)
     return {
-        HTML: render(view).encode("utf-8", errors="replace"),
+        HTML: _render(view).encode("utf-8", errors="replace"),
         JUNIT: junit(material.results(), run=material.run(), began=material.stamps()[0], evidence_digest=digest),
     }
+
+
+def _render(view: RunView) -> str:
+    """Return the page; the same view gives the same text."""
+    import jinja2  # noqa: PLC0415 - only where a page is made
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        finalize=_visible,
+        optimized=False,  # the template is rendered once; folding its constants takes longer than it saves
+    )
+    page = environment.get_template("report.html").render(run=view, most_failed=_MOST_FAILED)
+    return re.sub(r"\n\s*\n+", "\n", page)
+
+
+def _visible(value: object) -> object:
+    """Return a text with what cannot be seen made visible; markup is ours and stays."""
+    if not isinstance(value, str) or hasattr(value, "__html__"):
+        return value
+    return _UNSEEN.sub(lambda match: f"[U+{ord(match[0]):04X}]", str(value))

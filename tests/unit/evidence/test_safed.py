@@ -14,8 +14,8 @@ from hil.evidence.package.recovery import recover
 from hil.evidence.package.verification import State, verify
 from hil.evidence.runs import status
 from hil.evidence.safed import guardian_hash, guardian_lines, is_acknowledged
-from hil.report.from_package import PackageMaterial
-from hil.report.page.happenings import happenings
+from hil.report.material import Material
+from hil.report.page.incidents import happenings
 
 ACTED = b'{"kind":"acted","why":"the executive died"}\n'
 
@@ -86,7 +86,7 @@ def test_the_report_tells_when_it_was_acknowledged(folder):
     post(folder, "ack", by="Ada", text="fuse replaced", seen=guardian_hash(folder))
     (message,) = peek(folder)
     recover(folder, write_reports=lambda _: None)
-    material = PackageMaterial(Package(folder))
+    material = Material(Package(folder))
     (told,) = [event for event in material.events() if event["kind"] == "acknowledged"]
     assert material.sent() == {told["seq"]: message.utc}
     (row,) = [row for row in happenings(material.events(), {}, (), material.sent()) if row.kind == "acknowledged"]

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from hil.model.verdict import Verdict
-from hil.report.drawing.points import Point, draw_points
-from hil.report.drawing.scales import Band, Scale, finite, spread
-from hil.report.drawing.traces import decimate, draw_traces
-from hil.report.material import Trace
+from hil.report.drawing.checks import Point, draw_points
+from hil.report.drawing.panel import Band, Scale, finite, spread
+from hil.report.drawing.recordings import draw_traces
+from hil.report.material import Trace, decimate
 
 
 def trace(name="x", unit="deg/s", size=1000):

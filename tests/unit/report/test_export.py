@@ -22,10 +22,10 @@ from hil.evidence.package.sealing import seal
 from hil.evidence.recordings.datasets import add_dataset, write_part
 from hil.model.errors import EvidenceError, Refused
 from hil.report.export import package as exporting
-from hil.report.export.choosing import choose
 from hil.report.export.csv_table import TableFormat, write_csv
 from hil.report.export.mat_file import matlab_names, write_mat
 from hil.report.export.package import ExportRequest, export_package
+from hil.report.export.selection import choose
 
 BOTH = {"table": TableFormat(), "mat": True}
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from hil.report.page.facts import facts
+from hil.report.page.assemble import facts
 
 
 def told(run):

@@ -6,8 +6,7 @@ import json
 
 import pytest
 
-from hil.report.page.guarded import guarded
-from hil.report.page.happenings import happenings
+from hil.report.page.incidents import guarded, happenings
 
 ACTING = {"event": "acting", "why": "the executive died", "utc": "2026-11-21T23:04:14.022418Z"}
 OFF = [{"event": "off", "output": output, "ok": output != "tec"} for output in ("supply.charge", "tec", "cycler")]

@@ -11,11 +11,11 @@ import specimen_run
 
 from hil.evidence.package.contents import Package
 from hil.model.verdict import Verdict
-from hil.report.from_package import PackageMaterial
+from hil.report.drawing.checks import charts
+from hil.report.drawing.recordings import recording_graphics
+from hil.report.material import Material
 from hil.report.page.as_run import fed_limits, recording_rows, watched_rows
-from hil.report.page.drawings import charts, recording_graphics
-from hil.report.page.rendering import TEMPLATES
-from hil.report.write import HTML, JUNIT, make_reports
+from hil.report.write import HTML, JUNIT, TEMPLATES, make_reports
 
 VOID = {"meta", "path", "circle", "br", "use", "link", "img"}
 
@@ -484,7 +484,7 @@ def test_incidents_are_told(tmp_path):
 
 def test_recordings_with_the_same_channels_share_a_drawing(folder):
     """Three recordings of one case are one drawing over bench time, with holes in between."""
-    material = PackageMaterial(Package(folder))
+    material = Material(Package(folder))
     (event,) = Package(folder).events("recording")
     (graphic,) = recording_graphics(material, [event] * 3, [], [])[event["case"]]
     assert graphic.title == "test_noise_at_rest · rest (3 recordings)"
@@ -497,7 +497,7 @@ def test_what_the_envelope_watched_has_its_limits(folder):
     (event,) = Package(folder).events("recording")
     watched = event | {"case": "", "name": "board"}
     limits = [{"id": "board", "unit": "deg/s", "min": "-1", "max": "1"}, {"id": "other", "unit": "degC", "max": "99"}]
-    (graphic,) = recording_graphics(PackageMaterial(Package(folder)), [watched], [], limits)[""]
+    (graphic,) = recording_graphics(Material(Package(folder)), [watched], [], limits)[""]
     assert graphic.title == "board"
     assert graphic.svg.count('class="band"') == 1
 
@@ -511,7 +511,7 @@ def test_what_a_recording_fed_stands_behind_it(folder):
         for unit in ("deg/s", "1")
     ]
     fed = [{"limit": "rate", "recording": event["recording"]}]
-    material = PackageMaterial(Package(folder))
+    material = Material(Package(folder))
     (with_fed,) = recording_graphics(material, [event], checks, limits, fed)[event["case"]]
     (without,) = recording_graphics(material, [event], checks, limits)[event["case"]]
     assert [graphic.svg.count('class="limit"') for graphic in (with_fed, without)] == [2, 1]

@@ -1,8 +1,8 @@
 import specimen_run
 
 from hil.evidence.package.contents import Package
-from hil.report.catalogue import demands, requirement_entries
-from hil.report.from_package import PackageMaterial
+from hil.report.frozen import demands, requirement_entries
+from hil.report.material import Material
 from hil.report.procedure import procedure_lines
 
 DRIVE = {"case": "a", "step": "1", "name": "supply.coil.set", "effect": "drives", "result": None}
@@ -29,7 +29,7 @@ def drive(ordinal, **arguments):
 
 def test_specimen_as_a_procedure(folder):
     """Cases, numbered steps with bench times, drives, recordings with duration, and questions, in order."""
-    lines = procedure_lines(Package(folder).events(), requirement_entries(PackageMaterial(Package(folder))))
+    lines = procedure_lines(Package(folder).events(), requirement_entries(Material(Package(folder))))
     assert lines[0] == "Procedure of gyroscope on bench flatsat (simulated): 5 cases, 13 min 20 s of bench time"
     place = lines.index(f"[1/5] {specimen_run.CASES['rest']}")
     assert lines[place + 1 : place + 10] == [
@@ -51,7 +51,7 @@ def test_specimen_as_a_procedure(folder):
 
 def test_limits_and_what_is_driven_stand_first(folder):
     """Before the cases: the roles that are driven, the deviations, and what each requirement asks for."""
-    lines = procedure_lines(Package(folder).events(), requirement_entries(PackageMaterial(Package(folder))))
+    lines = procedure_lines(Package(folder).events(), requirement_entries(Material(Package(folder))))
     first = lines[: lines.index(f"[1/5] {specimen_run.CASES['rest']}")]
     assert "drives        rotation_table, supply.board" in first
     assert "deviation     parameter gyroscope.rest_duration is 600 s, the plan says 14400 s" in first

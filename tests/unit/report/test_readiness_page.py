@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hil.report.page.readiness import armings
+from hil.report.page.bench import armings
 
 
 def gate(t, name, detail="as it must", *, ok=True, kind="gate"):

@@ -30,7 +30,7 @@ def command(run: str, answer: str, by: str) -> int:
     """
     from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
     from hil.report.live.following import Follower  # noqa: PLC0415 - only when it is used
-    from hil.report.page.happenings import answered  # noqa: PLC0415 - only when it is used
+    from hil.report.page.incidents import answered  # noqa: PLC0415 - only when it is used
 
     folder = find_running(run)
     follower = Follower(folder)

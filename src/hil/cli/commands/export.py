@@ -12,7 +12,7 @@ from hil.model.errors import Refused
 
 if TYPE_CHECKING:
     from hil.report.export.csv_table import TableFormat
-    from hil.report.export.facts import Facts
+    from hil.report.export.selection import Facts
 
 __all__ = ["command"]
 

@@ -37,7 +37,7 @@ def status_lines(folder: Path) -> list[str]:
     from hil.report.live.following import Follower  # noqa: PLC0415 - heavy
     from hil.report.live.lines import reading_lines  # noqa: PLC0415 - heavy
     from hil.report.numbers import bench_time, duration  # noqa: PLC0415 - heavy
-    from hil.report.page.happenings import attached, noted  # noqa: PLC0415 - heavy
+    from hil.report.page.incidents import attached, noted  # noqa: PLC0415 - heavy
 
     found = status(folder)
     follower = Follower(folder)

@@ -16,7 +16,7 @@ from hil.report.live.lines import one_line
 from hil.report.live.outlook import Outlook
 from hil.report.live.readings import Readings
 from hil.report.numbers import bench_time, duration, limit_text, measured
-from hil.report.page.happenings import answered, attached, noted
+from hil.report.page.incidents import answered, attached, noted
 from hil.report.sentences import in_short
 
 __all__ = ["Progress"]

@@ -14,7 +14,7 @@ from hil.documents.canonical import canonical
 from hil.evidence.package.listing import shown
 from hil.evidence.recordings.hdf5 import read_blocks
 from hil.model.errors import Refused
-from hil.report.export.facts import Facts
+from hil.report.export.selection import Facts
 
 if TYPE_CHECKING:
     import numpy as np

@@ -10,7 +10,7 @@ from typing import Any
 from hil.evidence.package.listing import shown
 from hil.evidence.recordings.hdf5 import read_column
 from hil.model.errors import EvidenceError, Refused
-from hil.report.export.facts import Facts
+from hil.report.export.selection import Facts
 
 __all__ = ["matlab_names", "write_mat"]
 

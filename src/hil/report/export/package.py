@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from hil.documents.canonical import canonical
-from hil.evidence.folder import RECORDINGS
+from hil.evidence.durable import DISK_FULL, PART, sync_file, sync_folder
+from hil.evidence.folder import RECORDINGS, is_sealed
 from hil.evidence.package.contents import Package
 from hil.evidence.package.listing import shown
 from hil.evidence.package.verification import State, Verification, verify
 from hil.model.errors import EvidenceError, Refused
-from hil.report.export.choosing import choose
 from hil.report.export.csv_table import TableFormat, write_csv
-from hil.report.export.facts import Facts, facts_of
 from hil.report.export.mat_file import write_mat
-from hil.report.export.whole_files import require_new, whole_files
+from hil.report.export.selection import Facts, choose, facts_of
 
 __all__ = ["ExportRequest", "Exported", "export_package"]
 
@@ -71,7 +72,7 @@ def export_package(folder: Path, request: ExportRequest) -> Iterator[Exported]:
     package = Package(folder)
     chosen = choose(package.recordings(), request.recordings, request.cases)
     facts = [facts_of(package, verified, begun) for begun in chosen]
-    require_new(request.output, [name for told in facts for name in _names(told, request)])
+    _require_new(request.output, [name for told in facts for name in _names(told, request)])
     for told in facts:
         yield _exported(folder / RECORDINGS / f"{told['recording']}.h5", told, request)
 
@@ -100,7 +101,7 @@ def _names(facts: Mapping[str, Any], request: ExportRequest) -> list[str]:
 
 def _exported(recording: Path, facts: Facts, request: ExportRequest) -> Exported:
     names = _names(facts, request)
-    with whole_files(request.output, names) as parts:
+    with _whole_files(request.output, names) as parts:
         files = dict(zip((Path(name).suffix for name in names), zip(names, parts, strict=True), strict=True))
         if request.table:
             table, part = files[".csv"]
@@ -116,3 +117,53 @@ def _beside(facts: Facts, table: str, digest: str, form: TableFormat) -> Facts:
     """Return the facts for the file beside a table, bound to it by its hash."""
     written = {"name": table, "sha256": digest, "separator": form.separator, "decimal": form.decimal}
     return facts | {"file": written | {"not_a_number": ""}}
+
+
+def _require_new(folder: Path, names: Sequence[str]) -> None:
+    """Refuse a folder to which these files cannot be added.
+
+    Raises:
+        Refused: where it is inside of a sealed package or is no folder, or where one of the files is there.
+    """
+    whole = Path(os.path.realpath(folder))
+    for place in (whole, *whole.parents):
+        if is_sealed(place):
+            raise Refused(f"{folder}: this is inside of the sealed package {place.name}", "choose another --output")
+    if os.path.lexists(folder) and not folder.is_dir():
+        raise Refused(f"{folder}: this is no folder", "choose another --output")
+    for name in names:
+        if os.path.lexists(folder / name):
+            raise Refused(f"{folder / name} is there already, and nothing is overwritten", "choose another --output")
+
+
+@contextmanager
+def _whole_files(folder: Path, names: Sequence[str]) -> Iterator[list[Path]]:
+    """Give paths to write to, and give the files their names once all of them are on the disk.
+
+    Args:
+        folder: where they are written; it is made where it is not there, and removed again if nothing comes into it.
+        names: the names that the files get.
+
+    Raises:
+        Refused: where the disk is full or a file cannot be written; nothing half written is left.
+    """
+    parts = [folder / f"{name}{PART}" for name in names]
+    there = folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield parts
+        for part in parts:
+            sync_file(part)
+        for part, name in zip(parts, names, strict=True):
+            part.replace(folder / name)
+        sync_folder(folder)
+    except OSError as error:
+        what = "disk full" if error.errno in DISK_FULL else f"cannot be written: {error.strerror or error}"
+        raise Refused(f"{folder / names[0]}: {what}", "choose another --output, or free some space") from error
+    finally:
+        for part in parts:
+            with suppress(OSError):
+                part.unlink()
+        if not there:
+            with suppress(OSError):
+                folder.rmdir()  # only an empty one can be

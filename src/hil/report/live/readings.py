@@ -15,10 +15,10 @@ from hil.documents.canonical import JsonError
 from hil.evidence.durable import open_plain
 from hil.evidence.folder import RECORDINGS
 from hil.model.errors import HilError
+from hil.report.frozen import parse
 from hil.report.live.outlook import Outlook
 from hil.report.material import inners, text
 from hil.report.numbers import number, with_unit
-from hil.report.page.bench_file import parse
 
 __all__ = ["Reading", "Readings"]
 

@@ -7,24 +7,23 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from hil.documents.canonical import parse_strict
+from hil.model.identity import Source
 from hil.model.verdict import Verdict
-from hil.report.catalogue import demands, documents, plan_files, requirement_entries, unspoken
+from hil.report.drawing.checks import charts
+from hil.report.drawing.panel import Graphic
+from hil.report.drawing.recordings import recording_graphics
+from hil.report.frozen import demands, documents, parse, plan_files, requirement_entries, unspoken
 from hil.report.material import Body, Material, flat, inner, inners, text, texts, verdict
 from hil.report.numbers import duration, with_unit
 from hil.report.page.as_run import attributed, checks_of, fed_limits, recording_rows, step_rows, watched_rows
-from hil.report.page.bench_file import instruments, parse, wiring
-from hil.report.page.drawings import charts, recording_graphics
-from hil.report.page.facts import facts
-from hil.report.page.guarded import guarded
-from hil.report.page.happenings import deviations, happenings, people
-from hil.report.page.readiness import armings, safe_off
+from hil.report.page.bench import armings, instruments, safe_off, wiring
+from hil.report.page.incidents import deviations, guarded, happenings, people
 from hil.report.page.view import (
     BrokenRow,
     CaseName,
     CaseView,
     DocumentRow,
     Fact,
-    Graphic,
     ParameterRow,
     RequirementRow,
     RunView,
@@ -42,7 +41,7 @@ from hil.report.sentences import (
     warnings,
 )
 
-__all__ = ["assemble"]
+__all__ = ["assemble", "facts"]
 
 _LONGEST = 300
 # What an empty field of the software's identity says: no variable in the environment, no change beside the commit.
@@ -109,6 +108,61 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         content_digest=text(results, "content_digest"),
         evidence_digest=evidence_digest,
     )
+
+
+def facts(material: Material, run: Body, bench: Body, events: Sequence[Body]) -> tuple[Fact, ...]:
+    """Return who, what, when and where: label and value, empty where it is not recorded.
+
+    Args:
+        material: the run's evidence.
+        run: what it was made of, from its results.
+        bench: the head of its bench file.
+        events: its events, in order.
+    """
+    dut = inner(run, "dut")
+    span = _span(run, duration(events[-1].get("t")) if events else "")
+    began, ended = material.stamps()
+    return tuple(
+        Fact(label=label, value=value)
+        for label, value in (
+            ("Device under test", text(dut, "title")),
+            ("Part number", text(dut, "part")),
+            ("Serial number", text(dut, "serial")),
+            ("Model", text(dut, "model")),
+            ("Hardware revision", text(dut, "hardware")),
+            ("Firmware revision", text(dut, "firmware")),
+            ("Purpose", text(run, "purpose")),
+            ("Source", f"{text(run, 'source')}, served by another process" if _served(run) else text(run, "source")),
+            ("Operator", text(run, "operator")),
+            ("Bench", " · ".join(part for part in (text(run, "bench"), text(bench, "title")) if part)),
+            ("Place", text(bench, "place")),
+            ("Began (UTC)", _instant(began)),
+            ("Ended (UTC)", _instant(ended)),
+            ("Bench time", span),
+            ("Plans", ", ".join(texts(run, "plans"))),
+            ("Run", material.run()),
+        )
+    )
+
+
+def _served(run: Body) -> bool:
+    return bool(inner(run, "live").get("served"))
+
+
+def _span(run: Body, lasted: str) -> str:
+    """Return how long a run lasted in bench time, and what that time was."""
+    live, epoch = inner(run, "live"), text(run, "epoch")
+    if not lasted or text(run, "source") == Source.HARDWARE:
+        return lasted
+    if not live:
+        return f"{lasted}, virtual{epoch and ' from '}{epoch}"
+    speed = text(live, "speed").removesuffix(".0")
+    return lasted if speed in {"", "1"} else f"{lasted}, at {speed} times real time"
+
+
+def _instant(stamp: str) -> str:
+    """Return a stamp as a person reads it, to the second."""
+    return f"{stamp[:10]} {stamp[11:19]}" if len(stamp) > 19 else stamp
 
 
 def _documents(material: Material) -> tuple[DocumentRow, ...]:

@@ -5,24 +5,26 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hil.model.verdict import Verdict
-from hil.report.page.readiness import Arming, SafeRow
+from hil.report.drawing.panel import Graphic
+from hil.report.sentences import Closing
 
 __all__ = [
+    "Arming",
     "BrokenRow",
     "CaseName",
     "CaseView",
     "CheckRow",
-    "Closing",
     "DocumentRow",
     "Exchange",
     "Fact",
-    "Graphic",
+    "GateRow",
     "Happening",
     "InstrumentRow",
     "ParameterRow",
     "RecordingRow",
     "RequirementRow",
     "RunView",
+    "SafeRow",
     "StepRow",
     "WireRow",
 ]
@@ -42,15 +44,6 @@ class CaseName:
 
     shown: str
     anchor: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Closing:
-    """Why this run can or cannot close some requirements; one that it cannot close may stand under several reasons."""
-
-    closes: bool
-    reason: str
-    requirements: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,15 +153,6 @@ class RecordingRow:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Graphic:
-    """A drawing as SVG text, with its title and a sentence for who cannot see it."""
-
-    title: str
-    described: str
-    svg: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class CaseView:
     """One case as it was run; one that never began has nothing to show but its line among those that were not run."""
 
@@ -210,6 +194,36 @@ class WireRow:
     instrument: str
     channel: str
     note: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GateRow:
+    """One readiness gate; one that could not be tried is not said to have held."""
+
+    name: str
+    ok: bool
+    tried: bool
+    detail: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arming:
+    """The gates of one arming in their order; the title tells which, and is empty where there was one only."""
+
+    title: str
+    gates: tuple[GateRow, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SafeRow:
+    """One output, brought to its safe state and proven there, or not."""
+
+    at: str
+    output: str
+    state: str
+    ok: bool
+    detail: str
+    duration: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,15 +1,28 @@
-"""What the frozen catalogue says of requirements: their document, place in the tree, and what they ask for."""
+"""The frozen files of a run as plain objects: what plans and bench said when it began."""
 
 from __future__ import annotations
 
 from collections.abc import Container, Iterator, Mapping
 
+from hil.documents.findings import Findings
+from hil.documents.node import Mapping as MappingNode
+from hil.documents.node import Node, Scalar, Sequence
+from hil.documents.strict_yaml import parse_yaml
 from hil.report.material import Body, Material, inner, inners, text, texts
 from hil.report.numbers import limit_text
-from hil.report.page.bench_file import parse
 from hil.requirements.requirement import Decision
 
-__all__ = ["demands", "documents", "plan_files", "requirement_entries", "unspoken"]
+__all__ = ["demands", "documents", "parse", "plan_files", "requirement_entries", "unspoken"]
+
+
+def parse(content: str, shown: str) -> Body:
+    """Return a YAML document as plain objects; an empty object where it is absent or cannot be read.
+
+    Every scalar is its text as written: a report shows what a file says, it does not compute with it.
+    """
+    node = parse_yaml(content.encode(), shown, Findings()) if content else None
+    value = _plain(node) if node is not None else {}
+    return value if isinstance(value, Mapping) else {}
 
 
 def plan_files(material: Material, name: str) -> Iterator[tuple[str, Body]]:
@@ -67,3 +80,11 @@ def _records(records: Body) -> str:
         f"gaps up to {gap}" if gap else "",
     )
     return f"recording {text(records, 'recording')}: {'; '.join(part for part in parts if part)}"
+
+
+def _plain(node: Node) -> object:
+    if isinstance(node, MappingNode):
+        return {key.text: _plain(value) for key, value in node.entries}
+    if isinstance(node, Sequence):
+        return [_plain(item) for item in node.items]
+    return node.text if isinstance(node, Scalar) else ""

@@ -1,0 +1,250 @@
+"""Paper for drawings: SVG in whole units, axes with round numbers at their ticks, and limits behind the values.
+
+The same numbers give the same bytes wherever a drawing is made.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
+from html import escape
+
+__all__ = [
+    "TITLE",
+    "WIDTH",
+    "Band",
+    "Graphic",
+    "Panel",
+    "Scale",
+    "Sheet",
+    "draw_limits",
+    "finite",
+    "plain",
+    "polyline",
+    "spread",
+    "width_of",
+]
+
+WIDTH = 7_200
+"""Of every drawing, in units: ten to a pixel, so that whole numbers are fine enough."""
+
+_CHARACTER = 62  # the width of one, on average and generously
+_SHORTEST = 20  # a line that would be a point is drawn this long
+TITLE = 140
+"""The line on which a drawing's title stands, in units from its top."""
+
+_TICK = 35
+_WORDS = 40  # how far below its middle line a text stands
+_LARGEST = 1e300  # beyond it a difference could be infinite
+_NARROWEST = 1e-9  # of the largest value: less is the noise of a float, and no two ticks would differ
+_EXACT = Context(prec=60)
+_ROUND = (1, 2, 5, 10)
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Graphic:
+    """A drawing as SVG text, with its title and a sentence for who cannot see it."""
+
+    title: str
+    described: str
+    svg: str
+
+
+class Sheet:
+    """The elements of one drawing, in the order in which they lie upon each other.
+
+    What they look like is in the page's style sheet, under `.drawing`.
+    """
+
+    def __init__(self) -> None:
+        self._parts: list[str] = []
+
+    def path(self, kind: str, steps: str) -> None:
+        """Add an outline or a line of the given class; nothing where it has no steps."""
+        if steps:
+            self._parts.append(f'<path class="{kind}" d="{steps}"/>')
+
+    def line(self, kind: str, begin: tuple[int, int], end: tuple[int, int]) -> None:
+        """Add a straight line."""
+        self.path(kind, f"M{begin[0]} {begin[1]}L{end[0]} {end[1]}")
+
+    def area(self, kind: str, corner: tuple[int, int], opposite: tuple[int, int]) -> None:
+        """Add a filled rectangle between two corners."""
+        (left, right), (top, bottom) = sorted((corner[0], opposite[0])), sorted((corner[1], opposite[1]))
+        self.path(kind, f"M{left} {top}H{right}V{bottom}H{left}z")
+
+    def text(self, kind: str, place: tuple[int, int], words: str, *, upright: bool = False) -> None:
+        """Add text at a place; upright text reads from below."""
+        turned = f' transform="rotate(-90 {place[0]} {place[1]})"' if upright else ""
+        self._parts.append(f'<text class="{kind}" x="{place[0]}" y="{place[1]}"{turned}>{escape(words)}</text>')
+
+    def svg(self, title: str, height: int) -> str:
+        """Return the drawing as an element that can stand inside an HTML page."""
+        told = escape(plain(title), quote=True)
+        return (
+            f'<svg class="drawing" role="img" aria-label="{told}" viewBox="0 0 {WIDTH} {height}">'
+            f"{''.join(self._parts)}</svg>"
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Band:
+    """Limits to be drawn behind values of the same unit; None is open on that side."""
+
+    unit: str
+    low: float | None
+    high: float | None
+
+    @property
+    def edges(self) -> tuple[float, ...]:
+        """The limits that there are."""
+        return tuple(edge for edge in (self.low, self.high) if edge is not None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scale:
+    """A linear axis: `low` is drawn at `first`, `high` at `last`, in units of the drawing."""
+
+    low: float
+    high: float
+    first: int
+    last: int
+
+    def at(self, value: float) -> int:
+        """Return where a value stands; what is outside the axis stands at its end."""
+        share = (min(max(value, self.low), self.high) - self.low) / (self.high - self.low)
+        return round(self.first + share * (self.last - self.first))
+
+    @property
+    def exponent(self) -> int:
+        """The power of ten that the labels leave to the axis' title: a multiple of three, 0 for ordinary numbers."""
+        size = math.floor(math.log10(max(abs(self.low), abs(self.high))))
+        return 0 if -3 <= size < 6 else 3 * (size // 3)
+
+    def ticks(self, most: int) -> list[tuple[float, str]]:
+        """Return at most about `most` round values within the axis, each with its label."""
+        low, high = Decimal(repr(self.low)), Decimal(repr(self.high))
+        rough = _EXACT.divide(high - low, Decimal(most))
+        step = next(size for size in (Decimal(digit).scaleb(rough.adjusted()) for digit in _ROUND) if size >= rough)
+        first = int(_EXACT.divide(low, step).to_integral_value(ROUND_CEILING))
+        last = int(_EXACT.divide(high, step).to_integral_value(ROUND_FLOOR))
+        places = max(0, self.exponent - step.adjusted())
+        found = (_EXACT.multiply(step, Decimal(number)) for number in range(first, last + 1))
+        return [(float(value), f"{_EXACT.scaleb(value, -self.exponent):.{places}f}") for value in found]
+
+    def titled(self, unit: str) -> str:
+        """Return the unit with the power of ten that the labels leave out."""
+        if not self.exponent:
+            return unit
+        power = f"10{str(self.exponent).translate(_SUPERSCRIPT)}"
+        return f"({power} {unit})" if unit else power
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Panel:
+    """A rectangle with an axis below and one at its left; `y` runs upwards."""
+
+    x: Scale
+    y: Scale
+
+    def across(self, sheet: Sheet, most: int, *, labelled: bool, title: str) -> None:
+        """Draw the lower axis: its grid, and its ticks with labels where it is `labelled`."""
+        bottom, top = self.y.first, self.y.last
+        for value, label in self.x.ticks(most):
+            place = self.x.at(value)
+            sheet.line("grid", (place, bottom), (place, top))
+            sheet.line("axis", (place, bottom), (place, bottom + _TICK))
+            if labelled:
+                sheet.text("mid", (place, bottom + _TICK + 115), label)
+        sheet.line("axis", (self.x.first, bottom), (self.x.last, bottom))
+        if labelled:
+            sheet.text("mid", ((self.x.first + self.x.last) // 2, bottom + _TICK + 265), title)
+
+    def upward(self, sheet: Sheet, ticks: Sequence[tuple[float, str]], *, grid: bool) -> None:
+        """Draw the left axis with these ticks."""
+        left, right = self.x.first, self.x.last
+        for value, label in ticks:
+            place = self.y.at(value)
+            if grid:
+                sheet.line("grid", (left, place), (right, place))
+            sheet.line("axis", (left - _TICK, place), (left, place))
+            sheet.text("end", (left - _TICK - 25, place + _WORDS), label)
+        sheet.line("axis", (left, self.y.first), (left, self.y.last))
+
+    def named(self, sheet: Sheet, words: str) -> None:
+        """Write what the left axis is, upright at the drawing's edge."""
+        sheet.text("mid", (120, (self.y.first + self.y.last) // 2), plain(words, 24), upright=True)
+
+
+def draw_limits(sheet: Sheet, panel: Panel, bands: Sequence[Band], *, upright: bool) -> None:
+    """Draw what is allowed as an area, and its edges as dashed lines; an open side goes to the axis' end.
+
+    Args:
+        sheet: what to draw on.
+        panel: where.
+        bands: the limits, in the unit of the axis that they belong to.
+        upright: whether they belong to the lower axis.
+    """
+    scale, other = (panel.x, panel.y) if upright else (panel.y, panel.x)
+    for band in bands:
+        low, high = (
+            scale.at(end if edge is None else edge) for edge, end in ((band.low, scale.low), (band.high, scale.high))
+        )
+        corner, opposite = (low, other.first), (high, other.last)
+        sheet.area("band", *((corner, opposite) if upright else (corner[::-1], opposite[::-1])))
+    for edge in dict.fromkeys(edge for band in bands for edge in band.edges):
+        begin, end = (scale.at(edge), other.first), (scale.at(edge), other.last)
+        sheet.line("limit", *((begin, end) if upright else (begin[::-1], end[::-1])))
+
+
+def spread(values: Iterable[float], margin: float) -> tuple[float, float]:
+    """Return the ends of an axis for these finite values, with a margin as a share of what they span.
+
+    Without values, or where all are alike, it is an axis around them that shows where they lie.
+    """
+    known = list(values) or [0.0]
+    low, high = min(known), max(known)
+    size = max(abs(low), abs(high))
+    if high - low <= _NARROWEST * size:
+        wide = 0.05 * size or 1.0
+        return low - wide, high + wide
+    return low - margin * (high - low), high + margin * (high - low)
+
+
+def finite(value: object) -> float | None:
+    """Return a number that can be drawn, or None."""
+    if isinstance(value, str):
+        try:
+            value = float(value)
+        except ValueError:
+            return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < _LARGEST:
+        return None
+    return float(value)
+
+
+def polyline(places: Iterable[tuple[int, int]]) -> str:
+    """Return the steps of a line through these places; one place alone is a short line."""
+    ahead = iter(places)
+    x, y = next(ahead)
+    parts = [f"M{x} {y}"]
+    for next_x, next_y in ahead:
+        parts.append(f"{'' if len(parts) > 1 else 'l'}{next_x - x} {next_y - y}")
+        x, y = next_x, next_y
+    if len(parts) == 1:
+        return f"M{x - _SHORTEST // 2} {y}h{_SHORTEST}"
+    return f"{parts[0]}{' '.join(parts[1:])}"
+
+
+def plain(words: str, longest: int = 90) -> str:
+    """Return the text without what no drawing can show, shortened in the middle."""
+    shown = "".join(character if character.isprintable() else "\N{REPLACEMENT CHARACTER}" for character in words)
+    return shown if len(shown) <= longest else f"{shown[: longest // 2]}…{shown[-longest // 2 + 1 :]}"
+
+
+def width_of(words: str) -> int:
+    """Return the room that a text takes, about."""
+    return _CHARACTER * len(words)
