@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from hil.cli.latched import latch_word
+from hil.cli.run_names import latch_word
 from hil.clock import wall
 from hil.evidence.folder import RESULTS
 from hil.evidence.package.listing import shown

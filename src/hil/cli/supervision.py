@@ -196,8 +196,7 @@ def _believed(status: int, words: Mapping[str, tuple[int, str]]) -> int:
 
 def _notify(run: Path, how: str, say: Callable[[str], None] = lambda _: None) -> None:
     """Say what a person does next, and run the notification of a run that died."""
-    from hil.cli.died import tell_of_death  # noqa: PLC0415 - only behind a run that was interrupted
-    from hil.cli.interrupted import ways_on  # noqa: PLC0415 - as above
+    from hil.cli.died import tell_of_death, ways_on  # noqa: PLC0415 - only after a run that was interrupted
 
     ways = list(ways_on(run))
     for line in ways:

@@ -283,7 +283,7 @@ def test_an_error_of_hil_is_told_apart(capsys, monkeypatch):
     def broken():
         raise ZeroDivisionError
 
-    monkeypatch.setattr("hil.cli.folders.reports_folder", broken)
+    monkeypatch.setattr("hil.cli.run_names.reports_folder", broken)
     with pytest.raises(SystemExit) as left:
         main(["status", "x"])
     assert left.value.code == 3

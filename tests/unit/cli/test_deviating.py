@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hil.cli.deviating import overrides_of
+from hil.cli.options import overrides_of
 from hil.model.errors import Refused
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hil.cli.interrupted import ways_on
+from hil.cli.died import ways_on
 from hil.evidence.journal.writer import Journal
 from hil.executive.again.earlier import find_earlier
 from hil.model.errors import HilError

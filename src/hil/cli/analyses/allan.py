@@ -213,6 +213,6 @@ def _judged(times: NDArray[np.float64], rates: dict[str, NDArray[np.float64]], r
 
 
 def _draw(plot: Path, axes: list[Axis]) -> None:
-    from hil.cli.analyses.allan_plot import draw  # noqa: PLC0415 - matplotlib is slow to import
+    from hil.cli.analyses.plots import draw_allan  # noqa: PLC0415 - matplotlib is slow to import
 
-    draw(plot, axes)
+    draw_allan(plot, axes)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from hil.cli.analyses.battery_options import refuse_impossible, span_of
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def battery(  # noqa: PLR0913 - one argument per option
     from hil.cli.analyses import battery_text  # noqa: PLC0415 - start-up stays light
 
     positive = {"--interval": interval, "--capacity": capacity, "--energy": energy, "--cut-off": cut_off}
-    refuse_impossible(
+    _refuse_impossible(
         positive=positive | {"--rest-current": rest_current},
         upper=upper, lower=lower, skip=skip, counted=counted, remaining=remaining,
     )  # fmt: skip
@@ -113,7 +113,7 @@ def battery(  # noqa: PLR0913 - one argument per option
     summary = summarise(
         data,
         limits=Limits(upper=upper, lower=lower, cut_off=cut_off),
-        declared=Declared(capacity=capacity, energy=energy, mean_voltage=span_of(mean_voltage)),
+        declared=Declared(capacity=capacity, energy=energy, mean_voltage=_span_of(mean_voltage)),
         how=how, skip=skip, remaining=remaining, counted=counted,
     )  # fmt: skip
     _draw(plot, data, summary, how)
@@ -123,9 +123,62 @@ def battery(  # noqa: PLR0913 - one argument per option
 
 def _draw(plot: Path | None, data: Series, summary: Summary, how: Segmentation) -> None:
     if plot is not None:
-        from hil.cli.analyses.battery_plot import draw  # noqa: PLC0415 - matplotlib is slow to import
+        from hil.cli.analyses.plots import draw_battery  # noqa: PLC0415 - matplotlib is slow to import
 
-        draw(plot, data, summary, how)
+        draw_battery(plot, data, summary, how)
+
+
+def _refuse_impossible(
+    *,
+    positive: dict[str, float | None],
+    upper: float,
+    lower: float,
+    skip: int,
+    counted: int | None,
+    remaining: float,
+) -> None:
+    """Refuse options that contradict each other or physics.
+
+    Args:
+        positive: by name of the option, values that have to be above zero; None where one was not given.
+        upper: end of charge, in V.
+        lower: end of discharge, in V.
+        skip: cycles that the fade leaves out.
+        counted: cycles that somebody counted.
+        remaining: part that is left at the end of life.
+
+    Raises:
+        Refused: the first that is not possible.
+    """
+    for name, value in positive.items():
+        if value is not None and not 0.0 < value < math.inf:
+            raise Refused(f"{name} {value:g} is not possible", "give a number above zero")
+    if not 0.0 <= lower < upper < math.inf:
+        raise Refused(
+            f"--upper {upper:g} and --lower {lower:g} are no range",
+            "give the higher voltage in V, at which a charge ends, as --upper",
+        )
+    if skip < 0:
+        raise Refused(f"--skip {skip} is not possible", "give how many of the first cycles the fade leaves out, or 0")
+    if counted is not None and counted < 1:
+        raise Refused(f"--counted {counted} is not possible", "give how many cycles somebody counted")
+    if not 0.0 < remaining < 1.0:
+        raise Refused(f"--remaining {remaining:g} is not possible", "give a part between 0 and 1, such as 0.8")
+
+
+def _span_of(text: str) -> tuple[float, float]:
+    """Return the range of mean voltages that `--mean-voltage` gives, in V.
+
+    Raises:
+        Refused: not two numbers, or not the lower one first.
+    """
+    try:
+        low, high = map(float, text.split(","))
+    except ValueError:
+        raise Refused(f"--mean-voltage {text} is no range", "give two voltages as 3.4,3.95") from None
+    if not 0.0 < low < high < math.inf:
+        raise Refused(f"--mean-voltage {text} is no range", "give the lower voltage first, as 3.4,3.95")
+    return low, high
 
 
 def _read(file: Path, form: str, columns: _Mapping, interval: float) -> BatteryLog:

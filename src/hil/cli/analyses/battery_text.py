@@ -9,14 +9,14 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from hil.analysis.battery.counted import Net, net
 from hil.analysis.battery.cycles import Cycle, equivalent_full_cycles
 from hil.analysis.battery.fade import Fade
 from hil.analysis.battery.half_cycle import HalfCycle
 from hil.analysis.battery.incremental import IncrementalCapacity
 from hil.analysis.battery.series import SECONDS_PER_HOUR, Series
-from hil.analysis.battery.steps import Segmentation, StepKind
+from hil.analysis.battery.steps import Segmentation, StepKind, segment
 from hil.analysis.battery.summary import Summary, incremental_capacities
-from hil.cli.analyses import battery_sums
 from hil.logs.battery import BatteryLog
 
 __all__ = ["Result", "as_json", "as_text"]
@@ -24,6 +24,8 @@ __all__ = ["Result", "as_json", "as_text"]
 _CYCLE = (
     "cycle  kind            Ah        Wh   mean V   duration   at limit    cut-off     CV Ah   degC from..to  rise K"
 )
+
+_SUMS = f"{'net':10s}  {'trapezoid':>12s}  {'counted edges':>13s}  {'its own':>12s}  {'apart':>12s}  {'of it':>8s}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +58,7 @@ def as_json(result: Result) -> str:
         "maker": result.log.maker,
         "rows": int(result.data.time.size),
         "remarks": _remarks(result),
-        **battery_sums.as_json(result.log, result.data, result.how),
+        **_sums_as_json(result.log, result.data, result.how),
         "nominal_capacity_Ah": result.capacity,
         "equivalent_full_cycles": _through(result),
         "cycles": [asdict(each) for each in summary.cycles],
@@ -96,7 +98,7 @@ def as_text(result: Result) -> str:
     made = result.summary.cycles
     head = f"{result.file} ({result.log.maker}): {result.data.time.size} rows, {hours:.4g} h, {_count(len(made))}"
     lines = [head, *(f"note: {remark}" for remark in _remarks(result))]
-    lines += battery_sums.as_lines(result.log, result.data, result.how)
+    lines += _sums_as_lines(result.log, result.data, result.how)
     lines += ["", _CYCLE]
     for cycle in made:
         lines += _cycle(cycle)
@@ -211,3 +213,57 @@ def _gates(summary: Summary) -> Iterator[str]:
     words = {True: "good", False: "DOUBT", None: "unknown"}
     for gate in summary.gates:
         yield f"{words[gate.ok]:7s}  {gate}"
+
+
+def _sums_as_json(log: BatteryLog, data: Series, how: Segmentation) -> dict[str, object]:
+    """Return net charge and energy with their parts, the instrument's own, and the differences.
+
+    Args:
+        log: what was read.
+        data: what was analysed.
+        how: how steps are told apart.
+    """
+    made = _sums(log, data, how)
+    return {
+        "net": {f"{what}_{unit}": found.value for what, unit, found, _ in made},
+        "own": {f"{what}_{unit}": own for what, unit, _, own in made},
+        "apart": {
+            f"{what}_{unit}": None if own is None else found.value - own for what, unit, found, own in made
+        },
+        "sums": {f"{what}_{unit}": asdict(found) for what, unit, found, _ in made},
+    }  # fmt: skip
+
+
+def _sums_as_lines(log: BatteryLog, data: Series, how: Segmentation) -> Iterator[str]:
+    """Yield a table of both sums where the instrument has its own, and what its count stands for.
+
+    Args:
+        log: what was read.
+        data: what was analysed.
+        how: how steps are told apart.
+    """
+    made = [each for each in _sums(log, data, how) if each[3] is not None]
+    if made:
+        yield _SUMS
+    for what, unit, found, own in made:
+        if own is not None:
+            part = f"{found.value / own - 1.0:+8.1e}" if own else ""
+            yield (
+                f"{what:6s} {unit}   {found.samples:12.6f}  {found.value:13.6f}  {own:12.6f}"
+                f"  {found.value - own:+12.1e}  {part}"
+            ).rstrip()
+    if made and made[0][2].edges:
+        told = ", ".join(
+            f"{found.counted:.3g} {unit} (samples alone: ± {found.open:.2g} {unit})" for _, unit, found, _ in made
+        )
+        number = made[0][2].edges
+        switches = "1 switch" if number == 1 else f"{number} switches"
+        yield f"{switches} between rest and current as the instrument counted: {told}"
+
+
+def _sums(log: BatteryLog, data: Series, how: Segmentation) -> list[tuple[str, str, Net, float | None]]:
+    steps = segment(data, how)
+    return [
+        ("charge", "Ah", net(data, steps, energy=False), log.own_charge),
+        ("energy", "Wh", net(data, steps, energy=True), log.own_energy),
+    ]

@@ -100,9 +100,9 @@ def gyroscope_temperature(  # noqa: PLR0913 - one argument per option
     _checked(report)
     _write(report, export, c_header)
     if plot is not None:
-        from hil.cli.analyses.gyroscope_plot import draw  # noqa: PLC0415 - matplotlib is slow to import
+        from hil.cli.analyses.plots import draw_gyroscope  # noqa: PLC0415 - matplotlib is slow to import
 
-        draw(plot, report)
+        draw_gyroscope(plot, report)
     text = gyroscope_text.as_json if as_json else gyroscope_text.as_text
     click.echo(text(str(file), len(readings), report))
 

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-from hil.cli.answered import answer_of
-from hil.cli.folders import find_run, find_running, reports_folder, shown
+from hil.cli.run_names import answer_of, find_run, find_running, reports_folder, shown
 from hil.model.errors import Refused
 
 __all__ = ["command"]

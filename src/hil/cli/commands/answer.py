@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hil.cli.answered import answer_of
-from hil.cli.folders import find_running
+from hil.cli.run_names import answer_of, find_running
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:

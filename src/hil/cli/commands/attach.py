@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from hil.cli.folders import find_running
+from hil.cli.run_names import find_running
 
 __all__ = ["command"]
 

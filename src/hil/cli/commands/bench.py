@@ -6,16 +6,11 @@ from pathlib import Path
 
 import click
 
+from hil.cli.options import SERVED
 from hil.model.identity import Source
 
-__all__ = ["SERVED", "command"]
+__all__ = ["command"]
 
-SERVED = click.option(
-    "--served",
-    type=click.Path(path_type=Path),
-    metavar="FOLDER",
-    help="Where hil simulate serves the bench.",
-)
 _SOURCES = click.Choice([Source.HARDWARE.value, Source.SIMULATED.value])
 
 

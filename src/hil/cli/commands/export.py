@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hil.cli.folders import find_run, shown
+from hil.cli.run_names import find_run, shown
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import click
 
-from hil.cli.answered import answer_of
-from hil.cli.folders import find_running
+from hil.cli.run_names import answer_of, find_running
 
 __all__ = ["command"]
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from hil.cli.deviating import deviation_options, overrides_of, skips_of
-from hil.cli.pinning import pin
+from hil.cli.options import deviation_options, overrides_of, skips_of
+from hil.cli.starting import pin
 from hil.model.identity import Source
 
 __all__ = ["command"]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import click
 
-from hil.cli.folders import find_run
-from hil.cli.pinning import pin
+from hil.cli.run_names import find_run
+from hil.cli.starting import pin
 from hil.model.errors import EvidenceError
 
 __all__ = ["command"]

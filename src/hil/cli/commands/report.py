@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from hil.cli.folders import find_run
+from hil.cli.run_names import find_run
 from hil.model.errors import EvidenceError, Refused
 
 __all__ = ["command", "derived"]

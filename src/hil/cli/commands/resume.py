@@ -8,9 +8,8 @@ from pathlib import Path
 
 import click
 
-from hil.cli.attending import ACKNOWLEDGE_WITHIN
-from hil.cli.commands.bench import SERVED
-from hil.cli.folders import find_run
+from hil.cli.options import ACKNOWLEDGE_WITHIN, SERVED
+from hil.cli.run_names import find_run
 from hil.cli.supervision import Invocation, supervise
 
 __all__ = ["command"]

@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hil.cli.attending import attendance_of, attendance_options
-from hil.cli.commands.bench import SERVED
-from hil.cli.deviating import deviation_options, overrides_of, skips_of
 from hil.cli.display import Display
-from hil.cli.folders import reports_folder
+from hil.cli.options import SERVED, attendance_of, attendance_options, deviation_options, overrides_of, skips_of
+from hil.cli.run_names import reports_folder
 from hil.cli.supervision import ONLOOKER, Invocation, Word, supervise
 from hil.model.errors import Refused
 from hil.model.identity import Purpose, Source
@@ -124,7 +122,7 @@ def _in_another_process(invocation: Invocation, output: Path | None, *, detach: 
     if detach and ask:
         raise Refused("--ask needs the terminal that --detach leaves", "give answers with --answers FILE")
     if detach and ONLOOKER not in os.environ:
-        from hil.cli.detaching import detach as start  # noqa: PLC0415 - only where it is asked for
+        from hil.cli.starting import detach as start  # noqa: PLC0415 - only where it is asked for
 
         return start(invocation.arguments, output.resolve() if output else reports_folder())
     from hil.executive.setup.pins import pinned_environment  # noqa: PLC0415 - not where a run is let go

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hil.cli.folders import reports_folder
-from hil.cli.latched import latch_word
+from hil.cli.run_names import latch_word, reports_folder
 from hil.documents.suggest import did_you_mean
 from hil.model.errors import Refused
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from hil.cli.folders import find_run, shown
+from hil.cli.run_names import find_run, shown
 
 __all__ = ["command"]
 

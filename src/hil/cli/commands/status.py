@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-from hil.cli.folders import find_run
-from hil.cli.latched import latch_word
+from hil.cli.run_names import find_run, latch_word
 
 __all__ = ["command"]
 

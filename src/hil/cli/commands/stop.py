@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from hil.cli.folders import find_running
+from hil.cli.run_names import find_running
 
 __all__ = ["command"]
 

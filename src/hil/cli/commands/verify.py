@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hil.cli.folders import find_run
+from hil.cli.run_names import find_run
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -1,4 +1,4 @@
-"""Detached runs: free of the terminal that started them, with a log beside their package."""
+"""How the process of a run is started: with the pinned environment, or detached, with a log beside its package."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from pathlib import Path
 
 import click
 
-from hil.cli.folders import shown
+from hil.cli.run_names import shown
 from hil.cli.supervision import ONLOOKER
 
-__all__ = ["detach"]
+__all__ = ["detach", "pin"]
 
 _INTERNAL = 3
 
@@ -50,6 +50,18 @@ def detach(arguments: Sequence[str], place: Path) -> int:
         if new:
             place.rmdir()
     return code if code >= 0 else _INTERNAL
+
+
+def pin() -> None:
+    """Replace this process by itself with the pinned environment, unless it has it.
+
+    Modules that happen to lie in the present folder do not take part, as they do not for the `hil` script.
+    """
+    from hil.executive.setup.pins import PINNED, pinned_environment  # noqa: PLC0415 - only when cases run
+
+    if any(os.environ.get(name) != value for name, value in PINNED.items()):
+        sys.stdout.flush()
+        os.execve(sys.executable, [sys.executable, "-P", "-m", "hil.cli", *sys.argv[1:]], pinned_environment())  # noqa: S606
 
 
 def _started(arguments: Sequence[str], log: Path) -> tuple[subprocess.Popen[bytes], int]:

@@ -1,15 +1,21 @@
-"""Which run a person means."""
+"""Runs as a person speaks of them: which one is meant, what it waits for, and what it answers."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from hil.documents.suggest import did_you_mean
 from hil.model.errors import Refused
 
-__all__ = ["LATEST", "find_run", "find_running", "reports_folder", "shown"]
+if TYPE_CHECKING:
+    from hil.report.live.following import Follower
 
+__all__ = ["LATEST", "answer_of", "find_run", "find_running", "latch_word", "reports_folder", "shown"]
+
+_PATIENCE_S = 10.0
+_LOOK_S = 0.1
 
 LATEST = "latest"
 """What a person says for the newest run of the workspace."""
@@ -70,6 +76,26 @@ def find_run(asked: str) -> Path:
     if found:
         raise Refused(f"'{told}' could be {', '.join(sorted(names))}", "name more of it")
     raise Refused(f"there is no run '{told}'{did_you_mean(asked, names)}", "hil runs lists what there is")
+
+
+def latch_word(folder: Path) -> str:
+    """Return what a run waits for that left its bench by force; nothing for any other."""
+    from hil.executive.live.acknowledging import waits_for_ack  # noqa: PLC0415 - heavy
+
+    return f"latched, waits for hil ack {folder.name}" if waits_for_ack(folder) else ""
+
+
+def answer_of(follower: Follower, awaited: Collection[str]) -> Mapping[str, Any] | None:
+    """Return the next event of one of these kinds, None where none comes in time or the run ends."""
+    from hil.clock import wall  # noqa: PLC0415 - only when it is used
+
+    end = wall.monotonic() + _PATIENCE_S
+    while wall.monotonic() < end and follower.goes_on():
+        for line in follower.read():
+            if line.body["kind"] in awaited:
+                return line.body
+        wall.pause(_LOOK_S)
+    return None
 
 
 def _meant(asked: str, folders: Sequence[Path]) -> list[Path]:

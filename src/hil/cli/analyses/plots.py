@@ -1,0 +1,211 @@
+"""The plots of the analyses; the same numbers give the same bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+
+from hil.analysis.battery.half_cycle import flow
+from hil.analysis.battery.integration import cumulative
+from hil.analysis.battery.series import SECONDS_PER_HOUR, Series
+from hil.analysis.battery.steps import Segmentation, StepKind, segment
+from hil.analysis.battery.summary import Summary, incremental_capacities
+from hil.analysis.gyroscope.calibrate import CalibrationReport
+from hil.analysis.gyroscope.fitting import Fit
+from hil.cli.analyses.allan_text import NAMES, Axis, called
+from hil.model.errors import Refused
+
+__all__ = ["draw_allan", "draw_battery", "draw_gyroscope"]
+
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+"""Colours that all eyes tell apart (Okabe and Ito)."""
+
+_MARKS = ("o", "s", "^", "D", "v", "P")
+"""Marks in the same order."""
+
+_MODELLED = ("overlapping", "total")  # the fitted Allan deviation is also what the total one expects
+_KINDS = (StepKind.CHARGE, StepKind.DISCHARGE)
+_MOST = 20  # curves of one kind; more are thinned out
+_POINTS = 2000  # of one curve
+
+
+def draw_allan(path: Path, axes: Sequence[Axis]) -> None:
+    """Draw the Allan deviations of some axes of one unit.
+
+    Args:
+        path: what to write; its ending, .svg or .png, says the format.
+        axes: what to draw, all with one estimator.
+
+    Raises:
+        Refused: another ending, nothing to draw, or a file that cannot be written.
+    """
+    drawn = [axis for axis in axes if axis.curve.deviation.any()]
+    if not drawn:
+        raise Refused(f"{path}: there is no deviation above zero to draw", "look at the columns' remarks")
+    _save(path, lambda: _allan(drawn))
+
+
+def draw_battery(path: Path, data: Series, summary: Summary, how: Segmentation) -> None:
+    """Draw voltage over time, voltage over charge, dQ/dV, and capacities over cycles.
+
+    Args:
+        path: what to write; its ending, .svg or .png, says the format.
+        data: the samples.
+        summary: what they show.
+        how: how steps are told apart.
+
+    Raises:
+        Refused: another ending, or a file that cannot be written.
+    """
+    _save(path, lambda: _battery(data, summary, how))
+
+
+def draw_gyroscope(path: Path, report: CalibrationReport) -> None:
+    """Draw bias and, where it was measured, scale of all axes over temperature.
+
+    Args:
+        path: what to write; its ending, .svg or .png, says the format.
+        report: what to draw.
+
+    Raises:
+        Refused: another ending, or a file that cannot be written.
+    """
+    parts = [("bias", report.calibration.unit, report.bias)]
+    if report.scale:
+        parts.append(("scale", "1", report.scale))
+    _save(path, lambda: _gyroscope(parts))
+
+
+def _allan(drawn: Sequence[Axis]) -> Figure:
+    figure = Figure(figsize=(7.0, 5.0), dpi=120, layout="constrained")
+    axes = figure.add_subplot()
+    for place, axis in enumerate(drawn):
+        curve, colour = axis.curve, _COLOURS[place % len(_COLOURS)]
+        seen = curve.deviation > 0.0
+        tau, deviation = curve.tau[seen], curve.deviation[seen]
+        # With very few degrees of freedom and little confidence an interval may lie beside its estimate.
+        reach = [(deviation - curve.low[seen]).clip(0.0), (curve.high[seen] - deviation).clip(0.0)]
+        mark = _MARKS[place % len(_MARKS)]
+        axes.errorbar(
+            tau, deviation, yerr=reach, fmt=mark, color=colour, markersize=4, capsize=2, label=called(axis.name)
+        )
+        if axis.model.fitted.size and curve.estimator in _MODELLED:
+            axes.plot(axis.model.curve.tau, axis.model.fitted, color=colour, linewidth=1)
+    curve = drawn[0].curve
+    lines = ", lines: fitted noise" if curve.estimator in _MODELLED else ""
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("averaging time [s]")
+    axes.set_ylabel(f"{NAMES[curve.estimator]} deviation [{curve.unit}]")
+    axes.set_title(f"bars: {curve.confidence:.4g} confidence{lines}", fontsize="small", loc="right")
+    axes.grid(visible=True, which="both", color="#dddddd", linewidth=0.5)
+    axes.legend()
+    return figure
+
+
+def _battery(data: Series, summary: Summary, how: Segmentation) -> Figure:
+    figure = Figure(figsize=(9.0, 7.0), dpi=120, layout="constrained")
+    parts: list[tuple[str, str, Callable[[Axes], None]]] = [
+        ("time [h]", "voltage [V]", lambda axes: _over_time(axes, data)),
+        ("charge of the step [Ah]", "voltage [V]", lambda axes: _over_charge(axes, data, how)),
+        ("voltage [V]", "dQ/dV [Ah/V]", lambda axes: _density(axes, data, how)),
+        ("cycle", "capacity [Ah]", lambda axes: _over_cycles(axes, summary)),
+    ]
+    for place, (across, up, fill) in enumerate(parts):
+        axes = figure.add_subplot(2, 2, place + 1)
+        fill(axes)
+        axes.set_xlabel(across)
+        axes.set_ylabel(up)
+        axes.grid(visible=True, color="#dddddd", linewidth=0.5)
+    return figure
+
+
+def _over_time(axes: Axes, data: Series) -> None:
+    few = slice(None, None, max(data.time.size // (5 * _POINTS), 1))
+    axes.plot(data.time[few] / SECONDS_PER_HOUR, data.voltage[few], color=_COLOURS[0], linewidth=0.8)
+
+
+def _over_charge(axes: Axes, data: Series, how: Segmentation) -> None:
+    steps = segment(data, how)
+    flows = flow(data, steps, how)
+    for number, kind in enumerate(_KINDS):
+        charge = cumulative(flows.charge[kind])
+        own = [step for step in steps if step.kind is kind]
+        for step in own[:: max(len(own) // _MOST, 1)]:
+            part = slice(step.first, step.last + 1, max((step.last - step.first) // _POINTS, 1))
+            passed = charge[part] - charge[step.first]
+            axes.plot(passed, data.voltage[part], color=_COLOURS[number], linewidth=0.8)
+
+
+def _density(axes: Axes, data: Series, how: Segmentation) -> None:
+    for number, kind in enumerate(_KINDS):
+        curves = incremental_capacities(data, kind, how)
+        for curve in curves[:: max(len(curves) // _MOST, 1)]:
+            sign = 1.0 if kind is StepKind.CHARGE else -1.0
+            axes.plot(curve.voltage, sign * curve.density, color=_COLOURS[number], linewidth=0.8)
+
+
+def _over_cycles(axes: Axes, summary: Summary) -> None:
+    for number, kind in enumerate(_KINDS):
+        halves = [(each.number, getattr(each, kind.value)) for each in summary.cycles]
+        rows = np.array([(place, half.charge) for place, half in halves if half is not None]).reshape(-1, 2)
+        if rows.size:
+            axes.plot(rows[:, 0], rows[:, 1], _MARKS[number], color=_COLOURS[number], markersize=4, label=kind.value)
+    if summary.cycles:
+        axes.legend()
+
+
+def _gyroscope(parts: list[tuple[str, str, Mapping[str, Fit]]]) -> Figure:
+    figure = Figure(figsize=(7.0, 3.5 * len(parts)), dpi=120, layout="constrained")
+    for place, (what, unit, fits) in enumerate(parts):
+        axes = figure.add_subplot(len(parts), 1, place + 1)
+        for number, (name, fitted) in enumerate(fits.items()):
+            _line(axes, name, fitted, number)
+        axes.set_xlabel("temperature [degC]")
+        axes.set_ylabel(f"{what} [{unit}]")
+        axes.grid(visible=True, color="#dddddd", linewidth=0.5)
+        axes.legend()
+    return figure
+
+
+def _line(axes: Axes, name: str, fitted: Fit, number: int) -> None:
+    polynomial, colour = fitted.polynomial, _COLOURS[number % len(_COLOURS)]
+    axes.plot(fitted.temperature, fitted.value, _MARKS[number % len(_MARKS)], color=colour, markersize=4, label=name)
+    grid = np.linspace(polynomial.low, polynomial.high, 101)
+    axes.plot(grid, polynomial.at(grid), color=colour, linewidth=1)
+    if polynomial.covariance is not None:
+        spread = np.array([polynomial.figure(where).uncertainty for where in grid.tolist()])
+        middle = polynomial.at(grid)
+        axes.fill_between(grid, middle - spread, middle + spread, color=colour, alpha=0.2, linewidth=0)
+
+
+def _save(path: Path, make: Callable[[], Figure]) -> None:
+    """Write a figure without dates and random names.
+
+    Args:
+        path: what to write; its ending, .svg or .png, says the format.
+        make: makes the figure, under the settings that it is written with.
+
+    Raises:
+        Refused: another ending, or a file that cannot be written.
+    """
+    form = path.suffix.lower().lstrip(".")
+    if form not in {"svg", "png"}:
+        raise Refused(f"{path}: a plot is .svg or .png", "choose one of these endings")
+    with mpl.rc_context({"svg.hashsalt": "hil", "svg.fonttype": "path", "path.simplify": False}):
+        figure = make()
+        canvas = FigureCanvasSVG(figure) if form == "svg" else FigureCanvasAgg(figure)
+        try:
+            if isinstance(canvas, FigureCanvasSVG):
+                canvas.print_svg(path, metadata={"Date": None})
+            else:
+                canvas.print_png(path, metadata={"Software": None})
+        except OSError as error:
+            raise Refused(f"{path}: {error.strerror}", "choose a place that can be written") from None
