@@ -7,8 +7,8 @@ from importlib.metadata import entry_points
 import pytest
 from by_bytes import BY_BYTES, rig
 
-from hil.instruments.registry import driver_class, driver_names
-from hil.instruments.roles import STATES, SafeByBytes
+from hil.instruments.registry import DRIVERS, ROLES
+from hil.instruments.roles import SafeByBytes
 from hil.model.bench import Proof, Wire
 from hil.model.errors import Refused
 
@@ -201,12 +201,12 @@ def test_no_byte_goes_to_a_cycler_of_level_1_or_of_no_level():
 def test_every_driver_with_a_safe_state_and_a_port_is_tested_here():
     """Who fills a role that safe-off may name says how bytes lead there; sensors on a bus have no stream of bytes."""
     streams = {point.name for point in entry_points(group="hil.peers") if point.load().link == "serial"}
-    due = {name for name in driver_names() if driver_class(name).roles & set(STATES)}
+    due = {name for name in DRIVERS if any(ROLES[role].states for role in DRIVERS[name].roles)}
     assert due & streams == set(BY_BYTES)
     for name, kind in BY_BYTES.items():
         with rig(kind) as found:
             assert isinstance(found.role, SafeByBytes), name
-            assert set(STATES[kind.wire.role]) == {kind.state}
+            assert set(ROLES[kind.wire.role].states) == {kind.state}
 
 
 def test_another_unit_is_sent_other_frames():

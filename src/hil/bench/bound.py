@@ -11,7 +11,7 @@ from hil.bench.connections import clamps_of, server_of, servers_first
 from hil.clock.live import LiveClock
 from hil.clock.port import Clock
 from hil.instruments.driver import Connection, Driver, OpenedAnew, ServesBus
-from hil.instruments.registry import driver_class
+from hil.instruments.registry import DRIVERS
 from hil.model.bench import BenchSpec, InstrumentSpec
 from hil.model.errors import Refused
 from hil.model.identity import Source
@@ -144,7 +144,7 @@ def build(
     try:
         for instrument in servers_first(spec):
             connection = _connect(bench, instrument)
-            drivers[instrument.name] = driver_class(instrument.driver)(connection)
+            drivers[instrument.name] = DRIVERS[instrument.driver](connection)
     except BaseException:
         bench.close()
         raise

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from hil.bench.connections import line_of
+from hil.instruments.registry import ROLES
 from hil.model.bench import BenchSpec, Wire
 from hil.model.cutting import CutPath
 
-__all__ = ["HAZARDOUS", "charges_a_battery", "cut_path_shortfall", "hazardous_wires", "paths_of"]
-
-HAZARDOUS = frozenset({"cycler", "supply", "relays", "rotation_table", "thermal"})
-"""Roles whose outputs can do harm."""
+__all__ = ["can_harm", "charges_a_battery", "cut_path_shortfall", "hazardous_wires", "paths_of"]
 
 
 def hazardous_wires(spec: BenchSpec) -> tuple[Wire, ...]:
     """Return the wires whose outputs must not stay on when nobody can reach them."""
-    return tuple(wire for wire in spec.wiring if wire.role in HAZARDOUS and wire.hazardous)
+    return tuple(wire for wire in spec.wiring if wire.hazardous and can_harm(wire))
+
+
+def can_harm(wire: Wire) -> bool:
+    """Return whether the wire's role is one whose outputs can do harm, whatever the bench file says of this one."""
+    role = ROLES.find(wire.role)
+    return role is not None and role.hazardous
 
 
 def charges_a_battery(spec: BenchSpec) -> bool:

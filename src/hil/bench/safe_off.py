@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from hil.clock.port import NANOSECONDS, Clock
-from hil.instruments.roles import STATES
+from hil.instruments.registry import states_of
 from hil.model.bench import Proof, SafeStep
 from hil.model.errors import HilError
 from hil.model.figure import Figure
@@ -89,7 +89,7 @@ def _take(step: SafeStep, roles: Mapping[str, object], clock: Clock) -> SafeResu
 def _try(step: SafeStep, roles: Mapping[str, object], clock: Clock, deadline_ns: int) -> tuple[bool, str]:
     try:
         role = roles[step.output]
-        getattr(role, STATES[step.output.partition(".")[0]][step.state])()
+        getattr(role, states_of(step.output)[step.state])()
         return _proven(step.proof, roles, clock, deadline_ns) if step.proof else (True, "read back")
     except HilError as error:
         return False, str(error)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Annotated, Protocol
 
 from hil.instruments.marks import begins, drives, reads
 from hil.instruments.sampled import Streamed
@@ -22,18 +22,18 @@ class Cycler(Streamed, Protocol):
     def prepare(  # noqa: PLR0913 - one argument per setting of the device, each by its name there
         self,
         cycles: int,
-        rest: float = 0.0,
+        rest: Annotated[float, "s"] = 0.0,
         *,
-        vfull: float | None = None,
-        iend: float | None = None,
-        vend: float | None = None,
-        vmax: float | None = None,
-        vmin: float | None = None,
-        imax: float | None = None,
-        tmax: float | None = None,
-        tmin: float | None = None,
-        time: float | None = None,
-        charge: float | None = None,
+        vfull: Annotated[float, "V"] | None = None,
+        iend: Annotated[float, "A"] | None = None,
+        vend: Annotated[float, "V"] | None = None,
+        vmax: Annotated[float, "V"] | None = None,
+        vmin: Annotated[float, "V"] | None = None,
+        imax: Annotated[float, "A"] | None = None,
+        tmax: Annotated[float, "degC"] | None = None,
+        tmin: Annotated[float, "degC"] | None = None,
+        time: Annotated[float, "s"] | None = None,
+        charge: Annotated[float, "A.h"] | None = None,
     ) -> None:
         """Acknowledge what ended the last test, and set what the next one is to be.
 
@@ -77,21 +77,21 @@ class Cycler(Streamed, Protocol):
         ...
 
     @reads
-    def voltage(self) -> Figure:
+    def voltage(self) -> Annotated[Figure, "V"]:
         """Return the newest voltage of the battery in V; NoReply where there is none that is new."""
         ...
 
     @reads
-    def current(self) -> Figure:
+    def current(self) -> Annotated[Figure, "A"]:
         """Return the newest current into the battery in A; NoReply where there is none that is new."""
         ...
 
     @reads
-    def temperature(self) -> Figure:
+    def temperature(self) -> Annotated[Figure, "degC"]:
         """Return the newest temperature of the battery in degC; NoReply where there is none that is new."""
         ...
 
     @reads
-    def time_uncertainty(self) -> Figure:
+    def time_uncertainty(self) -> Annotated[Figure, "s"]:
         """Return how well the times of the rows are known against the bench's clock at their beginning, in s."""
         ...

@@ -23,7 +23,7 @@ from hil.instruments.marks import drives, reads
 from hil.instruments.modbus.line import question, register, register_told
 from hil.instruments.modbus.safing import SILENCE, exchange
 from hil.instruments.modbus.session import ModbusSession
-from hil.instruments.roles import Thermal
+from hil.instruments.roles import THERMAL, Thermal
 from hil.instruments.safing import must_be_state
 from hil.model.bench import Proof, Wire
 from hil.model.errors import DeviceFault, Garbled, NoReply, Refused, Rejected
@@ -146,7 +146,7 @@ class Eurotherm3216Thermal:
         The mode is written whether or not it differs, which is rare enough for the memory. It is proven by the mode
         and by a working output of exactly 0 %; a temperature cannot be held to bounds by bytes.
         """
-        must_be_state("thermal", self._name, state)
+        must_be_state(THERMAL, self._name, state)
         unit = self._session.unit
         mode = register(_INSTRUMENT_MODE, _STANDBY, unit)
         told = ((_INSTRUMENT_MODE, _STANDBY), (_WORKING_OUTPUT, 0))

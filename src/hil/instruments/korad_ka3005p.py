@@ -16,7 +16,7 @@ from hil.instruments import settings
 from hil.instruments.driver import Connection, Outlet
 from hil.instruments.korad_line import KoradLine, Question, switched_off
 from hil.instruments.marks import drives, reads
-from hil.instruments.roles import Supply
+from hil.instruments.roles import SUPPLY, Supply
 from hil.instruments.safing import must_be_state, own_bounds
 from hil.model.bench import Proof, Wire
 from hil.model.errors import Refused, Rejected
@@ -138,7 +138,7 @@ class KoradOutput:
 
     def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
         """Return the bytes of off; see `hil.instruments.roles.SafeByBytes`. Voltage and current can be asked for."""
-        must_be_state("supply", self._name, state)
+        must_be_state(SUPPLY, self._name, state)
         questions: list[tuple[bytes, bytes, tuple[float, float] | None]] = [(_STATUS.command, _SAYS_OFF, None)] * 2
         for quantity, unit in (("voltage", "V"), ("current", "A")):
             if bounds := own_bounds(self._name, proof, quantity):

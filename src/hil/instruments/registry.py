@@ -1,45 +1,62 @@
-"""Drivers by name: entry points of the group `hil.drivers`, this package's and other people's."""
+"""Drivers and roles by name: entry points of the groups `hil.drivers` and `hil.roles`, ours and other packages'."""
 
 from __future__ import annotations
 
-from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from collections.abc import Mapping
 
-from hil.documents.suggest import did_you_mean
+from hil.documents.offers import Offers
 from hil.instruments.driver import Driver
+from hil.instruments.role import Role, problem_with
 from hil.model.errors import Refused
 
-__all__ = ["GROUP", "driver_class", "driver_names"]
-
-GROUP = "hil.drivers"
-"""The entry point group in which a package offers its drivers."""
+__all__ = ["DRIVERS", "ROLES", "quantity_units", "role_of", "states_of", "unit_of"]
 
 
-def driver_names() -> tuple[str, ...]:
-    """Return the names of all drivers, sorted; no driver is imported."""
-    return tuple(sorted(_found()))
+def _driver_problem(name: str, found: object) -> str:
+    del name
+    missing = [each for each in ("roles", "identify", "outlets", "role") if not hasattr(found, each)]
+    if not isinstance(found, type):
+        return f"is {found!r:.80}, not a class"
+    return f"has no {', '.join(missing)}" if missing else ""
 
 
-def driver_class(name: str) -> type[Driver]:
-    """Return the driver of that name; Refused where there is none, or several, or where it cannot be imported."""
-    found = _found()
-    if name not in found:
-        raise Refused(
-            f"unknown driver '{name}'{did_you_mean(name, found)}", f"installed are {', '.join(sorted(found)) or 'none'}"
-        )
-    offers = {point.value: point for point in entry_points(group=GROUP, name=name)}
-    if len(offers) > 1:
-        raise Refused(
-            f"there are several drivers '{name}': {', '.join(sorted(offers))}", "uninstall the packages of all but one"
-        )
-    try:
-        loaded: type[Driver] = found[name].load()
-    except Exception as error:  # importing somebody's module can raise anything
-        why = str(error) if isinstance(error, ImportError | AttributeError) else f"{type(error).__name__}: {error}"
-        raise Refused(f"driver '{name}' cannot be imported: {why}", "install its package again, or mend it") from error
-    return loaded
+DRIVERS: Offers[type[Driver]] = Offers(
+    "hil.drivers", "driver", _driver_problem, "a class as described in hil.instruments.driver"
+)
+"""Every driver by the name that bench files use."""
+
+ROLES: Offers[Role] = Offers("hil.roles", "role", problem_with, "a hil.instruments.role.Role of that name")
+"""Every role by the name that bench files and cases use."""
 
 
-@cache
-def _found() -> dict[str, EntryPoint]:
-    return {point.name: point for point in entry_points(group=GROUP)}
+def role_of(output: str) -> Role | None:
+    """Return the role of an output such as `supply.coil`, None where there is no such role."""
+    return ROLES.find(output.partition(".")[0])
+
+
+def states_of(output: str) -> Mapping[str, str]:
+    """Return the states of an output and the operations that lead there, none where there is no such role."""
+    role = role_of(output)
+    return role.states if role else {}
+
+
+def unit_of(output: str, quantity: str) -> str:
+    """Return the unit in which an output's role gives a quantity, empty where it has no such quantity."""
+    role = role_of(output)
+    return role.quantities.get(quantity, "") if role else ""
+
+
+def quantity_units() -> dict[str, tuple[str, ...]]:
+    """Return every quantity that some role has, with the units in which roles give it.
+
+    A role that cannot be used has none here; who wires it is told why.
+    """
+    units: dict[str, tuple[str, ...]] = {}
+    for name in ROLES:
+        try:
+            role = ROLES[name]
+        except Refused:
+            continue
+        for quantity, unit in role.quantities.items():
+            units[quantity] = (*units.get(quantity, ()), *({unit} - set(units.get(quantity, ()))))
+    return units

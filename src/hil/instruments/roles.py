@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from typing import Annotated, Protocol, runtime_checkable
 
 from hil.instruments.cycler_role import Cycler
 from hil.instruments.marks import drives, reads
+from hil.instruments.role import Role
 from hil.instruments.sampled import Sampled, Streamed
 from hil.model.bench import Proof
 from hil.model.figure import Figure
 from hil.model.safing import SafeBytes
 
 __all__ = [
-    "ROLES",
-    "STATES",
+    "CYCLER",
+    "GYROSCOPE",
+    "MAGNETOMETER",
+    "OBC",
+    "RELAYS",
+    "ROTATION_TABLE",
+    "SUPPLY",
+    "THERMAL",
     "Gyroscope",
     "Magnetometer",
     "Obc",
@@ -29,7 +36,7 @@ class Supply(Protocol):
     """One output of a power supply. Volts and amperes."""
 
     @drives
-    def configure(self, voltage: float, current: float) -> None:
+    def configure(self, voltage: Annotated[float, "V"], current: Annotated[float, "A"]) -> None:
         """Set the voltage [V] and the current limit [A]; both are read back."""
         ...
 
@@ -49,12 +56,12 @@ class Supply(Protocol):
         ...
 
     @reads
-    def voltage(self) -> Figure:
+    def voltage(self) -> Annotated[Figure, "V"]:
         """Return the measured voltage in V; NaN where the instrument has no number."""
         ...
 
     @reads
-    def current(self) -> Figure:
+    def current(self) -> Annotated[Figure, "A"]:
         """Return the measured current in A; NaN where the instrument has no number."""
         ...
 
@@ -106,7 +113,7 @@ class Thermal(Protocol):
     """A temperature controller. Degrees Celsius."""
 
     @drives
-    def hold(self, temperature: float) -> None:
+    def hold(self, temperature: Annotated[float, "degC"]) -> None:
         """Regulate to a setpoint [degC]; the setpoint is read back."""
         ...
 
@@ -116,17 +123,17 @@ class Thermal(Protocol):
         ...
 
     @reads
-    def temperature(self) -> Figure:
+    def temperature(self) -> Annotated[Figure, "degC"]:
         """Return the process value in degC; NaN where the controller reports a broken sensor."""
         ...
 
     @reads
-    def setpoint(self) -> Figure:
+    def setpoint(self) -> Annotated[Figure, "degC"]:
         """Return the working setpoint in degC."""
         ...
 
     @reads
-    def output(self) -> Figure:
+    def output(self) -> Annotated[Figure, "%"]:
         """Return the working output power in %, negative while it cools."""
         ...
 
@@ -135,7 +142,7 @@ class RotationTable(Protocol):
     """A rotation table. Degrees and degrees per second, positive counter-clockwise seen from above."""
 
     @drives
-    def set_rate(self, rate: float) -> None:
+    def set_rate(self, rate: Annotated[float, "deg/s"]) -> None:
         """Turn steadily at a rate [deg/s] and wait until the encoder shows it."""
         ...
 
@@ -145,12 +152,12 @@ class RotationTable(Protocol):
         ...
 
     @reads
-    def angle(self) -> Figure:
+    def angle(self) -> Annotated[Figure, "deg"]:
         """Return the encoder's angle in deg; full turns are counted."""
         ...
 
     @reads
-    def rate(self) -> Figure:
+    def rate(self) -> Annotated[Figure, "deg/s"]:
         """Return the rate in deg/s from the encoder's angle over time, never from the command's echo."""
         ...
 
@@ -160,17 +167,17 @@ class RotationTable(Protocol):
         ...
 
     @reads
-    def reading(self) -> tuple[Figure, Figure]:
+    def reading(self) -> tuple[Annotated[Figure, "deg"], Annotated[Figure, "s"]]:
         """Return the encoder's angle in deg, and the bench's time in s at which it was taken."""
         ...
 
     @reads
-    def turns(self) -> Figure:
+    def turns(self) -> Annotated[Figure, "turn"]:
         """Return the turns since the bench was armed."""
         ...
 
     @reads
-    def longest(self, rate: float) -> Figure:
+    def longest(self, rate: Annotated[float, "deg/s"]) -> Annotated[Figure, "s"]:
         """Return how long the table may turn at a rate [deg/s] before its harness ends, in s."""
         ...
 
@@ -184,7 +191,7 @@ class Obc(Protocol):
         ...
 
     @reads
-    def analog(self, channel: int) -> Figure:
+    def analog(self, channel: int) -> Annotated[Figure, "V"]:
         """Return the voltage of one analogue input in V."""
         ...
 
@@ -203,22 +210,22 @@ class Gyroscope(Streamed, Protocol):
         ...
 
     @reads
-    def temperature(self) -> Figure:
+    def temperature(self) -> Annotated[Figure, "degC"]:
         """Return the sensor's own temperature in degC; NoReply where it is marked invalid."""
         ...
 
     @reads
-    def bandwidth(self) -> Figure:
+    def bandwidth(self) -> Annotated[Figure, "Hz"]:
         """Return the noise bandwidth of the chosen filter in Hz."""
         ...
 
     @reads
-    def resolution(self) -> Figure:
+    def resolution(self) -> Annotated[Figure, "deg/s"]:
         """Return the smallest step of the chosen range in deg/s."""
         ...
 
     @reads
-    def full_scale(self) -> Figure:
+    def full_scale(self) -> Annotated[Figure, "deg/s"]:
         """Return the largest rate of the chosen range in deg/s."""
         ...
 
@@ -227,15 +234,15 @@ class Gyroscope(Streamed, Protocol):
 class SafeByBytes(Protocol):
     """An output that can be made safe with nothing but bytes, by a process that has no driver.
 
-    Every role that `STATES` lists is one where its instrument has a byte stream of its own. A sensor on an I2C bus has
-    none, also where the bus is served by an instrument that has: what feeds it is what makes it safe.
+    Every role with states has one where its instrument has a byte stream of its own. A sensor on an I2C bus has none,
+    also where the bus is served by an instrument that has: what feeds it is what makes it safe.
     """
 
     def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
         """Return how the output comes to a state, from what the driver knows; nothing is sent.
 
         Args:
-            state: one of its role's in `STATES`.
+            state: one of its role's states.
             proof: how the bench file proves that state. Where it reads a quantity of this very output that the
                 instrument tells in text, the bytes ask for it too, and hold it to these bounds.
 
@@ -245,25 +252,46 @@ class SafeByBytes(Protocol):
         ...
 
 
-ROLES: dict[str, type] = {
-    "cycler": Cycler,
-    "gyroscope": Gyroscope,
-    "magnetometer": Magnetometer,
-    "obc": Obc,
-    "relays": Relays,
-    "rotation_table": RotationTable,
-    "supply": Supply,
-    "thermal": Thermal,
-}
-"""Every role by the name that bench files and cases use."""
+CYCLER = Role(
+    name="cycler",
+    protocol=Cycler,
+    quantities={"voltage": "V", "current": "A", "temperature": "degC"},
+    states={"stopped": "stop"},
+    hazardous=True,
+)
 
-STATES: dict[str, dict[str, str]] = {
-    "cycler": {"stopped": "stop"},
-    "gyroscope": {"asleep": "stop"},
-    "magnetometer": {"asleep": "stop"},
-    "relays": {"released": "release_all"},
-    "rotation_table": {"stopped": "stop"},
-    "supply": {"off": "disable"},
-    "thermal": {"standby": "standby"},
-}
-"""Per role the states that safe-off and rest may name, and the operation that leads there."""
+GYROSCOPE = Role(name="gyroscope", protocol=Gyroscope, quantities={"temperature": "degC"}, states={"asleep": "stop"})
+
+MAGNETOMETER = Role(name="magnetometer", protocol=Magnetometer, states={"asleep": "stop"})
+
+OBC = Role(name="obc", protocol=Obc)
+
+RELAYS = Role(name="relays", protocol=Relays, states={"released": "release_all"}, hazardous=True, part="contact")
+
+ROTATION_TABLE = Role(
+    name="rotation_table",
+    protocol=RotationTable,
+    quantities={"angle": "deg", "rate": "deg/s", "turns": "turn"},
+    states={"stopped": "stop"},
+    hazardous=True,
+    clamped=("rate", "turns"),
+)
+
+SUPPLY = Role(
+    name="supply",
+    protocol=Supply,
+    quantities={"voltage": "V", "current": "A"},
+    states={"off": "disable"},
+    hazardous=True,
+    clamped=("voltage", "current"),
+    proven=True,
+)
+
+THERMAL = Role(
+    name="thermal",
+    protocol=Thermal,
+    quantities={"temperature": "degC", "output": "%"},
+    states={"standby": "standby"},
+    hazardous=True,
+    clamped=("temperature",),
+)

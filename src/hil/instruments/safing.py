@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hil.documents.suggest import did_you_mean
-from hil.instruments.roles import STATES
+from hil.instruments.role import Role
 from hil.model.bench import Proof
 from hil.model.errors import Refused
 
@@ -16,15 +16,15 @@ NUMBER = rb"([+-]?(?:\d+\.?\d*|\.\d+)(?:[Ee][+-]?\d+)?)"
 """A decimal number, as a group."""
 
 
-def must_be_state(role: str, name: str, state: str) -> None:
+def must_be_state(role: Role, name: str, state: str) -> None:
     """Return if the role has that safe state; raise Refused otherwise.
 
     Args:
-        role: such as `supply`.
+        role: the role that the output fills.
         name: of the role instance, for the message.
         state: such as `off`.
     """
-    states = STATES[role]
+    states = role.states
     if state not in states:
         raise Refused(f"{name} has no state '{state}'{did_you_mean(state, states)}", f"it has {', '.join(states)}")
 

@@ -17,7 +17,7 @@ from hil.instruments.marks import drives, reads
 from hil.instruments.modbus.line import coils, coils_taken, coils_told, question
 from hil.instruments.modbus.safing import SILENCE, exchange
 from hil.instruments.modbus.session import ModbusSession
-from hil.instruments.roles import Relays
+from hil.instruments.roles import RELAYS, Relays
 from hil.instruments.safing import must_be_state
 from hil.model.bench import Proof, Wire
 from hil.model.errors import DeviceFault, Garbled, NoReply, Refused, Rejected
@@ -80,7 +80,7 @@ class WaveshareRelays:
 
         The proof is the board's own idea of its relays: no byte of it shows a contact that is welded.
         """
-        must_be_state("relays", self._name, state)
+        must_be_state(RELAYS, self._name, state)
         unit, released = self._session.unit, [False] * _RELAYS
         return SafeBytes(
             resync=(SILENCE,),

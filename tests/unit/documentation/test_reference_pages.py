@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
 import re
 from pathlib import Path
 
 import pytest
 
-from hil.instruments.registry import driver_names
-from hil.instruments.roles import ROLES, STATES
+from hil.instruments.registry import DRIVERS, ROLES
 from hil.plugin.plans.case_fixtures import case_fixtures
 from hil.simulation.faults import BUS_FAULTS, SERIAL_FAULTS
 from hil.simulation.registry import PEERS, PLANTS
@@ -48,8 +46,8 @@ def test_the_keys_are_found():
 def test_every_driver_plant_and_fault_is_on_the_page():
     """The bench file's page names every driver, plant model, kind of fault, and state of a role."""
     kinds = {*SERIAL_FAULTS, *BUS_FAULTS, *(kind for model in PEERS.values() for kind in model.fault_kinds)}
-    states = {state for role in STATES.values() for state in role}
-    names = {*driver_names(), *PLANTS, *kinds, *states}
+    states = {state for name in ROLES for state in ROLES[name].states}
+    names = {*DRIVERS, *PLANTS, *kinds, *states}
     assert sorted(name for name in names if f"`{name}`" not in BENCH_FILE and f'`"{name}"`' not in BENCH_FILE) == []
 
 
@@ -65,9 +63,5 @@ def test_every_fixture_is_on_the_page():
 def test_every_operation_of_a_role_is_on_the_page(role):
     """A role's table shows every operation with its arguments, and no operation more."""
     section = re.split(r"\n##", CASE_API.partition(f"\n### `{role}`\n")[2])[0]
-    operations = {
-        f"{name}({', '.join(list(inspect.signature(operation).parameters)[1:])})"
-        for name, operation in inspect.getmembers(ROLES[role], callable)
-        if hasattr(operation, "effect")
-    }
+    operations = {f"{name}({', '.join(operation.arguments)})" for name, operation in ROLES[role].operations.items()}
     assert set(re.findall(r"^\| `([a-z_]+\([a-z_, ]*\))` \|", section, re.MULTILINE)) == operations

@@ -19,7 +19,7 @@ def limit(quantity, unit, low=None, high=None, **how):
     """Return a limit on a derived quantity of a cell."""
     return EnvelopeLimit(
         id=quantity,
-        output="cell",
+        output="cycler.cell",
         quantity=quantity,
         unit=unit,
         minimum=low,
@@ -63,11 +63,11 @@ def rows(first, last, volts, amperes, degrees=25.0, every=5):
 def test_a_stream_feeds_what_it_has_all_sources_of():
     """What is held against another output, or needs another quantity, is read as ever."""
     monitors = [Bench(spec).monitor for spec in (CHARGED, INHIBIT, AGAINST)]
-    fed = monitors_of("cell", COLUMNS, 30.0, monitors)
+    fed = monitors_of("cycler.cell", COLUMNS, 30.0, monitors)
     assert [(columns, monitor.limit.id) for columns, monitor in fed] == [((2,), "charge"), ((3, 2), "temperature")]
-    assert monitors_of("cell", {("current", "A"): 2}, 30.0, monitors) == [((2,), monitors[0])]
+    assert monitors_of("cycler.cell", {("current", "A"): 2}, 30.0, monitors) == [((2,), monitors[0])]
     assert monitors_of("other", COLUMNS, 30.0, monitors) == []
-    assert monitors_of("cell", COLUMNS, 61.0, monitors) == []
+    assert monitors_of("cycler.cell", COLUMNS, 61.0, monitors) == []
 
 
 def test_readings_add_up_where_no_stream_feeds():
@@ -85,7 +85,7 @@ def test_a_reading_that_does_not_count_is_told_and_is_good():
     assert bench.monitor.good_ns == 0
     value, trip = bench.take(30, 60.0, 0.7)
     assert value == 60.0
-    assert trip.text == "cell: temperature while charging 60 degC is above 45 degC"
+    assert trip.text == "cycler.cell: temperature while charging 60 degC is above 45 degC"
 
 
 def test_nothing_is_counted_over_a_time_in_which_nobody_looked():
@@ -101,7 +101,7 @@ def test_nothing_is_counted_over_a_time_in_which_nobody_looked():
 def test_rows_that_wait_are_counted_before_a_reading():
     """Rows that nothing followed from are counted together; a reading that comes finds them counted."""
     bench, feeds = Bench(CHARGED), Feeds()
-    feed = feeds.begin(monitors_of("cell", COLUMNS, 30.0, [bench.monitor]), 30.0, "r")
+    feed = feeds.begin(monitors_of("cycler.cell", COLUMNS, 30.0, [bench.monitor]), 30.0, "r")
     for first in (5, 35, 65):
         assert feed.judge(rows(first, first + 25, 3.7, 0.72), (first + 25) * NANOSECONDS) is None
     assert bench.derivation._at_ns == 30 * NANOSECONDS
@@ -112,7 +112,7 @@ def test_rows_that_wait_are_counted_before_a_reading():
 def test_a_stream_that_ended_leaves_what_it_counted():
     """Behind the last row the bench's time counts again, whatever the device's clock has shown."""
     bench, feeds = Bench(CHARGED), Feeds()
-    feed = feeds.begin(monitors_of("cell", COLUMNS, 30.0, [bench.monitor]), 30.0, "r")
+    feed = feeds.begin(monitors_of("cycler.cell", COLUMNS, 30.0, [bench.monitor]), 30.0, "r")
     feed.judge(rows(5, 55, 3.7, 0.72), 60 * NANOSECONDS)
     feeds.end(feed, 60 * NANOSECONDS)
     assert bench.take(60, 0.72)[0] == pytest.approx(10.0)
@@ -131,10 +131,10 @@ def test_void_rows_have_flowed(before):
 
     if before:
         feeds.pass_over("r", Void)
-    feed = feeds.begin(monitors_of("cell", COLUMNS, 30.0, [bench.monitor]), 30.0, "r")
+    feed = feeds.begin(monitors_of("cycler.cell", COLUMNS, 30.0, [bench.monitor]), 30.0, "r")
     if not before:
         feeds.pass_over("r", Void)
     bench.monitor.restart(1000 * NANOSECONDS)
     assert feed.judge(rows(1005, 1025, 3.7, 0.72), 1025 * NANOSECONDS) is None
     trip = feed.judge(rows(1030, 1050, 3.7, 0.72), 1050 * NANOSECONDS)
-    assert trip.text == "cell: charge while charging 16 mA.h is above 15 mA.h, at 1035 s of recording r"
+    assert trip.text == "cycler.cell: charge while charging 16 mA.h is above 15 mA.h, at 1035 s of recording r"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from hil.instruments.capabilities import OVER_VOLTAGE_LEVEL, offers
-from hil.instruments.registry import driver_class
+from hil.instruments.registry import DRIVERS
 
 
 def test_a_supply_says_whether_its_protection_has_a_level():
     """A Korad's acts at the voltage that is set; who says nothing has none."""
     answers = {
-        name: offers(driver_class(name), OVER_VOLTAGE_LEVEL)
+        name: offers(DRIVERS[name], OVER_VOLTAGE_LEVEL)
         for name in ("keysight-e36300", "rigol-dp832", "korad-ka3005p", "waveshare-relay")
     }
     assert answers == {

@@ -4,92 +4,75 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from importlib.metadata import EntryPoint, EntryPoints
 
 import pytest
 
-from hil.instruments import registry
-from hil.instruments.registry import GROUP, driver_class, driver_names
-from hil.instruments.roles import ROLES
+from hil.instruments.registry import DRIVERS, ROLES, quantity_units, states_of, unit_of
+from hil.instruments.role import Role
 from hil.model.errors import Refused
 
 
 def test_this_packages_drivers_are_installed():
     """The names that bench files use."""
-    assert {"keysight-e36300", "lis3mdl", "waveshare-relay"} <= set(driver_names())
-    assert list(driver_names()) == sorted(driver_names())
+    assert {"keysight-e36300", "lis3mdl", "waveshare-relay"} <= set(DRIVERS)
+    assert list(DRIVERS) == sorted(DRIVERS)
 
 
-@pytest.mark.parametrize("name", driver_names())
+@pytest.mark.parametrize("name", DRIVERS.names)
 def test_every_driver_fills_roles_that_exist(name):
     """A role that no case can ask for would never be used."""
-    driver = driver_class(name)
+    driver = DRIVERS[name]
     assert driver.roles
     assert driver.roles <= set(ROLES)
 
 
-@pytest.mark.parametrize("name", driver_names())
+@pytest.mark.parametrize("name", DRIVERS.names)
 def test_every_role_offers_all_of_its_operations(name):
     """The class that fills a role marks the same operations as driving and reading as the role does."""
-    module = sys.modules[driver_class(name).__module__]
+    module = sys.modules[DRIVERS[name].__module__]
     classes = [item for item in vars(module).values() if isinstance(item, type)]
-    for role in driver_class(name).roles:
-        wanted = {
-            operation: function.effect
-            for base in ROLES[role].__mro__
-            for operation, function in vars(base).items()
-            if hasattr(function, "effect")
-        }
+    for role in DRIVERS[name].roles:
+        wanted = {name: operation.effect for name, operation in ROLES[role].operations.items()}
         assert any(
             all(getattr(getattr(item, operation, None), "effect", None) == kind for operation, kind in wanted.items())
             for item in classes
-            if item is not ROLES[role]
+            if item is not ROLES[role].protocol
         )
 
 
 def test_an_unknown_driver_is_refused_with_the_nearest():
     """A slip of the keyboard gets the right word back."""
     with pytest.raises(Refused, match="unknown driver 'keysight-e36301', did you mean 'keysight-e36300'"):
-        driver_class("keysight-e36301")
-
-
-def declared(monkeypatch, tmp_path, code, *values):
-    """Let another package declare drivers of one name in a module with this code."""
-    (tmp_path / "theirs_of_this_test.py").write_text(code)
-    monkeypatch.syspath_prepend(tmp_path)
-    points = EntryPoints(EntryPoint("theirs", value, GROUP) for value in values)
-    monkeypatch.setattr(registry, "entry_points", points.select)
-    monkeypatch.setattr(registry, "_found", registry._found.__wrapped__)
-
-
-@pytest.mark.parametrize(
-    ("code", "why"),
-    [
-        ("1 / 0", "ZeroDivisionError: division by zero"),
-        ("def", "SyntaxError: invalid syntax"),
-        ("", "has no attribute"),
-    ],
-)
-def test_a_driver_that_cannot_be_imported_is_refused(monkeypatch, tmp_path, code, why):
-    """Whatever its module raises is told in a sentence."""
-    declared(monkeypatch, tmp_path, code, "theirs_of_this_test:Driver")
-    with pytest.raises(Refused, match="driver 'theirs' cannot be imported: ") as caught:
-        driver_class("theirs")
-    assert why in str(caught.value)
-    sys.modules.pop("theirs_of_this_test", None)
-
-
-def test_two_packages_with_a_driver_of_one_name_are_refused(monkeypatch, tmp_path):
-    """Which of them speaks to the instrument would be chance."""
-    declared(monkeypatch, tmp_path, "", "one:Driver", "another:Driver")
-    with pytest.raises(Refused, match="several drivers 'theirs': another:Driver, one:Driver; uninstall"):
-        driver_class("theirs")
+        DRIVERS["keysight-e36301"]
 
 
 def test_asking_for_names_imports_no_driver():
     """A bench file is checked without pymodbus."""
     code = (
-        "import sys; from hil.instruments.registry import driver_names; driver_names();"
+        "import sys; from hil.instruments.registry import DRIVERS, ROLES; DRIVERS.names; ROLES['supply'];"
         "sys.exit('pymodbus' in sys.modules or 'hil.instruments.lis3mdl' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize("name", ROLES.names)
+def test_a_role_describes_itself(name):
+    """Its states are reached by its own operations, its clamps have units, and each number that it takes has one."""
+    role = ROLES[name]
+    assert isinstance(role, Role)
+    assert role.hazardous or not role.clamped
+    for operation in role.operations.values():
+        assert operation.function.__doc__, operation.name
+        assert all(argument.unit for argument in operation.arguments.values() if argument.number), operation.name
+    for quantity, unit in role.quantities.items():
+        assert role.operations[quantity].unit == unit
+        assert not role.operations[quantity].arguments
+
+
+def test_an_output_is_told_by_its_role():
+    """Its states and the unit of what it measures; nothing where there is no such role."""
+    assert states_of("supply.coil") == {"off": "disable"}
+    assert unit_of("supply.coil", "current") == "A"
+    assert unit_of("supply.coil", "angle") == ""
+    assert (states_of("nothing"), unit_of("nothing", "current")) == ({}, "")
+    assert quantity_units()["rate"] == ("deg/s",)

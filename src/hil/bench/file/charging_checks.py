@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from hil.bench.file.complaints import Complaints, known
 from hil.instruments.capabilities import OVER_VOLTAGE_LEVEL, offers
-from hil.instruments.registry import driver_class, driver_names
+from hil.instruments.registry import DRIVERS
 from hil.model.bench import BenchSpec, Wire
 
 __all__ = ["charging"]
@@ -34,9 +34,9 @@ def _problems(spec: BenchSpec, wire: Wire) -> Iterator[str]:
         yield "charges nothing: only a supply does"
         return
     drivers = [item.driver for item in spec.instruments if item.name == wire.instrument]
-    if not drivers or drivers[0] not in driver_names():
+    if not drivers or drivers[0] not in DRIVERS:
         return
-    if offers(driver_class(drivers[0]), OVER_VOLTAGE_LEVEL):
+    if offers(DRIVERS[drivers[0]], OVER_VOLTAGE_LEVEL):
         if "over_voltage" not in wire.settings:
             yield "charges a battery: give it the setting over_voltage, little above the highest voltage of the battery"
     elif not _measured(spec, wire.charges):

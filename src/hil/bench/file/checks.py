@@ -9,8 +9,7 @@ from hil.bench.file.complaints import Complaints, Located, known
 from hil.clock.virtual import VirtualClock
 from hil.documents.findings import Findings
 from hil.instruments.driver import ServesBus
-from hil.instruments.registry import driver_class, driver_names
-from hil.instruments.roles import ROLES
+from hil.instruments.registry import DRIVERS, ROLES
 from hil.model.bench import BenchSpec, Bus, InstrumentSpec, Wire
 from hil.wire.opening import url_of_resource
 
@@ -58,9 +57,9 @@ def _names(spec: BenchSpec) -> Complaints:
 
 
 def _instruments(spec: BenchSpec) -> Complaints:
-    drivers, buses = driver_names(), [bus.name for bus in spec.buses]
+    buses = [bus.name for bus in spec.buses]
     for item in spec.instruments:
-        yield from known(item, "driver", item.driver, drivers)
+        yield from known(item, "driver", item.driver, DRIVERS)
         if bool(item.port) == bool(item.bus):
             yield item, f"{item.name} needs either a port or a bus with an address"
         if item.bus:
@@ -87,7 +86,7 @@ def _buses(spec: BenchSpec) -> Complaints:
 
 
 def _server(spec: BenchSpec, bus: Bus, item: InstrumentSpec) -> Complaints:
-    if item.driver in driver_names() and not issubclass(driver_class(item.driver), ServesBus):
+    if item.driver in DRIVERS and not issubclass(DRIVERS[item.driver], ServesBus):
         yield bus, f"{item.name} serves no bus: the driver {item.driver} has none"
     hangs_on = {other.name: other.bus for other in spec.instruments}
     above = {other.name: hangs_on.get(other.instrument, "") for other in spec.buses}

@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from typing import TypeVar
 
 from hil.documents.node import Place
 from hil.documents.suggest import did_you_mean
-from hil.instruments.roles import ROLES
+from hil.instruments.registry import quantity_units, role_of
 
-__all__ = ["QUANTITIES", "Complaints", "Located", "known", "quantity", "quantity_of"]
-
-QUANTITIES = {
-    "voltage": "V",
-    "current": "A",
-    "temperature": "degC",
-    "output": "%",
-    "angle": "deg",
-    "rate": "deg/s",
-    "turns": "turn",
-}
-"""The quantities that ratings, clamps, envelope and proofs may name, and their unit."""
+__all__ = ["Complaints", "Located", "known", "quantity", "quantity_of"]
 
 Complaints = Iterator[tuple[object, str]]
 """What is wrong with which thing of the bench file."""
@@ -53,15 +42,20 @@ def known(thing: object, what: str, name: str, names: Collection[str]) -> Compla
 
 
 def quantity(thing: object, name: str, unit: str) -> Complaints:
-    """Complain of a quantity that does not exist, or of a unit that is not its own."""
-    yield from known(thing, "quantity", name, QUANTITIES)
-    if unit and name in QUANTITIES and unit != QUANTITIES[name]:
-        yield thing, f"{name} is given in {QUANTITIES[name]} here, not in '{unit}'"
+    """Complain of a quantity that no role has, or of a unit in which none gives it."""
+    yield from _given(thing, name, unit, quantity_units())
 
 
 def quantity_of(thing: object, output: str, name: str, unit: str) -> Complaints:
-    """Complain besides of a quantity that the output's role does not have."""
-    yield from quantity(thing, name, unit)
-    role = output.partition(".")[0]
-    if role in ROLES and name in QUANTITIES and not hasattr(ROLES[role], name):
+    """Complain of a quantity that the output's role does not have, or of a unit in which it does not give it."""
+    role, units = role_of(output), quantity_units()
+    own = {each: (given,) for each, given in role.quantities.items()} if role else {}
+    yield from _given(thing, name, unit, {**units, **own})
+    if role and name in units and name not in own:
         yield thing, f"{output} has no {name}"
+
+
+def _given(thing: object, name: str, unit: str, units: Mapping[str, Collection[str]]) -> Complaints:
+    yield from known(thing, "quantity", name, units)
+    if unit and name in units and unit not in units[name]:
+        yield thing, f"{name} is given in {' or '.join(units[name])} here, not in '{unit}'"

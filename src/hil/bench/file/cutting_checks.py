@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from hil.bench.connections import line_of
-from hil.bench.cut_paths import HAZARDOUS, charges_a_battery, hazardous_wires, paths_of
+from hil.bench.cut_paths import can_harm, charges_a_battery, hazardous_wires, paths_of
 from hil.bench.file.complaints import Complaints, known, quantity_of
 from hil.model.bench import BenchSpec, InstrumentSpec
 from hil.model.cutting import CutPath, WatchAfter
@@ -66,7 +66,7 @@ def cut_off(spec: BenchSpec) -> Complaints:
     names = {item.name for item in spec.instruments}
     battery = charges_a_battery(spec)
     for wire in spec.wiring:
-        if not wire.hazardous and wire.role not in HAZARDOUS:
+        if not wire.hazardous and not can_harm(wire):
             yield wire, f"{wire.name}: only what drives something can be marked as not hazardous"
         if not wire.hazardous and wire.charges:
             yield wire, f"{wire.name} charges a battery, which is hazardous"

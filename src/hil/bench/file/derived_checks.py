@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from hil.bench.derived.derivation import INTEGRALS, MADE_OF, TIMES, UNITS
-from hil.bench.file.complaints import QUANTITIES, Complaints, known, quantity_of
+from hil.bench.file.complaints import Complaints, known, quantity_of
 from hil.documents.suggest import did_you_mean
-from hil.instruments.roles import ROLES
+from hil.instruments.registry import ROLES, quantity_units, role_of, unit_of
 from hil.model.bench import BenchSpec, Wire
 from hil.model.envelope import Derived, EnvelopeLimit
 
@@ -30,8 +30,9 @@ def derived(spec: BenchSpec, limit: EnvelopeLimit, how: Derived) -> Complaints:
     if limit.quantity in MADE_OF:
         yield from _unit(limit, how)
     else:
-        yield from known(limit, "quantity", limit.quantity, (*QUANTITIES, *MADE_OF))
-        if limit.quantity in QUANTITIES:
+        units = quantity_units()
+        yield from known(limit, "quantity", limit.quantity, (*units, *MADE_OF))
+        if limit.quantity in units:
             yield from quantity_of(limit, limit.output, limit.quantity, limit.unit)
     for problem in (*_keys(limit, how), *_sources(spec, limit, how), *_numbers(limit, how)):
         yield limit, f"{limit.id}: {problem}"
@@ -43,7 +44,8 @@ def air(spec: BenchSpec) -> Complaints:
         return
     lowest = f"the dew point {spec.dew_point:g} degC"
     for wire in spec.wiring:
-        if wire.role != "thermal":
+        role = ROLES.find(wire.role)
+        if role is None or "temperature" not in role.clamped:
             continue
         for clamp in spec.clamps:
             if (clamp.output, clamp.quantity) == (wire.name, "temperature") and clamp.minimum < spec.dew_point:
@@ -94,9 +96,10 @@ def _keys(limit: EnvelopeLimit, how: Derived) -> Iterator[str]:
 
 def _unit(limit: EnvelopeLimit, how: Derived) -> Complaints:
     if limit.quantity == "slope":
-        if how.of not in QUANTITIES:
+        unit = unit_of(limit.output, how.of) or next(iter(quantity_units().get(how.of, ())), "")
+        if not unit:
             return
-        base = {"degC": "K"}.get(QUANTITIES[how.of], QUANTITIES[how.of])
+        base = {"degC": "K"}.get(unit, unit)
         name, units = f"slope of {how.of}", [f"{base}/{time}" for time in TIMES]
     else:
         name, units = limit.quantity, list(UNITS[limit.quantity])
@@ -107,22 +110,22 @@ def _unit(limit: EnvelopeLimit, how: Derived) -> Complaints:
 
 def _sources(spec: BenchSpec, limit: EnvelopeLimit, how: Derived) -> Iterator[str]:
     """What is derived needs what it is derived from."""
-    role = ROLES.get(limit.output.partition(".")[0])
-    if how.of and how.of not in QUANTITIES:
-        yield f"unknown quantity '{how.of}'{did_you_mean(how.of, QUANTITIES)}"
-    made_of = {*MADE_OF.get(limit.quantity, ()), *({how.of} & set(QUANTITIES)), *(("current",) if how.flow else ())}
+    role, units = role_of(limit.output), quantity_units()
+    if how.of and how.of not in units:
+        yield f"unknown quantity '{how.of}'{did_you_mean(how.of, units)}"
+    made_of = {*MADE_OF.get(limit.quantity, ()), *({how.of} & set(units)), *(("current",) if how.flow else ())}
     for name in sorted(made_of) if role else ():
-        if not hasattr(role, name):
+        if role and name not in role.quantities:
             yield f"{limit.output} has no {name}, of which this is made"
     outputs = [wire.name for wire in spec.wiring]
     if not how.against:
         return
-    other = ROLES.get(how.against.partition(".")[0])
+    other = role_of(how.against)
     if how.against not in outputs:
         yield f"unknown output '{how.against}'{did_you_mean(how.against, outputs)}"
     elif how.against == limit.output:
         yield f"{limit.output} cannot be held against itself"
-    elif limit.quantity in QUANTITIES and other and not hasattr(other, limit.quantity):
+    elif limit.quantity in units and other and limit.quantity not in other.quantities:
         yield f"{how.against} has no {limit.quantity}"
 
 

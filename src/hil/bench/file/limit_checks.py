@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
-from hil.bench.cut_paths import HAZARDOUS
 from hil.bench.file.complaints import Complaints, known, quantity, quantity_of
 from hil.bench.file.derived_checks import derived
 from hil.documents.suggest import did_you_mean
-from hil.instruments.roles import STATES
+from hil.instruments.registry import ROLES, role_of
 from hil.model.bench import BenchSpec, CalibratedRange, Clamp, Proof, ReducedLevel, SafeStep, Wire
 from hil.model.envelope import EnvelopeLimit
 
 __all__ = ["certificates", "clamps", "covered", "envelope", "ratings", "reduced_levels", "safe_steps"]
-
-_CLAMPED = {"supply": ("voltage", "current"), "rotation_table": ("rate", "turns"), "thermal": ("temperature",)}
-"""What an output that can do harm must have clamps for."""
 
 _SHORTEST_PERIOD_S = 0.001
 _LONGEST_DEBOUNCE = 1000
@@ -143,9 +139,9 @@ def safe_steps(spec: BenchSpec) -> Complaints:
     """Check that every line of safe-off, rest and hold can be taken, and its proof be read."""
     for step in (*spec.safe_off, *spec.rest, *spec.hold):
         yield from known(step, "output", step.output, _outputs(spec))
-        role = step.output.partition(".")[0]
-        if role in STATES:
-            yield from known(step, "state", step.state, STATES[role])
+        role = role_of(step.output)
+        if role and role.states:
+            yield from known(step, "state", step.state, role.states)
         if step.within_s <= 0:
             yield step, f"{step.output}: within must be longer than zero"
         if step.proof:
@@ -160,18 +156,20 @@ def _proof(step: SafeStep, proof: Proof, outputs: Collection[str]) -> Complaints
 
 
 def covered(spec: BenchSpec) -> Complaints:
-    """Check that every output that can do harm is in the safe-off, and that it is clamped, and a supply proven."""
+    """Check that every output that can do harm is in the safe-off, clamped and proven as its role asks."""
     made_safe = {step.output for step in spec.safe_off}
     proven = {step.output for step in spec.safe_off if step.proof}
     for wire in spec.wiring:
-        if wire.role in HAZARDOUS and wire.name not in made_safe:
+        role = ROLES.find(wire.role)
+        if role is None:
+            continue
+        if role.hazardous and wire.name not in made_safe:
             yield wire, f"{wire.name} is missing from safe_off"
-        elif wire.role == "supply" and wire.name not in proven:
+        elif role.proven and wire.name not in proven:
             yield wire, f"{wire.name}: its line in safe_off needs a proof, such as its current near zero"
         clamped = {clamp.quantity for clamp in spec.clamps if clamp.output == wire.name}
-        needed = _CLAMPED.get(wire.role, ())
-        if not clamped.issuperset(needed):
-            yield wire, f"{wire.name} needs clamps for {' and '.join(needed)}"
+        if not clamped.issuperset(role.clamped):
+            yield wire, f"{wire.name} needs clamps for {' and '.join(role.clamped)}"
 
 
 def _outputs(spec: BenchSpec) -> list[str]:

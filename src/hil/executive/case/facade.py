@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping
-from functools import cache
 from numbers import Real
 from types import MappingProxyType
 from typing import Any, Protocol, TypeVar
@@ -13,7 +11,8 @@ from hil.bench.calibration import calibrated
 from hil.documents.suggest import did_you_mean
 from hil.executive.case.effects import Effects
 from hil.executive.case.given import Misused
-from hil.instruments.roles import ROLES
+from hil.instruments.registry import ROLES
+from hil.instruments.role import Operation
 from hil.instruments.sampled import Sampled, Streamed
 from hil.model.bench import BenchSpec, InstrumentSpec, Wire
 from hil.model.errors import ClampExceeded, DeviceFault, HilError, Refused
@@ -68,7 +67,7 @@ class Facade:
     _effects: Effects
     _host: Host
     _instruments: Mapping[str, InstrumentSpec]
-    _operations: Mapping[str, Callable[..., Any]]
+    _operations: Mapping[str, Operation]
 
     def __init__(
         self,
@@ -86,15 +85,15 @@ class Facade:
             _effects=effects,
             _host=host,
             _instruments=instruments,
-            _operations=_operations_of(ROLES[wire.role]),
+            _operations=ROLES[wire.role].operations,
         )
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
-        operations: Mapping[str, Callable[..., Any]] = self.__dict__.get("_operations", {})
+        operations: Mapping[str, Operation] = self.__dict__.get("_operations", {})
         if name not in operations:
             hint = did_you_mean(name, operations)
             raise AttributeError(f"{self.__dict__['wire'].name} has no operation '{name}'{hint}")
-        return self._bound(name, operations[name])
+        return self._bound(operations[name])
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"{self.wire.name} is what the bench file says, its '{name}' cannot be changed")
@@ -122,24 +121,22 @@ class Facade:
         """Take one sample; a fault is told before it is raised."""
         return self.guarded(self.sampled.sample)
 
-    def _bound(self, name: str, operation: Callable[..., Any]) -> Callable[..., Any]:
-        signature = _signature_of(operation)
-
+    def _bound(self, operation: Operation) -> Callable[..., Any]:
+        name, signature, kind = operation.name, operation.signature, operation.effect
         what = f"{self.wire.name}.{name}"
-        kind: str = operation.effect  # type: ignore[attr-defined]  # only marked operations come here
 
         def call(*args: object, **kwargs: object) -> object:
             arguments = signature.bind(self, *args, **kwargs).arguments
             arguments.pop("self")
             try:
-                _require_numbers(what, signature, arguments)
+                _require_numbers(what, operation, arguments)
                 self._host.point()
                 return self._effects.perform(what, kind, arguments, lambda: self._act(name, arguments))
             except _NOT_DONE as error:
                 self._host.refused(error)
                 raise
 
-        call.__name__, call.__doc__ = name, operation.__doc__
+        call.__name__, call.__doc__ = name, operation.function.__doc__
         return call
 
     def _act(self, name: str, arguments: dict[str, Any]) -> object:
@@ -156,21 +153,10 @@ class Facade:
             raise
 
 
-@cache
-def _operations_of(role: type) -> Mapping[str, Callable[..., Any]]:
-    members = inspect.getmembers(role, callable)
-    return MappingProxyType({name: operation for name, operation in members if hasattr(operation, "effect")})
-
-
-@cache  # of functions of roles, of which there are few
-def _signature_of(operation: Callable[..., Any]) -> inspect.Signature:
-    return inspect.signature(operation)
-
-
-def _require_numbers(what: str, signature: inspect.Signature, arguments: Mapping[str, object]) -> None:
+def _require_numbers(what: str, operation: Operation, arguments: Mapping[str, object]) -> None:
     """Refuse what is no number where the role says that one is due; a flag would pass for 0 or 1."""
     for name, value in arguments.items():
-        if signature.parameters[name].annotation not in {"float", float}:
+        if not operation.arguments[name].number:
             continue
         if isinstance(value, bool) or not isinstance(value, Real):
             hint = (

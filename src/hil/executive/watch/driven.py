@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from hil.instruments.roles import ROLES, STATES
+from hil.instruments.registry import role_of, states_of
 
 __all__ = ["Call", "Driven"]
 
 _ENDS = frozenset({"case", "rest", "safe"})
 """Kinds of events after which nothing is driven any more: each case drives what it needs itself."""
-
-_BY_CONTACT = "relays"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +51,7 @@ class Driven:
     def any_on(self) -> bool:
         """Whether an output was driven to anything but a state of rest."""
         return any(
-            call.operation not in STATES.get(output.partition(".")[0], {}).values()
+            call.operation not in states_of(output).values()
             for output, calls in self._calls.items()
             for call in calls.values()
         )
@@ -64,13 +62,13 @@ class Driven:
         return sorted((call for output in self._calls for call in self.of(output)), key=lambda call: call.first_t)
 
     def _drove(self, output: str, operation: str, arguments: Mapping[str, object], t: float) -> None:
-        role = output.partition(".")[0]
-        if hasattr(getattr(ROLES.get(role), operation, None), "begins"):
+        role = role_of(output)
+        if role and operation in role.operations and role.operations[operation].begins:
             return
         calls = self._calls.setdefault(output, {})
-        if operation in STATES.get(role, {}).values():
+        if operation in states_of(output).values():
             calls.clear()
-        contact = arguments.get("contact")
-        key = f"contact {contact}" if role == _BY_CONTACT and contact is not None else operation
+        part = role.part if role else ""
+        key = f"{part} {arguments[part]}" if arguments.get(part) is not None else operation
         first_t = calls[key].first_t if key in calls else t
         calls[key] = Call(output, operation, arguments, first_t)

@@ -8,10 +8,10 @@ from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from hil.bench.envelope import Monitor, Trip
-from hil.bench.file.complaints import QUANTITIES
 from hil.clock.port import NANOSECONDS
 from hil.executive.watch.derived_feed import Columns, DerivedFeed, Fed
 from hil.executive.watch.glance import Glance
+from hil.instruments.registry import unit_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -45,7 +45,7 @@ def _columns_of(monitor: Monitor, output: str, columns: Mapping[tuple[str, str],
     limit, derivation = monitor.limit, monitor.derivation
     if derivation is None:
         return columns.get((limit.quantity, limit.unit)) if limit.output == output else None
-    found = [columns.get((name, QUANTITIES[name])) for at, name in derivation.sources if at == output]
+    found = [columns.get((name, unit_of(at, name))) for at, name in derivation.sources if at == output]
     places = tuple(place for place in found if place is not None)
     return places if len(places) == len(derivation.sources) else None
 

@@ -17,6 +17,7 @@ from hil.instruments.cycler.stream import CHANNELS, Stream
 from hil.instruments.cycler.told import Reading, Told
 from hil.instruments.cycler.wiring import Wiring
 from hil.instruments.marks import drives, reads
+from hil.instruments.roles import CYCLER
 from hil.instruments.safing import must_be_state
 from hil.instruments.sampled import Channel, StreamReport
 from hil.model.bench import Proof
@@ -111,7 +112,7 @@ class BatteryTester:
             Refused: there is no such state; or a level 1 device, or one that has told no level yet: any byte may start
                 its test.
         """
-        must_be_state("cycler", self._name, state)
+        must_be_state(CYCLER, self._name, state)
         told = self._session.told
         if not isinstance(told, NumberedLines):
             why = "has not told its level yet" if told is None else "speaks level 1"

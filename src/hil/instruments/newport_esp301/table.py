@@ -11,6 +11,7 @@ from hil.instruments.marks import drives, reads
 from hil.instruments.newport_esp301.encoder import Encoder, Reading
 from hil.instruments.newport_esp301.safing import stopped
 from hil.instruments.newport_esp301.session import EspSession, as_code, as_decimal, as_flag
+from hil.instruments.roles import ROTATION_TABLE
 from hil.instruments.safing import must_be_state, own_bounds
 from hil.model.bench import Proof
 from hil.model.errors import ClampExceeded, DeviceFault, Refused, Rejected
@@ -173,7 +174,7 @@ class Table:
 
         Standstill is always asked of the encoder; a rate besides of the controller, which may tell what it commands.
         """
-        must_be_state("rotation_table", self._name, state)
+        must_be_state(ROTATION_TABLE, self._name, state)
         return stopped(self._axis, own_bounds(self._name, proof, "rate"))
 
     def _look(self) -> Reading:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from hil.instruments.driver import Clamps
 from hil.instruments.marks import drives, reads
+from hil.instruments.roles import SUPPLY
 from hil.instruments.safing import NUMBER, must_be_state, own_bounds
 from hil.instruments.scpi.safing import switched_off
 from hil.instruments.scpi.session import ScpiSession, as_number, as_register, as_switch
@@ -196,7 +197,7 @@ class ScpiOutput:
 
     def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
         """Return the bytes of off; see `hil.instruments.roles.SafeByBytes`. Voltage and current can be asked for."""
-        must_be_state("supply", self._name, state)
+        must_be_state(SUPPLY, self._name, state)
         dialect = self._dialect
         questions: list[tuple[str, bytes, tuple[float, float] | None]] = [
             (self._filled(dialect.is_on), dialect.says_off, None)

@@ -11,7 +11,7 @@ import pytest
 
 from hil.documents.suggest import did_you_mean
 from hil.executive.setup.configuration import Configuration
-from hil.instruments.roles import ROLES
+from hil.instruments.registry import ROLES
 from hil.model.errors import Finding
 from hil.plugin.plans import case_fixtures
 from hil.plugin.plans.case_fixtures import CASE_FIXTURES
@@ -143,9 +143,7 @@ def _roles(configuration: Configuration) -> dict[str, dict[str, Collection[str]]
     """Return every role of the bench with its instances, and what those can do."""
     roles: dict[str, dict[str, Collection[str]]] = {}
     for wire in configuration.bench.wiring:
-        role = ROLES.get(wire.role)
-        operations = [name for name, each in inspect.getmembers(role, callable) if hasattr(each, "effect")]
-        roles.setdefault(wire.role, {})[wire.instance] = (*operations, *_FACADE)
+        roles.setdefault(wire.role, {})[wire.instance] = (*ROLES[wire.role].operations, *_FACADE)
     return roles
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hil.bench.file.reading import bench_names, load_bench
 from hil.executive.setup.configuration import Configuration
-from hil.instruments.roles import ROLES
+from hil.instruments.registry import ROLES
 from hil.model.errors import ConfigurationError, Refused
 
 __all__ = ["unwired"]

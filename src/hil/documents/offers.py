@@ -1,0 +1,103 @@
+"""What installed packages offer by entry point: found without being imported, and refused with the package's name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import cache
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from typing import Generic, TypeVar, cast
+
+from hil.documents.suggest import did_you_mean
+from hil.model.errors import Refused
+
+__all__ = ["Offers"]
+
+_Offer = TypeVar("_Offer")
+
+
+class Offers(Generic[_Offer]):
+    """Everything that installed packages offer in one group of entry points, by name.
+
+    Our own offers are entry points like everybody's. An offer is imported when it is asked for, and at most once.
+
+    Args:
+        group: the group of entry points, such as `hil.drivers`.
+        what: what its offers are, such as `driver`.
+        problem: returns why an imported object of this name is none, empty if it is one.
+        kind: what an entry point has to name, for the hint.
+    """
+
+    def __init__(self, group: str, what: str, problem: Callable[[str, object], str], kind: str) -> None:
+        self.group = group
+        self.what = what
+        self._problem = problem
+        self._kind = kind
+        self._loaded: dict[EntryPoint, _Offer] = {}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of all offers, sorted; none is imported."""
+        return tuple(sorted(self._found().names))
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._found().names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __getitem__(self, name: str) -> _Offer:
+        """Return the offer of that name.
+
+        Raises:
+            Refused: there is none, two packages offer one, or it is not what it should be.
+        """
+        point = self._only(name)
+        if point not in self._loaded:
+            self._loaded[point] = self._load(point)
+        return self._loaded[point]
+
+    def find(self, name: str) -> _Offer | None:
+        """Return the offer of that name, None where no package has one; Refused as above."""
+        return self[name] if name in self.names else None
+
+    def _found(self) -> EntryPoints:
+        return _installed(self.group)
+
+    def _only(self, name: str) -> EntryPoint:
+        points = {point.value: point for point in self._found().select(name=name)}
+        if not points:
+            installed = ", ".join(self.names)
+            hint = f"installed are {installed}" if installed else "no package offers any: install hil again"
+            raise Refused(f"unknown {self.what} '{name}'{did_you_mean(name, self.names)}", hint)
+        if len(points) > 1:
+            listed = ", ".join(f"{value}{_by(points[value])}" for value in sorted(points))
+            raise Refused(f"there are several {self.what}s '{name}': {listed}", "uninstall the packages of all but one")
+        return next(iter(points.values()))
+
+    def _load(self, point: EntryPoint) -> _Offer:
+        who = f"{self.what} '{point.name}'{_by(point)}"
+        try:
+            loaded = point.load()
+        except Exception as error:  # importing somebody's module can raise anything
+            why = str(error) if isinstance(error, ImportError | AttributeError) else f"{type(error).__name__}: {error}"
+            raise Refused(f"{who} cannot be imported: {why}", "reinstall its package, or repair it") from error
+        if problem := self._problem(point.name, loaded):
+            raise Refused(
+                f"{who} cannot be used: {point.value} {problem}",
+                f"let its entry point in {self.group} name {self._kind}, or uninstall the package",
+            )
+        return cast("_Offer", loaded)
+
+
+@cache
+def _installed(group: str) -> EntryPoints:
+    """Return the entry points of a group; looking through all packages takes some milliseconds."""
+    return entry_points(group=group)
+
+
+def _by(point: EntryPoint) -> str:
+    """Return which package offers it, nothing where that is not known."""
+    return f" (package {point.dist.name} {point.dist.version})" if point.dist else ""
