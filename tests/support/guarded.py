@@ -15,7 +15,7 @@ import tty
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
-from hil.guardian.carrying import written_plan
+from hil.guardian.plan_codec import written_plan
 from hil.model.safing import Exchange, GuardedOutput, GuardedPort, GuardPlan, SafeBytes
 
 __all__ = ["Executive", "Instrument", "NetworkInstrument", "code", "lines_of", "output_of", "plan_of", "until"]

@@ -12,8 +12,8 @@ import time
 import tty
 from dataclasses import asdict
 
-from hil.guardian.carrying import read_plan
-from hil.guardian.tether import Guardian
+from hil.guardian.client import Guardian
+from hil.guardian.plan_codec import read_plan
 from hil.model.errors import HilError
 
 BETWEEN_BEATS_S = 0.05

@@ -1,8 +1,8 @@
-"""Start the guardian's process: `python -I -S …/hil/guardian/__main__.py DESCRIPTOR`, as the tether does.
+"""Start the guardian's process: `python -I -S …/hil/guardian/__main__.py DESCRIPTOR`, as its client does.
 
-Started by its path, without the site packages, it needs nothing of the environment that its executive runs in: no
-variables, no present folder, no hooks of other packages. The folder that holds `hil` comes last on the path, so that
-nothing in it can stand in for a module of the standard library.
+Started by its path, without the site packages, it depends on nothing in the executive's environment: no
+variables, no working directory, no hooks of other packages. The folder that holds `hil` comes last on the path, so that
+nothing in it can replace a module of the standard library.
 """
 
 from __future__ import annotations
@@ -12,6 +12,6 @@ from pathlib import Path
 
 if __name__ == "__main__":
     sys.path.append(str(Path(__file__).resolve().parents[2]))
-    from hil.guardian.duty.process import main
+    from hil.guardian.process import main
 
     main(sys.argv[1:])

@@ -1,7 +1,7 @@
-"""Words between executive and guardian: packets of JSON on a socket that keeps them apart, with descriptors.
+"""Messages between executive and guardian: JSON packets with descriptors, on a socket that keeps their boundaries.
 
-A packet is sent whole or not at all, so that a process that is stopped or dies never leaves half of one, and sending
-never waits for the other side. (`socket.send_fds` and `recv_fds` would wait: they take flags and do not pass them on.)
+A packet is sent whole or not at all, so a process that stops or dies never leaves half of one, and sending never
+waits for the other side. (`socket.send_fds` and `recv_fds` would wait: they take flags but do not pass them on.)
 """
 
 from __future__ import annotations
@@ -12,21 +12,21 @@ from array import array
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = ["MOST_DESCRIPTORS", "Drilled", "HungUp", "pair", "receive", "send"]
+__all__ = ["MOST_DESCRIPTORS", "DrillResult", "HungUp", "pair", "receive", "send"]
 
 MOST_DESCRIPTORS = 253  # what the kernel passes with one packet (SCM_MAX_FD)
 _MOST_BYTES = 65_536
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drilled:
-    """What the guardian found out about one output, or about the heartbeat.
+class DrillResult:
+    """What the guardian found when it drilled one output, or the heartbeat.
 
     Attributes:
         output: dotted name of the role instance; `heartbeat` for the beats of the executive.
-        ok: whether it did what it has to.
+        ok: whether it did what it must.
         detail: what happened, in words.
-        seconds: how long it took; of the heartbeat, after how much silence the guardian would have acted.
+        seconds: how long it took; for the heartbeat, the silence after which the guardian would have acted.
     """
 
     output: str
@@ -36,16 +36,16 @@ class Drilled:
 
 
 class HungUp(Exception):
-    """The other side is gone, or has closed its end."""
+    """The other side is gone or has closed its end."""
 
 
 def pair() -> tuple[socket.socket, socket.socket]:
-    """Return two ends that are connected."""
+    """Return two connected ends."""
     return socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
 
 
 def send(end: socket.socket, kind: str, *descriptors: int, **told: object) -> bool:
-    """Send a packet, and return whether there was room for it; the other side may be stopped.
+    """Send a packet; return False if there is no room for it because the other side does not read.
 
     Raises:
         HungUp: if nobody will ever read it.
@@ -62,11 +62,11 @@ def send(end: socket.socket, kind: str, *descriptors: int, **told: object) -> bo
 
 
 def receive(end: socket.socket) -> tuple[dict[str, Any], list[int]] | None:
-    """Return the next packet that is there, with the descriptors that came with it; None if there is none.
+    """Return the next packet with its descriptors, None if none is there.
 
     Raises:
         HungUp: if none will ever come.
-        ValueError: if it is no JSON.
+        ValueError: if it is not JSON.
     """
     flags = socket.MSG_DONTWAIT | socket.MSG_CMSG_CLOEXEC
     try:

@@ -1,7 +1,7 @@
 """Latches: files that keep a bench from being used until a named person has looked at it.
 
-They survive a reboot, and are shared by all users of the host, as leases are. Whatever lies where a latch would lie
-and cannot be read as one counts as a latch: who doubts looks at the bench.
+They survive a reboot, and are shared by all users of the host, as leases are. A file in a latch's
+place that cannot be read as one counts as a latch: in doubt, look at the bench.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ class Latch:
     Attributes:
         bench: its name.
         run: the folder of the run that the guardian ended.
-        why: what the guardian saw.
+        why: what the guardian found.
         since: when, UTC.
-        outputs: those that could not be proven safe; empty where all were.
+        outputs: the outputs that could not be proven safe.
     """
 
     bench: str
@@ -44,35 +44,35 @@ class Latch:
 
 
 def path_of(key: str, folder: Path | None = None) -> Path:
-    """Return where the latch of an instrument lies, by the key of its lease; in `FOLDER` where no other is named."""
+    """Return the path of an instrument's latch, by the key of its lease; in `FOLDER` unless another is named."""
     return (folder or FOLDER) / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.latch"
 
 
 def share(folder: Path) -> None:
-    """Make the folder so that every user can latch in it.
+    """Make the folder, writable for every user.
 
     Raises:
-        Refused: if it is not there and cannot be made, is no folder, or nothing can be written in it.
+        Refused: if it cannot be made or written.
     """
     try:
         with suppress(FileExistsError):
             folder.mkdir(parents=True)
             folder.chmod(0o1777)
         if not stat.S_ISDIR(folder.lstat().st_mode):
-            raise NotADirectoryError(errno.ENOTDIR, "it is no folder")
+            raise NotADirectoryError(errno.ENOTDIR, "it is not a folder")
         if not os.access(folder, os.W_OK | os.X_OK):
-            raise PermissionError(errno.EACCES, "nothing can be written in it")
+            raise PermissionError(errno.EACCES, "it is not writable")
     except OSError as error:
         raise Refused(
-            f"benches cannot be latched in {folder}: {error.strerror}", "check who owns it, and its permissions"
+            f"cannot latch benches in {folder}: {error.strerror}", "check who owns it, and its permissions"
         ) from error
 
 
 def write(path: Path, latch: Latch) -> None:
-    """Latch, on disk before this returns. One that is there already is replaced.
+    """Write a latch, on disk before this returns. One that is there already is replaced.
 
     Raises:
-        Refused: if the folder is not as it has to be.
+        Refused: if the folder cannot be used.
         OSError: if it cannot be written.
     """
     share(path.parent)
@@ -80,7 +80,7 @@ def write(path: Path, latch: Latch) -> None:
     try:
         data = json.dumps(asdict(latch)).encode()
         os.pwrite(file, data, 0)
-        os.ftruncate(file, len(data))  # after the words, so that there is no moment without any
+        os.ftruncate(file, len(data))  # after the write, so that the file is never empty
         os.fsync(file)
     finally:
         os.close(file)
@@ -97,7 +97,7 @@ def read(path: Path) -> Latch | None:
         return _unreadable(path, str(error.strerror))
     try:
         if not stat.S_ISREG(os.fstat(file).st_mode):
-            return _unreadable(path, "it is no file")
+            return _unreadable(path, "it is not a file")
         data = os.pread(file, _MOST_BYTES, 0)
     except OSError as error:
         return _unreadable(path, str(error.strerror))
@@ -107,10 +107,10 @@ def read(path: Path) -> Latch | None:
 
 
 def clear(path: Path) -> None:
-    """Take the latch away; where there is none, nothing happens.
+    """Remove the latch; nothing happens where there is none.
 
     Raises:
-        Refused: if that is not permitted.
+        Refused: if it cannot be removed.
     """
     try:
         if stat.S_ISREG(path.lstat().st_mode):
@@ -128,7 +128,7 @@ def clear(path: Path) -> None:
 
 
 def _stays(path: Path, why: str) -> Refused:
-    return Refused(f"the latch {path} cannot be taken away: {why}", "ask its owner, or remove it as root")
+    return Refused(f"cannot remove the latch {path}: {why}", "ask its owner, or remove it as root")
 
 
 def _empty(path: Path) -> None:
@@ -141,7 +141,7 @@ def _empty(path: Path) -> None:
 
 
 def _opened_to_write(path: Path) -> int:
-    """Open for every user; in a shared folder another user's file opens only where nobody asks to create it."""
+    """Open for every user; in a shared folder another user's file opens only without O_CREAT."""
     try:
         file = os.open(path, os.O_RDWR | _FLAGS)
     except FileNotFoundError:
@@ -149,7 +149,7 @@ def _opened_to_write(path: Path) -> int:
         os.fchmod(file, 0o666)
     if not stat.S_ISREG(os.fstat(file).st_mode):
         os.close(file)
-        raise OSError(errno.EINVAL, "something that is no file lies where the latch goes", str(path))
+        raise OSError(errno.EINVAL, "the latch's path is not a file", str(path))
     return file
 
 
@@ -171,4 +171,4 @@ def _told(path: Path, data: bytes) -> Latch:
 
 
 def _unreadable(path: Path, why: str) -> Latch:
-    return Latch(bench="", run="", why=f"the latch {path} cannot be read: {why}", since="", outputs=())
+    return Latch(bench="", run="", why=f"cannot read the latch {path}: {why}", since="", outputs=())

@@ -12,9 +12,9 @@ from hil.bench.latching import clear_latches_of, latch_bench
 from hil.clock import wall
 from hil.clock.live import LiveClock
 from hil.executive.run.stop import StopFlags
-from hil.guardian.channel import Drilled
+from hil.guardian.channel import DrillResult
+from hil.guardian.client import Guardian
 from hil.guardian.latch import Latch, path_of
-from hil.guardian.tether import Guardian
 from hil.instruments.roles import SafeByBytes
 from hil.model.bench import BenchSpec, InstrumentSpec, SafeStep
 from hil.model.errors import HilError
@@ -197,7 +197,7 @@ def _longest_safing_s(spec: BenchSpec) -> float:
     return sum(step.within_s for step in chain(spec.safe_off, spec.rest, spec.hold))
 
 
-def _told(drilled: Drilled) -> str:
+def _told(drilled: DrillResult) -> str:
     return f"{drilled.output}: {drilled.detail}"
 
 

@@ -1,1 +1,1 @@
-"""What goes over the ports: bytes and replies, one thread per port, all outputs in order."""
+"""The guardian's ports: bytes and replies, one thread per port, all outputs in order."""

@@ -1,4 +1,4 @@
-"""Which USB device a terminal belongs to: after a replug, another one may have its name."""
+"""Which USB device a terminal belongs to: after a replug, another device may have its name."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _SYSTEM = Path("/sys/dev/char")
 def identity_of(what: int | str, system: Path = _SYSTEM) -> Identity | None:
     """Return vendor, product and serial number of the USB device behind a terminal; None where there is none.
 
-    One without a serial number is known by the socket that it is plugged into.
+    A device without a serial number is identified by its USB socket.
 
     Args:
         what: a descriptor or a path; it is not opened.
-        system: where the kernel tells of its devices.
+        system: where the kernel lists its devices.
 
     Raises:
-        OSError: if there is nothing.
+        OSError: if there is no such file.
     """
     status = os.stat(what)  # noqa: PTH116 - a descriptor has no path
     if not stat.S_ISCHR(status.st_mode):
@@ -39,7 +39,7 @@ def identity_of(what: int | str, system: Path = _SYSTEM) -> Identity | None:
 
 
 def require(expected: Identity, path: str, system: Path = _SYSTEM) -> None:
-    """Compare what is at a path now with what was there.
+    """Compare the device that is at a path now with the one that was there.
 
     Raises:
         OSError: if it is another device, or there is none.

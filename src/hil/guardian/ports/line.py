@@ -1,7 +1,7 @@
-"""One port by its descriptor: bytes out and in until an instant, and never a wait that has no end.
+"""One port by its descriptor: bytes out and in up to a deadline, and never an endless wait.
 
-The descriptor is shared with the executive. Whatever belongs to the open file (the flags, a terminal's settings)
-stays as it is; what would wait is asked first, and asked for little.
+The executive shares the descriptor. What belongs to the open file (flags, a terminal's settings) stays as it is; a
+call that could block is polled for first, and asks for little.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ _DEAD = select.POLLHUP | select.POLLERR | select.POLLNVAL
 
 
 class Gone(Exception):
-    """Nothing will ever go through this descriptor again."""
+    """This descriptor is dead for good."""
 
 
 class Interrupted(Exception):
-    """Something more urgent has to be done with this port."""
+    """The port is needed for something more urgent."""
 
 
 class Line:
@@ -38,8 +38,8 @@ class Line:
 
     Args:
         descriptor: of a terminal, or of a connected socket.
-        baud: of a serial device, 0 if unknown: then bytes count as gone out once they are written.
-        interrupt: whoever sets it ends whatever waits.
+        baud: of a serial device, 0 if unknown: bytes then count as sent once they are written.
+        interrupt: ends any wait when it is set.
 
     Attributes:
         busy_until: when the last byte went or came, on the monotonic clock [s].
@@ -55,10 +55,10 @@ class Line:
         self.busy_until = time.monotonic()
 
     def hear(self, until: float) -> bytes:
-        """Return what comes first, or nothing if nothing comes until that instant.
+        """Return the first bytes that come, empty if none come by the deadline.
 
         Raises:
-            Gone: if nothing ever will.
+            Gone: if none ever will.
         """
         while True:
             events = self._poll(select.POLLIN, until)
@@ -72,10 +72,10 @@ class Line:
                 return b""
 
     def say(self, data: bytes, until: float) -> int:
-        """Write until all is out or the instant has come; return how many bytes were taken.
+        """Write until all is out or the deadline has passed; return how many bytes were taken.
 
         Raises:
-            Gone: if nothing ever will be.
+            Gone: if none ever will be.
         """
         done = 0
         while done < len(data):
@@ -89,7 +89,7 @@ class Line:
         return done
 
     def close(self) -> None:
-        """Close it; its open file may live on in other processes."""
+        """Close the descriptor; the open file may live on in other processes."""
         if self._socket:
             self._socket.close()
         os.close(self.descriptor)
@@ -127,10 +127,10 @@ class Line:
 
 
 def opened(port: GuardedPort, interrupt: Event | None = None) -> Line:
-    """Open a port anew.
+    """Reopen a port.
 
     Raises:
-        OSError, ValueError: if that is not possible.
+        OSError, ValueError: if that fails.
     """
     if port.url.startswith("socket://"):
         host, _, number = port.url.removeprefix("socket://").rpartition(":")
@@ -147,12 +147,12 @@ def opened(port: GuardedPort, interrupt: Event | None = None) -> Line:
 
 
 def _make_raw(descriptor: int, baud: int) -> None:
-    """Set eight bits, no parity, no handshake, no line editing; a closing does not drop DTR."""
+    """Set 8 data bits, no parity, no handshake, raw mode; closing does not drop DTR."""
     _, _, control, _, in_speed, out_speed, characters = termios.tcgetattr(descriptor)
     if baud:
         in_speed = out_speed = getattr(termios, f"B{baud}", 0)
         if not in_speed:
-            raise OSError(errno.EINVAL, f"{baud} baud is no speed of this system")
+            raise OSError(errno.EINVAL, f"this system does not support {baud} baud")
     control &= ~(termios.CSIZE | termios.PARENB | termios.CSTOPB | termios.CRTSCTS | termios.HUPCL)
     control |= termios.CS8 | termios.CREAD | termios.CLOCAL
     characters[termios.VMIN], characters[termios.VTIME] = 0, 0

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.guardian import channel
-from hil.guardian.carrying import read_plan, seconds_of, written_plan
 from hil.guardian.channel import HungUp
+from hil.guardian.plan_codec import read_plan, seconds_of, written_plan
 from hil.model.safing import Exchange, GuardedOutput, GuardedPort, GuardPlan, SafeBytes
 
 _NAMES = st.text(max_size=8)
@@ -62,7 +62,7 @@ def test_limits_of_a_number_are_kept(tmp_path):
 @pytest.mark.parametrize(
     ("proof", "device", "why"),
     [
-        (Exchange(send=b"", expect=b"on ("), "psu", "no regular expression"),
+        (Exchange(send=b"", expect=b"on ("), "psu", "not a regular expression"),
         (Exchange(send=b"", expect=b"on", between=(0.0, 1.0)), "psu", "no group"),
         (Exchange(send=b""), "other", "no port"),
     ],

@@ -1,4 +1,4 @@
-"""The executive's side of the guardian: it starts it, drills it, beats, and is told when it is gone."""
+"""The guardian's client: the executive starts, drills and beats the guardian, and learns when it is gone."""
 
 from __future__ import annotations
 
@@ -6,33 +6,36 @@ import os
 import select
 import socket
 import subprocess
+import sys
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from hil.guardian import channel
-from hil.guardian.carrying import every_exchange, seconds_of, written_plan
-from hil.guardian.channel import Drilled, HungUp
-from hil.guardian.starting import started, with_whole_paths
+from hil.guardian.channel import DrillResult, HungUp
+from hil.guardian.plan_codec import every_exchange, seconds_of, written_plan
 from hil.model.errors import GuardianLost, HilError, Refused
 from hil.model.safing import GuardPlan
 
 __all__ = ["Guardian"]
 
+_STANDARD_ERROR = 2
 _START_S = 10.0
 _MARGIN_S = 5.0
 _LEAVING_S = 2.0
 _BEATS_IN_A_DRILL = 3
-_HINT = "look whether somebody stopped it, and at the load of this machine; the bench is made safe without it"
+_HINT = "check whether somebody stopped it, and the load of this machine; the bench is made safe without it"
 
 
 class Guardian:
-    """A guardian that runs. One thread of the executive uses it.
+    """A running guardian, used by one thread of the executive.
 
     Args:
-        process: the guardian's.
-        end: this process' end of the channel.
+        process: the guardian's process.
+        end: this process's end of the channel.
         plan: what is guarded.
     """
 
@@ -51,24 +54,24 @@ class Guardian:
 
     @classmethod
     def start(cls, plan: GuardPlan, descriptors: Mapping[str, int], lock_descriptors: Sequence[int] = ()) -> Guardian:
-        """Start the process, and give it what it guards.
+        """Start the process and pass it what it guards.
 
         Args:
-            plan: what is guarded; relative paths in it are meant from the present folder.
-            descriptors: of every port of the plan, open, by device.
-            lock_descriptors: of leases; the guardian holds them until it is done.
+            plan: what is guarded; relative paths in it count from the working directory.
+            descriptors: open descriptors of all ports of the plan, by device.
+            lock_descriptors: descriptors of the leases; the guardian holds them until it exits.
 
         Raises:
-            Refused: if it does not come up, or cannot work with the plan.
+            Refused: if it does not start, or cannot use the plan.
         """
-        plan = with_whole_paths(plan)
+        plan = _with_absolute_paths(plan)
         missing = [port.device for port in plan.ports if port.device not in descriptors]
         if missing:
-            raise Refused(f"the guardian is given no port of {', '.join(missing)}", "open every port of its plan first")
+            raise Refused(f"the guardian gets no port of {', '.join(missing)}", "open every port of its plan first")
         mine, its = channel.pair()
         try:
             with its:
-                guardian = cls(started(its), mine, plan)
+                guardian = cls(_started(its), mine, plan)
         except OSError as error:
             mine.close()
             raise _does_not_start(error) from error
@@ -82,13 +85,13 @@ class Guardian:
 
     @property
     def pid(self) -> int:
-        """The guardian's process."""
+        """Process id of the guardian."""
         return self._process.pid
 
-    def drill(self) -> tuple[Drilled, ...]:
-        """Let the guardian make every output safe and prove it, then be silent until it would have acted.
+    def drill(self) -> tuple[DrillResult, ...]:
+        """Have the guardian make every output safe and prove it, then stay silent until it would have acted.
 
-        Nothing else may use the ports meanwhile.
+        Nothing else may use the ports during the drill.
 
         Raises:
             GuardianLost: if it is gone or does not answer.
@@ -106,10 +109,10 @@ class Guardian:
         self._watched, self._disarmed = True, False
 
     def beat(self, fresh_until: float) -> None:
-        """Tell that the executive is well, without waiting for anything.
+        """Send a heartbeat, without waiting for anything.
 
         Args:
-            fresh_until: up to when the last look at the envelope is good, in seconds since boot (CLOCK_BOOTTIME).
+            fresh_until: up to when the last check of the envelope is valid, in seconds since boot (CLOCK_BOOTTIME).
 
         Raises:
             GuardianLost: if the guardian is gone, or has answered no beat for `hang_s`.
@@ -123,10 +126,10 @@ class Guardian:
         if self._send("beat", number=self._number, fresh_until=fresh_until) or not self._unanswered:
             self._unanswered.append((self._number, now))
 
-    def disarm(self) -> tuple[Drilled, ...]:
-        """Let the guardian prove every output by itself; only if all hold does it watch no more.
+    def disarm(self) -> tuple[DrillResult, ...]:
+        """Have the guardian prove every output; it stops watching only if all are proven.
 
-        Nothing else may use the ports meanwhile. If something does not hold it goes on watching, and beats are due.
+        Nothing else may use the ports meanwhile. If an output is not proven it goes on watching, and beats are due.
 
         Raises:
             GuardianLost: if it is gone or does not answer.
@@ -136,9 +139,9 @@ class Guardian:
         return results
 
     def close(self) -> None:
-        """Leave, and wait for the guardian's end. One that watches acts first, and kills nobody: see what it latched.
+        """Leave, and wait for the guardian to exit. If it watches it makes the bench safe first, and kills nobody.
 
-        A guardian that is lost or does not end is killed. Closing twice is harmless.
+        A guardian that is lost or does not exit is killed. Closing twice is harmless.
         """
         if self._closed:
             return
@@ -151,21 +154,21 @@ class Guardian:
         self._end_process(self._acting_s() if acts else _LEAVING_S)
 
     def _acting_s(self) -> float:
-        """Return how long the guardian may act at most [s], every exchange in vain."""
+        """Return the longest time that the guardian may take to act [s], when every exchange fails."""
         within_s = max((output.within_s for output in self._plan.outputs), default=0.0)
         return within_s + 3 * sum(self._longest_s()) + 3 * _MARGIN_S
 
     def _longest_s(self) -> list[float]:
         return [seconds_of(every_exchange(output.code)) for output in self._plan.outputs]
 
-    def _results(self, kind: str) -> tuple[Drilled, ...]:
+    def _results(self, kind: str) -> tuple[DrillResult, ...]:
         results = []
         limit_s = self._plan.hang_s + _MARGIN_S + 2 * max(self._longest_s(), default=0.0)
         self._send(kind)
         while (told := self._next(limit_s))["kind"] != "done":
             if told["kind"] == "result":
                 del told["kind"]
-                results.append(Drilled(**told))
+                results.append(DrillResult(**told))
             elif told["kind"] == "beats":
                 for _ in range(_BEATS_IN_A_DRILL):
                     self.beat(0.0)
@@ -179,7 +182,7 @@ class Guardian:
                 raise GuardianLost(told["why"])
 
     def _next(self, limit_s: float) -> dict[str, Any]:
-        """Return the guardian's next word."""
+        """Return the guardian's next message."""
         if not self._poll.poll(max(limit_s, 0) * 1000):
             raise GuardianLost("the guardian does not answer", _HINT)
         told = self._received()
@@ -204,9 +207,9 @@ class Guardian:
             raise GuardianLost("the guardian is gone", _HINT) from error
 
     def _give(self, descriptors: Sequence[int]) -> None:
-        """Pass the plan as a file, so that it may be of any length, and what is open."""
+        """Pass the plan, as a file because it may be of any length, and the open descriptors."""
         if len(descriptors) + 2 > channel.MOST_DESCRIPTORS:
-            raise HilError(f"{len(descriptors)} ports and leases are more than a process can be given at once")
+            raise HilError(f"{len(descriptors)} ports and leases are more than one packet can pass")
         passed = [os.pidfd_open(os.getpid()), os.memfd_create("guardian-plan")]
         try:
             os.pwrite(passed[1], written_plan(self._plan), 0)
@@ -218,7 +221,7 @@ class Guardian:
                 os.close(each)
 
     def _end_process(self, longest_s: float) -> None:
-        """Close this end, and see that the guardian ends."""
+        """Close this end, and make sure that the guardian exits."""
         self._end.close()
         try:
             self._process.wait(longest_s)
@@ -228,4 +231,36 @@ class Guardian:
 
 
 def _does_not_start(error: Exception) -> Refused:
-    return Refused(f"the guardian does not start: {error}", "nothing was driven; mend this and try again")
+    return Refused(f"the guardian does not start: {error}", "nothing was driven; correct this and try again")
+
+
+def _started(end: socket.socket) -> subprocess.Popen[bytes]:
+    """Start the process in its own session, with nothing of this one but its end and standard error."""
+    program = str(Path(__file__).with_name("__main__.py").resolve())
+    return subprocess.Popen(  # noqa: S603 - ourselves
+        [sys.executable, "-I", "-S", program, str(end.fileno())],
+        pass_fds=(end.fileno(),),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=None if _is_open(_STANDARD_ERROR) else subprocess.DEVNULL,
+        start_new_session=True,
+    )
+
+
+def _with_absolute_paths(plan: GuardPlan) -> GuardPlan:
+    """Return the plan for a process with another working directory; links stay links."""
+    ports = tuple(replace(port, url=port.url if "://" in port.url else _absolute(port.url)) for port in plan.ports)
+    latches = tuple(_absolute(each) for each in plan.latches)
+    return replace(plan, ports=ports, journal=_absolute(plan.journal), latches=latches)
+
+
+def _absolute(path: str) -> str:
+    return str(Path(path).absolute()) if path else ""
+
+
+def _is_open(descriptor: int) -> bool:
+    try:
+        os.fstat(descriptor)
+    except OSError:
+        return False
+    return True

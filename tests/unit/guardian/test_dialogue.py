@@ -11,7 +11,7 @@ import tty
 
 import pytest
 
-from hil.guardian.ports.exchanging import Exchanging, Patience
+from hil.guardian.ports.dialogue import Dialogue, Patience
 from hil.guardian.ports.line import Gone, Interrupted, Line, opened
 from hil.model.safing import Exchange, GuardedPort
 
@@ -75,7 +75,7 @@ def line(far):
 @pytest.fixture
 def talk(line):
     """Return who talks on the line."""
-    return Exchanging(line)
+    return Dialogue(line)
 
 
 def answering(far, reply):
@@ -168,7 +168,7 @@ def test_a_line_that_is_never_silent_is_written_to_all_the_same(far):
             self.busy_until = time.monotonic()
             return b"chatter"
 
-    talk = Exchanging(Chattering(os.dup(far.near)))
+    talk = Dialogue(Chattering(os.dup(far.near)))
     talk.resync((Exchange(send=b"off", quiet_s=0.02, within_s=0.02),), Patience())
     talk.line.close()
     assert far.hear(3) == b"off"

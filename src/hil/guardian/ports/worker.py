@@ -1,4 +1,4 @@
-"""One hand per port: a thread that does one thing after the other, so that a port that blocks holds up no other."""
+"""One worker per port: a thread that does one thing at a time, so that a port that blocks delays no other."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from contextlib import suppress
 from dataclasses import dataclass
 from threading import Event
 
-from hil.guardian.ports.exchanging import Exchanging, Patience
+from hil.guardian.ports.dialogue import Dialogue, Patience
 from hil.guardian.ports.identity import Identity, identity_of, require
 from hil.guardian.ports.line import Gone, Interrupted, Line, opened
 from hil.model.safing import Exchange, GuardedPort, SafeBytes
 
-__all__ = ["Done", "Hand"]
+__all__ = ["Outcome", "PortWorker"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Done:
-    """How it went.
+class Outcome:
+    """How a job went.
 
     Attributes:
-        ok: whether it did.
+        ok: whether it succeeded.
         detail: what was wrong, empty where nothing was.
         silent: whether the port is gone, or nothing at all was heard from it.
         seconds: how long it took.
@@ -34,12 +34,12 @@ class Done:
     seconds: float = 0.0
 
 
-class Hand:
-    """Holds one port. What is asked of it is done in order, in a thread of its own.
+class PortWorker:
+    """Owns one port and does its jobs in order, in its own thread.
 
     Args:
-        port: what is known of it.
-        descriptor: it, open; the hand closes it.
+        port: its description.
+        descriptor: the open port; the worker closes it.
     """
 
     def __init__(self, port: GuardedPort, descriptor: int) -> None:
@@ -48,47 +48,47 @@ class Hand:
         self._why_gone = ""
         self._identity: Identity | None = None
         self._in_step: tuple[Exchange, ...] | None = None
-        self._talk: Exchanging | None = None
-        self._asked: list[Future[Done]] = []
+        self._talk: Dialogue | None = None
+        self._asked: list[Future[Outcome]] = []
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix=port.device)
-        self._thread.submit(bool)  # so that the thread is there before it is needed
+        self._thread.submit(bool)  # start the thread before it is needed
         try:
             self._identity = identity_of(descriptor)
-            self._talk = Exchanging(Line(descriptor, port.baud, self._interrupt))
+            self._talk = Dialogue(Line(descriptor, port.baud, self._interrupt))
         except OSError as error:
             self._why_gone = str(error)
 
     def drop_everything(self) -> None:
-        """Forget what it was asked for, and end what it waits for."""
+        """Cancel all jobs, and end the present wait."""
         for future in self._asked:
             future.cancel()
         self._interrupt.set()
         self._ask(self._go_on)
 
-    def begin(self, code: SafeBytes, patience: Patience, *, anew: bool) -> Future[Done]:
-        """Come in step with the far end, of which nothing is known; a port that is gone may be opened `anew`."""
+    def begin(self, code: SafeBytes, patience: Patience, *, anew: bool) -> Future[Outcome]:
+        """Resynchronise with the instrument, whose state is unknown; a port that is gone may be opened `anew`."""
         return self._ask(lambda: self._begin(code, patience, anew=anew))
 
-    def off(self, code: SafeBytes, patience: Patience) -> Future[Done]:
-        """Send the commands, all of them whatever the replies are."""
+    def off(self, code: SafeBytes, patience: Patience) -> Future[Outcome]:
+        """Send all commands, whatever the replies are."""
         return self._ask(lambda: self._off(code, patience))
 
-    def prove(self, code: SafeBytes) -> Future[Done]:
+    def prove(self, code: SafeBytes) -> Future[Outcome]:
         """Ask whether the output is safe."""
         return self._ask(lambda: self._prove(code))
 
-    def _ask(self, job: Callable[[], str]) -> Future[Done]:
+    def _ask(self, job: Callable[[], str]) -> Future[Outcome]:
         try:
             future = self._thread.submit(self._do, job)
         except RuntimeError as error:  # no thread could be started
             future = Future()
-            future.set_result(Done(ok=False, detail=str(error), silent=True))
+            future.set_result(Outcome(ok=False, detail=str(error), silent=True))
         self._asked = [each for each in self._asked if not each.done()]
         self._asked.append(future)
         return future
 
-    def _do(self, job: Callable[[], str]) -> Done:
-        """Do it; whatever goes wrong in here is this port's matter and nobody else's."""
+    def _do(self, job: Callable[[], str]) -> Outcome:
+        """Do a job; a failure in here concerns this port alone."""
         began = time.monotonic()
         try:
             wrong = job()
@@ -97,11 +97,11 @@ class Hand:
         except Gone as gone:
             self._lose(str(gone))
             wrong = self._gone()
-        except Exception as error:  # noqa: BLE001 - the other outputs must come to their turn
+        except Exception as error:  # noqa: BLE001 - the other outputs must get their turn
             self._in_step = None
             wrong = f"unexpected: {error!r}"
         silent = self._talk is None or not self._talk.heard_anything
-        return Done(ok=not wrong, detail=wrong, silent=silent, seconds=time.monotonic() - began)
+        return Outcome(ok=not wrong, detail=wrong, silent=silent, seconds=time.monotonic() - began)
 
     def _go_on(self) -> str:
         self._interrupt.clear()
@@ -113,7 +113,7 @@ class Hand:
             try:
                 if self._identity is not None:
                     require(self._identity, self.port.url)
-                self._talk = Exchanging(opened(self.port, self._interrupt))
+                self._talk = Dialogue(opened(self.port, self._interrupt))
             except (OSError, ValueError) as error:
                 self._why_gone = str(error)
         talk = self._there()
@@ -138,12 +138,12 @@ class Hand:
                 return wrong
         return ""
 
-    def _come_in_step(self, talk: Exchanging, code: SafeBytes, patience: Patience) -> None:
+    def _come_in_step(self, talk: Dialogue, code: SafeBytes, patience: Patience) -> None:
         if self._in_step != code.resync:
             talk.resync(code.resync, patience)
             self._in_step = code.resync
 
-    def _there(self) -> Exchanging:
+    def _there(self) -> Dialogue:
         if self._talk is None:
             raise Gone(self._why_gone)
         return self._talk

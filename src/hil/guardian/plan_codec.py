@@ -1,4 +1,4 @@
-"""The guardian's plan as JSON, bytes as hexadecimal digits: that is how it comes into its process."""
+"""The guardian's plan as JSON with bytes in hexadecimal, the form in which it is passed to its process."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ def written_plan(plan: GuardPlan) -> bytes:
 
 
 def read_plan(data: bytes) -> GuardPlan:
-    """Return the plan that was written so.
+    """Return the plan from its JSON.
 
     Raises:
-        ValueError: if it is none, names a port that it does not hold, or expects what is no regular expression.
-        KeyError, TypeError: if something is missing or too much.
+        ValueError: if it is not a plan, names a port that it does not have, or expects an invalid regular expression.
+        KeyError, TypeError: if a field is missing or unknown.
     """
     told = json.loads(data)
     plan = GuardPlan(
@@ -38,19 +38,19 @@ def read_plan(data: bytes) -> GuardPlan:
     devices = {port.device for port in plan.ports}
     for output in plan.outputs:
         if output.device not in devices:
-            raise ValueError(f"{output.output} is behind {output.device}, which has no port")
+            raise ValueError(f"{output.output} belongs to {output.device}, which has no port")
         for exchange in every_exchange(output.code):
             _compiles(output.output, exchange)
     return plan
 
 
 def every_exchange(code: SafeBytes) -> tuple[Exchange, ...]:
-    """Return all exchanges of an output, in their order."""
+    """Return all exchanges of an output, in order."""
     return (*code.resync, *code.off, *code.proof)
 
 
 def seconds_of(exchanges: Iterable[Exchange]) -> float:
-    """Return how long exchanges may take at most [s]: silence that does not come, bytes not taken, and no reply."""
+    """Return the longest time that exchanges may take [s]: no silence, bytes not taken, and no reply."""
     return sum(each.quiet_s + 3 * each.within_s for each in exchanges)
 
 
@@ -74,6 +74,6 @@ def _compiles(output: str, exchange: Exchange) -> None:
     try:
         groups = re.compile(exchange.expect, re.DOTALL).groups
     except re.error as error:
-        raise ValueError(f"{output} expects {exchange.expect!r}, which is no regular expression: {error}") from error
+        raise ValueError(f"{output} expects {exchange.expect!r}, which is not a regular expression: {error}") from error
     if exchange.between is not None and not groups:
-        raise ValueError(f"{output} expects {exchange.expect!r} between limits, and it has no group with a number")
+        raise ValueError(f"{output} expects {exchange.expect!r} between limits, but it has no group for the number")

@@ -8,15 +8,15 @@ from contextlib import ExitStack
 import pytest
 from guarded import Instrument, code, output_of, plan_of
 
-from hil.guardian.duty.ending import Ending, standing
-from hil.guardian.duty.record import Record
-from hil.guardian.ports.acting import Acting
-from hil.guardian.ports.hand import Done, Hand
+from hil.guardian.incident import IncidentLog
+from hil.guardian.ports.outputs import Outputs
+from hil.guardian.ports.worker import Outcome, PortWorker
+from hil.guardian.response import Response, state_of
 from hil.model.safing import Exchange, GuardedOutput, GuardedPort, SafeBytes
 
-SAFE = Done(ok=True)
-REFUSED = Done(ok=False, detail="said 'on'")
-GONE = Done(ok=False, detail="its port is gone", silent=True)
+SAFE = Outcome(ok=True)
+REFUSED = Outcome(ok=False, detail="said 'on'")
+GONE = Outcome(ok=False, detail="its port is gone", silent=True)
 
 
 @pytest.fixture
@@ -28,10 +28,10 @@ def stack():
 
 def facing(stack, plan, **instruments):
     """Return who acts on instruments."""
-    hands = {name: Hand(GuardedPort(device=name), os.dup(each.near)) for name, each in instruments.items()}
+    workers = {name: PortWorker(GuardedPort(device=name), os.dup(each.near)) for name, each in instruments.items()}
     for each in instruments.values():
         stack.callback(each.close)
-    return Acting(plan, hands, lambda: None)
+    return Outputs(plan, workers, lambda: None)
 
 
 def broken(device: str) -> GuardedOutput:
@@ -49,9 +49,9 @@ def test_what_nobody_foresaw_at_one_output_keeps_no_other_on(tmp_path, stack):
     """An exception in the middle of an output is that output's matter, also for others on its port."""
     psu, relay = Instrument(2), Instrument()
     outputs = broken("psu"), output_of("two", "psu", 2), output_of("relay", "board")
-    acting = facing(stack, plan_of(tmp_path, *outputs), psu=psu, board=relay)
-    assert acting.first_pass()["broken"].detail.startswith("unexpected: ")
-    proofs = acting.round()
+    outputs = facing(stack, plan_of(tmp_path, *outputs), psu=psu, board=relay)
+    assert outputs.first_pass()["broken"].detail.startswith("unexpected: ")
+    proofs = outputs.round()
     assert (psu.on, relay.on) == (set(), set())
     assert {name: proof.ok for name, proof in proofs.items()} == {"broken": False, "two": True, "relay": True}
 
@@ -60,12 +60,12 @@ def test_a_descriptor_that_is_none_keeps_no_other_on(tmp_path, stack):
     """A port that could not be taken over is gone from the start."""
     relay = Instrument()
     plan = plan_of(tmp_path, output_of("one", "psu"), output_of("relay", "board"))
-    acting = facing(stack, plan, board=relay)
+    outputs = facing(stack, plan, board=relay)
     closed = os.open("/dev/null", os.O_RDWR)
     os.close(closed)
-    acting._hands["psu"] = Hand(GuardedPort(device="psu"), closed)
-    assert acting.first_pass()["one"].silent
-    assert acting.round()["relay"].ok
+    outputs._workers["psu"] = PortWorker(GuardedPort(device="psu"), closed)
+    assert outputs.first_pass()["one"].silent
+    assert outputs.round()["relay"].ok
 
 
 @pytest.mark.parametrize("what", ["first_pass", "round"])
@@ -73,11 +73,11 @@ def test_every_step_is_taken_though_one_before_it_breaks(tmp_path, stack, monkey
     """The bench is latched whatever happened, with every output that is not known to be safe."""
     psu = Instrument()
     plan = plan_of(tmp_path, output_of("one", "psu", within_s=0.0))
-    acting = facing(stack, plan, psu=psu)
-    monkeypatch.setattr("hil.guardian.duty.ending._KEEPS_S", 0.0)
-    monkeypatch.setattr(acting, what, lambda: 1 // 0)
-    ending = Ending(plan, acting, Record(plan), -1)
-    assert ending.act("why", kill=False) is (what == "first_pass")
+    outputs = facing(stack, plan, psu=psu)
+    monkeypatch.setattr("hil.guardian.response._KEEPS_S", 0.0)
+    monkeypatch.setattr(outputs, what, lambda: 1 // 0)
+    response = Response(plan, outputs, IncidentLog(plan), -1)
+    assert response.act("why", kill=False) is (what == "first_pass")
     assert psu.on == set()
     assert (tmp_path / "latches" / "one.latch").exists()
     assert "ZeroDivisionError" in (tmp_path / "guardian.jsonl").read_text()
@@ -95,18 +95,18 @@ def test_every_step_is_taken_though_one_before_it_breaks(tmp_path, stack, monkey
 def test_a_cut_path_counts_only_for_a_port_that_is_gone(own, other, said):
     """An instrument that answers that it is on is on, whatever else is open."""
     outputs = output_of("supply", "psu", cut_by=("relay",)), output_of("relay", "board")
-    assert standing(outputs, {"supply": own, "relay": other})["supply"] == said
+    assert state_of(outputs, {"supply": own, "relay": other})["supply"] == said
 
 
 def test_a_line_is_brought_in_step_once_a_round(tmp_path, stack):
     """Outputs of one port share its resynchronisation, in every round anew."""
     psu = Instrument(2)
-    acting = facing(stack, plan_of(tmp_path, output_of("one", "psu"), output_of("two", "psu", 2)), psu=psu)
-    acting.round()
+    outputs = facing(stack, plan_of(tmp_path, output_of("one", "psu"), output_of("two", "psu", 2)), psu=psu)
+    outputs.round()
     assert [line for _, line in psu.heard if line != b""] == [
         b"SYNC", b"OFF 1", b"OFF 2", b"ON? 1", b"CURR? 1", b"ON? 2", b"CURR? 2",
     ]  # fmt: skip
-    acting.round()
+    outputs.round()
     assert len(psu.said(b"SYNC")) == 2
     assert code().resync
 
@@ -115,10 +115,10 @@ def test_another_device_under_the_name_of_one_that_is_gone_gets_no_byte(tmp_path
     """A port is opened anew only where the same device is behind it."""
     pulled, other = Instrument(), Instrument()
     stack.callback(other.close)
-    hand = Hand(GuardedPort(device="psu", url=other.url), os.dup(pulled.near))
-    hand._identity = ("0403", "6001", "A50285BK")
+    worker = PortWorker(GuardedPort(device="psu", url=other.url), os.dup(pulled.near))
+    worker._identity = ("0403", "6001", "A50285BK")
     pulled.close()
-    acting = Acting(plan_of(tmp_path, output_of("one", "psu")), {"psu": hand}, lambda: None)
-    acting.first_pass()
-    assert "is no USB device now, not 0403 6001 A50285BK" in acting.round()["one"].detail
+    outputs = Outputs(plan_of(tmp_path, output_of("one", "psu")), {"psu": worker}, lambda: None)
+    outputs.first_pass()
+    assert "is no USB device now, not 0403 6001 A50285BK" in outputs.round()["one"].detail
     assert other.heard == []

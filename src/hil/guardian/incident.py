@@ -1,4 +1,4 @@
-"""What the guardian leaves behind once it acted: latches, a journal of its own, one line on standard error."""
+"""What the guardian records of an incident: latches, its own journal, one line on standard error."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from hil.guardian.latch import Latch
 from hil.model.errors import HilError
 from hil.model.safing import GuardPlan
 
-__all__ = ["Record", "say", "utc_now"]
+__all__ = ["IncidentLog", "say", "utc_now"]
 
 _STANDARD_ERROR = 2
 _LONGEST_LINE = 1000
 _SAYING_MS = 200
 
 
-class Record:
-    """Notes what happens in memory, and writes it down once there is time.
+class IncidentLog:
+    """Keeps events in memory, and writes them once the outputs are off.
 
     Args:
         plan: names bench, run, latches and journal.
 
     Attributes:
-        latched: says whether the bench is latched, for people.
+        latched: a sentence that says whether the bench is latched.
     """
 
     def __init__(self, plan: GuardPlan) -> None:
@@ -37,12 +37,12 @@ class Record:
         self.latched = "the bench could not be latched"
 
     def note(self, event: str, **told: object) -> None:
-        """Keep one line."""
+        """Keep one event."""
         now = {"utc": utc_now(), "boot": round(time.clock_gettime(time.CLOCK_BOOTTIME), 6)}
         self._lines.append(json.dumps({**now, "event": event, **told}))
 
     def check(self) -> None:
-        """See that latches and journal can be written.
+        """Check that latches and journal can be written.
 
         Raises:
             HilError: if not.
@@ -53,7 +53,7 @@ class Record:
             raise HilError(f"the guardian cannot write its journal {self._plan.journal}")
 
     def latch(self, why: str, since: str, unproven: tuple[str, ...]) -> None:
-        """Latch the bench; what cannot be latched is noted."""
+        """Latch the bench; note what cannot be latched."""
         told = Latch(bench=self._plan.bench, run=self._plan.run, why=why, since=since, outputs=unproven)
         for path in self._plan.latches:
             try:
@@ -64,10 +64,10 @@ class Record:
                 self.note("not latched", path=path, why=str(error))
 
     def save(self) -> None:
-        """Append what was noted to the journal, on disk before this returns.
+        """Append the events to the journal, on disk before this returns.
 
         Raises:
-            OSError: if that is not possible; it stays noted.
+            OSError: if that is not possible; the events are kept.
         """
         if not self._plan.journal:
             return
@@ -83,12 +83,12 @@ class Record:
 
 
 def utc_now() -> str:
-    """Return the wall's UTC, ISO 8601 with microseconds and `Z`."""
+    """Return the wall clock's UTC as ISO 8601 with microseconds and `Z`."""
     return datetime.now(UTC).isoformat(timespec="microseconds").replace("+00:00", "Z")
 
 
 def say(text: str) -> None:
-    """Write one line to standard error; a reader that is gone or stopped keeps nobody waiting."""
+    """Write one line to standard error, without waiting for a reader that is gone or stopped."""
     poll = select.poll()
     poll.register(_STANDARD_ERROR, select.POLLOUT)
     try:

@@ -1,4 +1,4 @@
-"""The guardian's process: it does what the executive asks, watches it, and acts once."""
+"""The guardian's process: it answers the executive, watches it, and responds once when it fails."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from contextlib import suppress
 from typing import Any
 
 from hil.guardian import channel
-from hil.guardian.carrying import read_plan
-from hil.guardian.channel import Drilled, HungUp
-from hil.guardian.duty.ending import Ending
-from hil.guardian.duty.record import Record
-from hil.guardian.duty.vigil import Vigil
-from hil.guardian.ports.acting import Acting
-from hil.guardian.ports.hand import Hand
+from hil.guardian.channel import DrillResult, HungUp
+from hil.guardian.incident import IncidentLog
+from hil.guardian.plan_codec import read_plan
+from hil.guardian.ports.outputs import Outputs
+from hil.guardian.ports.worker import PortWorker
+from hil.guardian.response import Response
+from hil.guardian.watchdog import Watchdog
 from hil.model.safing import GuardedOutput, GuardPlan
 
 __all__ = ["Guard", "main"]
@@ -40,19 +40,19 @@ class Guard:
     """Serves one executive.
 
     Args:
-        end: this process' end of the channel.
+        end: this process's end of the channel.
         plan: what is guarded.
         executive: descriptor of the executive's process.
-        hands: by device.
+        workers: by device.
     """
 
-    def __init__(self, end: socket.socket, plan: GuardPlan, executive: int, hands: dict[str, Hand]) -> None:
+    def __init__(self, end: socket.socket, plan: GuardPlan, executive: int, workers: dict[str, PortWorker]) -> None:
         self._end = end
         self._plan = plan
         self._executive = executive
-        self._acting = Acting(plan, hands, self._look)
-        self._record = Record(plan)
-        self._vigil = Vigil(plan.hang_s)
+        self._outputs = Outputs(plan, workers, self._look)
+        self._record = IncidentLog(plan)
+        self._watchdog = Watchdog(plan.hang_s)
         self._watching = False
         self._disarmed = False
         self._left = False
@@ -61,10 +61,10 @@ class Guard:
         self._poll.register(executive, select.POLLIN)
 
     def serve(self) -> bool:
-        """Serve until the executive leaves, or is acted upon; return whether all outputs are safe as far as is known.
+        """Serve until the executive leaves or fails; return whether all outputs are safe, as far as is known.
 
-        An executive that leaves in order, without its outputs proven, is not killed: it has let go of its ports. Nor
-        is one whose guardian breaks: it learns so from its next beat.
+        An executive that leaves in order is not killed, even with outputs unproven: it has released its ports. Nor is
+        it killed when the guardian itself fails: its next beat reports that.
         """
         kill = False
         try:
@@ -75,19 +75,19 @@ class Guard:
         except (_Ended, HungUp) as ended:
             why = "" if self._disarmed else self._told(ended)
             kill = True
-        except Exception as error:  # noqa: BLE001 - a guardian that breaks acts before it goes
+        except Exception as error:  # noqa: BLE001 - a guardian that fails makes the bench safe before it exits
             why = f"the guardian itself failed: {error!r}" if self._watching else ""
         if not why:
             return True
-        ending = Ending(self._plan, self._acting, self._record, self._executive)
-        return ending.act(why, kill=kill)
+        response = Response(self._plan, self._outputs, self._record, self._executive)
+        return response.act(why, kill=kill)
 
     def _turn(self) -> None:
-        self._poll.poll((self._vigil.next_s() if self._watching else _IDLE_S) * 1000)
+        self._poll.poll((self._watchdog.next_s() if self._watching else _IDLE_S) * 1000)
         for told in self._messages():
             self._answer(told)
         self._look_for_death()
-        if self._watching and (why := self._vigil.why()):
+        if self._watching and (why := self._watchdog.why()):
             raise _Ended(why)
 
     def _messages(self) -> Iterator[dict[str, Any]]:
@@ -101,7 +101,7 @@ class Guard:
         """Do what the executive asks for.
 
         Raises:
-            KeyError: if it asks for what nobody knows: then it is out of its mind.
+            KeyError: if the request is unknown.
         """
         answers: dict[str, Callable[[dict[str, Any]], None]] = {
             "beat": self._hear_beat,
@@ -113,60 +113,60 @@ class Guard:
         answers[told["kind"]](told)
 
     def _hear_beat(self, told: dict[str, Any]) -> None:
-        self._vigil.beat(told["fresh_until"])
+        self._watchdog.beat(told["fresh_until"])
         self._tell("heard", number=told["number"])
 
     def _drill(self, _told: dict[str, Any]) -> None:
-        self._report(self._acting.drill, self._plan.outputs)
+        self._report(self._outputs.drill, self._plan.outputs)
         self._tell_result(self._drill_heartbeat())
-        self._vigil.excuse()
+        self._watchdog.restart()
         self._tell("done")
 
     def _watch(self, _told: dict[str, Any]) -> None:
-        self._vigil.excuse()
+        self._watchdog.restart()
         self._watching, self._disarmed = True, False
         self._tell("watching")
 
     def _disarm(self, _told: dict[str, Any]) -> None:
-        if self._report(self._acting.prove, self._plan.outputs):
+        if self._report(self._outputs.prove, self._plan.outputs):
             self._watching, self._disarmed = False, True
-        self._vigil.excuse()
+        self._watchdog.restart()
         self._tell("done")
 
     def _leave(self, _told: dict[str, Any]) -> None:
         self._left = True
 
-    def _drill_heartbeat(self) -> Drilled:
+    def _drill_heartbeat(self) -> DrillResult:
         """Let the executive beat, then be silent, and see when its silence would make the guardian act."""
-        vigil, heard = Vigil(self._plan.hang_s), 0
+        watchdog, heard = Watchdog(self._plan.hang_s), 0
         self._tell("beats")
-        while not vigil.why():
-            self._poll.poll(vigil.next_s() * 1000)
+        while not watchdog.why():
+            self._poll.poll(watchdog.next_s() * 1000)
             for told in self._messages():
-                vigil.beat(math.inf)
+                watchdog.beat(math.inf)
                 heard += 1
                 self._tell("heard", number=told["number"])
             self._look_for_death()
-        silent_s = vigil.silent_s
+        silent_s = watchdog.silent_s
         ok = heard > 0 and self._plan.hang_s <= silent_s < self._plan.hang_s + _LATE_S
         said = f"heard {heard} beats; would have acted after {silent_s:.2f} s of silence"
-        return Drilled(output="heartbeat", ok=ok, detail=said, seconds=silent_s)
+        return DrillResult(output="heartbeat", ok=ok, detail=said, seconds=silent_s)
 
-    def _report(self, ask: Callable[[GuardedOutput], Drilled], outputs: Sequence[GuardedOutput]) -> bool:
+    def _report(self, ask: Callable[[GuardedOutput], DrillResult], outputs: Sequence[GuardedOutput]) -> bool:
         results = []
         for each in outputs:
             results.append(ask(each))
             self._tell_result(results[-1])
         return all(result.ok for result in results)
 
-    def _tell_result(self, result: Drilled) -> None:
+    def _tell_result(self, result: DrillResult) -> None:
         self._tell("result", output=result.output, ok=result.ok, detail=result.detail, seconds=result.seconds)
 
     def _tell(self, kind: str, **told: object) -> None:
-        channel.send(self._end, kind, **told)  # an executive that is stopped does not read, and is not waited for
+        channel.send(self._end, kind, **told)  # a stopped executive does not read; do not wait for it
 
     def _look(self) -> None:
-        """Notice a death in the midst of other work."""
+        """Notice the executive's death during other work."""
         self._look_for_death()
         if any(event & (select.POLLHUP | select.POLLERR) for _, event in self._poll.poll(0)):
             raise HungUp("closed")
@@ -179,21 +179,21 @@ class Guard:
         if isinstance(ended, _Ended):
             return str(ended)
         dead = _is_dead(self._executive, _FOR_DEATH_MS)
-        return "the executive died" if dead else "the executive hung up without a word"
+        return "the executive died" if dead else "the executive closed the channel"
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Run the guardian at its end of the channel, and end the process; nothing is left to exit handlers."""
+    """Run the guardian on its end of the channel and end the process, without exit handlers."""
     try:
         end = socket.socket(fileno=int(arguments[0]))
     except (IndexError, ValueError, OSError):
-        raise SystemExit("hil starts its guardian by itself; nobody else can") from None
+        raise SystemExit("hil starts its guardian itself; do not start it by hand") from None
     for name in _IGNORED:
         signal.signal(getattr(signal, f"SIG{name}"), signal.SIG_IGN)
     os.chdir("/")
     try:
         guard = _received(end)
-    except Exception as error:  # noqa: BLE001 - the executive has it told, nothing was driven yet
+    except Exception as error:  # noqa: BLE001 - the executive is told; nothing was driven yet
         with suppress(HungUp):
             channel.send(end, "refused", why=str(error) or repr(error))
         os._exit(2)
@@ -213,9 +213,9 @@ def _received(end: socket.socket) -> Guard:
     executive, written, *passed = packet[1]
     with os.fdopen(written, "rb") as file:
         plan = read_plan(file.read())
-    Record(plan).check()
-    hands = {port.device: Hand(port, each) for port, each in zip(plan.ports, passed, strict=False)}
-    return Guard(end, plan, executive, hands)  # the descriptors of leases stay open until the process ends
+    IncidentLog(plan).check()
+    workers = {port.device: PortWorker(port, each) for port, each in zip(plan.ports, passed, strict=False)}
+    return Guard(end, plan, executive, workers)  # the descriptors of leases stay open until the process ends
 
 
 def _is_dead(process: int, wait_ms: int) -> bool:

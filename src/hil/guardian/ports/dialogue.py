@@ -1,4 +1,4 @@
-"""Exchanges on a line: silence, bytes, and the reply among whatever else is said."""
+"""Exchanges on a line: silence, bytes, and the reply among other traffic."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from hil.guardian.ports.line import Line
 from hil.model.safing import Exchange
 
-__all__ = ["Exchanging", "Patience"]
+__all__ = ["Dialogue", "Patience"]
 
 _MOST_HEARD = 16_384
 _LEAST_TO_WRITE_S = 0.05
@@ -18,22 +18,22 @@ _SHOWN = 60
 
 
 class Patience:
-    """Seconds that several exchanges may wait together in vain; without a number, as long as each may."""
+    """Seconds that several exchanges together may wait in vain; unlimited without a number."""
 
     def __init__(self, seconds: float = math.inf) -> None:
         self._left = seconds
 
     def of(self, seconds: float) -> float:
-        """Return how much of these seconds may be waited."""
+        """Return how many of these seconds may be waited."""
         return min(seconds, max(self._left, 0.0))
 
     def spent(self, seconds: float) -> None:
-        """Note that so much was waited in vain."""
+        """Note seconds that were waited in vain."""
         self._left -= seconds
 
 
-class Exchanging:
-    """Talks on one line.
+class Dialogue:
+    """Exchanges on one line.
 
     Attributes:
         heard_anything: whether a byte came since this was last set to False.
@@ -45,9 +45,9 @@ class Exchanging:
         self._heard = b""
 
     def resync(self, exchanges: Iterable[Exchange], patience: Patience) -> None:
-        """Bring the far end out of whatever it is in the middle of, and forget what came.
+        """Resynchronise with the instrument, and forget what came.
 
-        What happened on the line before is not known, so silence counts from now on.
+        The line's past is unknown, so silence counts from now.
         """
         self.line.busy_until = max(self.line.busy_until, time.monotonic())
         for each in exchanges:
@@ -55,13 +55,13 @@ class Exchanging:
         self._forget()
 
     def make(self, exchange: Exchange, patience: Patience) -> str:
-        """Make an exchange; return what went wrong, nothing if nothing did.
+        """Make an exchange; return what went wrong, empty if nothing did.
 
-        A line that never falls silent is written to all the same. A reply counts from when the bytes are written; where
-        none are, what came since the exchange before counts, too.
+        A line that never falls silent is written to anyway. A reply counts from when the bytes are written; if none
+        are written, what came since the last exchange counts, too.
 
         Raises:
-            Gone: if the port is.
+            Gone: if the port is gone.
         """
         self._wait_for_silence(exchange.quiet_s, patience.of(exchange.within_s))
         if exchange.send:
@@ -75,7 +75,7 @@ class Exchanging:
     def _wait_for_silence(self, quiet_s: float, longest_s: float) -> None:
         if not quiet_s:
             return
-        self._hear(0.0)  # what nobody has fetched yet was said just now, for all that is known
+        self._hear(0.0)  # bytes not yet fetched may have come just now
         give_up = time.monotonic() + quiet_s + longest_s
         while (now := time.monotonic()) < give_up and (left := self.line.busy_until + quiet_s - now) > 0:
             self._hear(now + left)
@@ -91,7 +91,7 @@ class Exchanging:
         return wrong
 
     def _judged(self, pattern: re.Pattern[bytes], between: tuple[float, float] | None) -> str:
-        """Return what is wrong with the newest match; older ones are of the past. What was used is not used again."""
+        """Return what is wrong with the newest match, and consume it; older ones are stale."""
         found = list(pattern.finditer(self._heard))
         if not found:
             return f"said {_shown(self._heard)}, not {pattern.pattern!r}"
@@ -102,7 +102,7 @@ class Exchanging:
         return ""
 
     def _hear(self, until: float) -> bool:
-        """Take what comes until then, or is there already; return whether something was."""
+        """Take what is there or comes until then; return whether anything did."""
         data = self.line.hear(until)
         if data:
             self.heard_anything = True
@@ -110,7 +110,7 @@ class Exchanging:
         return bool(data)
 
     def _forget(self) -> None:
-        for _ in range(8):  # a line that never falls silent must not hold this up
+        for _ in range(8):  # a line that never falls silent must not block this
             if not self.line.hear(0.0):
                 break
             self.heard_anything = True

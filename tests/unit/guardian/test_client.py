@@ -13,8 +13,8 @@ import pytest
 from guarded import Instrument, output_of, plan_of, until
 
 import hil.guardian
-from hil.guardian import starting
-from hil.guardian.tether import Guardian
+from hil.guardian import client
+from hil.guardian.client import Guardian
 from hil.model.errors import GuardianLost, Refused
 
 MAIN = Path(hil.guardian.__file__).with_name("__main__.py")
@@ -98,10 +98,10 @@ def test_what_it_could_not_do_later_is_refused_at_the_start(plan, psu, tmp_path,
 
 def test_a_program_that_is_none_is_refused(plan, psu, monkeypatch, tmp_path):
     """An interpreter that is gone, or ends at once, is no traceback."""
-    monkeypatch.setattr(starting.sys, "executable", "/bin/false")
+    monkeypatch.setattr(client.sys, "executable", "/bin/false")
     with pytest.raises(Refused, match="the guardian is gone"):
         Guardian.start(plan, {"psu": psu.near})
-    monkeypatch.setattr(starting.sys, "executable", str(tmp_path / "nothing"))
+    monkeypatch.setattr(client.sys, "executable", str(tmp_path / "nothing"))
     with pytest.raises(Refused, match="No such file"):
         Guardian.start(plan, {"psu": psu.near})
 
@@ -112,7 +112,7 @@ def test_whoever_lost_its_guardian_is_told_at_everything(plan, psu):
     os.kill(guardian.pid, 9)
     guardian._process.wait()
     for ask in (guardian.drill, guardian.watch, guardian.disarm, lambda: guardian.beat(0.0)):
-        with pytest.raises(GuardianLost, match="the guardian is gone; look whether"):
+        with pytest.raises(GuardianLost, match="the guardian is gone; check whether"):
             ask()
     guardian.close()
 
@@ -122,4 +122,4 @@ def test_nobody_starts_it_by_hand(arguments):
     """Without the executive's end of a channel it says so, without a traceback."""
     command = [sys.executable, "-I", "-S", MAIN, *arguments]
     ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False)
-    assert (ended.returncode, ended.stderr) == (1, b"hil starts its guardian by itself; nobody else can\n")
+    assert (ended.returncode, ended.stderr) == (1, b"hil starts its guardian itself; do not start it by hand\n")

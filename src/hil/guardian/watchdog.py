@@ -1,4 +1,4 @@
-"""Whether the executive is alive and well, told by its beats and by the clocks of this machine."""
+"""The watchdog: whether the executive is alive, judged by its beats and by this machine's clocks."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-__all__ = ["Clocks", "Vigil"]
+__all__ = ["Clocks", "Watchdog"]
 
 _LONGEST_JUMP_S = 1.0
 _LEAST_LOOK_S = 0.01
@@ -15,23 +15,23 @@ _MOST_LOOK_S = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clocks:
-    """What time is read from.
+    """Where time is read.
 
     Attributes:
-        boot: seconds since this machine's start, suspends included.
-        awake: seconds since then without them.
+        boot: seconds since boot, suspend included.
+        awake: the same without suspend.
     """
 
     boot: Callable[[], float] = lambda: time.clock_gettime(time.CLOCK_BOOTTIME)
     awake: Callable[[], float] = time.monotonic
 
 
-class Vigil:
-    """Watches beats.
+class Watchdog:
+    """Watches the executive's beats.
 
     Args:
-        hang_s: how long they may be missing.
-        clocks: what time is read from.
+        hang_s: the longest silence that is allowed [s].
+        clocks: where time is read.
     """
 
     def __init__(self, hang_s: float, clocks: Clocks | None = None) -> None:
@@ -40,27 +40,27 @@ class Vigil:
         self._fresh_until = 0.0
         self._beat = 0.0
         self._suspended = 0.0
-        self.excuse()
+        self.restart()
 
-    def excuse(self) -> None:
-        """Begin, or go on after the executive had to wait: the next beat is due from now on."""
+    def restart(self) -> None:
+        """Count from now, at the start and after the executive had to wait."""
         now = self._clocks.boot()
         self._beat = now
         self._fresh_until = now + self._hang_s
         self._suspended = now - self._clocks.awake()
 
     def beat(self, fresh_until: float) -> None:
-        """Take a beat, and how long what the executive knows of its bench is good."""
+        """Take a beat, and the time up to which the executive's knowledge of its bench is valid."""
         self._beat = self._clocks.boot()
         self._fresh_until = fresh_until
 
     @property
     def silent_s(self) -> float:
-        """How long no beat has come [s]."""
+        """Seconds since the last beat."""
         return self._clocks.boot() - self._beat
 
     def why(self) -> str:
-        """Return what is wrong, nothing while nothing is."""
+        """Return what is wrong, empty while nothing is."""
         now = self._clocks.boot()
         suspended = now - self._clocks.awake() - self._suspended
         if suspended > _LONGEST_JUMP_S:
@@ -68,11 +68,11 @@ class Vigil:
         if now - self._beat > self._hang_s:
             return f"the executive was silent for {now - self._beat:.2f} s"
         if not now <= self._fresh_until:
-            return "the executive lives, but has not looked at the envelope in time"
+            return "the executive is alive, but did not check the envelope in time"
         return ""
 
     def next_s(self) -> float:
-        """Return after how long to look again [s]."""
+        """Return the time to the next check [s]."""
         now = self._clocks.boot()
         left = min(self._beat + self._hang_s, self._fresh_until) - now
         return min(max(left, _LEAST_LOOK_S), _MOST_LOOK_S)

@@ -1,1 +1,0 @@
-"""What the guardian's process does: watch, act once, write down."""

@@ -1,0 +1,117 @@
+"""The guarded outputs: drilled, proven, and made safe whatever fails."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import CancelledError, Future
+
+from hil.guardian.channel import DrillResult
+from hil.guardian.plan_codec import every_exchange, seconds_of
+from hil.guardian.ports.dialogue import Patience
+from hil.guardian.ports.worker import Outcome, PortWorker
+from hil.model.safing import GuardedOutput, GuardPlan, SafeBytes
+
+__all__ = ["Outputs"]
+
+_HURRY_S = 0.25
+_MARGIN_S = 0.05
+_OPENING_S = 1.0
+_LOOK_S = 0.005
+_STILL_BUSY = Outcome(ok=False, detail="its port blocks", silent=True)
+
+
+class Outputs:
+    """All port workers, and what they are asked to do.
+
+    Args:
+        plan: the guardian's plan.
+        workers: by device.
+        look: called often while a drill or a disarming waits for workers; may raise to end it.
+    """
+
+    def __init__(self, plan: GuardPlan, workers: Mapping[str, PortWorker], look: Callable[[], None]) -> None:
+        self._outputs = plan.outputs
+        self._workers = workers
+        self._look = look
+        self._codes: dict[str, SafeBytes] = {}
+        for each in reversed(plan.outputs):
+            self._codes[each.device] = each.code  # the first output of a port says how to resynchronise it
+
+    def drill(self, output: GuardedOutput) -> DrillResult:
+        """Make one output safe through its own descriptor, and prove it; nothing is reopened."""
+        worker, code, began = self._workers[output.device], output.code, time.monotonic()
+        worker.begin(code, Patience(), anew=False)
+        asked = [worker.off(code, Patience()), worker.prove(code)]
+        off, proof = (self._patiently(future, code) for future in asked)
+        ok = off.ok and proof.ok
+        said = "off and proven" if ok else f"off: {off.detail or 'taken'}; proof: {proof.detail or 'holds'}"
+        return DrillResult(output=output.output, ok=ok, detail=said, seconds=time.monotonic() - began)
+
+    def prove(self, output: GuardedOutput) -> DrillResult:
+        """Prove one output with queries only. A port that is gone is reopened."""
+        worker, code, began = self._workers[output.device], output.code, time.monotonic()
+        for _ in range(2):  # one lost byte must not count as unsafe
+            worker.begin(code, Patience(), anew=True)
+            proof = self._patiently(worker.prove(code), code)
+            if proof.ok:
+                break
+        said = proof.detail or "proven"
+        return DrillResult(output=output.output, ok=proof.ok, detail=said, seconds=time.monotonic() - began)
+
+    def first_pass(self) -> dict[str, Outcome]:
+        """Send everything once, in order, fast: a silent port costs the others a quarter of a second.
+
+        All ports are resynchronised at once first, which changes no output.
+        """
+        patience = {device: Patience(_HURRY_S) for device in self._workers}
+        for worker in self._workers.values():
+            worker.drop_everything()
+        for device, code in self._codes.items():
+            self._workers[device].begin(code, patience[device], anew=False)
+        return self._off_in_order(patience)
+
+    def round(self) -> dict[str, Outcome]:
+        """Send everything again and prove it, with the full time of each exchange; return the proofs.
+
+        A slow port is left to its worker after a moment; its result is collected at the end.
+        """
+        for device, code in self._codes.items():
+            self._workers[device].begin(code, Patience(), anew=True)
+        self._off_in_order({device: Patience() for device in self._workers})
+        asked = {each.output: self._workers[each.device].prove(each.code) for each in self._outputs}
+        until = time.monotonic() + self._longest_s()
+        return {name: _result(future, until) for name, future in asked.items()}
+
+    def _off_in_order(self, patience: Mapping[str, Patience]) -> dict[str, Outcome]:
+        done: dict[str, Outcome] = {}
+        slow: set[str] = set()
+        for each in self._outputs:
+            future = self._workers[each.device].off(each.code, patience[each.device])
+            quiet_s = sum(one.quiet_s for one in (*each.code.resync, *each.code.off))
+            longest_s = 0.0 if each.device in slow else _HURRY_S + quiet_s + _MARGIN_S
+            done[each.output] = _result(future, time.monotonic() + longest_s)
+            if done[each.output] is _STILL_BUSY:
+                slow.add(each.device)
+        return done
+
+    def _longest_s(self) -> float:
+        """Return the longest time that one round may take on the slowest port [s]."""
+        by_device = dict.fromkeys(self._workers, 0.0)
+        for each in self._outputs:
+            by_device[each.device] += seconds_of(every_exchange(each.code))
+        return max(by_device.values(), default=0.0) + _OPENING_S
+
+    def _patiently(self, future: Future[Outcome], code: SafeBytes) -> Outcome:
+        until = time.monotonic() + seconds_of(every_exchange(code)) + _OPENING_S
+        while not future.done() and time.monotonic() < until:
+            self._look()
+            _result(future, time.monotonic() + _LOOK_S)
+        return _result(future, 0.0)
+
+
+def _result(future: Future[Outcome], until: float) -> Outcome:
+    try:
+        return future.result(max(until - time.monotonic(), 0.0))
+    except (TimeoutError, CancelledError):
+        return _STILL_BUSY
