@@ -61,7 +61,8 @@ def test_an_unrelated_pytest_run_pays_thirty_milliseconds_at_most(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "heavy", ["h5py", "jinja2", "matplotlib", "numpy", "pint", "pymodbus", "pytest", "scipy", "serial", "yaml"]
+    "heavy",
+    ["h5py", "jinja2", "matplotlib", "numpy", "pint", "pydantic", "pymodbus", "pytest", "scipy", "serial", "yaml"],
 )
 def test_help_imports_nothing_heavy(tmp_path, heavy):
     """What no help text needs is not imported for it."""

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-__all__ = ["Mapping", "Node", "Place", "Scalar", "ScalarKind", "Sequence"]
+from hil.model.notation import Path
+
+__all__ = ["Mapping", "Node", "Place", "Scalar", "ScalarKind", "Sequence", "node_at", "place_at"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,3 +77,42 @@ class Mapping(Node):
     def described(self) -> str:
         """A mapping, in words."""
         return "a mapping"
+
+
+def node_at(root: Node, path: Path) -> Node | None:
+    """Return the value at a path of keys and list positions, None where there is none."""
+    node: Node | None = root
+    for part in path:
+        entry = _entry(node, part)
+        node = entry and entry[1]
+    return node
+
+
+def place_at(root: Node, path: Path, *, of_key: bool = False) -> Place:
+    """Return the place of the value at a path, or of its nearest parent that is there.
+
+    A section begins with its key.
+
+    Args:
+        root: the document, or a part of it.
+        path: keys and list positions.
+        of_key: whether the key is meant, whatever its value is.
+    """
+    place, node = root, root
+    for part in path:
+        entry = _entry(node, part)
+        if entry is None:
+            return place
+        key, node = entry
+        place = key if isinstance(node, Mapping) else node
+    entry = _entry(node_at(root, path[:-1]), path[-1]) if of_key and path else None
+    return entry[0] if entry else place
+
+
+def _entry(node: Node | None, part: str | int) -> tuple[Node, Node] | None:
+    """Return key and value below a node; an item of a list has no key but itself."""
+    if isinstance(node, Mapping):
+        return next((entry for entry in node.entries if entry[0].text == part), None)
+    if isinstance(node, Sequence) and isinstance(part, int) and 0 <= part < len(node.items):
+        return node.items[part], node.items[part]
+    return None

@@ -1,0 +1,283 @@
+"""How values are written in the files of a workspace, as the field types of declared models.
+
+A model is a frozen dataclass (or a pydantic model) whose fields say by their type how they are written: `Number` is a
+decimal number in quotes, `Seconds` a duration such as `10 ms`. `hil.documents.declared` reads files into such models.
+The types need no validation library: what drives and guards a bench uses the same models without loading one.
+
+    @dataclass(frozen=True, kw_only=True)
+    class Heater:
+        power: Number
+        delay_s: Seconds = field(default=0.0, metadata={"alias": "delay"})
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from functools import partial
+from typing import Annotated, Any, TypeVar, get_args
+
+__all__ = [
+    "NAMED",
+    "UNREADABLE",
+    "AnyText",
+    "ByName",
+    "Complaint",
+    "DecimalText",
+    "Flag",
+    "Hertz",
+    "Notation",
+    "Number",
+    "Path",
+    "Plain",
+    "Seconds",
+    "Text",
+    "matching",
+    "number",
+    "one_of",
+    "whole",
+]
+
+Path = tuple[str | int, ...]
+"""Where a value stands in a document: keys and list positions from its root."""
+
+UNREADABLE = "\0"
+"""Stands for a value that cannot be read; no file can hold it. Every notation reads it as its blank value."""
+
+NAMED = {"alias": "\0"}
+"""Metadata of the field that holds the name of an entry, for `ByName`: the name stands before the entry, not in it."""
+
+_Real = TypeVar("_Real", int, float)
+
+_LONGEST_NUMBER = 100
+_DECIMAL = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]{1,3})?")
+_INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]{0,17})")
+_HEXADECIMAL = re.compile(r"0[xX][0-9a-fA-F]{1,16}")
+_QUANTITY = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*([^\s0-9.]+)")
+_SECONDS = {
+    "us": Decimal("1e-6"),
+    "µs": Decimal("1e-6"),
+    "ms": Decimal("1e-3"),
+    "s": Decimal(1),
+    "min": Decimal(60),
+    "h": Decimal(3600),
+    "d": Decimal(86400),
+}
+_HERTZ = {
+    "mHz": Decimal("1e-3"),
+    "Hz": Decimal(1),
+    "kHz": Decimal("1e3"),
+    "MHz": Decimal("1e6"),
+    "GHz": Decimal("1e9"),
+}
+
+
+class Complaint(ValueError):
+    """What is wrong with a value, in words that follow its name: `must be text`.
+
+    Args:
+        expected: the words.
+        quote: whether writing the value in quotes would mend it.
+        found: whether the words are followed by what was found.
+        known: what the value may be; the nearest of them is suggested.
+        inner: complaints about parts of the value, by their path below it; the words are empty then.
+    """
+
+    def __init__(
+        self,
+        expected: str = "",
+        *,
+        quote: bool = False,
+        found: bool = True,
+        known: Sequence[str] = (),
+        inner: Mapping[Path, Complaint] | None = None,
+    ) -> None:
+        super().__init__(expected)
+        self.expected = expected
+        self.quote = quote
+        self.found = found
+        self.known = known
+        self.inner = inner or {}
+
+
+@dataclass(frozen=True, slots=True)
+class Notation:
+    """How one kind of value is written: the annotation of a field.
+
+    Attributes:
+        read: returns the value of what a file holds there (text, whole number, flag, list or mapping), or raises
+            `Complaint`, or any other ValueError with words that follow the key's name.
+        blank: takes the place of a value that cannot be read, so that everything else can still be checked.
+    """
+
+    read: Callable[[object], object]
+    blank: object
+
+    def __get_pydantic_core_schema__(self, source: object, handler: Callable[[object], object]) -> dict[str, object]:
+        # A file gives the value as it is written, code gives it as it is.
+        written = {"type": "function-plain", "function": {"type": "no-info", "function": self._value}}
+        return {"type": "json-or-python", "json_schema": written, "python_schema": handler(source)}
+
+    def _value(self, value: object) -> object:
+        return self.blank if value == UNREADABLE else self.read(value)
+
+
+class ByName:
+    """Reads a mapping of names to entries into a tuple of them; each entry has a `name` field with metadata `NAMED`."""
+
+    def __get_pydantic_core_schema__(self, source: object, handler: Any) -> dict[str, object]:  # noqa: ANN401 - pydantic's
+        entries = handler.generate_schema(dict[str, get_args(source)[0]])  # type: ignore[misc]  # known at run time
+        return {"type": "function-after", "function": {"type": "no-info", "function": self._named}, "schema": entries}
+
+    @staticmethod
+    def _named(entries: Mapping[str, Any]) -> tuple[object, ...]:
+        return tuple(dataclasses.replace(entry, name=name) for name, entry in entries.items())
+
+
+def matching(pattern: str) -> Notation:
+    """Return the notation of a text, the whole of which matches a pattern."""
+    return Notation(partial(_text, pattern=pattern), "")
+
+
+def one_of(*choices: str) -> Notation:
+    """Return the notation of a text that is one of a few."""
+    return Notation(partial(_text, choices=choices), "")
+
+
+def number(minimum: float = -math.inf, maximum: float = math.inf, *, above: float = -math.inf) -> Notation:
+    """Return the notation of a decimal number in quotes within bounds, in the unit of its field."""
+    return Notation(partial(_number, minimum=minimum, maximum=maximum, above=above), max(0.0, minimum))
+
+
+def whole(minimum: int | None = None, maximum: int | None = None) -> Notation:
+    """Return the notation of a whole number, decimal or with 0x, in quotes or not."""
+    return Notation(partial(_whole, minimum=minimum, maximum=maximum), minimum or 0)
+
+
+def _text(value: object, pattern: str = "", choices: Sequence[str] = ()) -> str:
+    if not isinstance(value, str):
+        raise Complaint("must be text", quote=isinstance(value, bool | int))
+    if choices and value not in choices:
+        raise Complaint(f"must be one of {', '.join(choices)}", known=choices)
+    if pattern and not re.fullmatch(pattern, value):
+        raise Complaint(f"must look like {pattern}")
+    return value
+
+
+def _filled_text(value: object) -> str:
+    text = _text(value)
+    if not text.strip():
+        raise Complaint("must not be empty", found=False)
+    return text
+
+
+def _decimal(value: object) -> str:
+    if not isinstance(value, str):
+        raise Complaint("must be a number in quotes", quote=type(value) is int)
+    if not _DECIMAL.fullmatch(value):
+        raise Complaint("must be a decimal number in quotes")
+    if len(value) > _LONGEST_NUMBER or not math.isfinite(float(value)):
+        raise Complaint("is too large for a number, or too long")
+    return value
+
+
+def _number(value: object, minimum: float = -math.inf, maximum: float = math.inf, above: float = -math.inf) -> float:
+    return _within(float(_decimal(value)), minimum, maximum, above)
+
+
+def _whole(value: object, minimum: int | None = None, maximum: int | None = None) -> int:
+    found: int | None = None
+    if type(value) is int:
+        found = value
+    elif isinstance(value, str) and _INTEGER.fullmatch(value):
+        found = int(value)
+    elif isinstance(value, str) and _HEXADECIMAL.fullmatch(value):
+        found = int(value, 16)
+    if found is None:
+        raise Complaint("must be a whole number, decimal or with 0x")
+    return _within(found, -math.inf if minimum is None else minimum, math.inf if maximum is None else maximum)
+
+
+def _within(value: _Real, minimum: float, maximum: float, above: float = -math.inf) -> _Real:
+    if value < minimum:
+        raise Complaint(f"must be at least {minimum:.15g}")
+    if value > maximum:
+        raise Complaint(f"must be at most {maximum:.15g}")
+    if not value > above:
+        raise Complaint(f"must be above {above:.15g}")
+    return value
+
+
+def _flag(value: object) -> bool:
+    if not isinstance(value, bool):
+        raise Complaint("must be true or false without quotes")
+    return value
+
+
+def _seconds(value: object) -> float:
+    return _quantity(value, _SECONDS, "a duration such as 10 ms, 4 h or 90 d")
+
+
+def _hertz(value: object) -> float:
+    hertz = _quantity(value, _HERTZ, "a frequency such as 100 Hz or 400 kHz")
+    if not hertz > 0:
+        raise Complaint("must be a frequency above zero")
+    return hertz
+
+
+def _quantity(value: object, units: Mapping[str, Decimal], expected: str) -> float:
+    match = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
+    if match is None or len(match[0]) > _LONGEST_NUMBER:
+        raise Complaint(f"must be {expected}")
+    number, unit = match.groups()
+    if unit not in units:
+        raise Complaint(f"must be {expected}; the unit '{unit}' is none of {', '.join(units)}", found=False)
+    amount = float(Decimal(number) * units[unit])
+    if not math.isfinite(amount):
+        raise Complaint("is too large")
+    return amount
+
+
+def _plain(value: object) -> object:
+    wrong = dict(_not_plain(value, ()))
+    if wrong:
+        raise Complaint(inner=wrong)
+    return value
+
+
+def _not_plain(value: object, path: Path) -> list[tuple[Path, Complaint]]:
+    # Documents are at most 20 levels deep, so this may recurse.
+    if isinstance(value, Mapping):
+        return [found for key, item in value.items() for found in _not_plain(item, (*path, key))]
+    if isinstance(value, list):
+        return [found for index, item in enumerate(value) for found in _not_plain(item, (*path, index))]
+    return [(path, Complaint("must be text", quote=True))] if type(value) is int else []
+
+
+Text = Annotated[str, Notation(_filled_text, "")]
+"""A text that says something."""
+
+AnyText = Annotated[str, Notation(_text, "")]
+"""A text, which may be empty."""
+
+Number = Annotated[float, Notation(_number, 0.0)]
+"""The value of a decimal number in quotes."""
+
+DecimalText = Annotated[str, Notation(_decimal, "0")]
+"""A decimal number in quotes, as it is written."""
+
+Flag = Annotated[bool, Notation(_flag, False)]
+"""An unquoted true or false."""
+
+Seconds = Annotated[float, Notation(_seconds, 0.0)]
+"""Seconds, written as `10 ms`, `4 h`, `90 d`."""
+
+Hertz = Annotated[float, Notation(_hertz, 1.0)]
+"""Hertz, written as `100 Hz`, `400 kHz`."""
+
+Plain = Annotated[object, Notation(_plain, "")]
+"""Texts and flags, in lists and mappings; numbers are texts, in quotes. Whoever the part is for reads it further."""
