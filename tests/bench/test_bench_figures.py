@@ -10,8 +10,8 @@ from adcs_bench import adcs
 
 from hil.bench.binding import bind_simulated
 from hil.bench.envelope import Monitor
-from hil.executive.run.stop import StopFlags
-from hil.executive.watch.scheduler import Scheduler
+from hil.executive.ending.stop import StopFlags
+from hil.executive.watching.scheduler import Scheduler
 from hil.wire.transcript import Transcript
 
 CALLS = 200

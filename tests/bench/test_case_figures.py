@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from hil.evidence.journal.writer import Journal
 from hil.evidence.recordings.rows import Rows
-from hil.executive.case.checks import Checks
-from hil.executive.case.effects import Effects
-from hil.executive.case.steps import Steps
+from hil.executive.cases.checks import Checks
+from hil.executive.cases.effects import Effects
+from hil.executive.cases.steps import Steps
 from hil.model.figure import Figure
 from hil.requirements.requirement import Decision, Kind, Limit, Requirement
 

@@ -6,8 +6,8 @@ from unittest.mock import Mock
 
 from adcs_bench import adcs, bound
 
-from hil.executive.run.stop import StopFlags
-from hil.executive.watch.keeper import BenchKeeper
+from hil.executive.ending.stop import StopFlags
+from hil.executive.watching.keeper import BenchKeeper
 from hil.model.identity import Dut, Model
 
 

@@ -8,8 +8,8 @@ import pytest
 from adcs_bench import adcs, bound
 
 from hil.bench.envelope import Trip
-from hil.executive.run.stop import StopFlags
-from hil.executive.watch.keeper import BenchKeeper
+from hil.executive.ending.stop import StopFlags
+from hil.executive.watching.keeper import BenchKeeper
 from hil.model.identity import Dut, Model
 
 NANO = 1_000_000_000

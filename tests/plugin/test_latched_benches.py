@@ -7,8 +7,8 @@ from workspaces import make
 
 from hil.bench.latching import latch_bench
 from hil.evidence.folder import GUARDIAN
-from hil.executive.again.earlier import Earlier
-from hil.executive.live.acknowledging import acknowledge
+from hil.executive.ending.acknowledging import acknowledge
+from hil.executive.resuming.earlier import Earlier
 from hil.guardian.latch import Latch
 from hil.model.errors import Refused
 from hil.plugin.running import resume

@@ -11,7 +11,7 @@ from workspaces import make
 from hil.cli.main import main
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
-from hil.executive.setup.resuming import resumed_request
+from hil.executive.resuming.preconditions import resumed_request
 from hil.plugin.running import resume, run
 
 CASE = """

@@ -14,7 +14,7 @@ from hil.bench.derived.making import derivation_of
 from hil.bench.envelope import Monitor
 from hil.bench.self_test import self_test
 from hil.clock.port import NANOSECONDS
-from hil.executive.watch.feeding import Feed
+from hil.executive.watching.feeding import Feed
 from hil.model.envelope import Derived, EnvelopeLimit
 from hil.model.figure import Figure
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from hil.bench.envelope import Monitor
 from hil.clock.port import NANOSECONDS
-from hil.executive.watch.feeding import Feed
+from hil.executive.watching.feeding import Feed
 from hil.model.envelope import EnvelopeLimit
 from hil.model.figure import Figure
 

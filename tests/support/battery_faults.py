@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from hil.executive.run.stop import StopFlags
+from hil.executive.ending.stop import StopFlags
 from hil.simulation import ends
 from hil.simulation.world import World
 

@@ -8,18 +8,19 @@ from types import SimpleNamespace
 
 from hil.bench.envelope import Monitor
 from hil.clock.virtual import VirtualClock
-from hil.executive.case.artifacts import Artifacts
-from hil.executive.case.case_run import CaseRun, PlannedCase
-from hil.executive.case.checks import Checks
-from hil.executive.case.effects import Effects
-from hil.executive.case.facade import Facade
-from hil.executive.case.operator import Operator
-from hil.executive.case.steps import Steps
-from hil.executive.recording.recorder import Recorder
-from hil.executive.run.answers import Nobody
-from hil.executive.run.row_store import RowStore
-from hil.executive.run.stop import StopFlags
-from hil.executive.watch.scheduler import Scheduler
+from hil.executive.cases.artifacts import Artifacts
+from hil.executive.cases.case_run import CaseRun
+from hil.executive.cases.checks import Checks
+from hil.executive.cases.effects import Effects
+from hil.executive.cases.facade import Facade
+from hil.executive.cases.operator import Operator
+from hil.executive.cases.recorder import Recorder
+from hil.executive.cases.steps import Steps
+from hil.executive.ending.stop import StopFlags
+from hil.executive.journaling.row_store import RowStore
+from hil.executive.people.answers import Nobody
+from hil.executive.setup.head import PlannedCase
+from hil.executive.watching.scheduler import Scheduler
 from hil.instruments.sampled import Channel
 from hil.model.bench import CalibratedRange, Calibration, InstrumentSpec, Wire
 from hil.model.envelope import EnvelopeLimit

@@ -9,8 +9,8 @@ from case_parts import Case
 from numpy.typing import NDArray
 
 from hil.clock.virtual import VirtualClock
-from hil.executive.case.facade import Facade
-from hil.executive.watch.scheduler import Scheduler
+from hil.executive.cases.facade import Facade
+from hil.executive.watching.scheduler import Scheduler
 from hil.instruments.sampled import Channel, StreamReport
 from hil.model.bench import InstrumentSpec, Wire
 from hil.model.errors import NoReply

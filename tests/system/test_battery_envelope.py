@@ -11,7 +11,7 @@ from battery_faults import Scene, plant
 from battery_runs import battery_workspace
 
 from hil.evidence.package.contents import Package
-from hil.executive.setup.resuming import resumed_request
+from hil.executive.resuming.preconditions import resumed_request
 from hil.plugin.rehearsing import replay
 from hil.plugin.running import resume, run
 

@@ -12,7 +12,7 @@ from battery_runs import battery_workspace
 
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
-from hil.executive.setup.resuming import resumed_request
+from hil.executive.resuming.preconditions import resumed_request
 from hil.plugin.rehearsing import replay
 from hil.plugin.running import resume, run
 

@@ -6,7 +6,7 @@ import pytest
 from battery_runs import BatteryWorkspace, battery_workspace
 from live_runs import served
 
-from hil.executive.run.answers import SIMULATED_PERSON
+from hil.executive.people.answers import SIMULATED_PERSON
 from hil.plugin.rehearsing import replay
 
 pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(300)]

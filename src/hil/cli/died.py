@@ -48,7 +48,7 @@ def _tell(folder: Path, how: str, ways: list[str], guardian_s: float, command_s:
     workspace = find_workspace(Path.cwd())
     if not workspace.notify:
         return
-    from hil.executive.run.notifying import Notifier  # noqa: PLC0415 - as above
+    from hil.executive.people.notifying import Notifier  # noqa: PLC0415 - as above
 
     with _undisturbed():
         told = "; ".join(
@@ -83,7 +83,7 @@ def _bench(folder: Path, limit_s: float) -> Iterator[str]:
     from hil.bench.lease import holds_a_lease  # noqa: PLC0415 - only behind a run that died
     from hil.evidence.folder import is_held  # noqa: PLC0415 - as above
     from hil.evidence.safed import guardian_lines  # noqa: PLC0415 - as above
-    from hil.executive.live.acknowledging import waits_for_ack  # noqa: PLC0415 - as above
+    from hil.executive.ending.acknowledging import waits_for_ack  # noqa: PLC0415 - as above
 
     began = wall.monotonic()
     while at_work := is_held(folder) or holds_a_lease(folder.name):

@@ -80,7 +80,7 @@ def find_run(asked: str) -> Path:
 
 def latch_word(folder: Path) -> str:
     """Return what a run waits for that left its bench by force; nothing for any other."""
-    from hil.executive.live.acknowledging import waits_for_ack  # noqa: PLC0415 - heavy
+    from hil.executive.ending.acknowledging import waits_for_ack  # noqa: PLC0415 - heavy
 
     return f"latched, waits for hil ack {folder.name}" if waits_for_ack(folder) else ""
 

@@ -32,6 +32,7 @@ __all__ = [
     "GuardianLost",
     "HilError",
     "Implausible",
+    "Misused",
     "NoReply",
     "NotInTime",
     "Refused",
@@ -134,6 +135,10 @@ class UnsafeEnd(HilError):
 
 class GuardianLost(HilError):
     """The guardian is gone, or does not answer: nobody would make the bench safe in the executive's place."""
+
+
+class Misused(HilError):
+    """A case asks for what the catalogue does not hold, or gives something that is no figure or no role of its own."""
 
 
 class NotInTime(HilError):

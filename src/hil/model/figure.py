@@ -1,12 +1,14 @@
-"""A figure: a number that knows its unit and how well it is known."""
+"""A figure: a number that knows its unit and how well it is known, and its form in JSON."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from numbers import Integral, Real
 
-__all__ = ["Figure", "FigureStatus"]
+__all__ = ["Figure", "FigureStatus", "decoded", "encoded"]
 
 
 class FigureStatus(StrEnum):
@@ -41,3 +43,43 @@ class Figure:
             raise ValueError(f"uncertainty must be a number not below zero, got {self.uncertainty}")
         if not self.dof > 0:
             raise ValueError(f"degrees of freedom must be above zero, got {self.dof}")
+
+
+def encoded(value: object) -> object:
+    """Return a value as JSON: figures become mappings, tuples lists, NumPy's numbers plain ones, NaN and inf None."""
+    if isinstance(value, Figure):
+        return {
+            "value": encoded(value.value),
+            "unit": value.unit,
+            "uncertainty": encoded(value.uncertainty),
+            "dof": encoded(value.dof),
+            "status": value.status.value,
+        }
+    if isinstance(value, Real) and not isinstance(value, bool):  # type: ignore[unreachable]
+        return _number(value)
+    if isinstance(value, Mapping):
+        return {str(key): encoded(item) for key, item in value.items()}
+    if isinstance(value, tuple | list):
+        return [encoded(item) for item in value]
+    return value
+
+
+def _number(value: Real) -> int | float | None:
+    if isinstance(value, Integral):
+        return int(value)
+    return float(value) if math.isfinite(value) else None
+
+
+def decoded(value: object) -> object:
+    """Return what `encoded` was given, as far as a case can tell."""
+    if isinstance(value, Mapping) and set(value) == {"value", "unit", "uncertainty", "dof", "status"}:
+        return Figure(
+            value=math.nan if value["value"] is None else float(value["value"]),
+            unit=str(value["unit"]),
+            uncertainty=value["uncertainty"],
+            dof=math.inf if value["dof"] is None else float(value["dof"]),
+            status=FigureStatus(value["status"]),
+        )
+    if isinstance(value, list):
+        return tuple(decoded(item) for item in value)
+    return value

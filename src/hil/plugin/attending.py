@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from hil.executive.case.operator import Declined
-from hil.executive.live.people import People
-from hil.executive.live.unattended import OnCall
-from hil.executive.run.notifying import Notifier
-from hil.executive.run.session import Session
+from hil.executive.people.notifying import Notifier
+from hil.executive.people.on_call import OnCall, People
+from hil.executive.people.questions import Declined
+from hil.executive.session import Session
 from hil.plugin.terminal.answering import answers_of
 
 __all__ = ["attend"]

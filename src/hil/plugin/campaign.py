@@ -8,10 +8,11 @@ from typing import NoReturn
 
 import pytest
 
-from hil.executive.case.case_run import DESELECTED, ENDED_BEFORE, CaseRun, PlannedCase
-from hil.executive.run.session import Session
-from hil.executive.run.stop import Stopped
+from hil.executive.cases.case_run import CaseRun
+from hil.executive.ending.stop import Stopped
+from hil.executive.session import Session
 from hil.executive.setup.configuration import Configuration
+from hil.executive.setup.head import DESELECTED, ENDED_BEFORE, PlannedCase
 from hil.model.errors import HilError
 from hil.model.verdict import Verdict
 from hil.plugin.plans.case_fixtures import case_fixtures

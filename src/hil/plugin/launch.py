@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from hil.documents.suggest import did_you_mean
-from hil.executive.run.session import Session
+from hil.executive.session import Session
 from hil.executive.setup.configuration import Configuration
 from hil.model.errors import ConfigurationError, Finding, Refused
 from hil.plugin.campaign import Campaign, Opener

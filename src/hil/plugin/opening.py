@@ -9,13 +9,13 @@ from hil.bench.binding import bind_resumed, bind_simulated
 from hil.bench.bound import BoundBench
 from hil.bench.live import bind_live, bind_live_again
 from hil.evidence.folder import TRANSCRIPT
-from hil.executive.again.answered import Answered
-from hil.executive.again.earlier import Earlier
-from hil.executive.case.case_run import PlannedCase
-from hil.executive.run.events import Listener
-from hil.executive.run.session import Session
+from hil.executive.journaling.events import Listener
+from hil.executive.resuming.answered import Answered
+from hil.executive.resuming.earlier import Earlier
+from hil.executive.resuming.preconditions import require_same_cases
+from hil.executive.session import Session
 from hil.executive.setup.configuration import Configuration
-from hil.executive.setup.resuming import require_same_cases
+from hil.executive.setup.head import PlannedCase
 from hil.plugin.terminal.answering import answers_of
 from hil.wire.transcript import Transcript
 

@@ -11,11 +11,11 @@ from pathlib import Path
 
 from hil.bench.binding import bind_replayed
 from hil.evidence.package.contents import Package
-from hil.executive.again.replaying import STOPPED, differences, replay_of, replay_request, unpack
-from hil.executive.case.case_run import PlannedCase
-from hil.executive.run.answers import Nobody
-from hil.executive.run.session import Session
+from hil.executive.people.answers import Nobody
+from hil.executive.resuming.replaying import STOPPED, differences, replay_of, replay_request, unpack
+from hil.executive.session import Session
 from hil.executive.setup.configuration import Configuration, Request, configure
+from hil.executive.setup.head import PlannedCase
 from hil.model.errors import Refused
 from hil.model.verdict import Verdict
 from hil.plugin.campaign import Opener

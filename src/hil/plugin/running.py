@@ -12,15 +12,15 @@ from pathlib import Path
 from typing import NoReturn, Protocol, TextIO
 
 from hil.evidence.folder import JOURNAL, RESULTS, is_sealed
-from hil.executive.again.earlier import Earlier, find_earlier
-from hil.executive.case.case_run import PlannedCase
-from hil.executive.live.acknowledging import require_acknowledged
-from hil.executive.live.unattended import require_unattended
-from hil.executive.run.exit_codes import EXIT_INTERRUPTED
-from hil.executive.run.notifying import Notifier
-from hil.executive.run.session import Session
+from hil.executive.ending.acknowledging import require_acknowledged
+from hil.executive.ending.exit_codes import EXIT_INTERRUPTED
+from hil.executive.people.notifying import Notifier
+from hil.executive.people.on_call import require_unattended
+from hil.executive.resuming.earlier import Earlier, find_earlier
+from hil.executive.resuming.preconditions import changes, deviation_of, require_answers
+from hil.executive.session import Session
 from hil.executive.setup.configuration import Configuration, Request, configure
-from hil.executive.setup.resuming import changes, deviation_of, require_answers
+from hil.executive.setup.head import PlannedCase
 from hil.model.errors import Diverged, EvidenceError, Refused
 from hil.plugin.attending import attend
 from hil.plugin.launch import launch

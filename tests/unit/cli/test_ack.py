@@ -152,7 +152,7 @@ def test_a_latched_run_is_told_wherever_runs_are_told(capsys):
 
 def test_a_safed_run_is_not_resumed_before_it_is_acknowledged(reports):
     """Whoever resumes it would drive the bench that nobody has looked at."""
-    from hil.executive.live.acknowledging import acknowledge, require_acknowledged  # noqa: PLC0415
+    from hil.executive.ending.acknowledging import acknowledge, require_acknowledged  # noqa: PLC0415
     from hil.model.errors import Refused  # noqa: PLC0415
 
     with pytest.raises(Refused, match="nobody has acknowledged it") as refused:

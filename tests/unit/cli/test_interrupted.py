@@ -6,7 +6,7 @@ import pytest
 
 from hil.cli.died import ways_on
 from hil.evidence.journal.writer import Journal
-from hil.executive.again.earlier import find_earlier
+from hil.executive.resuming.earlier import find_earlier
 from hil.model.errors import HilError
 
 HEAD = {"run": {"format": 1}, "frozen": {"files": {}}, "planned": {"cases": []}}

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 from hil.cli.commands.resume import command
 from hil.cli.supervision import Invocation
 from hil.evidence.journal.reader import JournalLine
-from hil.executive.again.earlier import Earlier
+from hil.executive.resuming.earlier import Earlier
 
 RUN = {
     "plans": ["p"],

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from case_parts import Case
 
-from hil.executive.case.operator import Answer, Declined, Question
-from hil.executive.run.answers import (
+from hil.executive.ending.stop import Stopped
+from hil.executive.people.answers import (
     AnswersFile,
     AskedLive,
     FirstOf,
@@ -16,8 +16,7 @@ from hil.executive.run.answers import (
     TerminalPerson,
     load_answers,
 )
-from hil.executive.run.elsewhere import Elsewhere
-from hil.executive.run.stop import Stopped
+from hil.executive.people.questions import Answer, Declined, Elsewhere, Question
 from hil.model.errors import ConfigurationError
 
 CONFIRM = Question(name="jig", form="confirm", text="Closed?")

@@ -7,10 +7,9 @@ import hashlib
 import pytest
 from case_parts import Case
 
-from hil.executive.case.artifacts import Artifacts
-from hil.executive.case.effects import Recall
-from hil.executive.case.given import Misused
-from hil.model.errors import Diverged
+from hil.executive.cases.artifacts import Artifacts
+from hil.executive.cases.effects import Recall
+from hil.model.errors import Diverged, Misused
 
 
 def artifacts_of(folder, **options):

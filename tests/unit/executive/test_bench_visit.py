@@ -6,7 +6,7 @@ import pytest
 from workspaces import make
 
 from hil.bench.live import Reach
-from hil.executive.watch.bench_visit import check_bench
+from hil.executive.setup.bench_visit import check_bench
 from hil.model.identity import Source
 
 
@@ -15,7 +15,7 @@ def test_a_served_port_that_is_gone_is_a_gate_that_does_not_hold(tmp_path, monke
     """Nothing behind it is looked at, and nothing is driven."""
     workspace = make(tmp_path / "workspace")
     gone = Reach(source=Source.SIMULATED, ports={"psu1": str(tmp_path / "gone")}, served=tmp_path)
-    monkeypatch.setattr("hil.executive.watch.bench_visit.reach_of", lambda *_: gone)
+    monkeypatch.setattr("hil.executive.setup.bench_visit.reach_of", lambda *_: gone)
     gates = list(check_bench(workspace.root, "adcs", Source.SIMULATED, energise=energise, served=tmp_path))
     assert [(gate.name, gate.ok) for gate in gates] == [("port of psu1", False)]
     assert "cannot be opened" in gates[0].detail

@@ -7,12 +7,11 @@ from dataclasses import replace
 import pytest
 from case_parts import Case, limit, monitor, scheduler
 
-from hil.executive.case.checks import CheckFailed
-from hil.executive.case.effects import Recall
-from hil.executive.case.given import Misused
-from hil.executive.run.stop import Stopped
-from hil.executive.watch.scheduler import CaseTimeout
-from hil.model.errors import Diverged, Implausible, NoReply, Tripped
+from hil.executive.cases.checks import CheckFailed
+from hil.executive.cases.effects import Recall
+from hil.executive.ending.stop import Stopped
+from hil.executive.watching.scheduler import CaseTimeout
+from hil.model.errors import Diverged, Implausible, Misused, NoReply, Tripped
 from hil.model.figure import Figure
 
 SILENCE = NoReply("psu1", "nothing came")

@@ -12,8 +12,8 @@ from case_parts import REQUIREMENTS, Case
 from hil.documents.node import Place
 from hil.evidence.package.judged import judge_again
 from hil.evidence.results.facts import entries_of
-from hil.executive.case.checks import CheckFailed
-from hil.executive.case.given import Misused
+from hil.executive.cases.checks import CheckFailed
+from hil.model.errors import Misused
 from hil.model.figure import Figure, FigureStatus
 from hil.requirements.units import UnitError
 

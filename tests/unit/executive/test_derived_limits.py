@@ -7,7 +7,7 @@ import pytest
 from hil.bench.derived.making import derivation_of
 from hil.bench.envelope import Monitor
 from hil.clock.port import NANOSECONDS
-from hil.executive.watch.feeding import Feeds, monitors_of
+from hil.executive.watching.feeding import Feeds, monitors_of
 from hil.model.envelope import Derived, EnvelopeLimit
 from hil.model.figure import Figure
 

@@ -10,9 +10,9 @@ import pytest
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.journal.standing import Entry, Voided, entries, standing
 from hil.evidence.journal.writer import Journal
-from hil.executive.again.earlier import find_earlier, go_on_with, require_untouched
+from hil.executive.resuming.earlier import find_earlier, go_on_with, require_untouched
+from hil.executive.resuming.preconditions import require_answers
 from hil.executive.setup.configuration import Request
-from hil.executive.setup.resuming import require_answers
 from hil.model.errors import Refused
 
 HEAD_OF = {"run": {"format": 1}, "frozen": {"files": {}}, "planned": {"cases": []}}

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.documents.canonical import canonical
-from hil.executive.case.effects import Effects, Recall, decoded, encoded
-from hil.executive.case.steps import Steps
+from hil.executive.cases.effects import Effects, Recall
+from hil.executive.cases.steps import Steps
 from hil.model.errors import Diverged, NoReply
-from hil.model.figure import Figure, FigureStatus
+from hil.model.figure import Figure, FigureStatus, decoded, encoded
 
 CASE = "plan/test_x.py::test_x"
 ASKS = frozenset({"asks"})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hil.executive.run.events import Events
+from hil.executive.journaling.events import Events
 
 
 def shown_to(error):

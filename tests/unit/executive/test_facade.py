@@ -5,10 +5,9 @@ from __future__ import annotations
 import pytest
 from case_parts import Case
 
-from hil.executive.case.facade import RoleSet
-from hil.executive.case.given import Misused
-from hil.executive.run.stop import Stopped
-from hil.model.errors import NoReply
+from hil.executive.cases.facade import RoleSet
+from hil.executive.ending.stop import Stopped
+from hil.model.errors import Misused, NoReply
 from hil.model.figure import Figure
 
 

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from hil.executive.live import guarding
-from hil.executive.live.guarding import Guarding
-from hil.executive.run.stop import StopFlags
+from hil.executive.ending.stop import StopFlags
+from hil.executive.watching import guardian as guarding
+from hil.executive.watching.guardian import Guarding
 
 
 class Watchful:

@@ -8,7 +8,7 @@ import json
 import pytest
 
 from hil.evidence.folder import GUARDIAN
-from hil.executive.live.happened import Happened, moment, what_happened, written_down
+from hil.executive.ending.incidents import Happened, moment, what_happened, written_down
 
 
 @pytest.fixture

@@ -7,9 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from hil.clock.virtual import VirtualClock
-from hil.executive.run.stop import StopFlags, Stopped
-from hil.executive.watch.driven import Driven
-from hil.executive.watch.holding import Holding
+from hil.executive.ending.stop import StopFlags, Stopped
+from hil.executive.watching.holding import Driven, Holding
 from hil.model.bench import SafeStep, Wire
 from hil.model.errors import NoReply, Tripped
 from hil.wire.transcript import Transcript

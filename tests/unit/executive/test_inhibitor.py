@@ -10,7 +10,7 @@ import sys
 import pytest
 from logind import private_bus, serving_logind
 
-from hil.executive.live.inhibitor import Inhibitor
+from hil.executive.watching.inhibitor import Inhibitor
 from hil.model.errors import Refused
 
 HOLDER = """\

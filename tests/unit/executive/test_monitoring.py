@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from hil.clock.virtual import VirtualClock
-from hil.executive.watch.monitoring import Monitoring
+from hil.executive.watching.monitoring import Monitoring
 
 
 @pytest.fixture

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from hil.bench.gate import Gate
-from hil.executive.again.not_opened import not_opened
-from hil.executive.watch.keeper import FIRST_ARMING
+from hil.executive.resuming.earlier import not_opened
+from hil.executive.watching.keeper import FIRST_ARMING
 
 
 def gate(name, *, ok=True, kind="host-gate"):

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from hil.executive.run.notifying import Notifier
+from hil.executive.people.notifying import Notifier
 
 KEEPING = """
 import json, os, sys

@@ -7,9 +7,8 @@ from types import SimpleNamespace
 import pytest
 from case_parts import Written
 
-from hil.executive.case.operator import Answer, Declined
-from hil.executive.live.people import People
-from hil.executive.live.unattended import OnCall, require_unattended
+from hil.executive.people.on_call import OnCall, People, require_unattended
+from hil.executive.people.questions import Answer, Declined
 from hil.model.bench import Wire
 from hil.model.cutting import CutPath
 from hil.model.errors import Refused
@@ -61,7 +60,7 @@ def test_the_code_of_the_notification_reaches_whoever_is_on_call():
 
 def test_another_code_reaches_nobody(monkeypatch):
     """Nor does one that was sent before, one that comes when none is awaited, or one in letters that no code has."""
-    monkeypatch.setattr("hil.executive.live.unattended.wall.pause", lambda _: None)
+    monkeypatch.setattr("hil.executive.people.on_call.wall.pause", lambda _: None)
     phone = Phone()
     on_call = OnCall("Ada", RUN, 600, phone, Written())
     assert not on_call.knows("")

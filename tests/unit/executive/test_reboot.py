@@ -7,7 +7,7 @@ import pytest
 from hil.clock import wall
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.journal.writer import Journal
-from hil.executive.again.earlier import find_earlier, go_on_with
+from hil.executive.resuming.earlier import find_earlier, go_on_with
 
 EVENTS = {"run": {"format": 1}, "frozen": {"files": {}}, "planned": {"cases": []}, "case": {"case": "a"}}
 

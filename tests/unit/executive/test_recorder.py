@@ -10,12 +10,11 @@ import pytest
 from case_parts import Case
 
 from hil.evidence.recordings.hdf5 import Recorded
-from hil.executive.case.facade import RoleSet
-from hil.executive.case.given import Misused
-from hil.executive.recording.criteria import data_checks
-from hil.executive.run.row_store import RecordingFacts
-from hil.executive.run.stop import Stopped
-from hil.model.errors import NoReply
+from hil.executive.cases.facade import RoleSet
+from hil.executive.cases.recording import data_checks
+from hil.executive.ending.stop import Stopped
+from hil.executive.journaling.row_store import RecordingFacts
+from hil.model.errors import Misused, NoReply
 from hil.requirements.decision import judge
 from hil.requirements.requirement import Records
 

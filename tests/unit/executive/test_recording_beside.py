@@ -10,8 +10,7 @@ import pytest
 from case_parts import limit, monitor, scheduler
 from cell_stream import Stream, adopt, beside, facade_of
 
-from hil.executive.case.given import Misused
-from hil.model.errors import NoReply, NotInTime, Tripped
+from hil.model.errors import Misused, NoReply, NotInTime, Tripped
 
 MS = 1_000_000
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from hil.executive.again.replaying import differences
+from hil.executive.resuming.replaying import differences
 
 
 def package(detail):

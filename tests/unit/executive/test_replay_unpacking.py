@@ -9,7 +9,7 @@ import pytest
 from workspaces import ROOT
 
 from hil.evidence.package.contents import Package
-from hil.executive.again.replaying import unpack
+from hil.executive.resuming.replaying import unpack
 from hil.model.errors import EvidenceError
 
 

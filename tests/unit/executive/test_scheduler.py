@@ -9,8 +9,8 @@ import pytest
 from case_parts import Watch, limit, monitor, scheduler
 
 from hil.clock.virtual import VirtualClock
-from hil.executive.run.stop import StopFlags, Stopped
-from hil.executive.watch.scheduler import CaseTimeout, Scheduler
+from hil.executive.ending.stop import StopFlags, Stopped
+from hil.executive.watching.scheduler import CaseTimeout, Scheduler
 from hil.model.errors import NoReply, Tripped
 from hil.wire.transcript import Transcript
 

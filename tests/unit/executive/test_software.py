@@ -10,8 +10,8 @@ from types import SimpleNamespace
 import pytest
 
 import hil
-from hil.executive.again.earlier import Earlier
-from hil.executive.setup.resuming import deviation_of
+from hil.executive.resuming.earlier import Earlier
+from hil.executive.resuming.preconditions import deviation_of
 from hil.executive.setup.software import software_identity
 from hil.model.errors import Refused
 

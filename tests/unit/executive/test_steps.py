@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from case_parts import Written
 
-from hil.executive.case.steps import Steps
+from hil.executive.cases.steps import Steps
 
 
 def made():

@@ -6,7 +6,7 @@ import pytest
 
 from hil.clock import wall
 from hil.evidence.journal.writer import Journal
-from hil.executive.again.earlier import find_earlier
+from hil.executive.resuming.earlier import find_earlier
 
 HEAD = {"run": {"format": 1, "live": {"speed": 4.0, "served": True}}, "frozen": {"files": {}}, "planned": {"cases": []}}
 

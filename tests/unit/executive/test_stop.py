@@ -8,8 +8,8 @@ import threading
 
 import pytest
 
-from hil.executive.run.signals import handle_signals
-from hil.executive.run.stop import Astray, StopFlags, Stopped
+from hil.executive.ending.signals import handle_signals
+from hil.executive.ending.stop import Astray, StopFlags, Stopped
 
 
 def test_the_first_reason_stays_and_the_second_request_is_urgent():

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from case_parts import Case
 
-from hil.executive.case.facade import Facade
-from hil.executive.case.given import Misused
+from hil.executive.cases.facade import Facade
 from hil.instruments.sampled import Channel, StreamReport
 from hil.model.bench import InstrumentSpec, Wire
-from hil.model.errors import NoReply
+from hil.model.errors import Misused, NoReply
 
 PERIOD = 0.01 * (1 + 1e-4)
 """Of the device: its quartz is slow."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hil.clock.wall import Clocks
-from hil.executive.run.timekeeping import Timekeeping
+from hil.executive.journaling.upkeep import Timekeeping
 
 
 def events(*moments):

@@ -9,8 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from hil.executive.case.operator import Answer, Declined, Question
-from hil.executive.run.elsewhere import Elsewhere
+from hil.executive.people.questions import Answer, Declined, Elsewhere, Question
 from hil.executive.setup.configuration import Request
 from hil.model.identity import Source
 from hil.plugin.terminal.answering import answers_of

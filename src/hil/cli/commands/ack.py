@@ -27,7 +27,7 @@ def command(run: str, by: str, text: str, code: str) -> int:
     if code.strip():
         return _reached(run, by, code)
     from hil.evidence.package.listing import shown as printable  # noqa: PLC0415 - heavy
-    from hil.executive.live.acknowledging import acknowledge  # noqa: PLC0415 - heavy
+    from hil.executive.ending.acknowledging import acknowledge  # noqa: PLC0415 - heavy
 
     folder = _run_or_latched(run)
     _tell(folder)
@@ -44,7 +44,7 @@ def command(run: str, by: str, text: str, code: str) -> int:
 def _tell(folder: Path) -> None:
     """Print when what happened, in the order of time, and where it is written down in full."""
     from hil.evidence.package.listing import shown as printable  # noqa: PLC0415 - heavy
-    from hil.executive.live.happened import moment, what_happened, written_down  # noqa: PLC0415 - heavy
+    from hil.executive.ending.incidents import moment, what_happened, written_down  # noqa: PLC0415 - heavy
 
     told = [(printable(moment(each.at)), printable(each.text)) for each in what_happened(folder)]
     width = max((len(at) for at, _ in told), default=0)

@@ -12,7 +12,7 @@ from hil.cli.run_names import answer_of, find_running
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:
-    from hil.executive.case.operator import Question
+    from hil.executive.people.questions import Question
 
 __all__ = ["command"]
 
@@ -55,7 +55,7 @@ def command(run: str, answer: str, by: str) -> int:
 
 
 def _asked(run: str, asked: Mapping[str, Any] | None) -> Question:
-    from hil.executive.case.operator import Question  # noqa: PLC0415 - heavy
+    from hil.executive.people.questions import Question  # noqa: PLC0415 - heavy
 
     if asked is None:
         raise Refused(f"{run} asks nothing", "hil status tells where it is")
@@ -71,7 +71,7 @@ def _asked(run: str, asked: Mapping[str, Any] | None) -> Question:
 
 def _given(question: Question, answer: str) -> str:
     """Return an answer of the command line, where that may give one and it is one."""
-    from hil.executive.run.wording import form, understood  # noqa: PLC0415 - heavy
+    from hil.executive.people.questions import form, understood  # noqa: PLC0415 - heavy
 
     if question.safety:
         raise Refused(
@@ -87,7 +87,7 @@ def _read(question: Question) -> str:
 
     A safety confirmation is not answered by what was typed before it was shown.
     """
-    from hil.executive.run.wording import spoken, understood  # noqa: PLC0415 - heavy
+    from hil.executive.people.questions import spoken, understood  # noqa: PLC0415 - heavy
     from hil.plugin.terminal.prompt import Terminal  # noqa: PLC0415 - only when it is used
 
     if question.safety:

@@ -29,7 +29,7 @@ def check(name: str, source: str, served: Path | None, *, energise: bool) -> int
 
     Exit code 0 if every gate holds, 1 otherwise.
     """
-    from hil.executive.watch.bench_visit import check_bench  # noqa: PLC0415 - heavy
+    from hil.executive.setup.bench_visit import check_bench  # noqa: PLC0415 - heavy
 
     ready = True
     for gate in check_bench(Path.cwd(), name, Source(source), energise=energise, served=served):
@@ -49,7 +49,7 @@ def safe(name: str, source: str, served: Path | None) -> int:
     Another process that has the bench does not keep it from that, nor does an instrument that cannot be reached.
     Exit code 0 if every line is proven, 7 otherwise.
     """
-    from hil.executive.watch.bench_visit import safe_bench  # noqa: PLC0415 - heavy
+    from hil.executive.setup.bench_visit import safe_bench  # noqa: PLC0415 - heavy
 
     proven = True
     for result in safe_bench(Path.cwd(), name, Source(source), served=served, tell=_tell_beside):

@@ -51,7 +51,7 @@ def command(
         from hil.executive.setup.pins import pinned_environment  # noqa: PLC0415 - the process that waits stays light
 
         return supervise(invocation.arguments, pinned_environment())
-    from hil.executive.setup.resuming import resumed_request  # noqa: PLC0415 - after the pins
+    from hil.executive.resuming.preconditions import resumed_request  # noqa: PLC0415 - after the pins
     from hil.plugin.running import resume  # noqa: PLC0415 - after the pins
 
     invocation.word.listen()

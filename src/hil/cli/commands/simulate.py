@@ -29,7 +29,7 @@ def command(bench: str, folder: Path | None, speed: float, first_port: int) -> i
     Instruments on serial lines become pseudo-terminals, those on a network ports of 127.0.0.1. The folder also has the
     socket `control`, at which the true state is read and faults are injected.
     """
-    from hil.executive.watch.bench_visit import serve_bench  # noqa: PLC0415 - heavy
+    from hil.executive.setup.bench_visit import serve_bench  # noqa: PLC0415 - heavy
 
     place = folder or Path(tempfile.gettempdir()) / f"hil-{os.getuid()}-{bench.replace(os.sep, '-')}"
     with serve_bench(Path.cwd(), bench, place, speed=speed, first_port=first_port) as served:

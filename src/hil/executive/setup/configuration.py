@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -14,7 +14,7 @@ from hil.bench.file.duts import find_dut, load_duts
 from hil.bench.file.reading import load_bench
 from hil.bench.live import Reach, reach_of_hardware, reach_of_served
 from hil.documents.findings import Findings
-from hil.executive.setup.fitting import require_fitting
+from hil.documents.suggest import did_you_mean
 from hil.executive.setup.workspace import Workspace, find_workspace
 from hil.model.bench import BenchSpec
 from hil.model.errors import ConfigurationError, Finding, Refused
@@ -22,7 +22,7 @@ from hil.model.identity import Dut, Purpose, Source
 from hil.requirements.catalogue import Catalogue, load_catalogue
 from hil.requirements.parameters import Parameters, load_parameters
 
-__all__ = ["Configuration", "Request", "configure", "reach_of"]
+__all__ = ["Configuration", "Request", "configure", "reach_of", "require_fitting"]
 
 _ELSEWHERE = "use --source simulated here"
 _NOT_SIMULATED = "is --source simulated missing? On hardware, name the article that is on the bench"
@@ -197,3 +197,40 @@ def _overridden(parameters: dict[str, Parameters], request: Request) -> dict[str
         for plan in holders or list(parameters)[:1]:
             parameters[plan] = parameters[plan].override(name, text)
     return parameters
+
+
+def require_fitting(catalogue: Catalogue, dut: Dut, duts: Sequence[Dut], source: Source, register: str) -> None:
+    """Require that every asked plan is for the article's part number, as far as it names any.
+
+    Args:
+        catalogue: what the asked plans hold.
+        dut: the article that was asked for.
+        duts: all of the register, from which others are named.
+        source: where the bench is; on hardware no article is named that exists on simulated benches only.
+        register: the register's path as shown to a person.
+
+    Raises:
+        Refused: with the articles that fit.
+    """
+    named = {plan: parts for plan in catalogue.plans if (parts := catalogue.part_numbers(plan))}
+    others = {plan: parts for plan, parts in named.items() if dut.part not in parts}
+    if not others:
+        return
+    told = "; ".join(f"{plan} is for {' or '.join(parts)}" for plan, parts in others.items())
+    fitting = [
+        each.serial
+        for each in duts
+        if all(each.part in parts for parts in named.values())
+        if not (each.simulated and source is Source.HARDWARE)
+    ]
+    known = {part for parts in others.values() for part in parts}
+    raise Refused(
+        f"{dut.serial} has the part number {dut.part}, but {told}{did_you_mean(dut.part, known)}",
+        f"name one that fits with --dut: {', '.join(fitting)}" if fitting else _none(register, named),
+    )
+
+
+def _none(register: str, named: dict[str, tuple[str, ...]]) -> str:
+    if len(named) > 1 and not set.intersection(*map(set, named.values())):
+        return "no article fits all of these plans; run each by itself"
+    return f"no article in {register} fits; register it there"

@@ -2,18 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict
+import getpass
+import hashlib
+import platform
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from hil.executive.case.case_run import PlannedCase
+from hil.clock import wall
+from hil.documents.canonical import canonical
+from hil.evidence.folder import TRANSCRIPT
+from hil.evidence.package.inventory import inventory
+from hil.evidence.package.listing import shown
+from hil.evidence.results.facts import entries_of, freeze_calibration, freeze_catalogue
 from hil.executive.setup.configuration import Configuration
-from hil.executive.setup.freeze import freeze
-from hil.executive.setup.software import version
+from hil.executive.setup.software import software_identity, version
+from hil.model.bench import BenchSpec
+from hil.model.errors import EvidenceError
+from hil.requirements.layout import LOCK, PARAMETERS, REQUIREMENTS
 
-__all__ = ["write_head"]
+__all__ = ["DESELECTED", "ENDED_BEFORE", "Frozen", "PlannedCase", "freeze", "write_head"]
+
+DESELECTED = "deselected"
+"""Why a case was not run that plain pytest was not asked for."""
+
+ENDED_BEFORE = "the run ended before this case"
+"""Why a case was not run that pytest did not come to."""
 
 _OF_REGISTER_ONLY = frozenset({"recognised", "simulated"})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedCase:
+    """One case as collected.
+
+    Attributes:
+        id: the pytest node id, relative to the workspace.
+        title: the first line of its docstring.
+        plan: its plan's name.
+        requirements: ids of its marker.
+        max_duration_s: bench time that it may take.
+    """
+
+    id: str
+    title: str
+    plan: str
+    requirements: tuple[str, ...]
+    max_duration_s: float
 
 
 def write_head(
@@ -77,3 +112,144 @@ def _live(configuration: Configuration) -> dict[str, object]:
     """Return what is told of a bench outside of the run's process, and nothing of another."""
     reach = configuration.reach
     return {"live": {"speed": reach.speed, "served": reach.served is not None}} if reach else {}
+
+
+_OF_THIS_PLACE = frozenset({"data/software.json", "data/place.json"})
+_READABLE = "every file of plans, fixtures and bench must be readable"
+_CATALOGUE_FILES = frozenset({REQUIREMENTS, LOCK, PARAMETERS})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frozen:
+    """Hashes of what was frozen, for the journal's first lines.
+
+    Attributes:
+        files: path in the package and SHA-256 of every file that equal runs have equal.
+        beside: the same of those that tell of this place and moment.
+    """
+
+    catalogue: str
+    parameters: str
+    sources: str
+    bench: str
+    calibration: str
+    files: Mapping[str, str]
+    beside: Mapping[str, str]
+
+
+def freeze(configuration: Configuration, folder: Path) -> Frozen:
+    """Copy catalogue, parameters, sources, bench file and registers into the package.
+
+    Raises:
+        EvidenceError: where one of them cannot be read or written, or has a name that is no text.
+    """
+    try:
+        return _freeze(configuration, folder)
+    except OSError as error:
+        raise EvidenceError(f"{shown(str(error.filename))}: cannot be frozen: {error.strerror}", _READABLE) from error
+    except UnicodeEncodeError as error:
+        raise EvidenceError(f"{shown(error.object)}: this name is no text", "rename the file") from error
+
+
+def _freeze(configuration: Configuration, folder: Path) -> Frozen:
+    workspace = configuration.workspace
+    entries = entries_of(configuration.catalogue.requirement(id_) for id_ in configuration.catalogue.ids)
+    catalogue = freeze_catalogue(folder, entries)
+    parameters = _parameters(configuration, folder)
+    sources = hashlib.sha256()
+    for path in sorted(_sources(configuration)):
+        shown_path = path.relative_to(workspace.root).as_posix()
+        data = path.read_bytes()
+        of_plan = path.name in _CATALOGUE_FILES and path.parent in configuration.plans
+        name = f"catalogue/{path.parent.name}/{path.name}" if of_plan else f"sources/{shown_path}"
+        _put(folder / "data" / name, data)
+        sources.update(f"{hashlib.sha256(data).hexdigest()}  {shown_path}\n".encode())
+    bench = _bench(configuration, folder)
+    calibration = freeze_calibration(folder, _calibration(configuration.bench))
+    _put(folder / "data/dut.json", canonical({**asdict(configuration.dut), "format": 1}))
+    _put(folder / "data/software.json", canonical(software_identity(workspace.root)))
+    _put(folder / "data/place.json", canonical(_place(configuration)))
+    named = inventory(folder)
+    return Frozen(
+        catalogue=catalogue,
+        parameters=parameters,
+        sources=sources.hexdigest(),
+        bench=bench,
+        calibration=calibration,
+        files={path: digest for path, digest in named.items() if path not in _OF_THIS_PLACE | {TRANSCRIPT}},
+        beside={path: digest for path, digest in named.items() if path in _OF_THIS_PLACE},
+    )
+
+
+def _sources(configuration: Configuration) -> Iterator[Path]:
+    for plan in configuration.plans:
+        yield from (path for path in plan.iterdir() if path.is_file() and path.suffix in {".py", ".yaml", ".json"})
+    yield from (path for path in configuration.workspace.testplans.iterdir() if path.suffix in {".py", ".yaml"})
+    yield from configuration.workspace.fixtures.glob("*.py")
+
+
+def _bench(configuration: Configuration, folder: Path) -> str:
+    bench_folder = configuration.workspace.benches / configuration.bench.name
+    whole = hashlib.sha256()
+    for path in sorted(path for path in bench_folder.rglob("*") if path.is_file()):
+        data = path.read_bytes()
+        shown = path.relative_to(bench_folder).as_posix()
+        _put(folder / "data/bench" / shown, data)
+        whole.update(f"{hashlib.sha256(data).hexdigest()}  {shown}\n".encode())
+    _put(folder / "data/bench/duts.yaml", configuration.workspace.duts.read_bytes())
+    return whole.hexdigest()
+
+
+def _calibration(bench: BenchSpec) -> dict[str, dict[str, object]]:
+    return {
+        item.name: {
+            "certificate": item.calibration.certificate if item.calibration else "",
+            "due": item.calibration.due if item.calibration else "",
+            "dut": item.dut,
+        }
+        for item in bench.instruments
+    }
+
+
+def _parameters(configuration: Configuration, folder: Path) -> str:
+    rows = {
+        plan: [
+            {
+                "name": row.name,
+                "value": row.shown,
+                "unit": row.unit,
+                "text": row.text,
+                "deviation": row.deviation,
+            }
+            for row in parameters.rows()
+        ]
+        for plan, parameters in configuration.parameters.items()
+    }
+    data = canonical({"format": 1, "plans": rows})
+    _put(folder / "data/catalogue/parameters.json", data)
+    return hashlib.sha256(data).hexdigest()
+
+
+def _place(configuration: Configuration) -> dict[str, object]:
+    """Return what is true of this place and moment only, and therefore in no journal body."""
+    try:
+        user = getpass.getuser()
+    except (KeyError, OSError):
+        user = ""
+    return {
+        "format": 1,
+        "bench_place": configuration.bench.place,
+        "host": platform.node(),
+        "user": user,
+        "workspace": {
+            "name": configuration.workspace.name,
+            "testplans": configuration.workspace.shown(configuration.workspace.testplans),
+            "fixtures": configuration.workspace.shown(configuration.workspace.fixtures),
+        },
+        "started": wall.utc_now(),
+    }
+
+
+def _put(path: Path, data: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)

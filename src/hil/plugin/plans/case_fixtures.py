@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from hil.executive.case.case_run import CaseRun
-from hil.executive.run.session import Session
+from hil.executive.cases.case_run import CaseRun
+from hil.executive.session import Session
 
 __all__ = ["CASE_FIXTURES", "CaseClock", "case_fixtures"]
 

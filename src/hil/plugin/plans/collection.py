@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import pytest
 
 from hil.documents.suggest import did_you_mean
-from hil.executive.case.case_run import PlannedCase
 from hil.executive.setup.configuration import Configuration
+from hil.executive.setup.head import PlannedCase
 from hil.model.errors import ConfigurationError, Finding, Refused
 from hil.plugin.plans.fixture_names import name_findings
 from hil.plugin.plans.literals import returned_lines, written_checks

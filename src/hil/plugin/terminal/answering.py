@@ -7,8 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from hil.bench.bound import BoundBench
-from hil.executive.case.operator import AnswerSource
-from hil.executive.run.answers import (
+from hil.executive.people.answers import (
     Answering,
     AnswersFile,
     AskedLive,
@@ -19,7 +18,7 @@ from hil.executive.run.answers import (
     TerminalPerson,
     load_answers,
 )
-from hil.executive.run.elsewhere import Elsewhere
+from hil.executive.people.questions import AnswerSource, Elsewhere
 from hil.executive.setup.configuration import Request
 from hil.plugin.terminal.prompt import NoTerminal, Terminal
 

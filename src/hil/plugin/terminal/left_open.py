@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from hil.executive.run.events import DISK_FULL
+from hil.executive.journaling.events import DISK_FULL
 
 __all__ = ["left_open_lines"]
 

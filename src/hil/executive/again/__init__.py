@@ -1,1 +1,0 @@
-"""A run again: replayed, gone on with, or entered once more."""

@@ -1,1 +1,0 @@
-"""One case while it runs: effects, steps, recordings, checks, and the operator."""

@@ -1,0 +1,89 @@
+"""`artifact`: files that a case makes, kept with its evidence."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable
+from itertools import chain, count
+from pathlib import Path
+
+from hil.evidence.durable import read_plain, write_whole
+from hil.executive.cases.effects import Effects
+from hil.executive.cases.steps import Steps, file_part
+from hil.model.errors import Misused
+
+__all__ = ["Artifacts"]
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+_LARGEST = 50_000_000
+
+
+class Artifacts:
+    """The `artifact` fixture of one case.
+
+    What is kept is an effect with its hash: a replay has to make the same bytes again.
+
+    Args:
+        steps: tells the case.
+        effects: where it is noted.
+        write: writes an event.
+        folder: where attachments lie.
+        made: the files that cases of this run have made; what is made here is added.
+    """
+
+    def __init__(
+        self, steps: Steps, effects: Effects, write: Callable[..., None], folder: Path, made: set[Path]
+    ) -> None:
+        self._steps = steps
+        self._effects = effects
+        self._write = write
+        self._folder = folder
+        self._made = made
+        self._kept: set[str] = set()
+
+    def __call__(self, name: str, content: str | bytes) -> None:
+        """Keep a file: a calibration, a table, a drawing. Text is stored as UTF-8.
+
+        Raises:
+            Misused: for a name that is no plain file name or was used before, or content that is neither text nor
+                bytes, or too large.
+        """
+        data = self._data(name, content)
+        digest = hashlib.sha256(data).hexdigest()
+        arguments = {"bytes": len(data), "sha256": digest}
+        self._effects.perform(f"artifact.{name}", "records", arguments, lambda: self._keep(name, data, digest))
+
+    def _data(self, name: object, content: object) -> bytes:
+        if not isinstance(name, str) or not _NAME.fullmatch(name):
+            raise Misused(f"artifact {name!r}: this is no file name", "take letters, digits, '.', '_' and '-'")
+        if not isinstance(content, str | bytes):
+            what = type(content).__name__
+            raise Misused(f"artifact '{name}': the content is a {what}", "give text or bytes")
+        data = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
+        if len(data) > _LARGEST:
+            raise Misused(f"artifact '{name}': {len(data)} bytes are more than {_LARGEST}", "record large data instead")
+        return data
+
+    def _keep(self, name: str, data: bytes, digest: str) -> str:
+        if name in self._kept:
+            raise Misused(f"artifact '{name}': this case has kept a file of that name", "take another name")
+        self._kept.add(name)
+        path = self._free(name, data)
+        write_whole(path, data)
+        self._write("attachment", file=path.name, sha256=digest, by=self._steps.case, text="made by the case")
+        return path.name
+
+    def _free(self, name: str, data: bytes) -> Path:
+        """Return a path that no earlier attempt and no case with a similar name has taken.
+
+        A resumed run comes again to the files that it made before it was interrupted.
+        """
+        stem = file_part(self._steps.case)
+        names = chain([f"{stem}-{name}"], (f"{stem}-{number}-{name}" for number in count(2)))
+        path = next(path for path in map(self._folder.joinpath, names) if self._is_free(path, data))
+        self._made.add(path)
+        return path
+
+    def _is_free(self, path: Path, data: bytes) -> bool:
+        return path not in self._made and (not path.exists() or read_plain(path) == data)

@@ -1,0 +1,215 @@
+"""One case from its first event to its verdict."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from hil.executive.cases.artifacts import Artifacts
+from hil.executive.cases.checks import CheckFailed, Checks
+from hil.executive.cases.effects import Effects
+from hil.executive.cases.operator import Operator
+from hil.executive.cases.recorder import Recorder
+from hil.executive.cases.recording import data_checks
+from hil.executive.cases.steps import Steps, writable
+from hil.executive.ending.stop import Stopped
+from hil.executive.setup.head import PlannedCase
+from hil.executive.watching.scheduler import CaseTimeout, Scheduler
+from hil.model.bench import InstrumentSpec
+from hil.model.errors import DeviceFault, Diverged, HilError, Implausible
+from hil.model.verdict import NO_CHECK, Verdict, worst
+from hil.requirements.requirement import Kind, Requirement
+
+__all__ = ["ANSWERS", "CaseRun", "Outcome"]
+
+ANSWERS = "answers"
+"""A requirement with a limit on this parameter speaks of whether its device answers at all."""
+
+_MOST_NAMED = 4
+_ADDRESS = re.compile(r" at 0x[0-9A-Fa-f]{8,}")
+"""Where an object lies in memory, in its text: another place in every run, and no evidence."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What became of a case: its verdict, one per requirement, and the reasons in sentences."""
+
+    verdict: Verdict
+    requirements: dict[str, Verdict]
+    reasons: tuple[str, ...]
+
+
+@dataclass
+class CaseRun:
+    """One case while it runs; its verdict comes from here, not from what its code lets through."""
+
+    planned: PlannedCase
+    requirements: dict[str, Requirement]
+    steps: Steps
+    effects: Effects
+    check: Checks
+    record: Recorder
+    operator: Operator
+    artifact: Artifacts
+    scheduler: Scheduler
+    write: Callable[..., None]
+    source: str
+    used: dict[str, str] = field(default_factory=dict)
+    _bench_faults: list[str] = field(default_factory=list)
+    _dut_faults: list[str] = field(default_factory=list)
+    _problems: list[str] = field(default_factory=list)
+    _raised: list[BaseException] = field(default_factory=list)
+    _refused: list[HilError] = field(default_factory=list)
+    _aborted: str = ""
+    _skipped: str = ""
+
+    def iterations(self, name: str, count: int) -> Iterator[int]:
+        """Count from 1; each turn is a step, and its beginning a checkpoint."""
+        for index in range(1, count + 1):
+            with self.steps(f"{name} {index} of {count}", turn=index):
+                yield index
+
+    @property
+    def bench_fault(self) -> str:
+        """The first silence or nonsense of the bench, empty where there was none."""
+        return self._bench_faults[0] if self._bench_faults else ""
+
+    def point(self) -> None:
+        """Be a scheduling point."""
+        self.scheduler.point()
+
+    def uses(self, instrument: InstrumentSpec) -> None:
+        """Note that the case uses this instrument; the weakest source decides what the evidence is worth."""
+        self.used[instrument.name] = self.source
+
+    def fault(self, instrument: InstrumentSpec, fault: DeviceFault) -> None:
+        """Note silence or nonsense of a device, whether or not the case lets it through."""
+        self._write_fault(fault, dut=instrument.dut)
+        (self._dut_faults if instrument.dut else self._bench_faults).append(str(fault))
+
+    def refused(self, error: HilError) -> None:
+        """Note what was asked of a role and not done, whether or not the case lets it through."""
+        self._refused.append(error)
+
+    def skip(self, reason: str) -> None:
+        """Note that the case took itself out; it is NOT_RUN at best, and what it found before stands."""
+        self._skipped = writable(reason) or "skipped"
+
+    def raised(self, error: BaseException, where: str = "") -> None:
+        """Note what came out of the case's code, and from where (file and line, as people see them)."""
+        self._raised.append(error)
+        if isinstance(error, Stopped):
+            self._aborted = f"stopped by {error}"
+        elif isinstance(error, CaseTimeout):
+            self._took_too_long()
+        elif isinstance(error, Diverged) or str(error) in {*self._bench_faults, *self._dut_faults}:
+            return
+        elif isinstance(error, Implausible):
+            self._distrusted(error)
+        elif not isinstance(error, CheckFailed):
+            name = "" if isinstance(error, HilError) else f"{type(error).__name__}: "  # ours are sentences
+            told = writable(_ADDRESS.sub("", f"{name}{error}".rstrip(": ")))
+            self._problems.append(f"{told} ({where})" if where else told)
+
+    def finish(self) -> None:
+        """Evaluate the criteria of the recordings that requirements ask for."""
+        for requirement in self.requirements.values():
+            if requirement.records is not None:
+                for limit, value, reason in data_checks(requirement.records, self.record.taken):
+                    self.check.data(requirement, limit, value, reason)
+
+    def close(self) -> None:
+        """Take in what shows only when nothing of the case is left to run, whatever it let through."""
+        self.steps.close()
+        self.record.close()
+        deadline_ns = self.scheduler.deadline_ns
+        if deadline_ns is not None and self.scheduler.now_ns() > deadline_ns:
+            self._took_too_long()
+        if not self._aborted:
+            self.effects.end()
+
+    def outcome(self) -> Outcome:
+        """Return the verdict as it stands now."""
+        requirements = {name: self._requirement(item) for name, item in self.requirements.items()}
+        case = worst(requirements.values())
+        reasons = (*([self._skipped] if self._skipped else []), *self._check_reasons())
+        problems = [*self._problems, *self._let_through()]
+        problems += [f"Diverged: {self.effects.diverged}"] if self.effects.diverged else []
+        if problems or self._bench_faults or self.scheduler.tripped:
+            case = Verdict.ERROR
+        elif self._aborted:
+            case = Verdict.ABORTED
+        elif self._skipped:
+            case = worst((case, Verdict.NOT_RUN)) if requirements else Verdict.NOT_RUN
+        if case in {Verdict.ERROR, Verdict.ABORTED}:
+            requirements = {name: worst((verdict, case)) for name, verdict in requirements.items()}
+        trip = [self.scheduler.tripped.text] if self.scheduler.tripped else []
+        told = (*trip, *problems, *self._bench_faults, *self._dut_faults, *reasons)
+        if not requirements and not self._skipped:
+            told = (*told, "the case carries no requirement")
+        reasons = tuple(dict.fromkeys([*([self._aborted] if self._aborted else []), *told]))
+        return Outcome(verdict=case, requirements=requirements, reasons=reasons)
+
+    def _let_through(self) -> list[str]:
+        """Return what was refused where nothing of that came out of the case's code."""
+        refused = (*self.check.refused, *self._refused)
+        return [writable(str(error)) for error in refused if not any(error is each for each in self._raised)]
+
+    def _distrusted(self, fault: Implausible) -> None:
+        """Note a fixture's judgement that the bench is not what it says; nothing more is run on it."""
+        self._write_fault(fault, dut=False)
+        self._bench_faults.append(str(fault))
+
+    def _write_fault(self, fault: DeviceFault, *, dut: bool) -> None:
+        self.write(
+            "fault",
+            case=self.planned.id,
+            device=fault.device,
+            dut=dut,
+            error=type(fault).__name__,
+            message=fault.message,
+            hint=fault.hint,
+        )
+
+    def _took_too_long(self) -> None:
+        self._problems.append(f"the case took longer than its {self.planned.max_duration_s:g} s of bench time")
+
+    def _requirement(self, requirement: Requirement) -> Verdict:
+        verdicts = [item.verdict for item in self.check.evaluated if item.requirement == requirement.id]
+        missing = self._missing(requirement)
+        if self._dut_faults:
+            verdicts.append(Verdict.FAIL if _speaks_of_answers(requirement) else Verdict.INCONCLUSIVE)
+        elif missing and not self._skipped:
+            verdicts.append(Verdict.NOT_EVALUATED)
+        return worst([*verdicts, Verdict.NOT_RUN] if self._skipped else verdicts)
+
+    def _missing(self, requirement: Requirement) -> list[str]:
+        """Return the checks that a requirement did not get; of many of one parameter the first and the last."""
+        done = {(item.parameter, item.of) for item in self.check.evaluated if item.requirement == requirement.id}
+        found: list[str] = []
+        for limit in requirement.limits:
+            left = [of for of in (limit.of or (None,)) if (limit.parameter, of) not in done]
+            named = [limit.parameter if of is None else f"{limit.parameter} of {of}" for of in left]
+            found += named if len(named) <= _MOST_NAMED else [f"{named[0]} to {left[-1]} ({len(left)} checks)"]
+        return found
+
+    def _check_reasons(self) -> tuple[str, ...]:
+        reasons = [
+            f"{item.requirement} {item.parameter}{f' of {item.of}' if item.of else ''} is {item.verdict}: {item.reason}"
+            for item in self.check.evaluated
+            if not item.verdict.good
+        ]
+        for requirement in () if self._skipped else self.requirements.values():
+            if missing := self._missing(requirement):
+                reasons.append(f"{requirement.id}{NO_CHECK}{', '.join(missing)}")
+            elif requirement.kind is Kind.RECORD and not any(
+                item.requirement == requirement.id for item in self.check.evaluated
+            ):
+                name = requirement.records.recording if requirement.records else ""
+                reasons.append(f"{requirement.id} got no whole recording '{name}'")
+        return tuple(reasons)
+
+
+def _speaks_of_answers(requirement: Requirement) -> bool:
+    return any(limit.parameter == ANSWERS for limit in requirement.limits)

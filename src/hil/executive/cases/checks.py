@@ -1,0 +1,321 @@
+"""`check`: one evaluated criterion, with limit, unit and decision rule from the catalogue."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from numbers import Real
+from typing import TypeGuard
+
+from hil.bench.calibration import standard_uncertainty
+from hil.documents.suggest import did_you_mean
+from hil.executive.cases.facade import Facade
+from hil.executive.cases.steps import Steps, one_line
+from hil.model.errors import HilError, Misused
+from hil.model.figure import Figure, FigureStatus
+from hil.model.verdict import Verdict
+from hil.requirements.decision import Judgement, judge
+from hil.requirements.requirement import Kind, Limit, Requirement
+from hil.requirements.units import UnitError
+
+__all__ = ["CheckFailed", "Checks", "Evaluated", "given"]
+
+
+class CheckFailed(HilError):
+    """A required check did not pass; the case stops there."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evaluated:
+    """One check that was evaluated."""
+
+    requirement: str
+    parameter: str
+    of: str | None
+    verdict: Verdict
+    reason: str
+
+
+class Checks:
+    """The `check` fixture of one case.
+
+    Args:
+        requirements: the requirements of the case's marker, by id.
+        steps: tells case and step.
+        write: writes an event.
+        used: the instruments that the case has used so far; every one of them may stand behind a figure.
+
+    Attributes:
+        refused: why calls were refused, in order: a check that was not made is an error, whatever the case makes of it.
+    """
+
+    def __init__(
+        self, requirements: dict[str, Requirement], steps: Steps, write: Callable[..., None], used: Collection[str]
+    ) -> None:
+        self._requirements = requirements
+        self._steps = steps
+        self._write = write
+        self._used = used
+        self._evaluated: list[Evaluated] = []
+        self.refused: list[HilError] = []
+
+    @property
+    def evaluated(self) -> tuple[Evaluated, ...]:
+        """Every check so far, also where the same criterion was evaluated several times: the worst counts."""
+        return tuple(self._evaluated)
+
+    def __call__(
+        self,
+        requirement: str,
+        parameter: str,
+        value: Figure | float | str,
+        *,
+        of: str | None = None,
+        instrument: Facade | None = None,
+        doubts: Sequence[str] = (),
+    ) -> Verdict:
+        """Evaluate one criterion, record it, and go on; the case fails at its end.
+
+        The same criterion may be evaluated again, in every turn of a loop for example: each is a check of its own, and
+        the worst of them counts.
+
+        Args:
+            requirement: id, one of the case's marker.
+            parameter: a parameter of its limits.
+            value: a figure; a bare number only where the unit is `1`; a word where a word is due.
+            of: which member of the limit's denominator (axis, channel).
+            instrument: the role whose certificate adds its uncertainty in quadrature; readings and
+                recordings of roles carry theirs already.
+            doubts: why the data behind the value cannot be trusted, a sentence each, such as gates that tripped;
+                with one of them the check is INCONCLUSIVE, whatever the value.
+
+        Raises:
+            Misused: if catalogue and call do not fit together.
+        """
+        of = of or None
+        try:
+            limit = self._limit(requirement, parameter, of)
+            found = given(value, limit, f"{requirement} {parameter}")
+            added = _of_instrument(instrument, found)
+            self._evaluate(requirement, limit, of, found, added, doubts=_sentences(doubts))
+        except (Misused, UnitError) as error:
+            self.refused.append(error)
+            raise
+        return self._evaluated[-1].verdict
+
+    def require(
+        self,
+        requirement: str,
+        parameter: str,
+        value: Figure | float | str,
+        *,
+        of: str | None = None,
+        instrument: Facade | None = None,
+        doubts: Sequence[str] = (),
+    ) -> None:
+        """Evaluate like a call, and stop the case unless it passes.
+
+        Raises:
+            CheckFailed: if the verdict is not good.
+        """
+        verdict = self(requirement, parameter, value, of=of, instrument=instrument, doubts=doubts)
+        if not verdict.good:
+            last = self._evaluated[-1]
+            raise CheckFailed(f"{requirement} {parameter} is {verdict}: {last.reason}")
+
+    def data(self, requirement: Requirement, limit: Limit, value: Figure | str, reason: str = "") -> None:
+        """Evaluate one criterion that a recording has to meet; met, it is RECORDED.
+
+        Args:
+            requirement: what asks for the recording.
+            limit: the criterion.
+            value: what was found.
+            reason: why it is not met, where that can be told better than by value and limit.
+        """
+        self._evaluate(requirement.id, limit, None, value, None, reason)
+
+    def _limit(self, requirement: str, parameter: str, of: str | None) -> Limit:
+        if requirement not in self._requirements:
+            raise Misused(
+                f"this case is not marked with requirement '{requirement}'"
+                f"{did_you_mean(requirement, self._requirements)}",
+                "add it to the marker, so that the plan knows before the case runs",
+            )
+        limits = {limit.parameter: limit for limit in self._requirements[requirement].limits}
+        if parameter not in limits:
+            raise Misused(f"{requirement} has no parameter '{parameter}'{did_you_mean(parameter, limits)}")
+        limit = limits[parameter]
+        if of not in (limit.of or (None,)):
+            raise Misused(
+                f"{requirement} {parameter} is evaluated of {', '.join(limit.of) or 'nothing in particular'}, not of"
+                f" '{of}'{did_you_mean(of or '', limit.of)}"
+            )
+        return limit
+
+    def _evaluate(
+        self,
+        requirement: str,
+        limit: Limit,
+        of: str | None,
+        found: Figure | str,
+        added: float | None,
+        reason: str = "",
+        doubts: tuple[str, ...] = (),
+    ) -> None:
+        """Judge what will be written down, to the digits that will be written down, so that anybody can judge again."""
+        judgement = judge(found, limit, instrument_uncertainty=added)
+        if isinstance(judgement.value, float) and not isinstance(found, str) and math.isfinite(judgement.value):
+            written = Figure(
+                value=_digits(judgement.value),
+                unit=judgement.unit,
+                uncertainty=None if judgement.uncertainty is None else _digits(judgement.uncertainty),
+                dof=_digits(judgement.dof),
+                status=found.status,
+            )
+            judgement = judge(written, limit)
+        status = found.status.value if isinstance(found, Figure) else ""
+        if judgement.verdict is Verdict.INCONCLUSIVE and _too_coarse(judgement, limit):
+            judgement = replace(judgement, reason=self._placed(requirement, judgement.reason))
+        if reason and not judgement.verdict.good:
+            judgement = replace(judgement, reason=reason)
+        if doubts:
+            judgement = replace(judgement, verdict=Verdict.INCONCLUSIVE, reason="; ".join(doubts))
+        self._note(requirement, limit, of, judgement, {"status": status, **({"doubts": doubts} if doubts else {})})
+
+    def _placed(self, requirement: str, reason: str) -> str:
+        """Return a reason with where the requirement stands that asks for so much."""
+        place = self._requirements[requirement].place
+        return f"{reason} ({place.path}:{place.line})" if place.path else reason
+
+    def _note(
+        self, requirement: str, limit: Limit, of: str | None, judgement: Judgement, source: Mapping[str, object]
+    ) -> None:
+        verdict = judgement.verdict
+        if verdict is Verdict.PASS and self._requirements[requirement].kind is Kind.RECORD:
+            verdict = Verdict.RECORDED
+        self._write(
+            "check",
+            case=self._steps.case,
+            step=self._steps.number,
+            requirement=requirement,
+            parameter=limit.parameter,
+            of=of,
+            value=_told(judgement.value),
+            unit=judgement.unit,
+            uncertainty=_told(judgement.uncertainty),
+            dof=_told(judgement.dof),
+            **source,
+            limit={"min": limit.minimum, "max": limit.maximum, "equals": limit.equals},
+            limit_unit=limit.unit,
+            decision=judgement.decision.value,
+            expanded=_told(judgement.expanded),
+            margin=_told(judgement.margin),
+            tur=_told(judgement.tur),
+            verdict=verdict.value,
+            reason=judgement.reason,
+            instruments=sorted(self._used),
+        )
+        self._evaluated.append(
+            Evaluated(
+                requirement=requirement, parameter=limit.parameter, of=of, verdict=verdict, reason=judgement.reason
+            )
+        )
+
+
+def _too_coarse(judgement: Judgement, limit: Limit) -> bool:
+    """Tell whether a test uncertainty ratio is known, and below what the limit asks for."""
+    return limit.min_tur is not None and judgement.tur is not None and judgement.tur < float(limit.min_tur)
+
+
+def _sentences(doubts: object) -> tuple[str, ...]:
+    if isinstance(doubts, str) or not isinstance(doubts, Sequence) or not all(isinstance(one, str) for one in doubts):
+        raise Misused("doubts are a list of sentences", "give [str(gate) for gate in tripped]")
+    return tuple(map(one_line, doubts))
+
+
+def _of_instrument(instrument: Facade | None, found: Figure | str) -> float | None:
+    if instrument is None or isinstance(found, str):
+        return None
+    if not isinstance(instrument, Facade):
+        raise Misused(f"instrument is a role of this case, found a {type(instrument).__name__}", "give supply.coil")
+    return standard_uncertainty(instrument.instrument.calibration, found.unit, found.value)
+
+
+def _digits(number: float) -> float:
+    """Return a number to the 12 digits that every machine agrees on."""
+    return float(f"{number:.12g}")
+
+
+def _told(number: float | str | None) -> float | str | None:
+    """Return a number for the journal, None where it is not finite."""
+    if number is None or isinstance(number, str):
+        return number
+    return _digits(number) if math.isfinite(number) else None
+
+
+def given(value: object, limit: Limit, what: str) -> Figure | str:
+    """Return a figure or a word of plain Python types, so that what is judged is what is written down.
+
+    NumPy's numbers become floats: a float32 would be judged by other digits than those of the journal.
+
+    Args:
+        value: what the case gave.
+        limit: what is due.
+        what: requirement and parameter, for messages.
+
+    Raises:
+        Misused: for a word or a bare number where a figure with a unit is due, and for whatever is neither.
+    """
+    if isinstance(value, Figure):
+        return _figure(value, what)
+    if isinstance(value, str):
+        if limit.unit:
+            raise Misused(f"{what}: '{value}' is a word, and a number in {limit.unit} is due", "give a Figure")
+        return str(value)
+    if not _is_number(value):
+        due = f"a number in {limit.unit}" if limit.unit else "a word"
+        raise Misused(f"{what}: {_named(value)} is neither a number nor a word, and {due} is due", _HINT)
+    number = _number(value, what)
+    if limit.unit != "1":
+        raise Misused(f"{what}: a bare {number:g} has no unit, and {limit.unit or 'a word'} is due", _HINT)
+    return Figure(value=number, unit="1")
+
+
+_HINT = "give a Figure of one number and its unit, or a text where a word is due"
+
+
+def _figure(figure: Figure, what: str) -> Figure:
+    if not isinstance(figure.unit, str):
+        raise Misused(f"{what}: the unit of a figure is a text, found {_named(figure.unit)}", _HINT)
+    if figure.status not in set(FigureStatus):
+        raise Misused(f"{what}: {_named(figure.status)} is no status of a figure", "take one of FigureStatus")
+    uncertainty = figure.uncertainty
+    return Figure(
+        value=_number(figure.value, f"{what}: the value of a figure"),
+        unit=str(figure.unit),
+        uncertainty=None if uncertainty is None else _number(uncertainty, f"{what}: the uncertainty of a figure"),
+        dof=_number(figure.dof, f"{what}: the dof of a figure"),
+        status=FigureStatus(figure.status),
+    )
+
+
+def _number(value: object, what: str) -> float:
+    if not _is_number(value):
+        raise Misused(f"{what} is one real number, found {_named(value)}", _HINT)
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
+
+
+def _is_number(value: object) -> TypeGuard[Real]:
+    """Return whether this is one real number; Python's flag only looks like one, and NumPy's not even that."""
+    return not isinstance(value, bool) and isinstance(value, Real)
+
+
+def _named(value: object) -> str:
+    """Return what something is, on one line and without its place in memory."""
+    shape = getattr(value, "shape", ())
+    kind = f"{type(value).__name__} of shape {shape}" if shape else type(value).__name__
+    return f"{value!r} ({kind})" if isinstance(value, bool | bytes | complex | str | type(None)) else f"a {kind}"

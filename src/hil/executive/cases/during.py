@@ -1,0 +1,209 @@
+"""`record.during`: a recording that goes on beside what the case does."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from types import TracebackType
+from typing import TYPE_CHECKING, Protocol, Self
+
+from hil.bench.calibration import calibrated
+from hil.clock.port import NANOSECONDS
+from hil.documents.suggest import did_you_mean
+from hil.executive.cases.effects import Effects
+from hil.executive.cases.intake import Condition
+from hil.executive.cases.taking import Taking
+from hil.executive.watching.scheduler import Scheduler
+from hil.model.errors import HilError, Misused, NotInTime
+from hil.model.figure import Figure
+
+if TYPE_CHECKING:
+    from hil.executive.cases.recording import Recording
+
+__all__ = ["During", "Host"]
+
+_HINT = "wait longer, or look at what the device does"
+
+
+class Host(Protocol):
+    """The recorder that keeps what was recorded."""
+
+    def keep(self, taking: Taking) -> Recording:
+        """Keep a recording that is whole, for the requirements that ask for it, and return it."""
+        ...
+
+
+class During:
+    """One recording beside a case; a context manager.
+
+    While the block runs, the scheduler fetches rows at every scheduling point at which they are due. The end of the
+    block fetches the rest and finishes the recording; an exception ends it, too, and what came before is kept as
+    incomplete.
+
+    Args:
+        taking: the recording.
+        effects: where beginning, waits and end are noted.
+        scheduler: lets bench time pass.
+        host: keeps what is whole.
+    """
+
+    def __init__(self, taking: Taking, effects: Effects, scheduler: Scheduler, host: Host) -> None:
+        self._taking = taking
+        self._effects = effects
+        self._scheduler = scheduler
+        self._host = host
+        self._name = taking.facts.name
+        self._recording: Recording | None = None
+
+    @property
+    def recording(self) -> Recording:
+        """The finished recording.
+
+        Raises:
+            Misused: within the block, or where the recording was not finished.
+        """
+        if self._recording is None:
+            raise Misused(f"record '{self._name}' is not finished", "take its recording behind the `with` block")
+        return self._recording
+
+    def __enter__(self) -> Self:
+        facts = self._taking.facts
+        if self._taking.begun:
+            raise Misused(f"record '{self._name}' was begun before", "call record.during for each recording")
+        arguments = {"rate": facts.rate, "channels": [channel.name for channel in facts.channels]}
+        self._scheduler.point()
+        self._effects.perform(f"record.{self._name}.begin", "records", arguments, self._taking.begin)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is None:
+            self._end(complete=True)
+            if self._taking.whole:
+                self._recording = self._host.keep(self._taking)
+            return
+        with suppress(HilError):  # what ended the block is what the case has to learn
+            self._end(complete=False)
+
+    def until(
+        self,
+        channel: str,
+        *,
+        within: float,
+        equals: float | None = None,
+        above: float | None = None,
+        below: float | None = None,
+    ) -> float:
+        """Wait for a row in which a channel equals, or is above or below, a number; return that row's bench time in s.
+
+        Every row is looked at, from the newest one on; behind another `until` from the row on that it found.
+
+        Args:
+            channel: the channel's name.
+            within: how long to wait at most [s].
+            equals: the number that is awaited, or
+            above: the number that has to be exceeded, or
+            below: the number that has to be fallen below.
+
+        Raises:
+            NotInTime: no such row came in time.
+            Misused: for an unknown channel, or not exactly one condition.
+        """
+        given = {"equals": equals, "above": above, "below": below}
+        chosen = {name: float(bound) for name, bound in given.items() if bound is not None}
+        if len(chosen) != 1 or not all(math.isfinite(bound) for bound in chosen.values()):
+            raise Misused(f"record '{self._name}': until takes one of equals, above and below", "give it one number")
+        ((compare, bound),) = chosen.items()
+        condition = Condition(self._column(channel), compare, bound)
+        arguments = {"channel": channel, compare: bound, "within": within}
+        return self._wait(f"record.{self._name}.until", arguments, lambda: self._until(condition, channel, within))
+
+    def until_over(self, *, within: float) -> float:
+        """Wait until the device says that its test has ended, and return the bench time at which that was seen, in s.
+
+        Raises:
+            NotInTime: it did not in time.
+            Misused: it never says so.
+        """
+        self._require_running()
+        if self._taking.turns.over is None:
+            raise Misused(f"record '{self._name}': its device does not say when a test is over", "wait with until")
+        return self._wait(f"record.{self._name}.until_over", {"within": within}, lambda: self._until_over(within))
+
+    def latest(self, channel: str) -> Figure:
+        """Return the newest number of a channel, with the uncertainty of the certificate.
+
+        Raises:
+            NotInTime: no row has come yet.
+        """
+        column = self._column(channel)
+        self._scheduler.point()
+        return self._effects.perform(
+            f"record.{self._name}.latest", "reads", {"channel": channel}, lambda: self._latest(column)
+        )
+
+    def _end(self, *, complete: bool) -> None:
+        name, arguments = f"record.{self._name}.end", {"complete": complete}
+        try:
+            self._effects.perform(name, "records", arguments, lambda: self._taking.end(complete=complete))
+        finally:
+            self._taking.end(complete=False)  # where the effect was not to be performed
+
+    def _wait(self, name: str, arguments: Mapping[str, object], action: Callable[[], float]) -> float:
+        self._require_running()
+        if not arguments["within"] > 0:  # type: ignore[operator]  # a number
+            raise ValueError(f"{name}: cannot wait for {arguments['within']} s")
+        return self._effects.perform(name, "waits", arguments, action)
+
+    def _until(self, condition: Condition, channel: str, within: float) -> float:
+        intake, turns = self._taking.intake, self._taking.turns
+        intake.await_row(condition)
+        try:
+            if intake.found is None:  # behind the end of the device's own test no row will come
+                self._come(within, lambda: intake.found is not None or bool(turns.over))
+        finally:
+            intake.await_nothing()
+        if intake.found is None:
+            word = "equal to" if condition.compare == "equals" else condition.compare
+            newest = f"the newest is {intake.last[condition.column] + 0.0:.6g}" if intake.last else "no row has come"
+            when = "until its test was over" if turns.over else f"within {within:g} s"
+            raise NotInTime(f"record '{self._name}': no {channel} {word} {condition.bound:g} {when}, {newest}", _HINT)
+        return round(intake.found, 9)
+
+    def _until_over(self, within: float) -> float:
+        turns = self._taking.turns
+        if not turns.over:
+            self._come(within, lambda: bool(turns.over))
+        if not turns.over:
+            last = self._taking.intake.last
+            names = [channel.name for channel in self._taking.facts.channels]
+            pairs = zip(names, (last or [])[1:], strict=False)
+            newest = ", ".join(f"{name} {value + 0.0:.6g}" for name, value in pairs) or "no row has come"
+            raise NotInTime(f"record '{self._name}': not over within {within:g} s, the newest row is: {newest}", _HINT)
+        return self._scheduler.now_ns() / NANOSECONDS
+
+    def _come(self, within: float, done: Callable[[], bool]) -> None:
+        """Wait until rows tell it; what has come in time, and waits for its turn, is fetched at last."""
+        self._scheduler.wait_until(self._scheduler.now_ns() + round(within * NANOSECONDS), done)
+        if not done():
+            self._taking.turns.take_early()
+
+    def _latest(self, column: int) -> Figure:
+        last = self._taking.intake.last
+        if last is None:
+            raise NotInTime(f"record '{self._name}': no row has come yet", "wait first, with until or clock.sleep")
+        source, unit = self._taking.measures[column - 1]
+        return calibrated(Figure(value=last[column], unit=unit), source.instrument.calibration)
+
+    def _column(self, channel: str) -> int:
+        self._require_running()
+        names = [each.name for each in self._taking.facts.channels]
+        if channel not in names:
+            raise Misused(f"record '{self._name}' has no channel '{channel}'{did_you_mean(channel, names)}", "")
+        return names.index(channel) + 1
+
+    def _require_running(self) -> None:
+        if not self._taking.running:
+            raise Misused(f"record '{self._name}' does not run", "wait and look within its `with` block")

@@ -1,0 +1,205 @@
+"""Façades: what a case holds instead of a driver's role."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from numbers import Real
+from types import MappingProxyType
+from typing import Any, Protocol, TypeVar
+
+from hil.bench.calibration import calibrated
+from hil.documents.suggest import did_you_mean
+from hil.executive.cases.effects import Effects
+from hil.instruments.registry import ROLES
+from hil.instruments.role import Operation
+from hil.instruments.sampled import Sampled, Streamed
+from hil.model.bench import BenchSpec, InstrumentSpec, Wire
+from hil.model.errors import ClampExceeded, DeviceFault, HilError, Misused, Refused
+from hil.model.figure import Figure
+
+__all__ = ["Facade", "Host", "RoleSet", "facades"]
+
+_NOT_DONE = (ClampExceeded, Misused, Refused)
+"""What is raised in place of an operation that is not begun."""
+
+_Result = TypeVar("_Result")
+
+
+class Host(Protocol):
+    """The case that holds a façade."""
+
+    def point(self) -> None:
+        """Be a scheduling point."""
+        ...
+
+    def uses(self, instrument: InstrumentSpec) -> None:
+        """Note that the case uses this instrument."""
+        ...
+
+    def fault(self, instrument: InstrumentSpec, fault: DeviceFault) -> None:
+        """Note silence or nonsense, before the case learns of it."""
+        ...
+
+    def refused(self, error: HilError) -> None:
+        """Note what the case asked for and was not done, before it learns of it."""
+        ...
+
+
+class Facade:
+    """One role instance as a case sees it.
+
+    Every operation of the role is a scheduling point and an effect; readings carry the uncertainty
+    of the instrument's certificate.
+
+    Args:
+        wire: the role instance.
+        instrument: the instrument behind it.
+        role: the driver's object.
+        effects: where operations are performed and noted.
+        host: the case that holds it.
+        instruments: every instrument of the bench by name: what fails may be one on the way to this one.
+    """
+
+    wire: Wire
+    instrument: InstrumentSpec
+    _role: object
+    _effects: Effects
+    _host: Host
+    _instruments: Mapping[str, InstrumentSpec]
+    _operations: Mapping[str, Operation]
+
+    def __init__(
+        self,
+        wire: Wire,
+        instrument: InstrumentSpec,
+        role: object,
+        effects: Effects,
+        host: Host,
+        instruments: Mapping[str, InstrumentSpec] = MappingProxyType({}),
+    ) -> None:
+        self.__dict__.update(
+            wire=wire,
+            instrument=instrument,
+            _role=role,
+            _effects=effects,
+            _host=host,
+            _instruments=instruments,
+            _operations=ROLES[wire.role].operations,
+        )
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        operations: Mapping[str, Operation] = self.__dict__.get("_operations", {})
+        if name not in operations:
+            hint = did_you_mean(name, operations)
+            raise AttributeError(f"{self.__dict__['wire'].name} has no operation '{name}'{hint}")
+        return self._bound(operations[name])
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"{self.wire.name} is what the bench file says, its '{name}' cannot be changed")
+
+    def __repr__(self) -> str:
+        return f"<{self.wire.name} on {self.instrument.name}>"
+
+    def serves(self, effects: Effects) -> bool:
+        """Return whether this is a role of the case that has these effects."""
+        return self._effects is effects
+
+    @property
+    def sampled(self) -> Sampled:
+        """The role as `record` samples it; samples go to the recording, not into effects."""
+        if not hasattr(self._role, "sample"):
+            raise TypeError(f"{self.wire.name} has no channels that could be recorded")
+        return self._role  # type: ignore[return-value]  # the attribute was looked at
+
+    @property
+    def streamed(self) -> Streamed | None:
+        """The role as `record` lets it run by itself, None where it cannot."""
+        return self._role if hasattr(self._role, "drain") else None  # type: ignore[return-value]  # it was looked at
+
+    def sample(self) -> tuple[float, ...]:
+        """Take one sample; a fault is told before it is raised."""
+        return self.guarded(self.sampled.sample)
+
+    def _bound(self, operation: Operation) -> Callable[..., Any]:
+        name, signature, kind = operation.name, operation.signature, operation.effect
+        what = f"{self.wire.name}.{name}"
+
+        def call(*args: object, **kwargs: object) -> object:
+            arguments = signature.bind(self, *args, **kwargs).arguments
+            arguments.pop("self")
+            try:
+                _require_numbers(what, operation, arguments)
+                self._host.point()
+                return self._effects.perform(what, kind, arguments, lambda: self._act(name, arguments))
+            except _NOT_DONE as error:
+                self._host.refused(error)
+                raise
+
+        call.__name__, call.__doc__ = name, operation.function.__doc__
+        return call
+
+    def _act(self, name: str, arguments: dict[str, Any]) -> object:
+        result = self.guarded(lambda: getattr(self._role, name)(**arguments))
+        return calibrated(result, self.instrument.calibration) if isinstance(result, Figure) else result
+
+    def guarded(self, action: Callable[[], _Result]) -> _Result:
+        """Do something with the role; a fault is told before it is raised, and counts for the device that it names."""
+        self._host.uses(self.instrument)
+        try:
+            return action()
+        except DeviceFault as fault:
+            self._host.fault(self._instruments.get(fault.device, self.instrument), fault)
+            raise
+
+
+def _require_numbers(what: str, operation: Operation, arguments: Mapping[str, object]) -> None:
+    """Refuse what is no number where the role says that one is due; a flag would pass for 0 or 1."""
+    for name, value in arguments.items():
+        if not operation.arguments[name].number:
+            continue
+        if isinstance(value, bool) or not isinstance(value, Real):
+            hint = (
+                "take its value, in the unit of the role" if isinstance(value, Figure) else "see the role's operations"
+            )
+            raise Misused(f"{what}: {name} is a number, found {value!r}", hint)
+
+
+class RoleSet:
+    """The named instances of one role: `supply.coil`, `supply.sensor`."""
+
+    _role: str
+    _instances: dict[str, Facade]
+
+    def __init__(self, role: str, instances: dict[str, Facade]) -> None:
+        self.__dict__.update(_role=role, _instances=instances)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"{self._role} is what the bench file says, its '{name}' cannot be changed")
+
+    def __getattr__(self, name: str) -> Facade:
+        instances: dict[str, Facade] = self.__dict__.get("_instances", {})
+        if name not in instances:
+            raise AttributeError(f"no '{name}' among the bench's {self._role}{did_you_mean(name, instances)}")
+        return instances[name]
+
+    def __repr__(self) -> str:
+        return f"<{self._role}: {', '.join(self._instances)}>"
+
+
+def facades(
+    spec: BenchSpec, roles: Mapping[str, object], effects: Effects, host: Host
+) -> Mapping[str, Facade | RoleSet]:
+    """Return the façades of one case, by role; a role with several instances is a set.
+
+    Args:
+        spec: the bench file.
+        roles: the drivers' objects by dotted name.
+        effects: where operations are performed and noted.
+        host: the case.
+    """
+    by_role: dict[str, dict[str, Facade]] = {}
+    instruments = {instrument.name: instrument for instrument in spec.instruments}
+    for wire in spec.wiring:
+        facade = Facade(wire, spec.instrument(wire.instrument), roles[wire.name], effects, host, instruments)
+        by_role.setdefault(wire.role, {})[wire.instance] = facade
+    return {role: instances[""] if "" in instances else RoleSet(role, instances) for role, instances in by_role.items()}

@@ -1,0 +1,237 @@
+"""`record`: named channels over time, on the disk while they grow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from hil.bench.calibration import standard_uncertainty
+from hil.clock.port import FOREVER_NS, NANOSECONDS
+from hil.evidence.recordings.hdf5 import Recorded, read_recording
+from hil.executive.cases.during import During
+from hil.executive.cases.effects import Effects
+from hil.executive.cases.facade import Facade, RoleSet
+from hil.executive.cases.recording import Recording
+from hil.executive.cases.steps import Steps, file_part
+from hil.executive.cases.streaming import SampledTurns, StreamTurns
+from hil.executive.cases.taking import Taking
+from hil.executive.journaling.row_store import RecordedChannel, RecordingFacts, RowStore
+from hil.executive.watching.scheduler import Scheduler
+from hil.instruments.sampled import StreamReport
+from hil.model.errors import Misused
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["Recorder"]
+
+
+class Recorder:
+    """The `record` fixture of one case.
+
+    Args:
+        steps: tells case and step.
+        scheduler: lets bench time pass between samples.
+        effects: where a recording is noted as an effect.
+        store: opens row files.
+        source: where the bench's bytes come from.
+        ids: gives the next recording's number in the run.
+    """
+
+    def __init__(
+        self,
+        steps: Steps,
+        scheduler: Scheduler,
+        effects: Effects,
+        store: RowStore,
+        source: str,
+        ids: Callable[[], int],
+    ) -> None:
+        self._steps = steps
+        self._scheduler = scheduler
+        self._effects = effects
+        self._store = store
+        self._source = source
+        self._ids = ids
+        self._taken: list[Mapping[str, object]] = []
+        self._beside: list[Taking] = []
+
+    @property
+    def taken(self) -> tuple[Mapping[str, object], ...]:
+        """Every finished recording of the case."""
+        return tuple(self._taken)
+
+    def __call__(self, name: str, *sources: Facade, duration: float, rate: float, continues: bool = False) -> Recording:
+        """Sample roles at `rate` [Hz] for `duration` [s] of bench time.
+
+        Sample k is taken at k / rate after the first, whatever the samples before it took. With one
+        role the channels have its names; with several they are `role.channel`. A role that can sample by
+        itself is streamed: the times are those of its own clock, counted from the beginning.
+
+        A run that was stopped in this recording makes it again from its beginning. One that `continues` goes on in it
+        instead, behind a gap, until the samples of before and after together last as long.
+
+        Raises:
+            ValueError: for no role, or a duration or rate that is not above zero.
+            Misused: for something that is no role of this case, or a streamed role beside another.
+            DeviceFault: if a device falls silent; what was recorded is kept as incomplete.
+        """
+        self._require(name, sources, duration > 0 and math.isfinite(duration * rate), rate)
+        facts = replace(self._facts(name, sources, rate, duration), continues=continues)
+        arguments: dict[str, object] = {"duration": duration, "rate": rate}
+        arguments["channels"] = [channel.name for channel in facts.channels]
+        if continues:
+            arguments["continues"] = True
+        if not (role := sources[0].streamed):
+            self._effects.perform(f"record.{name}", "records", arguments, lambda: self._sample(facts, sources))
+            return self._finished(facts, sources, None)
+        turns = StreamTurns(sources[0], role, self._scheduler.clock, rate, duration + 0.5 / rate)
+        taking = Taking(facts, sources, turns, self._scheduler, self._store)
+        self._effects.perform(f"record.{name}", "records", arguments, lambda: self._stream(taking, turns))
+        return self.keep(taking)
+
+    def during(self, name: str, *sources: Facade, rate: float) -> During:
+        """Record roles at `rate` [Hz] beside what the case does in a `with` block.
+
+        A role that can sample by itself is streamed; others are sampled k / rate after the beginning, where the case
+        lets time pass, and a sample that was missed because it did not is a gap.
+
+        Raises:
+            ValueError: for no role, or a rate that is not above zero.
+            Misused: as above, and for a role that is recorded already.
+        """
+        self._require(name, sources, True, rate)
+        facts = self._facts(name, sources, rate, None)
+        role = sources[0].streamed
+        clock = self._scheduler.clock
+        turns = StreamTurns(sources[0], role, clock, rate) if role else SampledTurns(sources, clock, rate)
+        taking = Taking(facts, sources, turns, self._scheduler, self._store)
+        self._beside.append(taking)
+        return During(taking, self._effects, self._scheduler, self)
+
+    def keep(self, taking: Taking) -> Recording:
+        """Keep a recording that is whole, for the requirements that ask for it, and return it."""
+        return self._finished(taking.facts, taking.sources, taking.report)
+
+    def close(self) -> None:
+        """End what a case left running, as incomplete."""
+        for taking in self._beside:
+            taking.end(complete=False)
+        self._beside.clear()
+
+    def _require(self, name: str, sources: tuple[Facade, ...], lasts: bool, rate: float) -> None:
+        if not sources or not (lasts and rate > 0 and math.isfinite(rate)):
+            raise ValueError(f"record '{name}': needs a role, and a duration and rate above zero")
+        for source in sources:
+            self._require_own(name, source)
+        if len({source.wire.name for source in sources}) < len(sources):
+            raise ValueError(f"record '{name}': one role is given twice")
+        if len(sources) > 1 and any(source.streamed for source in sources):
+            raise Misused(
+                f"record '{name}': a role that samples by itself is recorded alone",
+                "record the others by themselves, before, after or beside it",
+            )
+
+    def _facts(self, name: str, sources: tuple[Facade, ...], rate: float, duration: float | None) -> RecordingFacts:
+        return RecordingFacts(
+            id=f"{self._ids():03d}-{file_part(self._steps.case)}-{file_part(name)}",
+            name=name,
+            case=self._steps.case,
+            step=self._steps.number,
+            channels=_channels(sources),
+            rate=rate,
+            duration=duration,
+            source=self._source,
+        )
+
+    def _require_own(self, name: str, source: object) -> None:
+        """Refuse what is no role of this case, or is recorded already: its numbers would come from nowhere."""
+        if isinstance(source, RoleSet):
+            raise Misused(f"record '{name}': {source!r} is a set of roles", "name one, as in supply.coil")
+        if not isinstance(source, Facade) or not source.serves(self._effects):
+            what = "belongs to another case" if isinstance(source, Facade) else f"is a {type(source).__name__}"
+            raise Misused(f"record '{name}': only roles of this case can be recorded, this {what}", "give its fixture")
+        if source.streamed and any(taking.running and source in taking.sources for taking in self._beside):
+            raise Misused(
+                f"record '{name}': {source.wire.name} is recorded already", "take its rows from that recording"
+            )
+
+    def _stream(self, taking: Taking, turns: StreamTurns) -> str | Mapping[str, object]:
+        """Let a role run by itself until its rows cover the duration; return their hash, and how it went."""
+        taking.begin()
+        turns.have(taking.covers_s)
+        try:
+            self._scheduler.wait_until(FOREVER_NS, lambda: turns.full)
+        except BaseException:
+            taking.end(complete=False)
+            raise
+        return taking.end(complete=True)
+
+    def _sample(self, facts: RecordingFacts, sources: tuple[Facade, ...]) -> str:
+        """Take one sample after the other; return the hash of the rows."""
+        recording = self._store.begin(facts)
+        complete = False
+        try:
+            count = max(1, round((facts.duration or 0) * facts.rate))
+            start_ns = self._scheduler.now_ns()
+            done = recording.rows.rows
+            start_ns -= round(done * NANOSECONDS / facts.rate)
+            for index in range(done, count):
+                self._scheduler.wait_until(start_ns + round(index * NANOSECONDS / facts.rate))
+                row = [number for source in sources for number in source.sample()]
+                recording.append((self._scheduler.now_ns() / NANOSECONDS, *row))
+            complete = True
+        finally:
+            digest = recording.finish(complete=complete)
+        return digest
+
+    def _finished(self, facts: RecordingFacts, sources: tuple[Facade, ...], report: StreamReport | None) -> Recording:
+        begun = {
+            "recording": facts.id,
+            "name": facts.name,
+            "rate": facts.rate,
+            "source": facts.source,
+            "channels": [
+                {"name": channel.name, "unit": channel.unit, "instrument": channel.instrument}
+                for channel in facts.channels
+            ],
+        }
+        recorded = read_recording(self._store.recordings, begun, {"complete": True})
+        voids = self._store.voids(facts.id)
+        self._taken.append({"facts": facts, "recorded": recorded, "voids": voids})
+        return Recording(recorded, _uncertainties(facts, recorded, sources), report, voids)
+
+
+def _channels(sources: tuple[Facade, ...]) -> tuple[RecordedChannel, ...]:
+    return tuple(
+        RecordedChannel(
+            name=channel.name if len(sources) == 1 else f"{source.wire.name}.{channel.name}",
+            unit=channel.unit,
+            instrument=source.instrument.name,
+            calibration=source.instrument.calibration.certificate if source.instrument.calibration else "",
+            uncertainty=standard_uncertainty(source.instrument.calibration, channel.unit, 0.0),
+        )
+        for source in sources
+        for channel in source.sampled.channels()
+    )
+
+
+def _uncertainties(facts: RecordingFacts, recorded: Recorded, sources: tuple[Facade, ...]) -> dict[str, float | None]:
+    """Return what the certificates say at the largest reading of every channel, the least certain one."""
+    calibrations = {source.instrument.name: source.instrument.calibration for source in sources}
+    return {
+        channel.name: standard_uncertainty(
+            calibrations[channel.instrument], channel.unit, _largest(recorded[channel.name])
+        )
+        for channel in facts.channels
+    }
+
+
+def _largest(numbers: NDArray[np.float64]) -> float:
+    """Return the number that is farthest from zero, 0 where there is none."""
+    known = numbers == numbers  # noqa: PLR0124 - NaN is what differs from itself
+    finite = numbers if known.all() else numbers[known]
+    return max(float(finite.min()), float(finite.max()), key=abs) if len(finite) else 0.0

@@ -1,0 +1,196 @@
+"""A finished recording: as a case sees it, and what it has to be where a requirement asks for one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, cast
+
+from hil.evidence.journal.standing import Voided
+from hil.evidence.recordings.hdf5 import Recorded
+from hil.executive.journaling.row_store import RecordingFacts
+from hil.instruments.sampled import StreamReport
+from hil.model.figure import Figure, FigureStatus
+from hil.requirements.requirement import Decision, Limit, Records
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["Criterion", "Recording", "data_checks"]
+
+
+class Recording:
+    """A finished recording, as a case sees it.
+
+    Attributes:
+        id: its id in the run.
+        rate: nominal samples per second.
+        stream: how the stream went, None where the samples were taken one by one.
+    """
+
+    def __init__(
+        self,
+        recorded: Recorded,
+        uncertainties: Mapping[str, float | None],
+        stream: StreamReport | None = None,
+        voids: Sequence[Voided] = (),
+    ) -> None:
+        self._recorded = recorded
+        self._voids = voids
+        self._uncertainties = uncertainties
+        self.id = recorded.id
+        self.rate = recorded.rate
+        self.stream = stream
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Bench time of every sample in s, shape (samples,); it cannot be written to."""
+        return _read_only(self._recorded.time)
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Which samples stand, shape (samples,): not those of a part that was made again after the run was stopped."""
+        import numpy as np  # noqa: PLC0415 - slow to import
+
+        stands = np.ones(len(self), dtype=bool)
+        for part in self._voids:
+            stands[part.first : part.end] = False
+        return stands
+
+    def __getitem__(self, channel: str) -> NDArray[np.float64]:
+        """Return one channel, shape (samples,); it cannot be written to, copy it to work on it."""
+        return _read_only(self._recorded[channel])
+
+    def __len__(self) -> int:
+        return len(self._recorded)
+
+    def part(self, first: int, end: int) -> dict[str, NDArray[np.float64]]:
+        """Return `time` and every channel of the samples from `first` to before `end`, without the others in memory."""
+        return self._recorded.part(first, end)
+
+    def unit(self, channel: str) -> str:
+        """Return the unit of one channel."""
+        return self._recorded.unit(channel)
+
+    def uncertainty(self, channel: str) -> float | None:
+        """Return the standard uncertainty that the certificate gives this channel, None where unknown."""
+        return self._uncertainties[channel]
+
+
+def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what was recorded, as it was: the criteria of a requirement look at the same numbers at the case's end."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+Criterion = tuple[Limit, Figure | str, str]
+"""What must hold, what was found, and a reason where that is told better than by the two; else empty."""
+
+
+def data_checks(records: Records, taken: Sequence[Mapping[str, object]]) -> Iterator[Criterion]:
+    """Yield every criterion of a recording with what was found; the poorest recording of that name counts.
+
+    Samples that are not finite are counted over all of them, and leave the requirement INCONCLUSIVE.
+
+    A recording that was never taken yields nothing, so that its requirement stays NOT_EVALUATED.
+    """
+    named = [item for item in taken if cast("RecordingFacts", item["facts"]).name == records.recording]
+    if not named:
+        return
+    found = [cast("Recorded", item["recorded"]) for item in named]
+    missing = sorted({channel for item in found for channel in records.channels if channel not in item.channels})
+    yield _word("channels", "complete"), f"without {', '.join(missing)}" if missing else "complete", ""
+    if not all(item.complete for item in found):
+        yield _word("end", "complete"), "incomplete", ""
+    yield from _not_finite(records, found)
+    ends = [_ends_of_voids(item) for item in named]
+    spans = [_span(item, without) for item, without in zip(found, ends, strict=True)]
+    if records.duration_s is not None:
+        lasts = [_lasts(item, span) for item, span in zip(found, spans, strict=True)]
+        yield _at_least("duration", records.duration_s, "s"), _exact(min(lasts), "s"), ""
+    if records.rate_hz is not None:
+        slowest = min((len(item) - 1) / span if span else 0.0 for item, span in zip(found, spans, strict=True))
+        yield _at_least("rate", records.rate_hz * (1 - _RATE_TOLERANCE), "Hz"), _exact(slowest, "Hz"), ""
+    if records.max_gap_s is not None:
+        largest = max(_gap(item, without) for item, without in zip(found, ends, strict=True))
+        yield _at_most("max_gap", records.max_gap_s, "s"), _exact(largest, "s"), ""
+        yield from _stopped(records.max_gap_s, found, ends)
+
+
+def _stopped(longest_s: float, found: Sequence[Recorded], ends: Sequence[Sequence[int]]) -> Iterator[Criterion]:
+    """Yield the time for which the run was stopped amid a recording, where it is longer than a gap may be.
+
+    What the device did then nobody knows, and it is not to blame.
+    """
+    gaps = [float(item.time[end] - item.time[end - 1]) for item, at in zip(found, ends, strict=True) for end in at]
+    if gaps and max(gaps) > longest_s:
+        figure = Figure(value=round(max(gaps), 9), unit="s", status=FigureStatus.NOT_OBSERVABLE)
+        yield _at_most("stopped", longest_s, "s"), figure, f"the run was stopped amid the recording for {max(gaps):g} s"
+
+
+def _ends_of_voids(taken: Mapping[str, object]) -> list[int]:
+    """Return at which rows a recording went on after its run had been stopped."""
+    voids, recorded = cast("Sequence[Voided]", taken["voids"]), cast("Recorded", taken["recorded"])
+    return [part.end for part in voids if 0 < part.end < len(recorded)]
+
+
+_RATE_TOLERANCE = 1e-3
+"""A sampling clock may be this much slow: quartz is, and the last sample's latency counts, too."""
+
+
+def _not_finite(records: Records, found: Sequence[Recorded]) -> Iterator[Criterion]:
+    """Yield the number of samples that are no numbers, where there are any: what they were is not known."""
+    counts = {
+        channel: int(sum(_invalid(item[channel]) for item in found if channel in item.channels))
+        for channel in records.channels
+    }
+    counts["time"] = sum(_invalid(item.time) for item in found)
+    count = sum(counts.values())
+    if count:
+        samples = sum(len(item) for item in found for channel in records.channels if channel in item.channels)
+        named = ", ".join(f"{channel} {number}" for channel, number in counts.items() if number)
+        figure = Figure(value=float(count), unit="1", status=FigureStatus.NOT_OBSERVABLE)
+        yield _at_most("not_finite", 0, "1"), figure, f"{count} of {samples} samples are not finite: {named}"
+
+
+def _invalid(samples: NDArray[np.float64]) -> int:
+    import numpy as np  # noqa: PLC0415 - only recordings pay for it
+
+    return int(np.count_nonzero(~np.isfinite(samples)))
+
+
+def _lasts(item: Recorded, span: float) -> float:
+    """Return how long a recording lasts, in s: its last sample stands for one period, too, a single one for none."""
+    return span + 1 / item.rate if len(item) > 1 else 0.0
+
+
+def _span(item: Recorded, without: Sequence[int]) -> float:
+    """Return the time from the first sample to the last, without the gaps before the rows `without`."""
+    if not len(item):
+        return 0.0
+    stopped = sum(item.time[row] - item.time[row - 1] - 1 / item.rate for row in without)
+    return float(item.time[-1] - item.time[0] - stopped)
+
+
+def _gap(item: Recorded, without: Sequence[int]) -> float:
+    """Return the largest gap, but for those before the rows `without`."""
+    gaps = item.time[1:] - item.time[:-1]
+    gaps[[row - 1 for row in without]] = 0.0
+    return float(gaps.max()) if len(gaps) else 0.0
+
+
+def _exact(value: float, unit: str) -> Figure:
+    return Figure(value=round(value, 9), unit=unit)
+
+
+def _at_least(parameter: str, minimum: float, unit: str) -> Limit:
+    return Limit(parameter=parameter, unit=unit, minimum=f"{minimum:.9g}", decision=Decision.SIMPLE)
+
+
+def _at_most(parameter: str, maximum: float, unit: str) -> Limit:
+    return Limit(parameter=parameter, unit=unit, maximum=f"{maximum:.9g}", decision=Decision.SIMPLE)
+
+
+def _word(parameter: str, word: str) -> Limit:
+    return Limit(parameter=parameter, equals=word, decision=Decision.SIMPLE)

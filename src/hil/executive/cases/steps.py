@@ -1,0 +1,112 @@
+"""Steps: named parts of a case that make the as-run procedure."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+
+__all__ = ["Steps", "file_part", "one_line", "writable"]
+
+_CONTROLS = frozenset({"Cc", "Cs"})
+"""Unicode's categories of control characters, and of Python's stand-ins for bytes that are no UTF-8."""
+
+
+def writable(text: str) -> str:
+    """Return a text in which whatever would move a cursor, clear a screen or fail to be written is written out.
+
+    The ends of its lines stay.
+    """
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join(each if each == "\n" or unicodedata.category(each) not in _CONTROLS else _out(each) for each in text)
+
+
+def one_line(text: str) -> str:
+    """Return the same with the ends of its lines written out, too: for what stands in a line of its own."""
+    return writable(text).replace("\n", "\\n")
+
+
+def _out(character: str) -> str:
+    return character.encode("unicode_escape").decode("ascii")
+
+
+def file_part(text: str) -> str:
+    """Return a case's id, or a name that a case gave, as a part of file names."""
+    return re.sub(r"[^A-Za-z0-9_]+", "-", text.rpartition("::")[2]).strip("-")[:60]
+
+
+class Steps:
+    """Numbers nested steps and writes their beginning and end.
+
+    Args:
+        case: the case's id.
+        write: writes an event.
+        now: bench time in seconds.
+        undisturbed: keeps what looks after the bench amid a case from moving its time while a step begins or ends.
+    """
+
+    def __init__(
+        self,
+        case: str,
+        write: Callable[..., None],
+        now: Callable[[], float],
+        undisturbed: Callable[[], AbstractContextManager[None]] = nullcontext,
+    ) -> None:
+        self.case = case
+        self._write = write
+        self._now = now
+        self._undisturbed = undisturbed
+        self._titles: list[str] = []
+        self._began: list[float] = []
+        self._counts = [0]
+
+    @property
+    def number(self) -> str:
+        """The number of the present step, such as `1.2`; empty outside steps."""
+        return ".".join(str(count) for count in self._counts[: len(self._titles)])
+
+    @contextmanager
+    def __call__(self, title: str, turn: int | None = None) -> Iterator[None]:
+        """Be in a step; steps nest, and whoever leaves a step leaves those inside it.
+
+        Args:
+            title: what is done in it.
+            turn: which turn of a loop it is, from 1; a run that was stopped can be entered again at its beginning.
+        """
+        with self._undisturbed():
+            began = self._now()  # first of all, because it turns other threads away
+            depth = len(self._titles)
+            del self._counts[depth + 1 :]
+            self._counts[depth] += 1
+            self._titles.append(one_line(title))
+            self._began.append(began)
+            self._counts.append(0)
+            self._write("step", **self._facts(), **({} if turn is None else {"turn": turn}))
+        mine = self._counts[: depth + 1]
+        outcome = "raised"
+        try:
+            yield
+            outcome = "done"
+        finally:
+            if self._counts[: depth + 1] == mine:
+                self._leave(depth, outcome)
+
+    def close(self) -> None:
+        """End every step that is open still: those of a loop that a case was thrown out of and keeps hold of."""
+        self._leave(0, "raised")
+
+    def _leave(self, depth: int, outcome: str) -> None:
+        while len(self._titles) > depth:
+            self._end(depth, outcome)
+
+    def _end(self, depth: int, outcome: str) -> None:
+        with self._undisturbed():
+            last = len(self._titles) == depth + 1
+            duration = round(self._now() - self._began.pop(), 9)
+            self._write("step-end", **self._facts(), outcome=outcome if last else "raised", duration=duration)
+            self._titles.pop()
+
+    def _facts(self) -> dict[str, object]:
+        return {"case": self.case, "path": list(self._titles), "number": self.number}

@@ -1,0 +1,233 @@
+"""Roles that are recorded in turns beside a case: a device that samples by itself is emptied, another one sampled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, Protocol, cast
+
+from hil.clock.port import FOREVER_NS, NANOSECONDS
+from hil.executive.cases.facade import Facade
+from hil.executive.cases.intake import Intake
+from hil.executive.watching.ports import Beside
+from hil.instruments.sampled import Ending, Patient, Streamed, StreamReport
+from hil.model.errors import DeviceFault
+
+if TYPE_CHECKING:
+    from hil.clock.port import Clock
+
+__all__ = ["SampledTurns", "StreamTurns", "Turns"]
+
+
+class Turns(Beside, Protocol):
+    """How the rows of one recording are fetched, turn by turn.
+
+    Attributes:
+        every_s: how far apart rows may come.
+        failed: whether a device fell silent; nothing more is fetched then.
+    """
+
+    every_s: float
+    failed: bool
+
+    def begin(self, intake: Intake) -> None:
+        """Begin; rows go to `intake` from now on.
+
+        Raises:
+            DeviceFault: the device, or one on the way to it, does not answer.
+        """
+        ...
+
+    def take_early(self) -> None:
+        """Fetch what waits, if anything does, before its turn."""
+        ...
+
+    def end(self) -> StreamReport | None:
+        """Fetch what is there still, end, and return how the stream went, None where there was none.
+
+        Raises:
+            DeviceFault: as above; what can be ended is.
+        """
+        ...
+
+    def give_up(self) -> None:
+        """End as far as that is possible, and fetch nothing more."""
+        ...
+
+
+class StreamTurns:
+    """A role that samples by itself, emptied at least every `longest_pause`, or as often as its limits are looked at.
+
+    The time of a row is the bench time at the beginning plus the time that the device counted since. What the
+    device's clock does against the bench's is told in the report, and changes no row.
+
+    Args:
+        source: the role's façade.
+        role: the role.
+        clock: the bench's clock.
+        rate: samples per second.
+        enough: seconds after the first row from which on no row is wanted, None where the case ends the stream.
+
+    Attributes:
+        full: whether a row came that was not wanted any more.
+    """
+
+    def __init__(self, source: Facade, role: Streamed, clock: Clock, rate: float, enough: float | None = None) -> None:
+        self._source = source
+        self._role = role
+        self._clock = clock
+        self._rate = rate
+        self._enough = enough
+        self._first: float | None = None
+        self._allowed_s = 0.0
+        self._together = False
+        self.every_s = 1 / rate
+        self.due_ns = FOREVER_NS
+        self.failed = False
+        self.full = False
+
+    def begin(self, intake: Intake) -> None:
+        """Let the device sample. See `Turns`."""
+        try:
+            self._source.guarded(lambda: self._role.begin(self._rate))
+        except BaseException:
+            self.failed = True
+            raise
+        self._intake = intake
+        self._start_ns = self._clock.now_ns()
+        self._start_s = self._start_ns / NANOSECONDS
+        self._keep_time()
+
+    def may_pause(self, seconds: float, *, together: bool = True) -> None:
+        """Fetch rows so seldom, if that is longer than `longest_pause`, and as far as the role has the patience.
+
+        Args:
+            seconds: how long rows may wait.
+            together: whether at whole multiples of that, where limits that are read take their turns, too.
+        """
+        self._allowed_s, self._together = seconds, together
+        self._keep_time()
+
+    def have(self, seconds: float) -> None:
+        """Want so many seconds of rows less: they are there from before the run was stopped."""
+        if self._enough is not None:
+            self._enough -= seconds
+
+    def begin_again(self) -> None:
+        """Let the device sample anew; its time counts from now."""
+        self.give_up()
+        self.begin(self._intake)
+
+    def take(self) -> None:
+        """Fetch what has come."""
+        self.due_ns += self._pause_ns
+        self._fetch()
+        if self.due_ns <= (now_ns := self._clock.now_ns()):
+            self.due_ns += ((now_ns - self.due_ns) // self._pause_ns + 1) * self._pause_ns
+
+    def take_early(self) -> None:
+        """Fetch what has come, and the next rows when they are due anyway."""
+        if not self.failed:
+            self._fetch()
+
+    def _keep_time(self) -> None:
+        """Set when rows are fetched from now on."""
+        pause_s = self._role.longest_pause
+        if self._allowed_s > pause_s and hasattr(self._role, "patience"):
+            pause_s = max(pause_s, min(self._allowed_s, cast("Patient", self._role).patience))
+        self._pause_ns = max(1, round(pause_s * NANOSECONDS))
+        self.every_s = pause_s + 1 / self._rate
+        self.due_ns = self._start_ns + self._pause_ns
+        if self._together:
+            self.due_ns -= self.due_ns % self._pause_ns
+
+    def _fetch(self) -> None:
+        try:
+            block = self._source.guarded(self._role.drain)
+        except BaseException:
+            self.failed = True
+            self.due_ns = FOREVER_NS
+            raise
+        if self._enough is not None and len(block):
+            self._first = float(block[0, 0]) if self._first is None else self._first
+            wanted = block[block[:, 0] - self._first <= self._enough]
+            self.full = len(wanted) < len(block)
+            block = wanted
+        if len(block):
+            self._intake.take(block, self._start_s)
+
+    def end(self) -> StreamReport:
+        """Fetch what is there still, and let the device stop. See `Turns`."""
+        try:
+            if not self.full:
+                self.take()
+        except BaseException:
+            self.give_up()
+            raise
+        return self._source.guarded(self._role.end)
+
+    def give_up(self) -> None:
+        """Let the device stop, if it listens."""
+        with suppress(DeviceFault):
+            self._role.end()
+
+    @property
+    def over(self) -> bool | None:
+        """Whether the device says that its test has ended; None for one that does not speak of it."""
+        return cast("Ending", self._role).over if hasattr(self._role, "over") else None
+
+
+class SampledTurns:
+    """Roles that are asked for one sample after another, k / rate after the first; a turn that was missed is a gap.
+
+    Args:
+        sources: the roles' façades.
+        clock: the bench's clock.
+        rate: samples per second.
+    """
+
+    def __init__(self, sources: Sequence[Facade], clock: Clock, rate: float) -> None:
+        self._sources = sources
+        self._clock = clock
+        self._rate = rate
+        self._turn = 0
+        self.every_s = 1 / rate
+        self.due_ns = FOREVER_NS
+        self.failed = False
+
+    def begin(self, intake: Intake) -> None:
+        """Take the first sample. See `Turns`."""
+        self._intake = intake
+        self._start_ns = self._clock.now_ns()
+        self.take()
+
+    def begin_again(self) -> None:
+        """Go on at the next turn from now."""
+        self.take()
+
+    def take(self) -> None:
+        """Take a sample."""
+        try:
+            row = [number for source in self._sources for number in source.sample()]
+        except BaseException:
+            self.failed = True
+            self.due_ns = FOREVER_NS
+            raise
+        now_ns = self._clock.now_ns()
+        self._turn = max(self._turn + 1, int((now_ns - self._start_ns) * self._rate / NANOSECONDS) + 1)
+        self.due_ns = self._start_ns + round(self._turn * NANOSECONDS / self._rate)
+        self._intake.take_row([now_ns / NANOSECONDS, *row])
+
+    def end(self) -> None:
+        """Do nothing: nothing runs by itself."""
+
+    def take_early(self) -> None:
+        """Do nothing: nothing waits."""
+
+    def give_up(self) -> None:
+        """Do nothing, as above."""
+
+    @property
+    def over(self) -> None:
+        """None: a role that is asked for samples has no test of its own."""
+        return None

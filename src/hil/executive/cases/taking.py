@@ -1,0 +1,129 @@
+"""One recording from its first row to its last, whoever fetches the rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+
+from hil.executive.cases.facade import Facade
+from hil.executive.cases.intake import Intake
+from hil.executive.cases.streaming import SampledTurns, StreamTurns
+from hil.executive.journaling.row_store import OpenRecording, RecordingFacts, RowStore
+from hil.executive.watching.scheduler import Scheduler
+from hil.instruments.sampled import StreamReport
+
+__all__ = ["Taking"]
+
+
+class Taking:
+    """A recording whose rows are fetched in turns by the scheduler.
+
+    Args:
+        facts: what is known before the first row.
+        sources: the façades of the recorded roles.
+        turns: fetches the rows.
+        scheduler: gives the turns.
+        store: opens row files.
+
+    Attributes:
+        intake: what becomes of the rows.
+        report: how the stream went, once it has ended; None where there was none.
+        whole: whether the recording came to its end.
+    """
+
+    intake: Intake
+
+    def __init__(
+        self,
+        facts: RecordingFacts,
+        sources: Sequence[Facade],
+        turns: StreamTurns | SampledTurns,
+        scheduler: Scheduler,
+        store: RowStore,
+    ) -> None:
+        self.facts = facts
+        self.sources = tuple(sources)
+        self.turns = turns
+        self.report: StreamReport | None = None
+        self.whole = False
+        self._scheduler = scheduler
+        self._store = store
+        self._recording: OpenRecording | None = None
+        self._told: str | Mapping[str, object] | None = None
+
+    @property
+    def begun(self) -> bool:
+        """Whether it has begun."""
+        return self._recording is not None
+
+    @property
+    def running(self) -> bool:
+        """Whether it has begun, and not ended."""
+        return self._recording is not None and self._told is None
+
+    @property
+    def covers_s(self) -> float:
+        """The time that its rows last, those included that it had before its run was stopped; 0 without any."""
+        rows = self._recording.rows if self._recording else None
+        return rows.covers_s() + 1 / self.facts.rate if rows and rows.rows else 0.0
+
+    @property
+    def measures(self) -> list[tuple[Facade, str]]:
+        """The façade and the unit of every channel."""
+        return [(source, channel.unit) for source in self.sources for channel in source.sampled.channels()]
+
+    def begin(self) -> None:
+        """Open the row file and let the rows come.
+
+        Raises:
+            DeviceFault: a device does not answer; the recording is ended as incomplete.
+        """
+        self._recording = self._store.begin(self.facts)
+        self.intake = Intake(self._recording, self._scheduler)
+        try:
+            self.turns.begin(self.intake)
+            self._feed()
+            self._scheduler.begin_beside(self.turns)
+        except BaseException:
+            self.end(complete=False)
+            raise
+
+    def end(self, *, complete: bool) -> str | Mapping[str, object]:
+        """End, and return the hash of all rows, of a stream besides how it went; ended again, return it again.
+
+        Args:
+            complete: whether to fetch what is there still; else what came is kept as incomplete.
+
+        Raises:
+            DeviceFault: a device falls silent at last; the recording is incomplete then.
+            Tripped: a last row is outside of the envelope.
+        """
+        if self._told is not None or self._recording is None:
+            return self._told or ""
+        self._scheduler.end_beside(self.turns)
+        digest = ""
+        try:
+            if complete and not self.turns.failed:
+                self.report = self.turns.end()
+                self.whole = True
+            else:
+                self.turns.give_up()
+        finally:
+            if self.intake.feed:
+                self._scheduler.unfeed(self.intake.feed)
+            if self._store.holds(self._recording):
+                digest = self._recording.finish(complete=self.whole)
+            self._told = {"sha256": digest, **asdict(self.report)} if self.report else digest
+        return self._told
+
+    def _feed(self) -> None:
+        """Let the rows of a stream feed the limits that watch them; a role that is sampled is asked by them, too."""
+        if isinstance(self.turns, StreamTurns):
+            source = self.sources[0]
+            columns = {
+                (channel.name, channel.unit): place for place, channel in enumerate(source.sampled.channels(), 1)
+            }
+            if fed := self._scheduler.fed_by(source.wire.name, columns, self.turns.every_s):
+                pause_s = self._scheduler.pause_allowed(fed, 1 / self.facts.rate)
+                self.turns.may_pause(pause_s, together=self._scheduler.together)
+                self.intake.feed = self._scheduler.feed(fed, self.turns.every_s, self.facts.id)

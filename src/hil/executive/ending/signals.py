@@ -1,0 +1,117 @@
+"""Signals while a run goes on: requests to stop, and the timer that looks after a bench amid a case's own code."""
+
+from __future__ import annotations
+
+import math
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from hil.clock import wall
+from hil.executive.ending.stop import StopFlags
+
+__all__ = ["LOOK_S", "Alarm", "handle_signals"]
+
+_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+_UNATTENDED = frozenset(number for number in _SIGNALS if number != signal.SIGINT)
+"""Signals that a program sent: nobody is there to ask a second time."""
+
+_PATIENCE_S = 5.0
+
+_AGAIN_S = 0.3
+
+LOOK_S = 0.2
+"""How often the executive looks after a bench outside of this process while a case's own code runs."""
+
+_SLACK_S = 0.01
+
+
+@contextmanager
+def handle_signals(flags: StopFlags) -> Iterator[Alarm]:
+    """Turn SIGINT, SIGTERM and SIGHUP into requests to stop; the handlers before are put back.
+
+    Given is what rings in the case's own code.
+
+    An ignored SIGHUP stays ignored (`nohup`). A case that does not come to a scheduling point for some seconds after
+    a program's signal is cut as by a second one, and is cut again for as long as it goes on.
+    """
+    alarm = Alarm(flags)
+
+    def handler(number: int, _frame: FrameType | None) -> None:
+        name = signal.Signals(number).name
+        if not flags.reason == name == "SIGHUP":  # one hang-up is told by the terminal, the shell and the supervisor
+            flags.request(name)
+        if flags.urgent or number in _UNATTENDED:
+            alarm.set(_AGAIN_S if flags.urgent else _PATIENCE_S)
+        flags.interrupt()
+
+    heard = [number for number in _SIGNALS if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN]
+    before = {number: signal.signal(number, handler) for number in heard}
+    try:
+        yield alarm
+    finally:
+        alarm.put_back()
+        for number, action in before.items():
+            signal.signal(number, action)
+
+
+class Alarm:
+    """Rings in the case's own code: to look after a bench outside of this process, and to cut what does not end.
+
+    Args:
+        flags: know whether a case's own code runs, and what is to be done amid it.
+    """
+
+    def __init__(self, flags: StopFlags) -> None:
+        self._flags = flags
+        self._before: tuple[float, float] | None = None
+        self._handler: object = None
+        self._amid: Callable[[float], None] = lambda _: None
+        self._between: Callable[[], None] = lambda: None
+        self._kept = False
+        self._cut_at = math.inf
+
+    def keep(self, amid: Callable[[float], None], between: Callable[[], None]) -> None:
+        """Ring a few times a second from now on.
+
+        A call into C is not disturbed; what rang meanwhile rings behind it. See `StopFlags.interlude`.
+
+        Args:
+            amid: is called where the case's own code may be disturbed.
+            between: is called wherever it rings.
+        """
+        self._amid, self._between = amid, between
+        self._kept = True
+        self._start(LOOK_S, LOOK_S)
+
+    def set(self, seconds: float) -> None:
+        """Begin to cut in `seconds`, again and again."""
+        self._cut_at = wall.monotonic() + seconds
+        if not self._kept:
+            self._start(seconds, _AGAIN_S)
+
+    def put_back(self) -> None:
+        """End, and let the alarm be whose it was."""
+        if self._before is not None:
+            signal.setitimer(signal.ITIMER_REAL, *self._before)
+            signal.signal(signal.SIGALRM, self._handler)  # type: ignore[arg-type]  # what signal() returned
+            self._before = None
+
+    def _start(self, seconds: float, again_s: float) -> None:
+        if self._before is None:
+            self._handler = signal.signal(signal.SIGALRM, self._ring)
+            self._before = signal.setitimer(signal.ITIMER_REAL, seconds, again_s)
+        else:
+            signal.setitimer(signal.ITIMER_REAL, seconds, again_s)
+
+    def _ring(self, _number: int, _frame: FrameType | None) -> None:
+        self._between()
+        if not self._flags.in_case:
+            return
+        if wall.monotonic() >= self._cut_at - _SLACK_S:
+            self._flags.urgent = True
+            self._flags.interrupt()
+        elif self._kept:
+            self._flags.interlude(self._amid)

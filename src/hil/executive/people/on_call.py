@@ -1,0 +1,185 @@
+"""Runs that nobody attends: what a bench has to have for them, and how the person on call is reached at arm."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from hil.bench.cut_paths import cut_path_shortfall
+from hil.bench.gate import Gate
+from hil.clock import wall
+from hil.executive.people.questions import AnswerSource, Declined, Question
+from hil.executive.setup.configuration import Configuration
+from hil.model.errors import Refused
+
+__all__ = ["OnCall", "People", "require_unattended"]
+
+_LEAST_PATHS = 2
+_LOOK_S = 0.1
+_CODE_LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"
+"""None that a person takes for another one on a small display."""
+
+_CODE_LENGTH = 6
+
+Became = Callable[[], str | None]
+"""Tells what became of a notification: None while it is under way, empty once it went out, else what kept it."""
+
+
+def require_unattended(configuration: Configuration) -> None:
+    """Require of a run that nobody attends all that stands in for a person; any other run passes.
+
+    Raises:
+        Refused: with everything that is missing.
+    """
+    request, spec = configuration.request, configuration.bench
+    if not request.unattended:
+        if request.on_call:
+            raise Refused("--on-call names somebody for a run that is attended", "give --unattended, too")
+        return
+    if configuration.reach is None:
+        raise Refused(
+            "a bench that lives in this process needs nobody's attention", "leave --unattended out, or use --detach"
+        )
+    missing = list(_missing(configuration))
+    if missing:
+        told = "; ".join(missing)
+        raise Refused(f"nobody attends this run of bench '{spec.name}', and that takes more: {told}", "or stay with it")
+
+
+def _missing(configuration: Configuration) -> Iterator[str]:
+    spec = configuration.bench
+    if not configuration.request.on_call.strip():
+        yield "name who is on call with --on-call NAME"
+    if not configuration.workspace.notify:
+        yield "name a command that notifies people, notify = [...] in hil.toml"
+    if not any(path.hardware for path in spec.cut_paths):
+        yield "the bench file names no cut path that is hardware, such as the heartbeat of a battery tester"
+    yield from cut_path_shortfall(spec, _LEAST_PATHS)
+
+
+class OnCall:
+    """Whoever is on call for a run: sent a code when the bench is armed, and reached once somebody gives it back.
+
+    It listens to the run's events, and compares the codes that come through its inbox.
+
+    Args:
+        name: who is on call.
+        run: the run's name, for the command that the person types.
+        within_s: how long an answer may take in wall time [s].
+        notify: sends a notification, given its event and text; returns what tells what became of it.
+        write: writes an event.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        run: str,
+        within_s: float,
+        notify: Callable[[str, str], Became],
+        write: Callable[..., None],
+    ) -> None:
+        self.name = name
+        self._run = run
+        self._within_s = within_s
+        self._notify = notify
+        self._write = write
+        self._code = ""
+        self._by = ""
+
+    def __call__(self, event: Mapping[str, Any]) -> None:
+        """Take one event of the run."""
+        if event["kind"] == "reached" and event["ok"]:
+            self._by = str(event["by"])
+
+    def knows(self, code: str) -> bool:
+        """Return whether this is the code that was sent last, and nobody has given it back so far."""
+        given = code.strip().upper().encode(errors="surrogatepass")  # of texts, only such in ASCII can be compared
+        return bool(self._code) and not self._by and secrets.compare_digest(given, self._code.encode())
+
+    def reach(self, idle: Callable[[], bool]) -> str:
+        """Send a code and wait until somebody gives it back; return why nobody was reached, empty if somebody was.
+
+        Args:
+            idle: looks after the run while it waits; returns whether it may go on waiting.
+        """
+        self._by = ""
+        self._code = "".join(secrets.choice(_CODE_LETTERS) for _ in range(_CODE_LENGTH))
+        became = self._notify(
+            "test", f"{self.name} is on call. Type: hil ack {self._run} --code {self._code} --by NAME"
+        )
+        wait = f"{self._within_s / 60:g} min"
+        self._write("called", name=self.name, text=f"{self.name} was sent a code, and has {wait} to give it back")
+        until = wall.monotonic() + self._within_s
+        try:
+            while not self._by:
+                if not idle():
+                    return "the run is to end"
+                if problem := became():
+                    return f"the notification was not sent: {problem}"
+                if wall.monotonic() >= until:
+                    return f"nobody gave the code of the notification back within {self._within_s:g} s"
+                wall.pause(_LOOK_S)
+            return ""
+        finally:
+            self._code = ""
+
+
+class People:
+    """Gates that people open each time that a bench outside of this process is armed, before anything is driven.
+
+    It listens to the run's events, for what was confirmed. Who opened a gate stands in events of its own.
+
+    Args:
+        on_call: whoever is to be reached, None for a run that somebody attends.
+        answers: asks a person for safety confirmations that were given when the bench was armed before.
+        write: writes an event.
+        idle: looks after the run while somebody is awaited; returns whether the run may go on.
+    """
+
+    def __init__(
+        self,
+        on_call: OnCall | None,
+        answers: AnswerSource,
+        write: Callable[..., None],
+        idle: Callable[[], bool],
+    ) -> None:
+        self._on_call = on_call
+        self._answers = answers
+        self._write = write
+        self._idle = idle
+        self._asked: Question | None = None
+        self._confirmed: dict[tuple[str, str], Question] = {}
+
+    def __call__(self, event: Mapping[str, Any]) -> None:
+        """Take one event of the run."""
+        if event["kind"] == "question":
+            name, form, text = str(event["name"]), str(event["form"]), str(event["text"])
+            self._asked = Question(name=name, form=form, text=text, safety=True) if event.get("safety") else None
+        elif event["kind"] == "answer" and (asked := self._asked) is not None:
+            self._asked = None
+            if event["value"] is True:
+                self._confirmed[asked.name, asked.text] = asked
+        elif self._on_call is not None:
+            self._on_call(event)
+
+    def gates(self) -> Iterator[Gate]:
+        """Give the gates one by one."""
+        if self._on_call is not None:
+            problem = self._on_call.reach(self._idle)
+            yield Gate("person on call", ok=not problem, detail=problem or f"{self._on_call.name} was reached")
+        for question in tuple(self._confirmed.values()):
+            yield self._again(question)
+
+    def _again(self, question: Question) -> Gate:
+        """Ask again for what was confirmed when the bench was armed before."""
+        name = f"confirmed again: {question.name}"
+        asked = {"name": question.name, "form": question.form, "text": question.text}
+        self._write("asked-again", **asked, options=[], safety=True)
+        try:
+            answer = self._answers.answer(question)
+        except Declined as error:
+            return Gate(name, ok=False, detail=str(error))
+        self._write("confirmed", name=question.name, text=question.text, value=answer.value, by=answer.by)
+        said = "yes" if answer.value is True else "no"
+        return Gate(name, ok=answer.value is True, detail=f"{question.text} {said}, says {answer.by}")

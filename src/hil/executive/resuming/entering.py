@@ -1,0 +1,139 @@
+"""Entering a run again that was stopped to be resumed: behind the last event from which its case can go on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from hil.bench.bound import BoundBench
+from hil.bench.gate import Gate
+from hil.clock.port import NANOSECONDS
+from hil.evidence.journal.standing import Entry, Voided
+from hil.executive.cases.effects import Recall
+from hil.executive.journaling.record import Record
+from hil.executive.watching.keeper import BenchKeeper
+from hil.model.errors import HilError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["Entering", "NotArmedAgain", "ReplayOf"]
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayOf:
+    """What a replay has to agree with.
+
+    Attributes:
+        recall: the effects of the run.
+        entries: where it was entered again.
+        void_rows: returns rows of its recordings, shape (rows, 1 + channels): a replay does not make the void ones.
+        not_opened: the gates of the host that ended its armings, see `BenchKeeper`.
+    """
+
+    recall: Recall
+    entries: Sequence[Entry]
+    void_rows: Callable[[Voided], NDArray[np.float64]]
+    not_opened: Mapping[int, Gate]
+
+
+class NotArmedAgain(HilError):
+    """The bench could not be armed when a run was entered again."""
+
+
+class Entering:
+    """Lets a run go on behind the event at which it is entered, on a bench that stood safe in the meantime.
+
+    What came behind that event before is void, and is kept: events, operations, rows. The bench is armed anew, every
+    output driven again as it was at that event, and every stream begun again. Behind the last case none of that is
+    done: the safe state, the watch behind it, and the seal are all that is left. A run that was entered before is
+    entered again on its record in the same way, and so is the replay of one.
+
+    Args:
+        record: what the run writes down.
+        bench: its bench.
+        keeper: arms the bench.
+        earlier: where the run was entered before.
+        number: is told the number of the next recording.
+        void_rows: returns rows of the record, shape (rows, 1 + channels), for a replay that has not made them.
+    """
+
+    def __init__(
+        self,
+        record: Record,
+        bench: BoundBench,
+        keeper: BenchKeeper,
+        earlier: Sequence[Entry],
+        number: Callable[[int], None],
+        void_rows: Callable[[Voided], NDArray[np.float64]] | None = None,
+    ) -> None:
+        self._record = record
+        self._bench = bench
+        self._keeper = keeper
+        self._places: dict[int, list[Entry]] = {}
+        for entry in earlier:
+            self._places.setdefault(entry.place, []).append(entry)
+        self._number = number
+        self._void_rows = void_rows
+
+    def behind(self, place: int) -> None:
+        """Enter the run if this is the place; called behind every event of its own course.
+
+        Raises:
+            NotArmedAgain: if the bench cannot be armed.
+            DeviceFault: if an output or a stream does not go on.
+        """
+        entries, anew = self._places.pop(place, []), place == self._record.entered_at
+        if not entries and not anew:
+            return
+        with self._keeper.scheduler.flags.undisturbed():  # nothing looks after a bench that is being armed
+            self._enter(place, entries, anew=anew)
+
+    def _enter(self, place: int, entries: list[Entry], *, anew: bool) -> None:
+        for entry in entries if anew else entries[:-1]:  # entered here once more: what came behind it is void, too
+            self._record.store.note_void(entry)
+        over = self._anew(place) if anew else self._as_recorded(entries[-1])
+        if self._bench.outside:
+            self._bench.opened_anew()
+        self._keeper.over = over
+        if over:
+            return
+        if problem := self._keeper.arm_again():
+            self._keeper.safe()
+            raise NotArmedAgain(f"the bench was not armed again: {problem}", "see hil bench check")
+        self._keeper.holding.drive_again()
+        self._keeper.scheduler.begin_again()
+
+    def _as_recorded(self, entry: Entry) -> bool:
+        """Enter the run where it was entered, and return whether it was over."""
+        self._pass_over(entry)
+        self._keeper.arming = entry.void_to
+        at_ns = round(entry.at * NANOSECONDS)
+        if (playback := self._bench.playback) is not None:
+            self._bench.clock.wait_until(playback.look_up_ns(at_ns))
+            playback.hand_over_if_due()
+        self._bench.clock.wait_until(at_ns)
+        return entry.over
+
+    def _anew(self, place: int) -> bool:
+        """Enter the run here now, and return whether it is over."""
+        entry = self._record.entry(place)
+        self._pass_over(entry)
+        if self._bench.live is None:
+            self._bench.go_on()
+        self._bench.clock.wait_until(self._record.last_ns)  # what is recorded now comes behind what is void
+        self._bench.clock.sleep(self._record.stood_s)
+        if self._bench.live is not None:  # a clock that follows boot time would let everybody wait for that
+            self._bench.go_on()
+        self._record.resumed(entry)
+        return entry.over
+
+    def _pass_over(self, entry: Entry) -> None:
+        self._record.events.skip(entry.void_to)
+        self._record.transcript.skip(entry.operations)
+        if self._bench.playback is not None:
+            self._bench.playback.skip(entry.operations)
+        self._record.store.pass_over(entry, self._void_rows)
+        self._number(entry.number)

@@ -1,0 +1,191 @@
+"""What a resumed run is made of: the same as before, or it is not resumed."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from hil.documents.canonical import JsonError, parse_strict
+from hil.evidence.durable import read_plain
+from hil.executive.people.answers import SIMULATED_PERSON
+from hil.executive.resuming.earlier import Earlier
+from hil.executive.setup.configuration import Configuration, Request
+from hil.executive.setup.head import PlannedCase, freeze
+from hil.executive.setup.software import software_identity
+from hil.model.errors import EvidenceError, Refused
+from hil.model.identity import Purpose, Source
+
+__all__ = ["changes", "deviation_of", "require_answers", "require_same_cases", "resumed_request"]
+
+_REGISTER = "data/bench/duts.yaml"
+"""All articles of the workspace; the one under test has a file of its own."""
+
+_PARTS = {
+    "data/dut.json": "the device under test",
+    "data/bench/": "the bench",
+    "data/catalogue/": "requirements or parameters",
+    "data/sources/": "plans or fixtures",
+}
+_MOST_FILES = 3
+_DIGITS = 12
+_SOFTWARE = ("hil", "python", "packages", "numeric", "byte_order")
+"""What of the software decides how numbers come out."""
+
+
+def resumed_request(
+    earlier: Earlier,
+    start: Path,
+    *,
+    answers: Path | None = None,
+    person: bool = False,
+    served: Path | None = None,
+    acknowledge_within_s: float = 600.0,
+) -> Request:
+    """Return the request that the run began with.
+
+    Args:
+        earlier: the interrupted run.
+        start: the folder where the workspace is looked for.
+        answers: a file with answers to further questions.
+        person: whether a person at the terminal answers.
+        served: the folder in which its bench is served, None where it is not.
+        acknowledge_within_s: how long the person on call of an unattended run may take to answer [s].
+
+    Raises:
+        Refused: if its bench was served and no folder is named, or the other way round.
+    """
+    run = earlier.run
+    was_served = bool(run.get("live", {}).get("served"))
+    if was_served and served is None:
+        raise Refused(
+            f"{earlier.folder.name}: its bench was served by another process", "name its folder with --served"
+        )
+    if served is not None and not was_served:
+        raise Refused(f"{earlier.folder.name}: its bench was not served", "leave --served out")
+    return Request(
+        start=start,
+        plans=tuple(run["plans"]),
+        bench=str(run["bench"]),
+        dut=str(run["dut"]["serial"]),
+        source=Source(run["source"]),
+        purpose=Purpose(run["purpose"]),
+        operator=str(run["operator"]),
+        skips=dict(run["skips"]),
+        overrides=dict(run["overrides"]),
+        answers=answers,
+        person=person,
+        output=earlier.folder.parent,
+        served=served,
+        epoch=str(run["epoch"]) if earlier.live else "",
+        unattended=bool(run.get("unattended", False)),
+        on_call=str(run.get("on_call", "")),
+        acknowledge_within_s=acknowledge_within_s,
+    )
+
+
+def changes(earlier: Earlier, configuration: Configuration) -> tuple[str, ...]:
+    """Return what has changed since the run began: a sentence for each part, with the files."""
+    with tempfile.TemporaryDirectory(prefix="hil-resume-") as folder:
+        now = freeze(configuration, Path(folder)).files
+    then: Mapping[str, str] = earlier.of_head("frozen").body["files"]
+    differing = sorted(path for path in {*then, *now} - {_REGISTER} if then.get(path) != now.get(path))
+    return tuple(_told(differing))
+
+
+def deviation_of(earlier: Earlier, configuration: Configuration, reason: str) -> str:
+    """Return how the software deviates from that which began the run, empty where it does not.
+
+    Args:
+        earlier: the interrupted run.
+        configuration: what it is made of.
+        reason: why it is resumed in spite of that, empty where nobody gave one.
+
+    Raises:
+        Refused: if it deviates and there is no reason.
+    """
+    then, now = _software(earlier.folder), software_identity(configuration.workspace.root)
+    differing = [name for name in _SOFTWARE if then.get(name) != now.get(name)]
+    told = ", ".join(text for name in differing if (text := _versions(name, then.get(name), now.get(name))))
+    if not told:
+        return ""
+    if not reason:
+        raise Refused(
+            f"{earlier.folder.name}: the software is not that which began it: {told}",
+            "install that again, or give a reason with --other-software; it is then a deviation and closes nothing",
+        )
+    return f"resumed with other software ({told}): {reason}"
+
+
+def require_answers(earlier: Earlier, request: Request) -> None:
+    """Require that somebody answers further questions where not the simulated person has answered so far.
+
+    Those of an unattended run wait for an answer from any terminal.
+
+    Raises:
+        Refused: with whoever has answered.
+    """
+    events = (line.body for line in earlier.lines)
+    others = sorted({str(event["by"]) for event in events if event["kind"] == "answer"} - {SIMULATED_PERSON})
+    if others and request.answers is None and not request.person and not request.unattended:
+        raise Refused(
+            f"{earlier.folder.name}: questions were answered by {', '.join(others)} so far",
+            "give --answers FILE, or --ask to answer at the terminal",
+        )
+
+
+def require_same_cases(earlier: Earlier, planned: Sequence[PlannedCase]) -> None:
+    """Require that the same cases were collected.
+
+    Raises:
+        Refused: with those that are missing or new.
+    """
+    then = [str(case["case"]) for case in earlier.of_head("planned").body["cases"]]
+    now = [case.id for case in planned]
+    if then != now:
+        differing = sorted(set(then) ^ set(now)) or ["their order"]
+        raise Refused(f"{earlier.folder.name}: other cases than before: {', '.join(differing)}", "seal it as it is")
+
+
+def _told(paths: Sequence[str]) -> Iterator[str]:
+    for part, name in _PARTS.items():
+        files = [path.removeprefix("data/") for path in paths if path.startswith(part)]
+        if files:
+            yield f"{name} ({', '.join(files)})"
+    if others := [path for path in paths if not path.startswith(tuple(_PARTS))]:
+        yield f"other files ({', '.join(others)})"
+
+
+def _software(folder: Path) -> Mapping[str, object]:
+    path = folder / "data/software.json"
+    try:
+        found = parse_strict(read_plain(path))
+    except (OSError, JsonError) as error:
+        raise EvidenceError(f"{path}: cannot be read: {error}", "seal the run as it is with hil seal") from error
+    return found if isinstance(found, dict) else {}
+
+
+def _versions(name: str, then: object, now: object) -> str:
+    if isinstance(then, dict) and isinstance(now, dict):
+        keys = [key for key in sorted({*then, *now}) if then.get(key) != now.get(key)]
+        told = (_version(f"{name} {key}", then.get(key, "none"), now.get(key, "none")) for key in keys)
+        return ", ".join(text for text in told if text)
+    return f"{name} {then} is {now}"
+
+
+def _version(name: str, then: object, now: object) -> str:
+    """Return in words what is another, nothing where it only looks so; of a commit which, and the files beside it."""
+    if not isinstance(then, dict) or not isinstance(now, dict):
+        return f"{name} {then} is {now}"
+    told = [] if then.get("id") == now.get("id") else [f"{name} {_short(then)} is {_short(now)}"]
+    before, after = then.get("files", {}), now.get("files", {})
+    if files := sorted(path for path in {*before, *after} if before.get(path) != after.get(path)):
+        more = f" and {len(files) - _MOST_FILES} more" if len(files) > _MOST_FILES else ""
+        told.append(f"its source differs in {', '.join(files[:_MOST_FILES])}{more}")
+    elif bool(then.get("changed")) != bool(now.get("changed")):  # a run of before files were named
+        told.append(f"its source was {'changed' if then.get('changed') else 'not changed'} then")
+    return ", ".join(told)
+
+
+def _short(commit: Mapping[str, object]) -> str:
+    return str(commit.get("id") or "none")[:_DIGITS]

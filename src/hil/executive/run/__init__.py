@@ -1,1 +1,0 @@
-"""One run: workspace, session, scheduling, stopping, replay."""

@@ -1,0 +1,1 @@
+"""Watching the bench: scheduling points, monitors, holds, the outputs, and the machine that drives it."""

@@ -1,0 +1,205 @@
+"""The guardian of a run, seen from the executive: what it is given, when it hears of the run, and how it is let go."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import chain
+from pathlib import Path
+
+from hil.bench.bound import BoundBench
+from hil.bench.gate import Gate
+from hil.bench.latching import clear_latches_of, latch_bench
+from hil.clock import wall
+from hil.clock.live import LiveClock
+from hil.executive.ending.stop import StopFlags
+from hil.guardian.channel import DrillResult
+from hil.guardian.client import Guardian
+from hil.guardian.latch import Latch, path_of
+from hil.instruments.roles import SafeByBytes
+from hil.model.bench import BenchSpec, InstrumentSpec, SafeStep
+from hil.model.errors import HilError
+from hil.model.safing import GuardedOutput, GuardedPort, GuardPlan
+from hil.wire.opening import url_of_resource
+
+__all__ = ["Guarding", "plan_of"]
+
+_BEAT_S = 0.1
+_BETWEEN_S = 10.0
+_ARMING_S = 120.0
+"""How long the gates of an arming may take all together."""
+
+_SPARE_S = 30.0
+_GRACE_S = 1.0
+_JOURNAL = "data/guardian.jsonl"
+
+
+class Guarding:
+    """Keeps the guardian of a bench: started before the first output, let go of when everything is proven safe.
+
+    Args:
+        bench: the bench, on its open ports.
+        clock: its clock, which pulses wherever it is looked at.
+        flags: tell whether the executive is at something that no monitor can interrupt.
+        fresh_until_ns: bench time up to which the last evaluation of the envelope is good, None while nothing watches.
+        folder: the run's folder.
+        leases: what the run holds alone.
+        locks: descriptors of these leases, which the guardian keeps as long as it is at work.
+    """
+
+    def __init__(
+        self,
+        bench: BoundBench,
+        clock: LiveClock,
+        flags: StopFlags,
+        fresh_until_ns: Callable[[], int | None],
+        *,
+        folder: Path,
+        leases: Sequence[str],
+        locks: Sequence[int],
+    ) -> None:
+        self._bench = bench
+        self._clock = clock
+        self._flags = flags
+        self._fresh_until_ns = fresh_until_ns
+        self._folder = folder
+        self._leases = leases
+        self._locks = locks
+        self._guardian: Guardian | None = None
+        self._watching = False
+        self._beaten = self._pulsed = 0.0
+        self._until = 0.0
+        self._uninterrupted_s = _longest_safing_s(bench.spec) + _SPARE_S
+        self.lost = ""
+
+    def begin(self, held: Sequence[int] = ()) -> Iterator[Gate]:
+        """Start the guardian, let it take every output through its safe-off, and let it watch; each is a gate.
+
+        Args:
+            held: more descriptors that the guardian is to keep open as long as it is at work.
+        """
+        try:
+            plan = plan_of(self._bench, self._folder, self._leases)
+            self._guardian = Guardian.start(plan, self._bench.descriptors, [*self._locks, *held])
+            for each in self._guardian.drill():
+                yield Gate(f"guardian: {each.output}", ok=each.ok, detail=each.detail or f"after {each.seconds:.3g} s")
+            self._until = _boot_s() + _ARMING_S
+            self._guardian.watch()
+            self._watching, self._clock.pulse = True, self.pulse  # from here on it acts on silence
+            latch_bench(self._leases, self._armed(plan))
+        except (HilError, OSError) as error:
+            yield Gate("guardian", ok=False, detail=str(error))
+            return
+        yield Gate("guardian", ok=True, detail=f"watches, and acts after {plan.hang_s:g} s without a heartbeat")
+
+    def pulse(self) -> None:
+        """Tell the guardian that the run lives, and up to when what it knows of the bench is good; often is cheap."""
+        self._pulsed = wall.monotonic()
+        self._beat(self._pulsed)
+
+    def between(self) -> None:
+        """Tell it the same where the run looks at no clock for a while; after some seconds it has to do so itself.
+
+        The end of a case is such a place: what failed is formatted, and written down. So is a slow disk.
+        """
+        now = wall.monotonic()
+        if now - self._pulsed < _BETWEEN_S:
+            self._beat(now)
+
+    def _beat(self, now: float) -> None:
+        if now - self._beaten < _BEAT_S or self._guardian is None or not self._watching:
+            return
+        self._beaten = now
+        try:
+            self._guardian.beat(self._good_until())
+        except HilError as error:
+            self.lost = self.lost or str(error)
+
+    def end(self) -> list[str]:
+        """Let the guardian look at every output itself, and go; return what it does not find safe.
+
+        It goes in any case. Where something is not safe it has tried itself and has latched the bench.
+        """
+        guardian, self._guardian = self._guardian, None
+        if guardian is None:
+            return []
+        self._clock.pulse = lambda: None
+        try:
+            found = guardian.disarm() if self._watching else ()
+        except HilError as error:
+            guardian.close()
+            return [str(error)]
+        guardian.close()  # one that has not found everything safe acts now, and latches the bench
+        wrong = [_told(each) for each in found if not each.ok]
+        try:
+            if not wrong:
+                clear_latches_of(self._folder.name)
+        except HilError as error:
+            wrong.append(str(error))
+        return wrong
+
+    def _armed(self, plan: GuardPlan) -> Latch:
+        """Return what latches the bench as long as it is armed: run and guardian may end in one instant."""
+        why = "it was armed, and neither its run nor the guardian has said since that it is safe"
+        outputs = tuple(output.output for output in plan.outputs)
+        return Latch(bench=plan.bench, run=str(self._folder), why=why, since=wall.utc_now(), outputs=outputs)
+
+    def _good_until(self) -> float:
+        """Return the boot time in s up to which nobody needs to look after the bench again."""
+        fresh_ns = self._fresh_until_ns()
+        if self._flags.is_shielded or fresh_ns is None:
+            self._until = self._until or _boot_s() + self._uninterrupted_s
+            return self._until
+        self._until = 0.0
+        return self._clock.boot_s_of(fresh_ns) + _GRACE_S
+
+
+def plan_of(bench: BoundBench, folder: Path, leases: Sequence[str]) -> GuardPlan:
+    """Return what the guardian of a run on this bench knows.
+
+    Raises:
+        Refused: for a line of the safe-off to which no bytes lead.
+    """
+    spec = bench.spec
+    outputs = tuple(_output(bench, step) for step in spec.safe_off if isinstance(bench.roles[step.output], SafeByBytes))
+    devices = {output.device for output in outputs}
+    return GuardPlan(
+        bench=spec.name,
+        run=str(folder),
+        ports=tuple(_port(bench, item) for item in spec.instruments if item.name in devices),
+        outputs=outputs,
+        latches=tuple(str(path_of(lease)) for lease in leases),
+        journal=str(folder / _JOURNAL),
+    )
+
+
+def _output(bench: BoundBench, step: SafeStep) -> GuardedOutput:
+    role = bench.roles[step.output]
+    if not isinstance(role, SafeByBytes):
+        raise TypeError(f"{step.output} has no bytes of its own")
+    return GuardedOutput(
+        output=step.output,
+        state=step.state,
+        device=bench.spec.wire(step.output).instrument,
+        within_s=step.within_s,
+        code=role.safe_bytes(step.state, step.proof),
+        cut_by=tuple(path.by for path in bench.spec.cut_paths if path.output == step.output and path.by),
+    )
+
+
+def _port(bench: BoundBench, instrument: InstrumentSpec) -> GuardedPort:
+    """Return how the guardian may open a port anew: not one that resets what is behind it."""
+    resets = getattr(bench.drivers[instrument.name], "resets_on_open", False)
+    url = "" if resets else url_of_resource(bench.where[instrument.name])
+    return GuardedPort(device=instrument.name, url=url, baud=instrument.baud)
+
+
+def _longest_safing_s(spec: BenchSpec) -> float:
+    return sum(step.within_s for step in chain(spec.safe_off, spec.rest, spec.hold))
+
+
+def _told(drilled: DrillResult) -> str:
+    return f"{drilled.output}: {drilled.detail}"
+
+
+def _boot_s() -> float:
+    return wall.stamp().boot

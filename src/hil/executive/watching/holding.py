@@ -1,0 +1,276 @@
+"""Holding: the bench waits in its hold state until somebody releases it, and then is as it was."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from hil.bench.bound import BoundBench
+from hil.bench.safe_off import SafeResult, make_safe
+from hil.clock import wall
+from hil.clock.port import NANOSECONDS
+from hil.executive.ending.stop import StopFlags
+from hil.executive.watching.scheduler import Scheduler
+from hil.instruments.registry import role_of, states_of
+from hil.model.errors import DeviceFault
+from hil.model.figure import decoded
+from hil.wire.replay import HOLD, HOLD_END
+
+__all__ = ["Call", "Driven", "Holding"]
+
+_ENDS = frozenset({"case", "rest", "safe"})
+"""Kinds of events after which nothing is driven any more: each case drives what it needs itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """One driving call: what it was, and the bench time in s at which its operation was first needed."""
+
+    output: str
+    operation: str
+    arguments: Mapping[str, object]
+    first_t: float
+
+
+class Driven:
+    """Learns from the events of a run.
+
+    Of every output the last call of each operation is kept, in the order in which they were first needed: a voltage is
+    set before an output is switched on. A call that leads to a state of rest makes those before it void. A call that
+    begins something is not kept: nobody but the case may begin it anew.
+    """
+
+    def __init__(self) -> None:
+        self._calls: dict[str, dict[str, Call]] = {}
+
+    def take(self, event: Mapping[str, Any]) -> None:
+        """Take one event."""
+        if event["kind"] in _ENDS:
+            self._calls.clear()
+        elif event["kind"] == "effect" and event["effect"] == "drives" and "raised" not in event:
+            output, _, operation = event["name"].rpartition(".")
+            self._drove(output, operation, event["arguments"], event["t"])
+
+    def of(self, output: str) -> tuple[Call, ...]:
+        """Return the calls that bring an output to where it was."""
+        return tuple(self._calls.get(output, {}).values())
+
+    @property
+    def any_on(self) -> bool:
+        """Whether an output was driven to anything but a state of rest."""
+        return any(
+            call.operation not in states_of(output).values()
+            for output, calls in self._calls.items()
+            for call in calls.values()
+        )
+
+    @property
+    def calls(self) -> list[Call]:
+        """Those of all outputs, in the order in which they were first needed: a sensor is woken after its supply."""
+        return sorted((call for output in self._calls for call in self.of(output)), key=lambda call: call.first_t)
+
+    def _drove(self, output: str, operation: str, arguments: Mapping[str, object], t: float) -> None:
+        role = role_of(output)
+        if role and operation in role.operations and role.operations[operation].begins:
+            return
+        calls = self._calls.setdefault(output, {})
+        if operation in states_of(output).values():
+            calls.clear()
+        part = role.part if role else ""
+        key = f"{part} {arguments[part]}" if arguments.get(part) is not None else operation
+        first_t = calls[key].first_t if key in calls else t
+        calls[key] = Call(output, operation, arguments, first_t)
+
+
+_BENCH = "bench"
+_PATIENCE_S = 0.05
+_LONGEST_APART_S = 5.0
+
+Event = Mapping[str, Any]
+
+
+class Holding:
+    """Holds the bench when somebody asks for it; a listener of the run's events.
+
+    Bench time of a simulated bench stands still meanwhile, as it does while a person is asked. That of hardware
+    goes on, with monitors and recordings. Neither counts for the case's `max_duration`.
+
+    Args:
+        bench: the bench.
+        flags: stop requests; they end a hold.
+        write: writes an event.
+        scheduler: the scheduling points to pass meanwhile.
+    """
+
+    def __init__(self, bench: BoundBench, flags: StopFlags, write: Callable[..., None], scheduler: Scheduler) -> None:
+        self._bench = bench
+        self._flags = flags
+        self._write = write
+        self._scheduler = scheduler
+        self._driven = Driven()
+        self._wanted: Event | None = None
+        self._released: Event | None = None
+        self._held = False
+
+    def __call__(self, event: Event) -> None:
+        """Learn from an event what is driven, and who asks for what."""
+        if event["kind"] == "hold-asked":
+            self._asked(event)
+        else:
+            self._driven.take(event)
+
+    def tick(self) -> None:
+        """Hold the bench, if somebody asked for it, until it is released.
+
+        Raises:
+            Stopped, Tripped: the hold ended so.
+            DeviceFault: an output could not be brought back to what it was.
+        """
+        if self._wanted is None or self._held:
+            return
+        asked, self._wanted = self._wanted, None
+        now_ns = self._scheduler.now_ns()
+        self._bench.transcript.note(_BENCH, HOLD, now_ns, now_ns)
+        self._hold(asked)
+
+    def again(self) -> None:
+        """Hold the bench where its record does; a resumed run that was killed while it was held is held again."""
+        if self._held or not self._comes(HOLD):
+            return
+        began_ns, deadline_ns = self._scheduler.now_ns(), self._scheduler.deadline_ns
+        self._held, self._scheduler.deadline_ns = True, None
+        try:
+            while not self._comes(HOLD_END):
+                if self._comes(HOLD):  # a second one is of a run that was resumed while it was held
+                    self._mark(HOLD)
+                    self._take()
+                    self._scheduler.watch_from_now()
+                    continue
+                before = self._bench.transcript.operations
+                self._scheduler.point()  # monitors and turns beside the case, as they came while it was held
+                if self._bench.playback is None and not self._bench.transcript.comes_again:
+                    break
+                if self._bench.transcript.operations == before:
+                    return
+            else:
+                self._mark(HOLD_END)
+                self._as_before()
+                return
+        finally:
+            self._held = False
+            lasted_ns = self._scheduler.now_ns() - began_ns
+            self._scheduler.deadline_ns = None if deadline_ns is None else deadline_ns + lasted_ns
+        self._mark(HOLD)
+        self._hold({"by": "", "text": "it was held when the run was interrupted"})
+
+    def drives(self) -> bool:
+        """Return whether the case has an output on, by what it has driven."""
+        return self._driven.any_on
+
+    def drive_again(self) -> None:
+        """Issue again what had been driven on every output, in its order and as far apart as it was then.
+
+        A sensor needs its time after its supply is on; longer waits than that were the case's own.
+
+        Raises:
+            DeviceFault: an output could not be brought back to what it was.
+        """
+        before: Call | None = None
+        for call in self._driven.calls:
+            apart = call.first_t - before.first_t if before else 0.0
+            self._bench.clock.sleep(min(apart, _LONGEST_APART_S))
+            self._issue(call)
+            before = call
+
+    def _asked(self, event: Event) -> None:
+        problem = self._against(release=event["release"])
+        if problem:
+            self._write("hold-refused", by=event["by"], text=problem)
+        elif event["release"]:
+            self._released = event
+        else:
+            self._wanted = event
+
+    def _against(self, *, release: bool) -> str:
+        """Return why that cannot be done, empty where it can."""
+        held = self._held or self._wanted is not None
+        if release:
+            return "" if held and self._released is None else "the bench is not held"
+        if held:
+            return "the bench is held already"
+        if not self._bench.spec.hold:
+            return f"the bench {self._bench.spec.name} has no hold state: its bench file has no 'hold'"
+        return "" if self._scheduler.watching else "the bench is in its safe state already"
+
+    def _hold(self, asked: Event) -> None:
+        began_ns, began = self._scheduler.now_ns(), wall.monotonic()
+        deadline_ns, self._scheduler.deadline_ns = self._scheduler.deadline_ns, None
+        self._held, how = True, "ended"
+        try:
+            results = self._take()
+            self._write("hold", by=asked["by"], text=asked["text"], outputs=[asdict(each) for each in results])
+            self._end_unless_held(results)
+            self._scheduler.watch_from_now()
+            while self._released is None:
+                wall.pause(_PATIENCE_S)
+                self._scheduler.point()
+            now_ns = self._scheduler.now_ns()
+            self._bench.transcript.note(_BENCH, HOLD_END, now_ns, now_ns)
+            self._as_before()
+            how = "released"
+        finally:
+            lasted_ns = self._scheduler.now_ns() - began_ns
+            released, self._released, self._held = self._released or {"by": "", "text": ""}, None, False
+            self._scheduler.deadline_ns = None if deadline_ns is None else deadline_ns + lasted_ns
+            self._write(
+                "hold-end",
+                how=how,
+                by=released["by"],
+                text=released["text"],
+                duration=round(lasted_ns / NANOSECONDS, 9),
+                beside={"held": round(wall.monotonic() - began, 3)},
+            )
+
+    def _take(self) -> list[SafeResult]:
+        """Bring the outputs to their hold state, in the order of the bench file, uninterrupted."""
+        results: list[SafeResult] = []
+        with self._flags.shielded():
+            make_safe(self._bench.spec.hold, self._bench.roles, self._bench.clock, results.append)
+        return results
+
+    def _end_unless_held(self, results: list[SafeResult]) -> None:
+        """End the run if the hold state was not reached: whoever asked for it may rely on it."""
+        wrong = [f"{each.output} is not {each.state}: {each.detail}" for each in results if not each.ok]
+        if wrong:
+            self._flags.request(f"the bench, which did not reach its hold state: {wrong[0]}")
+
+    def _comes(self, name: str) -> bool:
+        """Return whether this mark comes next in what a replayed or resumed run has to come to."""
+        if (playback := self._bench.playback) is not None:
+            return playback.comes(name, self._scheduler.now_ns())
+        return self._bench.transcript.next_is(_BENCH, name)
+
+    def _mark(self, name: str) -> None:
+        if self._bench.playback is not None:
+            self._bench.playback.take(_BENCH, name)
+        now_ns = self._scheduler.now_ns()
+        self._bench.transcript.note(_BENCH, name, now_ns, now_ns)
+
+    def _as_before(self) -> None:
+        """Issue again what had been driven on the outputs of the hold state, in the order of the wiring."""
+        held = {step.output for step in self._bench.spec.hold}
+        with self._flags.undisturbed():
+            for output in [wire.name for wire in self._bench.spec.wiring if wire.name in held]:
+                for call in self._driven.of(output):
+                    self._issue(call)
+
+    def _issue(self, call: Call) -> None:
+        given = {name: decoded(value) for name, value in call.arguments.items()}
+        try:
+            getattr(self._bench.roles[call.output], call.operation)(**given)
+        except DeviceFault as fault:
+            if self._scheduler.monitoring.faulted is not None:
+                wire = self._bench.spec.wire(call.output)
+                self._scheduler.monitoring.faulted(self._bench.spec.instrument(wire.instrument), fault)
+            raise

@@ -1,0 +1,277 @@
+"""The bench's keeper: arms it, watches it, brings it to rest, and makes it safe."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+from hil.bench.bound import BoundBench
+from hil.bench.envelope import Trip
+from hil.bench.gate import Gate
+from hil.bench.readiness import energised_gates, unpowered_gates
+from hil.bench.safe_off import SafeResult, make_safe
+from hil.bench.watch_after import EVERY_S, watch_after
+from hil.executive.ending.stop import StopFlags
+from hil.executive.journaling.row_store import OpenRecording, RecordedChannel, RecordingFacts, RowStore
+from hil.executive.watching.holding import Holding
+from hil.executive.watching.monitoring import monitor_of
+from hil.executive.watching.ports import Outside
+from hil.executive.watching.scheduler import Scheduler
+from hil.model.bench import SafeStep
+from hil.model.cutting import WatchAfter
+from hil.model.envelope import EnvelopeLimit
+from hil.model.figure import Figure
+from hil.model.identity import Dut
+
+__all__ = ["FIRST_ARMING", "BenchKeeper", "watch_afterwards"]
+
+FIRST_ARMING = -1
+"""Stands for the first arming of a run; every other one is told by the `void_to` of the entry at which it is done."""
+
+
+class BenchKeeper:
+    """Owns the state of the outputs from arm to the proven safe state, whatever cases do.
+
+    Args:
+        bench: the bench.
+        dut: the device under test, compared with what answers.
+        flags: stop requests; they wait while the bench is made safe.
+        write: writes an event.
+        store: opens recordings, one per monitor.
+        tick: what else has to be done every fraction of a wall second.
+
+    Attributes:
+        holding: holds the bench when it is asked for; it has to be shown every event.
+        write: writes an event.
+        last: gets the exit code of the run before it is sealed.
+        over: whether the run was entered again behind its last case, on a bench that is not armed any more.
+        outside: what a bench outside of this process needs, None for one that lives in it.
+        arming: which arming of the run comes next.
+        not_opened: the gate of the host that ended an arming in the record: a playback asks neither people nor machine.
+    """
+
+    def __init__(
+        self,
+        bench: BoundBench,
+        dut: Dut,
+        flags: StopFlags,
+        write: Callable[..., None],
+        store: RowStore,
+        tick: Callable[[], None],
+    ) -> None:
+        self._bench = bench
+        self._dut = dut
+        self._flags = flags
+        self.write = self._write = write
+        self.last: Callable[[int, str], None] = lambda *_: None
+        self.outside: Outside | None = None
+        self.arming = FIRST_ARMING
+        self.not_opened: Mapping[int, Gate] = {}
+        self._store = store
+        self._watched: dict[str, OpenRecording] = {}
+        self.unsafe = self.touched = self.over = False
+        self.scheduler = Scheduler(bench, [monitor_of(bench, limit) for limit in bench.spec.envelope], flags, self)
+        store.at_void = self.scheduler.feeds.pass_over
+        self.holding = Holding(bench, flags, write, self.scheduler)
+        self._ticks = [tick, self.holding.tick]
+        self.scheduler.again = self.holding.again
+
+    def tick(self) -> None:
+        """Do what has to be done every fraction of a wall second."""
+        for tick in tuple(self._ticks):
+            tick()
+
+    def beside(self, tick: Callable[[], None]) -> None:
+        """Do this, too, every fraction of a wall second from now on."""
+        self._ticks.append(tick)
+
+    def arm(self) -> str:
+        """Look, make safe, try every output at reduced level, and begin to watch; return why not, if not."""
+        if problem := self._pass_gates():
+            return problem
+        for limit in self._bench.spec.envelope:
+            self._watched[limit.id] = self._store.begin(self._facts(limit))
+        self.scheduler.watch_from_now()
+        self._write("armed")
+        return ""
+
+    def arm_again(self) -> str:
+        """Arm a bench that was made safe, and go on watching it; return why not, if not."""
+        self.scheduler.rest()  # who was killed did not come to that
+        if problem := self._pass_gates():
+            return problem
+        self.scheduler.watch_from_now()
+        self._write("armed")
+        return ""
+
+    def reading(self, limit: str, t: float, figure: Figure) -> None:
+        """Record one reading of a monitor."""
+        if limit in self._watched:
+            self._watched[limit].append((t, figure.value))
+
+    def fed(self, limit: str, recording: str) -> None:
+        """Write down that every row of a recording is judged against a limit."""
+        self._write("fed", limit=limit, recording=recording)
+
+    def late(self, limit: str, seconds: float) -> None:
+        """Write down that a monitor came late."""
+        period = next(item.period_s for item in self._bench.spec.envelope if item.id == limit)
+        text = f"{limit} was read {seconds:.3g} s after it was due; its period is {period:g} s"
+        self._write("monitor-late", limit=limit, late=round(seconds, 9), text=text)
+
+    def trip(self, trip: Trip) -> None:
+        """Write the trip down and make the bench safe, before the case learns of it."""
+        try:
+            self._write("trip", limit=trip.limit, value=trip.value, unit=trip.unit, text=trip.text)
+        finally:
+            self.safe()
+
+    def give_up(self) -> None:
+        """End the run here: the present case never will."""
+        self._flags.give_up()
+
+    def rest(self) -> str:
+        """Bring the bench to its rest state between cases; return why no further case can run, if so."""
+        if self.over:
+            return "the run was interrupted behind its last case"
+        with self._flags.shielded():
+            problems = self._take("rest", self._bench.spec.rest)
+        return f"the bench did not reach its rest state: {problems[0]}" if problems else ""
+
+    def safe(self) -> None:
+        """Make the bench safe and prove it, uninterrupted; it may be called again."""
+        with self._flags.shielded():
+            self.scheduler.rest()
+            self.scheduler.come()  # what a person or a case took of time is not the safe-off's
+            problems = self._take("safe", self._bench.spec.safe_off)
+            self._write("safe-end", ok=not problems)
+            self.unsafe = bool(problems)
+
+    def release(self) -> None:
+        """Make the bench safe for the last time and end the monitors' recordings."""
+        if self.touched:
+            self.safe()
+        if self.outside is not None and (problems := self.outside.end()):
+            self._write("host-gate", name="guardian", ok=False, detail="; ".join(problems))
+            self.unsafe = True
+        goes_on = self._flags.leave_open and not self.unsafe and not self.scheduler.tripped
+        if self.touched and not goes_on:  # what is read behind the end belongs to the end of a run
+            self._watch_afterwards()
+        if self.unsafe and self.outside is not None:
+            self.outside.latch("the run could not prove the bench safe")
+        for recording in self._watched.values():
+            recording.finish(complete=True)
+        self._watched.clear()
+
+    def _watch_afterwards(self) -> None:
+        """See that what was made safe behaves like it; whatever its lines have proven, this counts."""
+        with self._flags.shielded():
+            if not watch_afterwards(self._bench, self._store, self._taken("safe"), self._ticks[0]):
+                self._write("safe-end", ok=False)
+                self.unsafe = True
+
+    def _pass_gates(self) -> str:
+        """Take the gates one by one; the first that does not hold ends the arming, and is returned."""
+        for kind, gate in self._gates():
+            if gate is not self.not_opened.get(self.arming):  # that one stands in the record
+                self._write(kind, name=gate.name, ok=gate.ok, detail=gate.detail)
+            if not gate.ok:
+                return f"{gate.name}: {gate.detail}"
+        return ""
+
+    def _gates(self) -> Iterator[tuple[str, Gate]]:
+        yield from (("gate", gate) for gate in unpowered_gates(self._bench, self._dut))
+        self.touched = True
+        if self._bench.playback is not None:
+            if gate := self.not_opened.get(self.arming):
+                yield "host-gate", gate
+        elif self.outside is not None:
+            yield from (("host-gate", gate) for gate in self.outside.gates())
+        self.scheduler.come()
+        for gate in energised_gates(self._bench, self._dut):
+            yield "gate", gate
+            if text := self.scheduler.present.in_distress():
+                yield "gate", Gate("bench looked after", ok=False, detail=text)
+
+    def _take(self, kind: str, steps: Sequence[SafeStep]) -> list[str]:
+        problems: list[str] = []
+        told = self._taken(kind)
+
+        def tell(result: SafeResult) -> None:
+            told(result)
+            if not result.ok:
+                problems.append(f"{result.output} is not {result.state}: {result.detail}")
+
+        make_safe(steps, self._bench.roles, self._bench.clock, tell)
+        return problems
+
+    def _taken(self, kind: str) -> Callable[[SafeResult], None]:
+        """Return what writes a line down that was taken."""
+        return lambda result: self._write(
+            kind,
+            output=result.output,
+            state=result.state,
+            ok=result.ok,
+            detail=result.detail,
+            duration=round(result.seconds, 9),
+        )
+
+    def _facts(self, limit: EnvelopeLimit) -> RecordingFacts:
+        instrument = self._bench.spec.instrument(self._bench.spec.wire(limit.output).instrument)
+        channel = RecordedChannel(
+            name=limit.quantity,
+            unit=limit.unit,
+            instrument=instrument.name,
+            calibration=instrument.calibration.certificate if instrument.calibration else "",
+        )
+        return RecordingFacts(
+            id=f"envelope-{limit.id}",
+            name=limit.id,
+            case=None,
+            step=None,
+            channels=(channel,),
+            rate=1 / limit.period_s,
+            duration=None,
+            source=self._bench.source.value,
+        )
+
+
+def watch_afterwards(
+    bench: BoundBench, store: RowStore, tell: Callable[[SafeResult], None], tick: Callable[[], None]
+) -> bool:
+    """Watch what the bench file says, with a recording of each line, and return whether all of it holds.
+
+    Args:
+        bench: the bench, whose safe-off has been taken.
+        store: opens the recordings.
+        tell: called with every result.
+        tick: called at every reading.
+    """
+    recordings = {watch: store.begin(_watched_facts(bench, watch)) for watch in bench.spec.watch_after}
+
+    def reading(watch: WatchAfter, t: float, value: float) -> None:
+        recordings[watch].append((t, value))
+        tick()
+
+    try:
+        return watch_after(bench.spec.watch_after, bench.roles, bench.clock, reading, tell)
+    finally:
+        for recording in recordings.values():
+            recording.finish(complete=True)
+
+
+def _watched_facts(bench: BoundBench, watch: WatchAfter) -> RecordingFacts:
+    instrument = bench.spec.instrument(bench.spec.wire(watch.output).instrument)
+    calibration = instrument.calibration.certificate if instrument.calibration else ""
+    name = f"{watch.output} {watch.quantity} afterwards"
+    return RecordingFacts(
+        id=f"after-{watch.output.replace('.', '-')}-{watch.quantity}",
+        name=name,
+        case=None,
+        step=None,
+        channels=(
+            RecordedChannel(name=watch.quantity, unit=watch.unit, instrument=instrument.name, calibration=calibration),
+        ),
+        rate=1 / EVERY_S,
+        duration=None,
+        source=bench.source.value,
+    )

@@ -1,0 +1,297 @@
+"""Scheduling points: where time passes, monitors run, and a run can be stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from operator import attrgetter
+from typing import TYPE_CHECKING, NoReturn
+
+from hil.bench.bound import BoundBench
+from hil.bench.envelope import Monitor, Trip
+from hil.clock import wall
+from hil.clock.port import NANOSECONDS
+from hil.executive.ending.stop import StopFlags, Stopped
+from hil.executive.watching.feeding import Fed, Feed, Feeds, monitors_of, pause_allowed
+from hil.executive.watching.monitoring import Monitoring
+from hil.executive.watching.ports import Beside, Watch
+from hil.executive.watching.present import Present
+from hil.model.errors import Tripped
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["CaseTimeout", "Scheduler"]
+
+_BENCH = "bench"
+_UNWATCHED_NS = 10_000_000_000
+"""A bench without an envelope has a scheduling point within this time."""
+
+_TICK_S = 0.2
+_SWALLOWED = 10
+"""After so many refusals a case has swallowed a stop, and the bench does not wait for its end any more."""
+
+_MOST_REFUSALS = 100
+"""After so many it is never going to end."""
+
+
+class CaseTimeout(BaseException):
+    """The case is past its `max_duration`. Not an Exception, for the reason of `Stopped`."""
+
+
+class Scheduler:
+    """Runs due monitors and reads stop flags wherever a case lets time pass or calls a role.
+
+    A due monitor runs in a wait that has room for its reading, so that the wait ends at its instant. Commands
+    then happen at the same bench time whether or not there is one more monitor, and so does the physics that
+    follows from them. What takes turns beside the case takes them at their instants, and a wait is over for the
+    monitors' room at each of them. Only a monitor that is a whole period late, or whose reading would grow too old,
+    does not wait for its place: safety goes first.
+
+    Args:
+        bench: the bench, whose clock it drives.
+        monitors: one per limit of the envelope.
+        flags: stop requests.
+        watch: what it reports to.
+
+    Attributes:
+        clock: the bench's clock.
+        deadline_ns: the instant at which the present case has taken too long.
+        refused: how often the present case was told to end.
+        monitoring: runs the monitors.
+        feeds: judge the rows of streams.
+        present: of a bench outside of this process, and of its replay.
+        again: does what the record of a replayed bench holds here, and people asked for.
+    """
+
+    def __init__(self, bench: BoundBench, monitors: Sequence[Monitor], flags: StopFlags, watch: Watch) -> None:
+        self._bench = bench
+        self.clock = bench.clock
+        self.flags = flags
+        self._watch = watch
+        self._ticked = wall.monotonic()
+        self._trip: Trip | None = None
+        self._watching = False
+        self._beside: list[Beside] = []
+        self.feeds = Feeds()
+        self.monitoring = Monitoring(bench, monitors, watch, self._trip_once)
+        self.deadline_ns: int | None = None
+        self.refused = 0
+        self.present = Present(bench)
+        self.again: Callable[[], None] = lambda: None
+
+    @property
+    def tripped(self) -> Trip | None:
+        """What tripped the bench, if anything did."""
+        return self._trip
+
+    @property
+    def watching(self) -> bool:
+        """Whether the monitors run."""
+        return self._watching
+
+    @property
+    def fresh_until_ns(self) -> int | None:
+        """Bench time up to which what the monitors know is good, None while they do not run."""
+        if not self._watching:
+            return None
+        soonest_ns = self.clock.now_ns() + _UNWATCHED_NS
+        return min((monitor.good_until_ns for monitor in self.monitoring.all), default=soonest_ns)
+
+    def watch_from_now(self) -> None:
+        """Begin to run the monitors."""
+        self.monitoring.restart()
+        self._watching = True
+
+    def rest(self) -> None:
+        """Stop running the monitors."""
+        self._watching = False
+
+    def now_ns(self) -> int:
+        """Return the bench's time."""
+        return self.clock.now_ns()
+
+    def point(self) -> None:
+        """Be a scheduling point in which no time passes.
+
+        Raises:
+            Stopped, CaseTimeout, Tripped: see there.
+        """
+        with self.flags.undisturbed():
+            self._look()
+            self.present.come()
+            now_ns = self.clock.now_ns()
+            if self._beside:
+                self._take_turns(now_ns, None)
+                now_ns = self.clock.now_ns()
+            self._run_monitors(now_ns)
+
+    def sleep(self, seconds: float) -> None:
+        """Let `seconds` of bench time pass."""
+        if not seconds >= 0:
+            raise ValueError(f"a wait cannot last {seconds} s")
+        self.wait_until(self.clock.now_ns() + round(seconds * NANOSECONDS))
+
+    def wait_until(self, when_ns: int, done: Callable[[], bool] | None = None) -> None:
+        """Let bench time pass until `when_ns`, or until `done` says so after a turn beside the case."""
+        self._look()
+        if not self._take_turns(when_ns, done) and not self._pass(when_ns) and self._watching:
+            self.monitoring.run_behind(when_ns)
+
+    def begin_beside(self, beside: Beside) -> None:
+        """Let something take turns beside the case."""
+        self._beside.append(beside)
+
+    def end_beside(self, beside: Beside) -> None:
+        """Give it no more turns; it may be ended again."""
+        if beside in self._beside:
+            self._beside.remove(beside)
+
+    def begin_again(self) -> None:
+        """Let what takes turns begin anew, after a time in which nothing did."""
+        for beside in tuple(self._beside):
+            beside.begin_again()
+
+    def fed_by(self, output: str, columns: Mapping[tuple[str, str], int], every_s: float) -> Fed:
+        """Return the monitors that a recording's rows feed. See `monitors_of`."""
+        return monitors_of(output, columns, every_s, self.monitoring.all)
+
+    def pause_allowed(self, fed: Fed, row_s: float) -> float:
+        """Return how long rows may wait in seconds, 0 where they did not in the record. See `pause_allowed`."""
+        playback = self._bench.playback
+        return pause_allowed(fed, row_s) if playback is None or playback.rows_wait else 0.0
+
+    @property
+    def together(self) -> bool:
+        """Whether rows that may wait are fetched where limits take their turns; in earlier records they were not."""
+        playback = self._bench.playback
+        return playback is None or not playback.in_parts
+
+    def feed(self, fed: Fed, every_s: float, recording: str) -> Feed:
+        """Return what judges a recording's rows. See `Feed`."""
+        for _, monitor in fed:
+            self._watch.fed(monitor.limit.id, recording)
+        return self.feeds.begin(fed, every_s, recording)
+
+    def judge(self, feed: Feed, rows: list[list[float]] | NDArray[np.float64]) -> None:
+        """Judge rows that were just fetched.
+
+        Raises:
+            Tripped: a row is outside for the last time that the limit allows; the bench was made safe.
+        """
+        if self._watching and (trip := feed.judge(rows, self.clock.now_ns())):
+            self._make_safe(trip)
+
+    def unfeed(self, feed: Feed) -> None:
+        """Let the monitors take readings again."""
+        self.feeds.end(feed, self.clock.now_ns())
+        self.monitoring.soonest_ns = 0
+
+    def follow(self, course: Callable[[], int]) -> Callable[[], None]:
+        """Learn what tells how many events there are; return what has to be done before each of them."""
+        self.present.course = course
+        return self.catch_up
+
+    def come(self) -> None:
+        """Come to the present, where people or other processes took their time; a replayed bench comes to the same."""
+        self.present.come()
+        self.catch_up()
+
+    def catch_up(self) -> None:
+        """Pass the points of a replayed bench at which it came to the present amid computations and questions."""
+        while self.present.comes_in_record():
+            if self._beside and self._watching:
+                self._take_turns(self.clock.now_ns(), None)
+            self._run_monitors(self.clock.now_ns())
+
+    def idle(self) -> None:
+        """Be a scheduling point while a person is awaited; monitors take their turn as in any other wait."""
+        self.point()
+
+    def _take_turns(self, until_ns: int, done: Callable[[], bool] | None) -> bool:
+        """Let time pass from turn to turn, in order of time, up to the last one before `until_ns`; tell if `done`."""
+        while self._beside:
+            beside = min(self._beside, key=attrgetter("due_ns")) if len(self._beside) > 1 else self._beside[0]
+            due_ns = beside.due_ns
+            if due_ns > until_ns:
+                return False
+            if self._pass(due_ns):
+                beside.take()
+            else:
+                self._look()
+                beside.take()  # first of all: what waits there may be what a monitor misses
+                self._run_monitors(self.clock.now_ns())
+            if done is not None and done():
+                return True
+        return False
+
+    def _pass(self, when_ns: int) -> bool:
+        """Let time pass without a turn beside the case; return whether any did."""
+        if self.clock.now_ns() >= when_ns:
+            return False
+        while True:
+            turn_ns = when_ns
+            if self.monitoring.soonest_ns <= when_ns:
+                self._run_monitors(when_ns)
+                turn_ns = self._next_turn_ns(when_ns)
+            if (live := self._bench.live) is not None and live.began:
+                turn_ns = min(turn_ns, live.soon_ns())
+            self.clock.wait_until(turn_ns)
+            self._look()
+            if self.clock.now_ns() >= when_ns:
+                return True
+
+    def _look(self) -> None:
+        self.catch_up()
+        if self._bench.playback is not None:
+            self._bench.playback.hand_over_if_due()
+        self.again()
+        now = wall.monotonic()
+        if now - self._ticked >= _TICK_S:
+            self._ticked = now
+            self._watch.tick()
+        try:
+            self._end_if_due()
+        except (Stopped, Tripped, CaseTimeout) as ending:
+            self._refuse(ending)
+            raise
+
+    def _end_if_due(self) -> None:
+        self.flags.check()
+        if self._trip:
+            raise Tripped(self._trip.text, "the bench was made safe and stays so for the rest of the run")
+        if self._watching and (text := self.present.in_distress()):
+            self._trip_once(Trip(_BENCH, None, "", text))
+        if self.deadline_ns is not None and self.clock.now_ns() > self.deadline_ns:
+            raise CaseTimeout
+
+    def _refuse(self, ending: BaseException) -> None:
+        """Make safe what the case is not to drive any more, before it learns why; end a run that it does not let end.
+
+        A case that is stopped for the first time still has the time of its own teardown.
+        """
+        self.refused += 1
+        patient = isinstance(ending, Stopped) and not self.flags.urgent
+        if self.refused == (_SWALLOWED if patient else 1) and not isinstance(ending, Tripped):
+            self._watch.safe()
+        if self.refused > _MOST_REFUSALS:
+            self._watch.give_up()
+
+    def _next_turn_ns(self, when_ns: int) -> int:
+        """Return when this wait has to look up again: at a monitor's turn, or at its end."""
+        if self._bench.playback is not None:
+            return self._bench.playback.look_up_ns(when_ns)
+        return self.monitoring.next_turn_ns(when_ns) if self._watching else when_ns
+
+    def _run_monitors(self, until_ns: int) -> None:
+        if self._watching:
+            self.monitoring.run(until_ns)
+
+    def _trip_once(self, trip: Trip) -> None:
+        if self._trip is None:
+            self._make_safe(trip)
+
+    def _make_safe(self, trip: Trip) -> NoReturn:
+        self._trip = trip
+        self._watch.trip(trip)
+        raise Tripped(trip.text, "the bench was made safe and stays so for the rest of the run")
