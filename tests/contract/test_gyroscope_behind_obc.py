@@ -105,6 +105,6 @@ def test_a_restored_world_streams_on():
         state = bench.world.state()
         expected = sent_on(bench)
     with bound(bench_with()) as other:
-        other.clock.wait_until(state["now_ns"])
+        other.clock.wait_until(state["clock"]["now_ns"])
         other.world.restore(state)
         assert sent_on(other) == expected

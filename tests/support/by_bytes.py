@@ -267,7 +267,7 @@ BY_BYTES = {
         wire=Wire(role="relays", instance="", instrument="device", contacts={"heater": 1, "lamp": 4, "valve": 8}),
         state="released",
         drive=_drive_relays,
-        on=lambda rig: set(rig.peer.state()["closed"]),
+        on=lambda rig: {int(n) for n, closed in rig.peer.state()["closed"].items() if closed},
         proof=None,
         baud=9600,
     ),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime, timedelta
 from heapq import heappop, heappush
 
@@ -76,6 +76,20 @@ class VirtualClock:
         """Return the simulated UTC: epoch plus virtual time."""
         moment = self._epoch + timedelta(microseconds=self._now_ns // 1000)
         return moment.isoformat(timespec="microseconds").replace("+00:00", "Z")
+
+    def state(self) -> Mapping[str, int]:
+        """Return the time, and how many events were asked for."""
+        return {"now_ns": self._now_ns, "asked": self.asked}
+
+    def restore(self, state: Mapping[str, int]) -> None:
+        """Go on from what `state` returned; events come back by whoever asked for them, before.
+
+        Raises:
+            ValueError: if the clock stands at another instant.
+        """
+        if state["now_ns"] != self._now_ns:
+            raise ValueError(f"the state is of {state['now_ns']} ns, the clock is at {self._now_ns} ns")
+        self.asked = state["asked"]
 
     def advance_first(self, plant: Callable[[int], None]) -> None:
         """Call `plant` with every instant that time reaches, before that instant's events."""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from hil.clock.virtual import VirtualClock
 from hil.model.bench import BenchSpec, InstrumentSpec, SimulatedBench
 from hil.simulation.world import World, build_world
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.simulated_bus import SimulatedBus
 from hil.wire.simulated_line import SimulatedLine
 
@@ -16,22 +15,16 @@ __all__ = ["SimulatedEnds", "simulated_ends"]
 
 
 @dataclass(frozen=True, slots=True)
-class SimulatedEnds:
+class SimulatedEnds(Stateful):
     """The far ends of every port and bus of a simulated bench, and the world behind them."""
 
-    world: World
-    lines: dict[str, SimulatedLine]
+    world: Kept[World]
+    lines: Kept[dict[str, SimulatedLine]]
     buses: dict[str, SimulatedBus]
 
     def of(self, instrument: InstrumentSpec) -> SimulatedLine | SimulatedBus:
         """Return the far end of an instrument's line or bus."""
         return self.buses[instrument.bus] if instrument.bus else self.lines[instrument.name]
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from the state of a checkpoint."""
-        self.world.restore(state["world"])
-        for name, line in self.lines.items():
-            line.restore(state["lines"][name])
 
 
 def simulated_ends(spec: BenchSpec, twin: SimulatedBench, clock: VirtualClock) -> SimulatedEnds:

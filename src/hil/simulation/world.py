@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from typing import cast
@@ -18,6 +18,7 @@ from hil.simulation.plants.plant import Plant
 from hil.simulation.registry import peer_model, plant_model
 from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth, TruthError, UnknownPlant, suggestion
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import BusPeer, SerialPeer
 
 __all__ = ["DeviceClock", "World", "build_world", "truth_errors"]
@@ -40,7 +41,7 @@ class DeviceClock:
 
 
 @dataclass(slots=True, kw_only=True)
-class World:
+class World(Stateful):
     """Everything behind the ports of one simulated bench.
 
     Bus peers are attached to the clock already; a serial peer is attached by whoever gives it its line, with
@@ -55,43 +56,17 @@ class World:
         person: the simulated operator.
     """
 
-    clock: VirtualClock
-    plants: dict[str, Plant] = field(default_factory=dict)
+    plants: Kept[dict[str, Plant]] = field(default_factory=dict)
     serial_peers: dict[str, SerialPeer] = field(default_factory=dict)
     bus_peers: dict[str, list[BusPeer]] = field(default_factory=dict)
     devices: dict[str, int] = field(default_factory=dict)
     person: Person
-    by_device: dict[str, SerialPeer | BusPeer] = field(default_factory=dict)
+    by_device: Kept[dict[str, SerialPeer | BusPeer]] = field(default_factory=dict)
+    clock: Kept[VirtualClock]
 
     def clock_of(self, device: str) -> DeviceClock:
         """Return the clock that a serial peer is attached with, beside its line."""
         return DeviceClock(self.clock, self.devices[device])
-
-    def state(self) -> Mapping[str, object]:
-        """Return everything that the world needs to go on, as JSON values; the clock stands beside it."""
-        return {
-            "now_ns": self.clock.now_ns(),
-            "asked": self.clock.asked,
-            "plants": {name: dict(plant.state()) for name, plant in self.plants.items()},
-            "peers": {name: dict(peer.state()) for name, peer in self.by_device.items()},
-        }
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned.
-
-        The world is a fresh one of the same bench file with its serial peers attached, and its clock stands at the
-        instant at which the state was taken, whether it was built at that instant or has lived until then. Bytes on
-        their way in a line belong to the line.
-        """
-        if state["now_ns"] != self.clock.now_ns():
-            raise ValueError(f"the state is of {state['now_ns']} ns, the clock is at {self.clock.now_ns()} ns")
-        plants = cast("dict[str, dict[str, object]]", state["plants"])
-        for name, plant in self.plants.items():
-            plant.restore(plants[name])
-        peers = cast("dict[str, dict[str, object]]", state["peers"])
-        for name, peer in self.by_device.items():
-            peer.restore(peers[name])
-        self.clock.asked = cast("int", state["asked"])
 
 
 def build_world(

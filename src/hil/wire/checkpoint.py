@@ -1,12 +1,28 @@
-"""Checkpoints: where a simulated bench is, so that it can go on from there in another process."""
+"""Checkpoints: what a simulated bench keeps of itself, so that it can go on from there in another process."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from types import GenericAlias, UnionType
+from typing import Annotated, Any, Protocol, TypeVar, cast, get_args, get_origin, get_type_hints, runtime_checkable
 
-__all__ = ["Checkpoint"]
+import msgspec
+
+__all__ = ["Checkpoint", "Kept", "Part", "StateError", "Stateful"]
+
+_Type = TypeVar("_Type")
+_KEPT = "kept"
+
+Kept = Annotated[_Type, _KEPT]
+"""Marks an attribute that belongs to an object's state: `_inbox: Kept[bytes]`.
+
+It is a value that msgspec can write (numbers, text, bytes, tuples, lists, dictionaries, dataclasses), a deque or an
+array, or a part: an object with a state of its own, or a list or dictionary of such parts, which is there already when
+it is restored.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,3 +38,162 @@ class Checkpoint:
     at_ns: int
     operations: int
     state: Mapping[str, Any]
+
+
+class StateError(ValueError):
+    """A state does not fit what is to be restored.
+
+    Args:
+        message: what does not fit.
+        path: names of the parts, from the outside in.
+    """
+
+    def __init__(self, message: str, path: tuple[str, ...] = ()) -> None:
+        super().__init__(f"{'.'.join(path)}: {message}" if path else message)
+        self.message = message
+        self.path = path
+
+
+@runtime_checkable
+class Part(Protocol):
+    """Anything with a state."""
+
+    def state(self) -> Any:  # noqa: ANN401 - JSON values of any shape
+        """Return what is needed to go on, as JSON values."""
+        ...
+
+    def restore(self, state: Any, /) -> None:  # noqa: ANN401 - as above
+        """Go on from what `state` returned."""
+        ...
+
+
+class Stateful:
+    """Base of everything with a state: the attributes that the class marks as `Kept`, and nothing else."""
+
+    def state(self) -> Mapping[str, object]:
+        """Return everything that is needed to go on, as JSON values."""
+        return {field.name: field.written(getattr(self, field.attribute)) for field in _fields(type(self))}
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned.
+
+        Raises:
+            StateError: if a part is missing, unknown, or not of its type.
+        """
+        fields = _fields(type(self))
+        _same_names(state, [field.name for field in fields])
+        for field in fields:
+            with _at(field.name):
+                field.restore(self, state[field.name])
+        self.restored()
+
+    def restored(self) -> None:
+        """Work out what follows from what was restored."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Value:
+    """An attribute whose value is written and read as a whole."""
+
+    name: str
+    attribute: str
+    type: Any
+
+    def written(self, value: object) -> object:
+        """Return the value as JSON values."""
+        return msgspec.to_builtins(value, str_keys=True, enc_hook=_listed)
+
+    def restore(self, owner: object, written: object) -> None:
+        """Set the attribute."""
+        value = msgspec.convert(written, self.type, str_keys=True, dec_hook=_container)
+        # What msgspec passes over or fills in, such as a field that a class does not have, is not the same any more.
+        if _json(self.written(value)) != _json(written):
+            raise StateError(f"{written!r:.200} is not what was written")
+        setattr(owner, self.attribute, value)
+
+
+@dataclass(frozen=True, slots=True)
+class _Parts:
+    """An attribute that holds a part, or a list or dictionary of parts."""
+
+    name: str
+    attribute: str
+
+    def written(self, value: object) -> object:
+        """Return the states of the parts."""
+        if isinstance(value, dict):
+            return {str(key): part.state() for key, part in value.items()}
+        return [part.state() for part in value] if isinstance(value, list) else cast("Part", value).state()
+
+    def restore(self, owner: object, written: Any) -> None:  # noqa: ANN401 - JSON values of any shape
+        """Restore the parts that are there."""
+        there = getattr(owner, self.attribute)
+        if not isinstance(there, dict | list):
+            there.restore(written)
+            return
+        parts = {str(key): part for key, part in (there.items() if isinstance(there, dict) else enumerate(there))}
+        states = written if isinstance(there, dict) else {str(place): state for place, state in enumerate(written)}
+        _same_names(states, parts)
+        for key, part in parts.items():
+            with _at(key):
+                part.restore(states[key])
+
+
+def _fields(kind: type) -> tuple[_Value | _Parts, ...]:
+    """Return what a class keeps, in the order of its declarations, those of its bases first."""
+    if kind not in _KNOWN:
+        hints = get_type_hints(kind, include_extras=True)
+        kept = {name: get_args(hint)[0] for name, hint in hints.items() if _KEPT in getattr(hint, "__metadata__", ())}
+        _KNOWN[kind] = tuple(
+            _Parts(name.lstrip("_"), name) if _is_part(hint) else _Value(name.lstrip("_"), name, hint)
+            for name, hint in kept.items()
+        )
+    return _KNOWN[kind]
+
+
+_KNOWN: dict[type, tuple[_Value | _Parts, ...]] = {}
+
+
+def _is_part(hint: Any) -> bool:  # noqa: ANN401 - whatever can be annotated
+    if isinstance(hint, type) and get_origin(hint) is None:
+        return issubclass(hint, Part)
+    if get_origin(hint) is UnionType:
+        return all(map(_is_part, get_args(hint)))
+    return get_origin(hint) in {dict, list} and _is_part(get_args(hint)[-1])
+
+
+def _json(value: object) -> object:
+    return msgspec.json.decode(msgspec.json.encode(value))
+
+
+def _listed(value: Any) -> list[Any]:  # noqa: ANN401 - a deque or an array, which msgspec does not know
+    return value.tolist() if hasattr(value, "tolist") else list(value)
+
+
+def _container(hint: Any, written: object) -> object:  # noqa: ANN401 - the type of a deque or an array
+    kind, arguments = get_origin(hint), get_args(hint)
+    if kind is deque:
+        rows: list[Any] = msgspec.convert(written, GenericAlias(list, arguments), str_keys=True)
+        return deque(rows)
+    from numpy import array, ndarray  # noqa: PLC0415 - most benches keep no array
+
+    if kind is ndarray:
+        return array(msgspec.convert(written, list[float]))
+    raise NotImplementedError(f"a state of {hint}")
+
+
+def _same_names(state: Mapping[str, object], names: Iterable[str]) -> None:
+    known = set(names)
+    for name in sorted(known ^ state.keys()):
+        raise StateError(f"'{name}' is {'missing' if name in known else 'unknown'}")
+
+
+@contextmanager
+def _at(name: str) -> Iterator[None]:
+    """Say where it is that something does not fit."""
+    try:
+        yield
+    except StateError as error:
+        raise StateError(error.message, (name, *error.path)) from error
+    except (ValueError, TypeError, AttributeError) as error:
+        raise StateError(str(error), (name,)) from error

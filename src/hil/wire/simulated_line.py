@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from typing import cast
 
 from hil.clock.port import NANOSECONDS, ClockError
 from hil.clock.virtual import VirtualClock
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Openable, SerialPeer
 
 __all__ = ["SimulatedLine"]
@@ -16,7 +16,7 @@ _BITS_PER_BYTE = 10
 _MOST_LOOKS_AT_ONE_INSTANT = 100_000
 
 
-class SimulatedLine:
+class SimulatedLine(Stateful):
     """The stream between a port and its peer.
 
     Both directions take the time that their bits take at `baud`; 0 stands for a network, whose
@@ -32,6 +32,12 @@ class SimulatedLine:
         buffer: bytes that the host's side holds.
     """
 
+    _received: Kept[bytearray]
+    _on_the_way: Kept[deque[tuple[int, bytes]]]
+    _free_at_ns: Kept[int]
+    _lost: Kept[int]
+    _open: Kept[bool]
+
     def __init__(
         self, device: str, peer: SerialPeer, clock: VirtualClock, *, number: int = 0, baud: int = 0, buffer: int = 4096
     ) -> None:
@@ -46,7 +52,7 @@ class SimulatedLine:
         self._free_at_ns = 0
         self._last_look_ns = -1
         self._looks = 0
-        self._on_the_way: deque[tuple[int, bytes]] = deque()
+        self._on_the_way = deque()
         self._awaited = False
         self._open = False
 
@@ -136,22 +142,7 @@ class SimulatedLine:
     def state(self) -> Mapping[str, object]:
         """Return everything that the line needs to go on, as JSON values."""
         self._arrive()
-        return {
-            "received": self._received.hex(),
-            "on_the_way": [[arrives_ns, data.hex()] for arrives_ns, data in self._on_the_way],
-            "free_at_ns": self._free_at_ns,
-            "lost": self._lost,
-            "open": self._open,
-        }
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned; the peer does not notice."""
-        self._received[:] = bytes.fromhex(str(state["received"]))
-        way = cast("list[tuple[int, str]]", state["on_the_way"])
-        self._on_the_way = deque((arrives_ns, bytes.fromhex(data)) for arrives_ns, data in way)
-        self._free_at_ns = cast("int", state["free_at_ns"])
-        self._lost = cast("int", state["lost"])
-        self._open = bool(state["open"])
+        return super().state()
 
     def _wait(self, size: int, deadline_ns: int) -> None:
         """Let time pass until so many bytes are here, with an event wherever some arrive."""

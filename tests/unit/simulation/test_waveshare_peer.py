@@ -63,7 +63,8 @@ def test_silence_that_ends_a_frame(baud, silence_us):
     """It is 3.5 characters up to 19,200 baud, and 1.75 ms above."""
     clock, frames = VirtualClock(), []
     reader = FrameReader(baud, frames.append)
-    reader.receive(b"\x01", DeviceClock(clock, 1))
+    reader.attach(DeviceClock(clock, 1))
+    reader.receive(b"\x01")
     clock.wait_until(silence_us * 1000 - 1000)
     assert frames == []
     clock.wait_until(silence_us * 1000 + 1000)

@@ -18,7 +18,7 @@ from hil.wire.transcript import count_operations
 
 __all__ = ["Checkpoints", "read_checkpoint"]
 
-_FORMAT = 2
+_FORMAT = 3
 _EVERY_S = 1.0
 _SHARE = 20
 """Of this many seconds one at most goes into checkpoints, however large the world is."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import log, pi, sqrt
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from hil.simulation.noise.autoregression import autoregressive
 from hil.simulation.seeds import Stream
+from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["Flicker"]
 
@@ -23,7 +23,7 @@ _DELAYED = (13 / 4 - sqrt((13 / 4) ** 2 - 4)) / 2
 _PRESENT = 1 / sqrt(_DELAYED)
 
 
-class Flicker:
+class Flicker(Stateful):
     """Flicker noise of level B, two-sided power density S(f) = B^2/(2 pi f) (IEEE Std 952-1997, annex C).
 
     Octave j holds every value of a first-order autoregression (coefficient 1/2) for 2^j samples. All octaves have the
@@ -42,6 +42,9 @@ class Flicker:
         level: B, in the unit of the rate.
         block: samples of a block, a power of two.
     """
+
+    _last: Kept[list[float]]
+    _driver: Kept[float]
 
     def __init__(self, stream: Stream, level: float, block: int) -> None:
         self._stream = stream
@@ -64,14 +67,6 @@ class Flicker:
             end -= size
         held *= self._sigma
         return held
-
-    def state(self) -> list[float]:
-        """Return the last value of every octave, and the last random number of the fastest."""
-        return [*self._last, self._driver]
-
-    def restore(self, state: Sequence[float]) -> None:
-        """Go on from what `state` returned."""
-        *self._last, self._driver = state
 
     def _octave(self, number: int, octave: int, drivers: NDArray[np.float64]) -> NDArray[np.float64]:
         if octave == 0:

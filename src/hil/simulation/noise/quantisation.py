@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.simulation.seeds import Stream
+from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["AngleQuantisation"]
 
 
-class AngleQuantisation:
+class AngleQuantisation(Stateful):
     """The error of a quantised angle, differenced: sigma^2 = 3 Q^2/tau^2 (IEEE Std 952-1997, annex C).
 
     A sample of the rate adds fs (e[k] - e[k-1]), where the errors e are independent and of variance Q^2. Quantisation
@@ -22,6 +23,8 @@ class AngleQuantisation:
         rate: samples per second.
         block: samples of a block.
     """
+
+    _last: Kept[float]
 
     def __init__(self, stream: Stream, level: float, rate: float, block: int) -> None:
         self._stream = stream
@@ -36,11 +39,3 @@ class AngleQuantisation:
         errors = self._scale * self._stream.normal_block(number, self._block)
         before, self._last = self._last, float(errors[-1])
         return np.diff(errors, prepend=before)
-
-    def state(self) -> float:
-        """Return the last error."""
-        return self._last
-
-    def restore(self, state: float) -> None:
-        """Go on from what `state` returned."""
-        self._last = state

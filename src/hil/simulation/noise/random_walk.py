@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.simulation.seeds import Stream
+from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["RandomWalk"]
 
 
-class RandomWalk:
+class RandomWalk(Stateful):
     """Random walk of the rate, two-sided power density S(f) = (K/(2 pi f))^2 (IEEE Std 952-1997, annex C).
 
     A sample adds K/sqrt(fs) times a standard normal number. The Allan variance of the samples is
@@ -24,6 +25,8 @@ class RandomWalk:
         rate: samples per second.
         block: samples of a block.
     """
+
+    _last: Kept[float]
 
     def __init__(self, stream: Stream, level: float, rate: float, block: int) -> None:
         self._stream = stream
@@ -41,11 +44,3 @@ class RandomWalk:
         values = np.cumsum(steps)
         self._last = float(values[-1])
         return values
-
-    def state(self) -> float:
-        """Return the last value."""
-        return self._last
-
-    def restore(self, state: float) -> None:
-        """Go on from what `state` returned."""
-        self._last = state

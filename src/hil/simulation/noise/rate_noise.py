@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from hil.simulation.noise.quantisation import AngleQuantisation
 from hil.simulation.noise.random_walk import RandomWalk
 from hil.simulation.noise.white import White
 from hil.simulation.seeds import Stream
+from hil.wire.checkpoint import Kept, StateError, Stateful
 
 __all__ = ["BLOCK", "NoiseLevels", "RateNoise"]
 
@@ -38,7 +39,7 @@ class NoiseLevels:
     quantisation: float = 0.0
 
 
-class RateNoise:
+class RateNoise(Stateful):
     """Samples 0, 1, 2… of one axis. What a sample is depends on the streams and its index only.
 
     Blocks are made in their order, and the present one is kept: asking goes forwards, or back within a block.
@@ -50,11 +51,16 @@ class RateNoise:
         bandwidth: noise bandwidth of the filter before the sampling, in Hz.
     """
 
+    _number: Kept[int]
+    _carried: Kept[dict[str, dict[str, Any]]]
+
     def __init__(self, stream: Callable[[str], Stream], levels: NoiseLevels, *, rate: float, bandwidth: float) -> None:
-        self._white = White(stream("white"), levels.white, rate=rate, bandwidth=bandwidth, block=BLOCK)
-        self._flicker = Flicker(stream("flicker"), levels.flicker, BLOCK)
-        self._walk = RandomWalk(stream("random walk"), levels.random_walk, rate, BLOCK)
-        self._quantisation = AngleQuantisation(stream("quantisation"), levels.quantisation, rate, BLOCK)
+        self._parts: dict[str, White | Flicker | RandomWalk | AngleQuantisation] = {
+            "white": White(stream("white"), levels.white, rate=rate, bandwidth=bandwidth, block=BLOCK),
+            "flicker": Flicker(stream("flicker"), levels.flicker, BLOCK),
+            "random_walk": RandomWalk(stream("random walk"), levels.random_walk, rate, BLOCK),
+            "quantisation": AngleQuantisation(stream("quantisation"), levels.quantisation, rate, BLOCK),
+        }
         self._number = -1
         self._values: NDArray[np.float64] = np.empty(0)
         self._carried = self._carry()
@@ -76,18 +82,13 @@ class RateNoise:
             first += parts[-1].size
         return np.concatenate(parts) if parts else np.empty(0)
 
-    def state(self) -> Mapping[str, object]:
-        """Return the present block's number and what came into it from the one before."""
-        return {"block": self._number, **self._carried}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self._white.restore(cast("float", state["white"]))
-        self._flicker.restore(cast("list[float]", state["flicker"]))
-        self._walk.restore(cast("float", state["random_walk"]))
-        self._quantisation.restore(cast("float", state["quantisation"]))
-        number = cast("int", state["block"])
-        self._number = number - 1
+    def restored(self) -> None:
+        """Make the present block again from what came into it."""
+        number, self._number = self._number, self._number - 1
+        if self._carried.keys() != self._parts.keys():
+            raise StateError(f"carried: expected {', '.join(self._parts)}")
+        for name, part in self._parts.items():
+            part.restore(self._carried[name])
         self._carried = self._carry()
         if number >= 0:
             self._reach(number)
@@ -98,16 +99,11 @@ class RateNoise:
         while self._number < number:
             self._carried = self._carry()
             self._number += 1
-            total = self._white.block(self._number)
-            total += self._flicker.block(self._number)
-            total += self._walk.block(self._number)
-            total += self._quantisation.block(self._number)
+            first, *others = self._parts.values()
+            total = first.block(self._number)
+            for part in others:
+                total += part.block(self._number)
             self._values = total
 
-    def _carry(self) -> dict[str, object]:
-        return {
-            "white": self._white.state(),
-            "flicker": self._flicker.state(),
-            "random_walk": self._walk.state(),
-            "quantisation": self._quantisation.state(),
-        }
+    def _carry(self) -> dict[str, dict[str, Any]]:
+        return {name: dict(part.state()) for name, part in self._parts.items()}

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from hil.simulation.noise.autoregression import autoregressive
 from hil.simulation.seeds import Stream
+from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["White"]
 
 
-class White:
+class White(Stateful):
     """White noise N, two-sided power density S(f) = N^2 (IEEE Std 952-1997, annex C), filtered, then sampled.
 
     A filter with the noise bandwidth BW lets the variance 2 N^2 BW through, whatever the sample rate fs is. A density
@@ -30,6 +31,8 @@ class White:
         bandwidth: noise bandwidth of the filter in Hz.
         block: samples of a block.
     """
+
+    _last: Kept[float]
 
     def __init__(self, stream: Stream, level: float, *, rate: float, bandwidth: float, block: int) -> None:
         ratio = max(1.0, rate / (2 * bandwidth))
@@ -54,11 +57,3 @@ class White:
         values = autoregressive(drivers, self._coefficient, self._last)
         self._last = float(values[-1])
         return values
-
-    def state(self) -> float:
-        """Return the last value."""
-        return self._last
-
-    def restore(self, state: float) -> None:
-        """Go on from what `state` returned."""
-        self._last = state

@@ -62,13 +62,18 @@ class Alarms:
 
     Args:
         clock: the bench's clock.
-        actions: instants, and what happens then.
+        actions: instants, None for not yet, and what happens then.
     """
 
-    def __init__(self, clock: PeerClock, actions: Sequence[tuple[int, Callable[[], None]]]) -> None:
+    def __init__(self, clock: PeerClock, actions: Sequence[tuple[int | None, Callable[[], None]]]) -> None:
         self._alarms = [Alarm(clock, action) for _, action in actions]
-        for alarm, (when_ns, _) in zip(self._alarms, actions, strict=True):
-            alarm.set(when_ns)
+        for place, (when_ns, _) in enumerate(actions):
+            self.set(place, when_ns)
+
+    def set(self, place: int, when_ns: int | None) -> None:
+        """Let one of them happen at `when_ns`, None for not at all."""
+        if when_ns is not None:
+            self._alarms[place].set(when_ns)
 
     def state(self) -> list[list[int] | None]:
         """Return which of them are still to come."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import cast
 
 from hil.simulation.faults import Fault, Faults
-from hil.simulation.peers.alarm import Alarm
+from hil.simulation.peers.alarm import Alarms
 from hil.simulation.seeds import Stream
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import BusPeer, BusServer, Line, Nack, Openable, PeerClock, SerialPeer
 
 __all__ = ["FaultyBusPeer", "FaultySerialPeer"]
@@ -16,7 +16,7 @@ __all__ = ["FaultyBusPeer", "FaultySerialPeer"]
 _BITS = 8
 
 
-class FaultySerialPeer:
+class FaultySerialPeer(Stateful):
     """A peer on a byte stream with what goes wrong around it.
 
     Dead means without power: nothing comes in and nothing goes out. The faults decide at the instant a
@@ -28,11 +28,14 @@ class FaultySerialPeer:
         noise: decides which bits are hit.
     """
 
+    _peer: Kept[SerialPeer]
+    _chats: Kept[Alarms]
+
     def __init__(self, peer: SerialPeer, faults: Faults, noise: Stream) -> None:
         self._peer = peer
         self._faults = faults
         self._noise = noise
-        self._chats: list[tuple[Fault, Alarm]] = []
+        self._chatty = faults.of("chatty")
         self._line: Line
         self._clock: PeerClock
 
@@ -47,11 +50,8 @@ class FaultySerialPeer:
         self._clock = clock
         # A peer that nothing is wrong with talks to the line itself.
         self._peer.attach(self if self._faults.faults else line, clock)
-        self._chats = [
-            (fault, Alarm(clock, partial(self._chat, place))) for place, fault in enumerate(self._faults.of("chatty"))
-        ]
-        for fault, alarm in self._chats:
-            self._chat_after(fault, alarm, fault.start_ns)
+        starts = [self._next_chat_ns(fault, fault.start_ns) for fault in self._chatty]
+        self._chats = Alarms(clock, [(when, partial(self._chat, place)) for place, when in enumerate(starts)])
 
     def opened(self) -> None:
         """Let the peer notice that its port was opened, where it can and is not dead."""
@@ -77,32 +77,21 @@ class FaultySerialPeer:
         if data:
             self._line.send(data, after_ns)
 
-    def state(self) -> Mapping[str, object]:
-        """Return the peer's state, and what it will say unasked; all other faults follow from the clock."""
-        return {"peer": dict(self._peer.state()), "chats": [alarm.state() for _, alarm in self._chats]}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned; what chats besides since then goes on as it is."""
-        self._peer.restore(cast("dict[str, object]", state["peer"]))
-        for (_, alarm), due in zip(self._chats, cast("list[object]", state["chats"]), strict=False):
-            alarm.restore(due)
-
-    def _chat_after(self, fault: Fault, alarm: Alarm, earliest_ns: int) -> None:
+    def _next_chat_ns(self, fault: Fault, earliest_ns: int) -> int | None:
+        """Return when a chatty peer speaks next, None once it is over."""
         late_by_ns = max(0, self._clock.now_ns() - fault.start_ns)
         pauses = -(-late_by_ns // fault.duration_ns)
         when_ns = max(earliest_ns, fault.start_ns + pauses * fault.duration_ns)
-        if when_ns < fault.end_ns:
-            alarm.set(when_ns)
+        return when_ns if when_ns < fault.end_ns else None
 
     def _chat(self, place: int) -> None:
-        fault, alarm = self._chats[place]
-        now_ns = self._clock.now_ns()
+        fault, now_ns = self._chatty[place], self._clock.now_ns()
         if not self._faults.now("dead", now_ns):
             self._line.send(fault.text.encode("utf-8"))
-        self._chat_after(fault, alarm, now_ns + fault.duration_ns)
+        self._chats.set(place, self._next_chat_ns(fault, now_ns + fault.duration_ns))
 
 
-class FaultyBusPeer:
+class FaultyBusPeer(Stateful):
     """A device on an I2C bus with what goes wrong around it.
 
     Args:
@@ -110,6 +99,8 @@ class FaultyBusPeer:
         faults: what goes wrong.
         noise: decides which bits are hit.
     """
+
+    _peer: Kept[BusPeer]
 
     def __init__(self, peer: BusPeer, faults: Faults, noise: Stream) -> None:
         self._peer = peer
@@ -144,14 +135,6 @@ class FaultyBusPeer:
         data = self._peer.read(address, count)
         garbled = self._faults.now("garbled", self._clock.now_ns())
         return _spoil(data, garbled, self._noise, self._clock.now_ns()) if garbled else data
-
-    def state(self) -> Mapping[str, object]:
-        """Return the peer's state; the faults follow from the clock."""
-        return self._peer.state()
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self._peer.restore(state)
 
     def _live(self) -> None:
         if self._faults.now("dead", self._clock.now_ns()):

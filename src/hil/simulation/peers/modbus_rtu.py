@@ -5,12 +5,12 @@ Modbus over Serial Line V1.02, sections 2.5.1.1 (silence of 3.5 characters ends 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import lru_cache
-from typing import cast
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.peers.alarm import Alarm
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import PeerClock
 
 __all__ = ["FrameReader", "checked", "seal"]
@@ -51,7 +51,7 @@ def checked(frame: bytes) -> bytes | None:
     return frame[:-2]
 
 
-class FrameReader:
+class FrameReader(Stateful):
     """Collects bytes until the line has been silent for 3.5 characters.
 
     Args:
@@ -59,32 +59,26 @@ class FrameReader:
         take: gets every frame, whatever it is worth.
     """
 
+    _bytes: Kept[bytes]
+    _end: Kept[Alarm]
+
     def __init__(self, baud: int, take: Callable[[bytes], None]) -> None:
         slow_ns = round(3.5 * _BITS_PER_CHARACTER * NANOSECONDS / baud)
         self._silence_ns = _FAST_SILENCE_NS if baud > _FAST_BAUD else slow_ns
         self._take = take
         self._bytes = b""
-        self._end: Alarm | None = None
+        self._clock: PeerClock
 
-    def receive(self, data: bytes, clock: PeerClock) -> None:
+    def attach(self, clock: PeerClock) -> None:
+        """Connect the clock."""
+        self._clock = clock
+        self._end = Alarm(clock, self._finish)
+
+    def receive(self, data: bytes) -> None:
         """Take bytes; the frame ends when nothing follows."""
         # One byte beyond the longest frame is enough to know that it is none.
         self._bytes = (self._bytes + data)[: _LONGEST + 1]
-        self._silence(clock).set(clock.now_ns() + self._silence_ns)
-
-    def state(self) -> Mapping[str, object]:
-        """Return the unfinished frame."""
-        return {"bytes": self._bytes.hex(), "end": None if self._end is None else self._end.state()}
-
-    def restore(self, state: Mapping[str, object], clock: PeerClock) -> None:
-        """Go on from what `state` returned."""
-        self._bytes = bytes.fromhex(cast("str", state["bytes"]))
-        self._silence(clock).restore(state["end"])
-
-    def _silence(self, clock: PeerClock) -> Alarm:
-        if self._end is None:
-            self._end = Alarm(clock, self._finish)
-        return self._end
+        self._end.set(self._clock.now_ns() + self._silence_ns)
 
     def _finish(self) -> None:
         frame, self._bytes = self._bytes, b""

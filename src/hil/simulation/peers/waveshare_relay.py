@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import cast
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Faults
@@ -19,6 +18,7 @@ from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.modbus_rtu import FrameReader, checked, seal
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.plants.terminal import InputPoint
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
 __all__ = ["MODEL", "WaveshareRelay", "build"]
@@ -41,7 +41,7 @@ class _Exceptional(Exception):
         self.code = code
 
 
-class WaveshareRelay:
+class WaveshareRelay(Stateful):
     """The board: coils as commanded, and contacts that follow them a little later, unless they are welded.
 
     The fault `welded` lets a contact that is closed, or closes later, not open again while it lasts.
@@ -54,6 +54,13 @@ class WaveshareRelay:
         contacts: plant inputs by contact number.
         faults: what goes wrong.
     """
+
+    _address: Kept[int]
+    _coils: Kept[list[bool]]
+    _closed: Kept[dict[int, bool]]
+    _moving: Kept[dict[int, Alarm]]
+    _freed: Kept[Alarms]
+    _reader: Kept[FrameReader]
 
     def __init__(
         self,
@@ -71,17 +78,16 @@ class WaveshareRelay:
         self._points = contacts
         self._faults = faults
         self._coils = [False] * _CONTACTS
-        self._closed: set[int] = set()
+        self._closed = dict.fromkeys(range(1, _CONTACTS + 1), False)
         self._reader = FrameReader(baud, self._frame)
         self._line: Line
         self._clock: PeerClock
-        self._moving: dict[int, Alarm]
-        self._freed: Alarms
 
     def attach(self, line: Line, clock: PeerClock) -> None:
         """Connect the line; all coils are released, welded contacts are closed."""
         self._line = line
         self._clock = clock
+        self._reader.attach(clock)
         contacts = range(1, _CONTACTS + 1)
         self._moving = {contact: Alarm(clock, partial(self._follow, contact)) for contact in contacts}
         welds = self._faults.of("welded")
@@ -91,28 +97,7 @@ class WaveshareRelay:
 
     def receive(self, data: bytes) -> None:
         """Take bytes of the line."""
-        self._reader.receive(data, self._clock)
-
-    def state(self) -> Mapping[str, object]:
-        """Return coils, moving contacts, address, and the unfinished frame."""
-        return {
-            "address": self._address,
-            "coils": list(self._coils),
-            "closed": sorted(self._closed),
-            "moving": [alarm.state() for alarm in self._moving.values()],
-            "freed": self._freed.state(),
-            "reader": dict(self._reader.state()),
-        }
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self._address = cast("int", state["address"])
-        self._coils = list(cast("list[bool]", state["coils"]))
-        self._closed = set(cast("list[int]", state["closed"]))
-        for alarm, due in zip(self._moving.values(), cast("list[object]", state["moving"]), strict=True):
-            alarm.restore(due)
-        self._freed.restore(state["freed"])
-        self._reader.restore(cast("dict[str, object]", state["reader"]), self._clock)
+        self._reader.receive(data)
 
     def _frame(self, frame: bytes) -> None:
         body = checked(frame)
@@ -203,13 +188,10 @@ class WaveshareRelay:
         moves_until_ns = self._moving[contact].due_ns
         if moves_until_ns is not None and moves_until_ns > now_ns:
             return
-        sticks = contact in self._closed and self._faults.now("welded", now_ns, contact) is not None
-        if sticks or contact in self._welded or self._coils[contact - 1]:
-            self._closed.add(contact)
-        else:
-            self._closed.discard(contact)
+        sticks = self._closed[contact] and self._faults.now("welded", now_ns, contact) is not None
+        self._closed[contact] = sticks or contact in self._welded or self._coils[contact - 1]
         if contact in self._points:
-            self._points[contact].command(contact in self._closed)
+            self._points[contact].command(self._closed[contact])
 
 
 def _words(data: bytes, count: int) -> tuple[int, ...]:

@@ -7,12 +7,14 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import ClassVar, cast
+from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from hil.clock.port import NANOSECONDS
+from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["Inputs", "Plant", "Port", "Value", "Vector"]
 
@@ -36,8 +38,7 @@ class Port:
     current_signal: str
 
 
-@dataclass(slots=True, eq=False)  # not frozen, and no tuple with names: there is one for every step of weeks
-class _Moment:
+class _Moment(Struct, array_like=True, eq=False, gc=False):  # there is one for every step of weeks
     """A break point: from here on these inputs hold, and the state was this."""
 
     at_ns: int
@@ -49,7 +50,7 @@ _Ahead = tuple[_Moment | None, Vector, int]
 """A moment, the state at the next grid point, and the time [ns] between them."""
 
 
-class Plant(ABC):
+class Plant(Stateful, ABC):
     """Physics that steps from grid point to grid point; commands are extra break points.
 
     Whoever observes, and when, changes nothing: the state at an instant lies on the line between the
@@ -65,6 +66,9 @@ class Plant(ABC):
         signals: the names of everything that can be observed.
     """
 
+    _now_ns: Kept[int]
+    _moments: Kept[deque[_Moment]]
+
     ports: ClassVar[Mapping[str, Port]] = MappingProxyType({})
 
     def __init__(self, name: str, grid_ns: int, state: Vector, inputs: Inputs, signals: frozenset[str]) -> None:
@@ -73,7 +77,7 @@ class Plant(ABC):
         self._grid_ns = grid_ns
         self._now_ns = 0
         self._next_ns = grid_ns
-        self._moments = deque([_Moment(0, state, MappingProxyType(dict(inputs)))])
+        self._moments = deque([_Moment(0, state, dict(inputs))])
         self._ahead: _Ahead = (None, state, grid_ns)
         self._further: deque[Vector] = deque()  # states at the grid points behind that one, until a command comes
         self._whole: tuple[Inputs | None, Callable[[Vector], Vector]] = (None, lambda state: state)
@@ -138,7 +142,7 @@ class Plant(ABC):
     def command(self, **values: Value) -> None:
         """Set inputs at the present instant; what changes nothing is no break point."""
         last = self._moments[-1]
-        inputs = MappingProxyType({**last.inputs, **values})
+        inputs = {**last.inputs, **values}
         if len(inputs) > len(last.inputs):
             unknown = values.keys() - last.inputs.keys()
             raise ValueError(f"plant {self.name} has no input {', '.join(sorted(unknown))}")
@@ -214,16 +218,8 @@ class Plant(ABC):
         value, slope = lines[place].T
         return np.asarray(value + slope * (times_ns - starts[place]), dtype=np.float64)
 
-    def state(self) -> Mapping[str, object]:
-        """Return everything that the plant needs to go on, as JSON values."""
-        moments = [[item.at_ns, list(item.state), dict(item.inputs)] for item in self._moments]
-        return {"now_ns": self._now_ns, "moments": moments}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        rows = cast("list[tuple[int, list[float], dict[str, Value]]]", state["moments"])
-        self._moments = deque(_Moment(at, tuple(row), MappingProxyType(dict(inputs))) for at, row, inputs in rows)
-        self._now_ns = cast("int", state["now_ns"])
+    def restored(self) -> None:
+        """Forget what was seen and foreseen."""
         self._next_ns = self._end_ns(self._moments[-1])
         self._ahead = (None, (), self._grid_ns)
         self._further.clear()

@@ -101,7 +101,7 @@ class Commands:
         _values(fields)
         sequence, output = self._sequence, self._device.output
         volts, amperes, degrees = self._device.measure()
-        test = f"state={sequence.state} run={sequence.run or '-'} cycle={sequence.cycle}"
+        test = f"state={sequence.phase} run={sequence.run or '-'} cycle={sequence.cycle}"
         device = f"relays={self._device.relays.letter} lines={output.number} ms={output.milliseconds()}"
         battery = (
             f"v={text_of(volts, 3)} i={text_of(amperes, 3)} e={text_of(sequence.energy, 4)} t={text_of(degrees, 1)}"
@@ -134,12 +134,12 @@ class Commands:
     def _start(self, fields: tuple[str, ...]) -> str:
         run, settings = _values(fields, run=_RUN, settings=_CRC)
         sequence = self._sequence
-        if sequence.state in RUNNING and run == sequence.run:
+        if sequence.phase in RUNNING and run == sequence.run:
             self._device.beat()
             return f"run={run}"
         self._refuse_running()
-        if sequence.state != "IDLE":
-            raise _Refusal("STATE", sequence.state)
+        if sequence.phase != "IDLE":
+            raise _Refusal("STATE", sequence.phase)
         if run == sequence.run:
             raise _Refusal("RUN", run)
         if settings != self._settings.check():
@@ -153,8 +153,8 @@ class Commands:
 
     def _beat(self, fields: tuple[str, ...]) -> str:
         (run,) = _values(fields, run=_RUN)
-        if self._sequence.state not in RUNNING:
-            raise _Refusal("STATE", self._sequence.state)
+        if self._sequence.phase not in RUNNING:
+            raise _Refusal("STATE", self._sequence.phase)
         if run != self._sequence.run:
             raise _Refusal("RUN", self._sequence.run)
         self._device.beat()
@@ -163,7 +163,7 @@ class Commands:
     def _stop(self, fields: tuple[str, ...]) -> str:
         _values(fields)
         self._device.stop()
-        return f"state={self._sequence.state}"
+        return f"state={self._sequence.phase}"
 
     def _clear(self, fields: tuple[str, ...]) -> str:
         _values(fields)
@@ -172,7 +172,7 @@ class Commands:
         return "state=IDLE"
 
     def _refuse_running(self) -> None:
-        if self._sequence.state in RUNNING:
+        if self._sequence.phase in RUNNING:
             raise _Refusal("BUSY", self._sequence.run)
 
 

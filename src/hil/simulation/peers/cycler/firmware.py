@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import cast
-
 from hil.simulation.faults import Faults
 from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.cycler.article import LINE_S, Article, Reading
@@ -15,6 +12,7 @@ from hil.simulation.peers.cycler.relays import Relays
 from hil.simulation.peers.cycler.sequence import RUNNING, Sequence
 from hil.simulation.peers.cycler.settings import Settings
 from hil.simulation.peers.obc_link.timing import BoardClock
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
 __all__ = ["Firmware"]
@@ -25,7 +23,7 @@ _MOST_AHEAD = 64
 _CODES = {"CHARGE": b"C", "DISCHARGE": b"D", "REST": b"R"}
 
 
-class Firmware:
+class Firmware(Stateful):
     """The device. It has power from the epoch on, and its banner is long gone by then.
 
     Args:
@@ -36,6 +34,21 @@ class Firmware:
         boots: starts so far.
         faults: what goes wrong; a `reset` is a dip of its supply.
     """
+
+    boots: Kept[int]
+    reset_reason: Kept[str]
+    _next_us: Kept[int]
+    _beaten_us: Kept[int]
+    settings: Kept[Settings]
+    sequence: Kept[Sequence]
+    relays: Kept[Relays]
+    output: Kept[Output]
+    _reader: Kept[LineReader]
+    _device_clock: Kept[BoardClock]
+    _boot: Kept[Alarm]
+    _tick: Kept[Alarm]
+    _silence: Kept[Alarm]
+    _dips: Kept[Alarms]
 
     def __init__(
         self, article: Article, relays: Relays, output: Output, device_clock: BoardClock, *, boots: int, faults: Faults
@@ -56,10 +69,6 @@ class Firmware:
         self._next_us = _LINE_US
         self._beaten_us = 0
         self._clock: PeerClock
-        self._boot: Alarm
-        self._tick: Alarm
-        self._silence: Alarm
-        self._dips: Alarms
 
     def attach(self, line: Line, clock: PeerClock) -> None:
         """Connect the line, and start what comes unasked."""
@@ -83,7 +92,7 @@ class Firmware:
         if self._boot.due_ns is not None or not data:
             return
         if not self.article.extended:
-            if self.sequence.state == "IDLE":
+            if self.sequence.phase == "IDLE":
                 self.start("-")
                 self._tell()
             return
@@ -109,7 +118,7 @@ class Firmware:
     def stop(self) -> None:
         """Open the relays, and end a test; the mark follows the reply."""
         self.relays.open()
-        if self.sequence.state in RUNNING:
+        if self.sequence.phase in RUNNING:
             self.sequence.stop()
             self._marks.append("TEST STOPPED")
             self._wait()
@@ -117,39 +126,6 @@ class Firmware:
     def beat(self) -> None:
         """Take a heartbeat."""
         self._beaten_us = self._now_us()
-
-    def state(self) -> Mapping[str, object]:
-        """Return everything that goes on."""
-        return {
-            "boots": self.boots,
-            "reset_reason": self.reset_reason,
-            "next_us": self._next_us,
-            "beaten_us": self._beaten_us,
-            "settings": dict(self.settings.values),
-            "sequence": dict(self.sequence.saved()),
-            "relays": dict(self.relays.state()),
-            "output": dict(self.output.state()),
-            "reader": dict(self._reader.state()),
-            "clock": dict(self._device_clock.state()),
-            "boot": self._boot.state(),
-            "tick": self._tick.state(),
-            "silence": self._silence.state(),
-            "dips": self._dips.state(),
-        }
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self.boots, self.reset_reason = cast("int", state["boots"]), cast("str", state["reset_reason"])
-        self._next_us, self._beaten_us = cast("int", state["next_us"]), cast("int", state["beaten_us"])
-        self.settings.values = dict(cast("dict[str, int]", state["settings"]))
-        for name, part in (("relays", self.relays), ("output", self.output), ("reader", self._reader)):
-            part.restore(cast("dict[str, object]", state[name]))
-        self.sequence.restore(cast("dict[str, object]", state["sequence"]))
-        self._device_clock.restore(cast("dict[str, object]", state["clock"]))
-        self._boot.restore(state["boot"])
-        self._tick.restore(state["tick"])
-        self._silence.restore(state["silence"])
-        self._dips.restore(state["dips"])
 
     def _now_us(self) -> int:
         return self._device_clock.at(self._clock.now_ns())
@@ -185,7 +161,7 @@ class Firmware:
 
     def _lines(self) -> None:
         """Tell the line that is due, and those that follow it before anything else happens."""
-        state = self.sequence.state
+        state = self.sequence.phase
         if state not in RUNNING:
             self.output.numbered(f"{state} {self.sequence.reason}".rstrip())
             self._wait()
@@ -231,7 +207,7 @@ class Firmware:
         self._marks += marks
         if marks:
             self._tell()
-            if self.sequence.state not in RUNNING:
+            if self.sequence.phase not in RUNNING:
                 self._wait()
 
     def _wait(self) -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from binascii import crc_hqx
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import cast
+
+from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["Command", "LineReader", "crc", "parse", "seal"]
 
@@ -43,8 +43,10 @@ def parse(line: bytes) -> Command | None:
     return Command(match[2].decode("ascii"), name, tuple(fields))
 
 
-class LineReader:
+class LineReader(Stateful):
     """Cuts what comes into lines; of a line that is too long only so much is kept that it is seen to be."""
+
+    _rest: Kept[bytes]
 
     def __init__(self) -> None:
         self._rest = b""
@@ -58,14 +60,6 @@ class LineReader:
         *lines, rest = (self._rest + data).split(b"\n")
         self._rest = rest[:_LONGEST]
         return [None if len(line) >= _LONGEST else parse(line.removesuffix(b"\r")) for line in lines if _holds(line)]
-
-    def state(self) -> Mapping[str, object]:
-        """Return the unfinished line."""
-        return {"rest": self._rest.hex()}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self._rest = bytes.fromhex(cast("str", state["rest"]))
 
 
 def _holds(line: bytes) -> bool:

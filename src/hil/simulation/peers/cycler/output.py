@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import cast
+from collections.abc import Iterable
 
 from hil.simulation.faults import Faults
 from hil.simulation.peers.cycler.article import Reading
 from hil.simulation.peers.cycler.framing import seal
 from hil.simulation.peers.obc_link.timing import BoardClock
 from hil.simulation.seeds import Stream
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
 __all__ = ["Output"]
@@ -21,7 +21,7 @@ _NUMBERS = b"%.3f;%.3f;%.4f;%.1f"
 _DATA = _NUMBERS + b";%d;%d;%b"
 
 
-class Output:
+class Output(Stateful):
     """Sends lines, in level 2 numbered, timed and sealed.
 
     The fault `lost-lines` swallows as many lines as it says, `torn-lines` cuts a piece out of some of them.
@@ -32,6 +32,10 @@ class Output:
         faults: what goes wrong.
         chance: decides which lines are torn, and where.
     """
+
+    number: Kept[int]
+    _sent: Kept[int]
+    _swallowed: Kept[list[int]]
 
     def __init__(self, *, extended: bool, device_clock: BoardClock, faults: Faults, chance: Stream) -> None:
         self.number = 1
@@ -84,15 +88,9 @@ class Output:
         """Send a reply."""
         self._send(seal(text.encode("ascii")))
 
-    def state(self) -> Mapping[str, object]:
-        """Return the counters."""
-        return {"number": self.number, "sent": self._sent, "swallowed": list(self._swallowed)}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self.number, self._sent = cast("int", state["number"]), cast("int", state["sent"])
-        swallowed = cast("list[int]", state["swallowed"])
-        self._swallowed[: len(swallowed)] = swallowed
+    def restored(self) -> None:
+        """Count for faults that were added since, too."""
+        self._swallowed += [0] * (len(self._lost) - len(self._swallowed))
 
     def _send(self, data: bytes, after_ns: int = 0) -> None:
         self._sent += 1

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import cast
 
 from hil.simulation.faults import Faults
 from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.power import Power
 from hil.simulation.plants.terminal import InputPoint
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import PeerClock
 
 __all__ = ["CHARGE", "DISCHARGE", "Relays"]
@@ -17,7 +17,7 @@ CHARGE, DISCHARGE = "charge", "discharge"
 _PAUSE_NS = 100_000_000
 
 
-class Relays:
+class Relays(Stateful):
     """Coils as the firmware drives them, and contacts that follow unless they are stuck.
 
     The fault `stuck-relay` keeps a contact where it is while the fault lasts. Without power no coil holds its contact.
@@ -28,6 +28,12 @@ class Relays:
         power: of the coils.
     """
 
+    _coil: Kept[str]
+    _coming: Kept[str]
+    _closed: Kept[dict[str, bool]]
+    _pause: Kept[Alarm]
+    _freed: Kept[Alarms]
+
     def __init__(self, contacts: Mapping[str, InputPoint], faults: Faults, power: Power) -> None:
         self._points = contacts
         self._power = power
@@ -36,8 +42,6 @@ class Relays:
         self._coming = ""
         self._closed = {CHARGE: False, DISCHARGE: False}
         self._clock: PeerClock
-        self._pause: Alarm
-        self._freed: Alarms
 
     def attach(self, clock: PeerClock) -> None:
         """Take the clock; both are open."""
@@ -62,23 +66,6 @@ class Relays:
         self.open()
         self._coming = relay
         self._pause.set(self._clock.now_ns() + _PAUSE_NS)
-
-    def state(self) -> Mapping[str, object]:
-        """Return coils and contacts."""
-        return {
-            "coil": self._coil,
-            "coming": self._coming,
-            "closed": dict(self._closed),
-            "pause": self._pause.state(),
-            "freed": self._freed.state(),
-        }
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned; the plants know their inputs themselves."""
-        self._coil, self._coming = cast("str", state["coil"]), cast("str", state["coming"])
-        self._closed = dict(cast("dict[str, bool]", state["closed"]))
-        self._pause.restore(state["pause"])
-        self._freed.restore(state["freed"])
 
     def _close(self) -> None:
         self._coil, self._coming = self._coming, ""

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
-from typing import cast
 
 from hil.simulation.peers.cycler.article import LINE_S, Reading
 from hil.simulation.peers.cycler.relays import CHARGE, DISCHARGE, Relays
 from hil.simulation.peers.cycler.settings import Settings
+from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["RUNNING", "Sequence"]
 
@@ -20,14 +19,13 @@ _COLDEST, _HOTTEST = -400, 1250
 _WITHOUT_CURRENT, _WITHOUT_REST = 12, 3
 _UW_PER_DIGIT = 72_000  # 0.1 mWh is 100 uWh; a line of 1 uW is 5 / 3600 uWh
 _NEVER = (1, 0) * 4
-_KEPT = ("state", "reason", "run", "cycle", "_lines", "_power", "_flow", "_row")
 
 
-class Sequence:
+class Sequence(Stateful):
     """States and sums of a test; marks are returned, relays are driven.
 
     Attributes:
-        state: as the reply to STATE has it.
+        phase: the state as the reply to STATE has it.
         reason: what tripped it.
         run: the last run, empty where there was none.
         cycle: the present one, or the last.
@@ -38,6 +36,16 @@ class Sequence:
         relays: what a half-cycle closes.
     """
 
+    phase: Kept[str]
+    reason: Kept[str]
+    run: Kept[str]
+    cycle: Kept[int]
+    _after_rest: Kept[str]
+    _lines: Kept[int]
+    _power: Kept[int]
+    _flow: Kept[int]
+    _row: Kept[int]
+
     def __init__(self, *, extended: bool, settings: Settings, relays: Relays) -> None:
         self._extended = extended
         self._settings = settings
@@ -46,7 +54,7 @@ class Sequence:
 
     def reset(self) -> None:
         """Be as after a reset; the relays are the caller's."""
-        self.state, self.reason, self.run, self.cycle = "IDLE", "", "", 0
+        self.phase, self.reason, self.run, self.cycle = "IDLE", "", "", 0
         self._after_rest = CHARGE
         self._calm: tuple[int, ...] = _NEVER
         self._lines = self._power = self._flow = self._row = 0
@@ -73,7 +81,7 @@ class Sequence:
 
     def clear(self) -> None:
         """Be ready for another test."""
-        self.state, self.reason = "IDLE", ""
+        self.phase, self.reason = "IDLE", ""
 
     def take(self, readings: list[Reading]) -> list[int]:
         """Add data lines to the sums up to the first from which something may follow; return the energy of each.
@@ -81,7 +89,7 @@ class Sequence:
         Nearly all of them are calm: nothing follows. `add` and `judge` tell what follows from the others.
         """
         low_volts, high_volts, low_amperes, high_amperes, low_degrees, high_degrees, most_lines, most_flow = self._calm
-        rests, power, flow = self.state == "REST", self._power, self._flow
+        rests, power, flow = self.phase == "REST", self._power, self._flow
         energies: list[int] = []
         for volts, amperes, degrees in readings[: max(0, most_lines - self._lines)]:
             flows = abs(amperes)
@@ -105,7 +113,7 @@ class Sequence:
         """Add a data line to the sums, and return the energy that it shows."""
         volts, amperes, _ = reading
         self._lines += 1
-        if self.state != "REST":
+        if self.phase != "REST":
             self._power += abs(volts * amperes)
             self._flow += abs(amperes)
         return self.energy
@@ -134,30 +142,23 @@ class Sequence:
             return "TMAX"
         return "TMIN" if degrees < limit["tmin"] else ""
 
-    def saved(self) -> Mapping[str, object]:
-        """Return everything as JSON values."""
-        return {"after_rest": self._after_rest} | {name.strip("_"): getattr(self, name) for name in _KEPT}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `saved` returned."""
-        self._after_rest = cast("str", state["after_rest"])
-        for name in _KEPT:
-            setattr(self, name, state[name.strip("_")])
+    def restored(self) -> None:
+        """Know again from which data lines nothing follows."""
         self._calm = self._bounds()
 
     def _half_ended(self, reading: Reading) -> bool:
         volts, amperes, _ = reading
         limit = self._settings.values
-        if self.state == "CHARGE":
+        if self.phase == "CHARGE":
             return amperes <= limit["iend"] and (not self._extended or volts >= limit["vfull"])
-        if self.state == "DISCHARGE":
+        if self.phase == "DISCHARGE":
             return volts <= limit["vend"]
         return self._lines * LINE_S >= limit["rest"]
 
     def _limit(self, reading: Reading, *, ended: bool) -> str:
         reason = self.outside(reading)
         limit = self._settings.values
-        resting = self.state == "REST"
+        resting = self.phase == "REST"
         if not reason and not resting:
             if not ended and self._lines * LINE_S > limit["time"]:
                 return "TIME"
@@ -171,14 +172,14 @@ class Sequence:
         if resting:
             wrong, most, reason = abs(amperes) > limit["iend"], _WITHOUT_REST, "RELAY"
         else:
-            full = self.state == "CHARGE" and volts >= limit["vfull"]
+            full = self.phase == "CHARGE" and volts >= limit["vfull"]
             wrong, most, reason = abs(amperes) < limit["iend"] and not full, _WITHOUT_CURRENT, "CURRENT"
         self._row = self._row + 1 if wrong else 0
         return reason if self._row >= most else ""
 
     def _next_half(self) -> list[str]:
         """Go on from the end of a charge, a discharge, or a rest."""
-        ended, rests = self.state, self._settings.values["rest"] > 0
+        ended, rests = self.phase, self._settings.values["rest"] > 0
         if ended == "REST":
             return [self._charge()] if self._after_rest == CHARGE else self._discharge()
         self._relays.open()
@@ -204,7 +205,7 @@ class Sequence:
         return []
 
     def _begin_half(self, state: str) -> None:
-        self.state = state
+        self.phase = state
         self._lines = self._power = self._flow = self._row = 0
         self._calm = self._bounds()
 
@@ -212,12 +213,12 @@ class Sequence:
         """Return lowest and highest readings, most lines and most charge from which nothing follows in this half."""
         limit = self._settings.values
         most = limit["time"] // LINE_S, limit["charge"] * _S_PER_H // LINE_S
-        if self.state == "CHARGE":
+        if self.phase == "CHARGE":
             volts, amperes = (limit["vmin"], limit["vmax"]), (limit["iend"] + 1, limit["imax"])
-        elif self.state == "DISCHARGE":
+        elif self.phase == "DISCHARGE":
             volts = max(limit["vmin"], limit["vend"] + 1), limit["vmax"]
             amperes = -limit["imax"], -limit["iend"]
-        elif self.state == "REST":
+        elif self.phase == "REST":
             volts, amperes = (limit["vmin"], limit["vmax"]), (-limit["iend"], limit["iend"])
             most = (limit["rest"] - 1) // LINE_S, sys.maxsize
         else:
@@ -226,4 +227,4 @@ class Sequence:
 
     def _finish(self, state: str) -> None:
         self._relays.open()
-        self.state = state
+        self.phase = state

@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass
 
 from hil.simulation.peers.cycler.framing import crc
+from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["TABLE", "Settings", "text_of"]
 
@@ -45,8 +46,10 @@ def text_of(value: int, decimals: int) -> str:
     return f"{value / 10**decimals:.{decimals}f}"
 
 
-class Settings:
+class Settings(Stateful):
     """The values that hold; the page's defaults unless an article has others for the four that level 1 has too."""
+
+    values: Kept[dict[str, int]]
 
     def __init__(self, defaults: dict[str, int]) -> None:
         self._defaults = {name: row.default for name, row in TABLE.items()} | defaults

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import cast
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Faults
 from hil.simulation.peers.esp301.errors import EspError
 from hil.simulation.plants.terminal import InputPoint, SignalPoint
+from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["Axis", "Drive", "StageTruth"]
 
@@ -58,7 +57,7 @@ class Drive:
             self.rate.command(rate)
 
 
-class Axis:
+class Axis(Stateful):
     """The axis with the rotation stage.
 
     The controller's velocity is the one that it commands, not the encoder's: a stage that slips shows in
@@ -70,6 +69,17 @@ class Axis:
         drive: what it moves.
         faults: what goes wrong.
     """
+
+    unit: Kept[int]
+    limits: Kept[tuple[float, float]]
+    velocity: Kept[float]
+    acceleration: Kept[float]
+    deceleration: Kept[float]
+    powered: Kept[bool]
+    _direction: Kept[int]
+    _since_ns: Kept[int]
+    _from: Kept[float]
+    _slope: Kept[float]
 
     def __init__(self, number: int, stage: StageTruth, drive: Drive, faults: Faults) -> None:
         self.number = number
@@ -151,17 +161,6 @@ class Axis:
             self._drive.grip.command(self._grip(now_ns))
         if not self._direction and self._faults.now("no-stop", now_ns) is None:
             self._drive.command(0.0, self._slope)
-
-    def state(self) -> Mapping[str, object]:
-        """Return settings and motion as JSON values."""
-        return {**{key: getattr(self, key) for key in _STATE}, "limits": list(self.limits)}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned; the plant restores itself."""
-        for key in _STATE:
-            setattr(self, key, state[key])
-        low, high = cast("list[float]", state["limits"])
-        self.limits = (low, high)
 
     def _grip(self, now_ns: int) -> float:
         if self._faults.now("stalled", now_ns) is not None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from typing import cast
 
 from hil.simulation.faults import Faults
 from hil.simulation.peers.esp301.axis import Axis
 from hil.simulation.peers.esp301.errors import ErrorBuffer, EspError
+from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["CommandSet"]
 
@@ -25,7 +25,7 @@ _Ask = Callable[[Axis], str]
 _Set = Callable[[Axis, str], None]
 
 
-class CommandSet:
+class CommandSet(Stateful):
     """Executes command lines on the axis that has a stage; the other two have none.
 
     Args:
@@ -33,6 +33,8 @@ class CommandSet:
         axis: the first axis.
         faults: what goes wrong.
     """
+
+    errors: Kept[ErrorBuffer]
 
     def __init__(self, version: str, axis: Axis, faults: Faults) -> None:
         self.errors = ErrorBuffer()
@@ -51,14 +53,6 @@ class CommandSet:
             return []
         answers = (self._one("".join(text.split()).upper()) for text in line.split(";"))
         return [answer for answer in answers if answer is not None]
-
-    def state(self) -> Mapping[str, object]:
-        """Return the error buffer."""
-        return {"errors": [list(entry) for entry in self.errors.entries]}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self.errors.entries = [(code, ticks) for code, ticks in cast("list[list[int]]", state["errors"])]
 
     def _one(self, text: str) -> str | None:
         if not text:

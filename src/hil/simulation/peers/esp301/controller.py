@@ -13,14 +13,12 @@ watched; `TV?` gives what the controller commands.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import cast
-
 from hil.clock.port import NANOSECONDS
 from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.esp301.axis import Axis, Drive, StageTruth
 from hil.simulation.peers.esp301.commands import CommandSet
 from hil.simulation.peers.model import PeerModel, PeerSetup
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
 __all__ = ["MODEL", "Esp301", "build"]
@@ -29,7 +27,7 @@ _LONGEST_INBOX = 1024
 _DEGREE = 7
 
 
-class Esp301:
+class Esp301(Stateful):
     """The controller.
 
     Args:
@@ -38,16 +36,21 @@ class Esp301:
         command_ns: how long a line takes.
     """
 
+    _axis: Kept[Axis]
+    _commands: Kept[CommandSet]
+    _inbox: Kept[bytes]
+    _lines: Kept[list[str]]
+    _due: Kept[Alarm]
+    _changes: Kept[Alarms]
+
     def __init__(self, commands: CommandSet, axis: Axis, command_ns: int) -> None:
         self._commands = commands
         self._axis = axis
         self._command_ns = command_ns
         self._inbox = b""
-        self._lines: list[str] = []
+        self._lines = []
         self._line: Line
         self._clock: PeerClock
-        self._due: Alarm
-        self._changes: Alarms
 
     def attach(self, line: Line, clock: PeerClock) -> None:
         """Connect the line; the motor starts off."""
@@ -67,26 +70,6 @@ class Esp301:
             self._lines.append(line.decode("latin-1"))
             if len(self._lines) == 1:
                 self._begin()
-
-    def state(self) -> Mapping[str, object]:
-        """Return axis, error buffer and what is still to be executed."""
-        return {
-            "axis": dict(self._axis.state()),
-            "commands": dict(self._commands.state()),
-            "inbox": self._inbox.hex(),
-            "lines": list(self._lines),
-            "due": self._due.state(),
-            "changes": self._changes.state(),
-        }
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self._axis.restore(cast("dict[str, object]", state["axis"]))
-        self._commands.restore(cast("dict[str, object]", state["commands"]))
-        self._inbox = bytes.fromhex(cast("str", state["inbox"]))
-        self._lines = list(cast("list[str]", state["lines"]))
-        self._due.restore(state["due"])
-        self._changes.restore(state["changes"])
 
     def _begin(self) -> None:
         self._due.set(self._clock.now_ns() + self._command_ns)

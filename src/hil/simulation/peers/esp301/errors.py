@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from hil.wire.checkpoint import Kept, Stateful
+
 __all__ = ["ErrorBuffer", "EspError"]
 
 _DEPTH = 10
@@ -33,11 +35,13 @@ class EspError(Exception):
         self.code = code
 
 
-class ErrorBuffer:
+class ErrorBuffer(Stateful):
     """A first-in, first-out buffer; where it is full, the oldest entry is lost."""
 
+    entries: Kept[list[tuple[int, int]]]
+
     def __init__(self) -> None:
-        self.entries: list[tuple[int, int]] = []
+        self.entries = []
 
     def push(self, code: int, ticks: int) -> None:
         """Add an error."""

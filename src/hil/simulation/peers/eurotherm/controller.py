@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import cast
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Faults
@@ -22,6 +21,7 @@ from hil.simulation.peers.eurotherm.sensor_input import SensorInput
 from hil.simulation.peers.modbus_rtu import FrameReader, checked, seal
 from hil.simulation.peers.power import Power
 from hil.simulation.plants.terminal import InputPoint
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
 __all__ = ["Eurotherm3216", "Make"]
@@ -68,7 +68,7 @@ class Make:
         return _UNITS[self.unit][0]
 
 
-class Eurotherm3216:
+class Eurotherm3216(Stateful):
     """One loop that takes its turns on the bench's time, from the first one on.
 
     The fault `stuck` lets nothing of the output reach the cooler, `runaway` all that there is, in the direction that
@@ -82,6 +82,13 @@ class Eurotherm3216:
         power: of the amplifier between output and cooler; without it nothing drives the cooler.
         faults: what goes wrong.
     """
+
+    _memory: Kept[Memory]
+    _regulation: Kept[Regulation]
+    _reader: Kept[FrameReader]
+    _remote_ns: Kept[int]
+    _next_turn: Kept[Alarm]
+    _asked: Kept[float]
 
     def __init__(
         self,
@@ -107,7 +114,6 @@ class Eurotherm3216:
         self._remote_ns = -_REMOTE_NS - 1
         self._line: Line
         self._clock: PeerClock
-        self._next_turn: Alarm
 
     @property
     def writes(self) -> Mapping[int, int]:
@@ -118,34 +124,18 @@ class Eurotherm3216:
         """Connect the line; the first turn is taken at once."""
         self._line = line
         self._clock = clock
+        self._reader.attach(clock)
         self._next_turn = Alarm(clock, self._turn)
         self._next_turn.set(clock.now_ns())
         self._power.listen(self._amplify)
 
     def receive(self, data: bytes) -> None:
         """Take bytes of the line."""
-        self._reader.receive(data, self._clock)
+        self._reader.receive(data)
 
-    def state(self) -> Mapping[str, object]:
-        """Return parameters, control terms, the next turn, and the unfinished frame."""
-        return {
-            "memory": dict(self._memory.state()),
-            "regulation": dict(self._regulation.state()),
-            "reader": dict(self._reader.state()),
-            "remote_ns": self._remote_ns,
-            "turn": self._next_turn.state(),
-            "asked": self._asked,
-        }
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self._memory.restore(cast("dict[str, object]", state["memory"]))
+    def restored(self) -> None:
+        """Read the tuning from what was restored."""
         self._tuned = None
-        self._regulation.restore(cast("dict[str, object]", state["regulation"]))
-        self._reader.restore(cast("dict[str, object]", state["reader"]), self._clock)
-        self._remote_ns = cast("int", state["remote_ns"])
-        self._next_turn.restore(state["turn"])
-        self._asked = cast("float", state["asked"])
 
     def _turn(self) -> None:
         """Convert, regulate, drive the output, and show all of it."""

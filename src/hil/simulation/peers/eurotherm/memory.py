@@ -6,9 +6,9 @@ proportional band one. A setpoint beyond its limits is clipped, an address that 
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
-from typing import cast
+
+from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = [
     "AUTOMATIC",
@@ -82,7 +82,7 @@ class NoSuchParameter(Exception):
     """The address is not listed, or cannot be written."""
 
 
-class Memory:
+class Memory(Stateful):
     """Values by address, as signed 16-bit numbers.
 
     Args:
@@ -93,9 +93,12 @@ class Memory:
             100,000 times.
     """
 
+    _values: Kept[dict[int, int]]
+    writes: Kept[dict[int, int]]
+
     def __init__(self, values: Mapping[int, int]) -> None:
         self._values = dict(values)
-        self.writes: Counter[int] = Counter()
+        self.writes = {}
 
     def __getitem__(self, address: int) -> int:
         if address == TARGET_SETPOINT:
@@ -124,20 +127,8 @@ class Memory:
             value = min(max(value, self[SETPOINT_LOW]), self[SETPOINT_HIGH])
         self._values[self._real(address)] = value
         if address not in _LOST_WITHOUT_POWER:
-            self.writes[self._real(address)] += 1
-
-    def state(self) -> Mapping[str, object]:
-        """Return values and counts."""
-        return {
-            "values": {str(address): value for address, value in self._values.items()},
-            "writes": {str(address): count for address, count in self.writes.items()},
-        }
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self._values = {int(address): value for address, value in cast("dict[str, int]", state["values"]).items()}
-        counts = cast("dict[str, int]", state["writes"])
-        self.writes = Counter({int(address): count for address, count in counts.items()})
+            address = self._real(address)
+            self.writes[address] = self.writes.get(address, 0) + 1
 
     def _real(self, address: int) -> int:
         return SETPOINTS[self._values[SETPOINT_SELECT]] if address == TARGET_SETPOINT else address

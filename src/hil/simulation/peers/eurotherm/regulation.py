@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import cast
+
+from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["Regulation", "Tuning"]
 
@@ -43,12 +43,15 @@ class Tuning:
         return demand * self.band / 100 - error
 
 
-class Regulation:
+class Regulation(Stateful):
     """One loop; the integral term stands still while it would only drive the output further into its limit."""
+
+    _total: Kept[float]
+    _last: Kept[float | None]
 
     def __init__(self) -> None:
         self._total = 0.0
-        self._last: float | None = None
+        self._last = None
 
     def clear(self) -> None:
         """Begin anew, as after standby."""
@@ -69,12 +72,3 @@ class Regulation:
         pushes = (wanted > tuning.high and error > 0) or (wanted < tuning.low and error < 0)
         self._total = self._total if pushes else total
         return tuning.limited(tuning.raw(error, self._total, slope))
-
-    def state(self) -> Mapping[str, object]:
-        """Return integral term and last value."""
-        return {"total": self._total, "last": self._last}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self._total = cast("float", state["total"])
-        self._last = cast("float | None", state["last"])

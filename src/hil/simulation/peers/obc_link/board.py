@@ -8,8 +8,7 @@ events 2 and 3, code HARDWARE), and a frame that a reset cuts short.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import cast
+from collections.abc import Sequence
 
 from hil.simulation.faults import Faults
 from hil.simulation.peers.alarm import Alarm, Alarms
@@ -22,6 +21,7 @@ from hil.simulation.peers.obc_link.stream import STREAM_USER, Stream
 from hil.simulation.peers.obc_link.timing import BoardClock
 from hil.simulation.peers.obc_link.uart import Uart
 from hil.simulation.seeds import Stream as Noise
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import BusPeer, Line, PeerClock
 
 __all__ = ["ObcBoard"]
@@ -34,7 +34,7 @@ _POWER_ON, _WATCHDOG_RESET = 1, 4
 _NS_PER_MS = 1_000_000
 
 
-class ObcBoard:
+class ObcBoard(Stateful):
     """The board: takes one request at a time, remembers the last, and streams by itself.
 
     It has had power since before the epoch. The fault `reset` resets it, as its independent watchdog would.
@@ -48,6 +48,21 @@ class ObcBoard:
         boots: its boot counter at the epoch.
         times_ns: from a request to its execution, and from a reset to the boot notice.
     """
+
+    _board_clock: Kept[BoardClock]
+    _reader: Kept[FrameReader]
+    _bus: Kept[BoardBus]
+    _uart: Kept[Uart]
+    _stream: Kept[Stream]
+    _commands: Kept[Commands]
+    tally: Kept[Tally]
+    watchdog_ms: Kept[int]
+    _requests: Kept[list[tuple[Frame, int]]]
+    _last: Kept[tuple[Frame, bytes] | None]
+    _work: Kept[Alarm]
+    _dog: Kept[Alarm]
+    _booting: Kept[Alarm]
+    _resets: Kept[Alarms]
 
     def __init__(
         self,
@@ -71,13 +86,9 @@ class ObcBoard:
         self._commands = Commands(article, noise, (clock, self._bus, self._stream, self._uart), self)
         self.tally = Tally(boots=boots, reason=_POWER_ON)
         self.watchdog_ms = 0
-        self._requests: list[tuple[Frame, int]] = []
-        self._last: tuple[Frame, bytes] | None = None
+        self._requests = []
+        self._last = None
         self._clock: PeerClock
-        self._work: Alarm
-        self._dog: Alarm
-        self._booting: Alarm
-        self._resets: Alarms
 
     def serve(self, peers: Sequence[BusPeer]) -> None:
         """Put devices on the board's bus."""
@@ -124,46 +135,6 @@ class ObcBoard:
         """Remember the reply of the request that is being executed, and send it."""
         self._last = (self._requests[0][0], payload)
         self._send(payload)
-
-    def state(self) -> Mapping[str, object]:
-        """Return everything that the board would need to go on."""
-        tally = self.tally
-        return {
-            "clock": self._board_clock.state(),
-            "reader": self._reader.state(),
-            "bus": self._bus.state(),
-            "uart": self._uart.state(),
-            "stream": self._stream.state(),
-            "commands": self._commands.state(),
-            "tally": [tally.boots, tally.reason, tally.usable, tally.unusable, tally.overruns, tally.events],
-            "watchdog_ms": self.watchdog_ms,
-            "requests": [[frame.content, received_us] for frame, received_us in self._requests],
-            "last": [self._last[0].content, self._last[1].hex()] if self._last else None,
-            "alarms": [self._work.state(), self._dog.state(), self._booting.state(), self._resets.state()],
-        }
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        parts = (
-            ("clock", self._board_clock),
-            ("reader", self._reader),
-            ("bus", self._bus),
-            ("uart", self._uart),
-            ("stream", self._stream),
-            ("commands", self._commands),
-        )
-        for name, part in parts:
-            part.restore(cast("dict[str, object]", state[name]))
-        names = ("boots", "reason", "usable", "unusable", "overruns", "events")
-        self.tally = Tally(**dict(zip(names, cast("list[int]", state["tally"]), strict=True)))
-        self.watchdog_ms = cast("int", state["watchdog_ms"])
-        requests = cast("list[tuple[object, int]]", state["requests"])
-        self._requests = [(Frame.of(content), received_us) for content, received_us in requests]
-        last = cast("tuple[object, str] | None", state["last"])
-        self._last = (Frame.of(last[0]), bytes.fromhex(last[1])) if last else None
-        alarms: tuple[Alarm | Alarms, ...] = (self._work, self._dog, self._booting, self._resets)
-        for alarm, due in zip(alarms, cast("list[object]", state["alarms"]), strict=True):
-            alarm.restore(due)
 
     def _take(self, frame: Frame, received_ns: int) -> None:
         self.tally.usable += 1

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol, cast
+from typing import Protocol
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Faults
 from hil.simulation.peers.alarm import Alarm
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import BusPeer, Nack, PeerClock
 
 __all__ = ["NO_ADDRESS", "OK", "SLOWEST", "BoardBus", "BusUser"]
@@ -30,7 +31,7 @@ class BusUser(Protocol):
         ...
 
 
-class BoardBus:
+class BoardBus(Stateful):
     """The bus. A device that does not acknowledge is status 1: simulated devices know no other refusal.
 
     The fault `nack` lets an address not acknowledge while it lasts.
@@ -39,15 +40,18 @@ class BoardBus:
         faults: what goes wrong.
     """
 
+    frequency_hz: Kept[int]
+    _line_up: Kept[list[str]]
+    _through: Kept[Alarm]
+
     def __init__(self, faults: Faults) -> None:
         self.frequency_hz = SLOWEST
         self._faults = faults
         self._peers: dict[int, BusPeer] = {}
         self._users: dict[str, BusUser] = {}
-        self._line_up: list[str] = []
+        self._line_up = []
         self._bits = 0
         self._clock: PeerClock
-        self._through: Alarm
 
     def serve(self, peers: Sequence[BusPeer]) -> None:
         """Put devices on the bus."""
@@ -106,20 +110,6 @@ class BoardBus:
         """Write a register's number and read, with a repeated start."""
         status = self.write(address, bytes([register]))
         return self.read(address, length) if status == OK else (status, b"")
-
-    def state(self) -> Mapping[str, object]:
-        """Return who has the bus and who waits for it."""
-        return {
-            "frequency_hz": self.frequency_hz,
-            "line_up": list(self._line_up),
-            "through": self._through.state(),
-        }
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self.frequency_hz = cast("int", state["frequency_hz"])
-        self._line_up = list(cast("list[str]", state["line_up"]))
-        self._through.restore(state["through"])
 
     def _at(self, address: int) -> BusPeer:
         if address not in self._peers or self._faults.now("nack", self._clock.now_ns(), address):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol, cast
+from typing import Protocol
 
 from hil.simulation.peers.alarm import Alarm
 from hil.simulation.peers.obc_link.article import CHANNELS, FULL_SCALE, Article
@@ -27,6 +27,7 @@ from hil.simulation.peers.obc_link.stream import Stream
 from hil.simulation.peers.obc_link.timing import BoardClock
 from hil.simulation.peers.obc_link.uart import Uart
 from hil.simulation.seeds import Stream as Noise
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import PeerClock
 
 __all__ = ["MINOR", "READING", "REQUEST_USER", "Commands", "Tally", "Watch"]
@@ -78,7 +79,7 @@ class Watch(Protocol):
         ...
 
 
-class Commands:
+class Commands(Stateful):
     """Executes one request after the other.
 
     Args:
@@ -88,6 +89,11 @@ class Commands:
         board: the board as a whole.
     """
 
+    _messages: Kept[tuple[Message, ...]]
+    _later: Kept[bytes]
+    _stopping: Kept[bool]
+    _converted: Kept[Alarm]
+
     def __init__(
         self, article: Article, noise: Noise, parts: tuple[BoardClock, BoardBus, Stream, Uart], board: Watch
     ) -> None:
@@ -95,12 +101,11 @@ class Commands:
         self._noise = noise
         self._board_clock, self._bus, self._stream, self._uart = parts
         self._board = board
-        self._messages: tuple[Message, ...] = ()
+        self._messages = ()
         self._later = b""
         self._stopping = False
         self._received_us = 0
         self._clock: PeerClock
-        self._converted: Alarm
         self._known: Mapping[int, Callable[[bytes], bytes | None]] = {
             0x01: self._identify,
             0x02: self._time,
@@ -160,23 +165,6 @@ class Commands:
         """Forget the request that is being executed."""
         self._converted.clear()
         self._stopping = False
-
-    def state(self) -> Mapping[str, object]:
-        """Return what a request that takes its time still needs."""
-        return {
-            "messages": [[item.address, item.written.hex(), item.length] for item in self._messages],
-            "later": self._later.hex(),
-            "stopping": self._stopping,
-            "converted": self._converted.state(),
-        }
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        rows = cast("list[tuple[int, str, int]]", state["messages"])
-        self._messages = tuple(Message(address, bytes.fromhex(written), length) for address, written, length in rows)
-        self._later = bytes.fromhex(cast("str", state["later"]))
-        self._stopping = bool(state["stopping"])
-        self._converted.restore(state["converted"])
 
     def _give(self) -> None:
         self._board.answer(self._later)

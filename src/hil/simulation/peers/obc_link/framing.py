@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import binascii
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import cast
+
+from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["LARGEST", "OVERHEAD", "VERSION", "Frame", "FrameReader", "seal"]
 
@@ -30,20 +31,11 @@ class Frame:
     sequence: int
     payload: bytes
 
-    @property
-    def content(self) -> list[object]:
-        """The frame as JSON values."""
-        return [self.version, self.kind, self.sequence, self.payload.hex()]
 
-    @classmethod
-    def of(cls, content: object) -> Frame:
-        """Return the frame that `content` describes."""
-        version, kind, sequence, payload = cast("tuple[int, int, int, str]", content)
-        return cls(version=version, kind=kind, sequence=sequence, payload=bytes.fromhex(payload))
-
-
-class FrameReader:
+class FrameReader(Stateful):
     """Cuts what arrives at its delimiters; how the bytes are cut on their way does not matter."""
+
+    _held: Kept[bytearray]
 
     def __init__(self) -> None:
         self._held = bytearray()
@@ -62,14 +54,6 @@ class FrameReader:
     def clear(self) -> None:
         """Forget what has not ended."""
         self._held.clear()
-
-    def state(self) -> Mapping[str, object]:
-        """Return what has not ended yet."""
-        return {"held": self._held.hex()}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self._held = bytearray(bytes.fromhex(cast("str", state["held"])))
 
     def _hold(self, data: bytes) -> None:
         # One byte more than a frame can have is enough to know that it is none.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import cast
@@ -13,6 +13,7 @@ from hil.simulation.peers.obc_link.fields import FifoTransfer, Program, Register
 from hil.simulation.peers.obc_link.framing import seal
 from hil.simulation.peers.obc_link.timing import BoardClock
 from hil.simulation.peers.obc_link.uart import Uart
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import BusPeer, PeerClock
 
 __all__ = ["STREAM_DATA", "STREAM_USER", "Stream"]
@@ -32,7 +33,7 @@ class _Trigger:
     number: int | None
 
 
-class Stream:
+class Stream(Stateful):
     """Stream 0 of bus 0. The interrupt pins of all devices on the bus are joined at line 0; nothing is at line 1.
 
     Args:
@@ -41,6 +42,19 @@ class Stream:
         clock: the board's.
         ended: told when a stream that was stopped has finished its turns.
     """
+
+    lost_since_reset: Kept[int]
+    _request: Kept[bytes]
+    _counting: Kept[bool]
+    _start_us: Kept[int]
+    _ticks: Kept[int]
+    numbers: Kept[int]
+    lost: Kept[int]
+    _turn: Kept[_Trigger | None]
+    _next: Kept[_Trigger | None]
+    _result: Kept[bytes | None]
+    _timer: Kept[Alarm]
+    _turning: Kept[Alarm]
 
     def __init__(self, bus: BoardBus, uart: Uart, clock: BoardClock, ended: Callable[[], None]) -> None:
         self._bus = bus
@@ -55,12 +69,10 @@ class Stream:
         self._ticks = 0
         self.numbers = 0
         self.lost = 0
-        self._turn: _Trigger | None = None
-        self._next: _Trigger | None = None
-        self._result: bytes | None = None
+        self._turn = None
+        self._next = None
+        self._result = None
         self._clock: PeerClock
-        self._timer: Alarm
-        self._turning: Alarm
 
     def serve(self, peers: tuple[BusPeer, ...]) -> None:
         """Listen to the interrupt pins of the devices that have one."""
@@ -133,37 +145,10 @@ class Stream:
         else:
             self._ended()
 
-    def state(self) -> Mapping[str, object]:
-        """Return program, counters, and turns."""
-        return {
-            "lost_since_reset": self.lost_since_reset,
-            "request": self._request.hex(),
-            "counting": self._counting,
-            "start_us": self._start_us,
-            "ticks": self._ticks,
-            "numbers": self.numbers,
-            "lost": self.lost,
-            "turns": [[turn.at_us, turn.number] for turn in (self._turn, self._next) if turn is not None],
-            "result": None if self._result is None else self._result.hex(),
-            "timer": self._timer.state(),
-            "turning": self._turning.state(),
-        }
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self.lost_since_reset = cast("int", state["lost_since_reset"])
-        self._request = bytes.fromhex(cast("str", state["request"]))
+    def restored(self) -> None:
+        """Read the program again."""
         # It was allowed when it came, at a speed of the bus that may have changed since.
         self._program = program_of(self._request, float("inf"), lambda: None) if self._request else None
-        self._counting = bool(state["counting"])
-        self._start_us, self._ticks = cast("int", state["start_us"]), cast("int", state["ticks"])
-        self.numbers, self.lost = cast("int", state["numbers"]), cast("int", state["lost"])
-        turns = [_Trigger(*turn) for turn in cast("list[tuple[int, int | None]]", state["turns"])]
-        self._turn, self._next = (*turns, None, None)[:2]
-        result = cast("str | None", state["result"])
-        self._result = None if result is None else bytes.fromhex(result)
-        self._timer.restore(state["timer"])
-        self._turning.restore(state["turning"])
 
     def _arm_timer(self) -> None:
         if self._program is not None and self._program.period_us:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import cast
+from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["BoardClock"]
 
@@ -11,13 +10,16 @@ _PARTS = 10**12
 _PARTS_PER_US = _PARTS * 1000
 
 
-class BoardClock:
+class BoardClock(Stateful):
     """Microseconds since the board's last reset, by a crystal that is a little wrong.
 
     Args:
         drift: rate against the bench's clock minus 1; 0.0001 is 100 ppm fast.
         offset_us: what it shows at the bench's epoch, before any reset.
     """
+
+    _zero_ns: Kept[int]
+    _offset_us: Kept[int]
 
     def __init__(self, drift: float, offset_us: int) -> None:
         self._rate = _PARTS + round(drift * _PARTS)
@@ -35,12 +37,3 @@ class BoardClock:
     def instant(self, shown_us: int) -> int:
         """Return the first nanosecond of the bench at which the clock shows `shown_us`."""
         return self._zero_ns - (self._offset_us - shown_us) * _PARTS_PER_US // self._rate
-
-    def state(self) -> Mapping[str, object]:
-        """Return from where it counts."""
-        return {"zero_ns": self._zero_ns, "offset_us": self._offset_us}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self._zero_ns = cast("int", state["zero_ns"])
-        self._offset_us = cast("int", state["offset_us"])

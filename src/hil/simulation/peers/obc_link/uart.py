@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
-from typing import cast
+from collections.abc import Callable
 
 from hil.simulation.faults import Faults
 from hil.simulation.peers.alarm import Alarm, Alarms
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
 __all__ = ["Uart"]
 
 
-class Uart:
+class Uart(Stateful):
     """Sends whole frames.
 
     The fault `stall` lets stream frames wait while it lasts, so that the ring overflows; replies go on. The fault
@@ -26,19 +26,24 @@ class Uart:
         drained: told whenever no stream frame waits any more.
     """
 
+    _first: Kept[deque[bytes]]
+    _waiting: Kept[deque[bytes]]
+    _sending: Kept[int]
+    _swallowed: Kept[list[int]]
+    _free: Kept[Alarm]
+    _stalled: Kept[Alarms]
+
     def __init__(self, ns_per_byte: int, ring: int, faults: Faults, drained: Callable[[], None]) -> None:
         self.ns_per_byte = ns_per_byte
         self._ring = ring
         self._faults = faults
         self._drained = drained
-        self._first: deque[bytes] = deque()
-        self._waiting: deque[bytes] = deque()
+        self._first = deque()
+        self._waiting = deque()
         self._sending = 0
         self._swallowed = [0] * len(faults.of("lose-frames"))
         self._line: Line
         self._clock: PeerClock
-        self._free: Alarm
-        self._stalled: Alarms
 
     def attach(self, line: Line, clock: PeerClock) -> None:
         """Connect the line."""
@@ -82,26 +87,9 @@ class Uart:
         self._waiting.clear()
         self._sending = 0
 
-    def state(self) -> Mapping[str, object]:
-        """Return what waits."""
-        return {
-            "first": [frame.hex() for frame in self._first],
-            "waiting": [frame.hex() for frame in self._waiting],
-            "sending": self._sending,
-            "swallowed": list(self._swallowed),
-            "free": self._free.state(),
-            "stalled": self._stalled.state(),
-        }
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self._first = deque(bytes.fromhex(frame) for frame in cast("list[str]", state["first"]))
-        self._waiting = deque(bytes.fromhex(frame) for frame in cast("list[str]", state["waiting"]))
-        self._sending = cast("int", state["sending"])
-        swallowed = cast("list[int]", state["swallowed"])
-        self._swallowed[: len(swallowed)] = swallowed
-        self._free.restore(state["free"])
-        self._stalled.restore(state["stalled"])
+    def restored(self) -> None:
+        """Count for faults that were added since, too."""
+        self._swallowed += [0] * (len(self._faults.of("lose-frames")) - len(self._swallowed))
 
     def _sent(self) -> None:
         self._sending = 0
