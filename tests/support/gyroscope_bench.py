@@ -7,7 +7,7 @@ from board_bus import BoardBus
 
 from hil.clock.virtual import VirtualClock
 from hil.instruments.driver import Clamps, Connection
-from hil.instruments.iim42652.driver import Iim42652
+from hil.instruments.iim42652 import Iim42652
 from hil.model.bench import InstrumentSpec, Wire
 from hil.simulation.faults import BUS_FAULTS, SERIAL_FAULTS, read_faults
 from hil.simulation.peers.faulty import FaultyBusPeer, FaultySerialPeer

@@ -136,6 +136,10 @@ class ScriptedBus:
         """Play one byte write."""
         self._play(i2c_addr, bytes((register, value)), 0)
 
+    def write_i2c_block_data(self, i2c_addr: int, register: int, data: list[int]) -> None:
+        """Play one block write."""
+        self._play(i2c_addr, bytes((register, *data)), 0)
+
     def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> list[int]:
         """Play one block read."""
         return list(self._play(i2c_addr, bytes((register,)), length))

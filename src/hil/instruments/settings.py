@@ -1,15 +1,38 @@
-"""What a wire's settings say, read strictly."""
+"""What a wire asks of a driver, read strictly."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from hil.documents.suggest import did_you_mean
 from hil.model.bench import Wire
 from hil.model.errors import Refused
 
-__all__ = ["choice", "only", "quantity"]
+__all__ = ["choice", "fits", "only", "quantity"]
+
+
+def fits(wire: Wire, driver: str, roles: Collection[str], channels: Sequence[int] = ()) -> None:
+    """Refuse a role that the driver does not fill, and a channel that its instrument does not have.
+
+    Args:
+        wire: what the bench file asks for.
+        driver: the driver's name in bench files.
+        roles: the roles that it fills.
+        channels: the numbers of its instrument's channels; none where it has no channels.
+    """
+    if wire.role not in roles:
+        raise Refused(
+            f"wiring {wire.name}: the driver {driver} does not fill the role {wire.role}",
+            f"it fills the role {' or '.join(sorted(roles))}",
+        )
+    if wire.channel and not channels:
+        raise Refused(f"wiring {wire.name}: the instrument of {driver} has no channels", "leave `channel` out")
+    if channels and wire.channel not in channels:
+        raise Refused(
+            f"wiring {wire.name}: the instrument of {driver} has no channel {wire.channel}",
+            f"it has {', '.join(str(channel) for channel in channels)}",
+        )
 
 
 def only(wire: Wire, *known: str) -> None:

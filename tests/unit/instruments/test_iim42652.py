@@ -5,17 +5,12 @@ from __future__ import annotations
 import math
 import struct
 
-import numpy as np
 import pytest
 from scripted import ScriptedBus
 
 from hil.clock.virtual import VirtualClock
 from hil.instruments.driver import Clamps, Connection
-from hil.instruments.iim42652.driver import Iim42652
-from hil.instruments.iim42652.mode import Mode, celsius
-from hil.instruments.iim42652.packets import Packets, rates
-from hil.instruments.iim42652.stillness import Stillness
-from hil.instruments.iim42652.timeline import Span, Timeline
+from hil.instruments.iim42652 import CELSIUS, FIFO, Iim42652, Mode
 from hil.instruments.sampled import Channel
 from hil.model.bench import Wire
 from hil.model.errors import NoReply, Refused, Rejected
@@ -138,7 +133,7 @@ def test_what_the_wiring_says_about_numbers():
         ({"line": "-1"}, "line -1 does not exist"),
         ({"line": "0.5"}, "line 0.5 does not exist"),
         ({"odr": "100"}, "unknown setting 'odr'"),
-        ({"role": "magnetometer"}, "is no magnetometer"),
+        ({"role": "magnetometer"}, "does not fill the role magnetometer"),
         ({"channel": 1}, "has no channels"),
     ],
 )
@@ -164,9 +159,9 @@ def test_nothing_streams_before_begin():
 
 def test_temperature():
     """25 degC at zero, 132.48 counts per kelvin, NaN where it is marked invalid."""
-    assert celsius(b"\x00\x00") == 25.0
-    assert celsius((-13248).to_bytes(2, "big", signed=True)) == pytest.approx(-75.0)
-    assert math.isnan(celsius(b"\x80\x00"))
+    assert CELSIUS.number(0) == 25.0
+    assert CELSIUS.number(-13248) == pytest.approx(-75.0)
+    assert math.isnan(CELSIUS.number(-32768))
 
 
 def packet(header, *axes):
@@ -177,83 +172,13 @@ def packet(header, *axes):
 def test_packets_are_read_up_to_the_first_empty_one():
     """Headers of other packets are marked, flags of clocks are not looked at."""
     data = packet(0x20, 1, -2, 3) + packet(0x68, 9, 9, 9) + packet(0x23, 4, 5, 6) + b"\xff" * 8 + packet(0x20, 7, 7, 7)
-    packets = Packets.read(data)
+    packets = FIFO.decode(data)
     assert packets.counts.tolist() == [[1, -2, 3], [9, 9, 9], [4, 5, 6]]
     assert packets.usable.tolist() == [True, False, True]
-    assert len(Packets.read(b"").usable) == 0
+    assert len(FIFO.decode(b"").usable) == 0
 
 
-def test_rates_of_invalid_counts_and_of_rails_are_nan():
-    """One count inside is a number."""
-    counts = np.array([-32768, -32767, -32766, 0, 32766, 32767], np.int16)
-    numbers = rates(counts, 2.0)
-    assert np.isnan(numbers).tolist() == [True, True, False, False, False, True]
-    assert numbers[2:5].tolist() == [-16383.0, 0.0, 16383.0]
-
-
-def test_stillness_counts_over_blocks():
-    """Ten and six equal samples are sixteen; one other in between begins anew."""
-    same = np.full((10, 3), 7, np.int16)
-    watch = Stillness("gyro", 3.0)
-    watch.judge(same)
-    watch.judge(np.array([[8, 7, 7]], np.int16))
-    watch.judge(same)
-    watch.judge(same[:5])
-    with pytest.raises(NoReply, match="16 samples in a row"):
-        watch.judge(same[:1])
-
-
-def test_stillness_means_nothing_without_noise_or_numbers():
-    """In a range wider than the noise, and while data are invalid or at the rails, equal samples are usual."""
-    Stillness("gyro", 0.9).judge(np.full((100, 3), 7, np.int16))
-    for number in (-32768, -32767, 32767):
-        Stillness("gyro", 3.0).judge(np.full((100, 3), number, np.int16))
-    assert Mode.read(wire(range="1000")).noise_counts < 1.0
-    assert Mode.read(wire(range="125")).noise_counts == pytest.approx(0.0038 * math.sqrt(52.36) * 262, rel=1e-3)
-
-
-def span(number, at_s, count=50, lost=0, watermark=50):
-    """Return a span."""
-    return Span(number=number, at_s=at_s, watermark=watermark, count=count, lost=lost)
-
-
-def test_times_are_linear_between_watermarks():
-    """The first span waits for the second, which tells the period."""
-    line = Timeline(0.01)
-    assert line.place(span(0, 70.5)) == []
-    first, second = line.place(span(1, 71.0 + 0.005))
-    assert first == pytest.approx(0.0101 * np.arange(1, 51))
-    assert second == pytest.approx(0.0101 * np.arange(51, 101))
-    (third,) = line.place(span(2, 71.505, count=52))
-    assert third[:50] == pytest.approx(1.01 + 0.01 * np.arange(1, 51))
-    assert third[50:] == pytest.approx(1.51 + 0.01 * np.arange(1, 3))
-    (fourth,) = line.place(span(3, 71.505 + 52 * 0.0099))
-    assert fourth[-1] == pytest.approx(1.51 + 52 * 0.0099)
-    assert fourth[1] - fourth[0] == pytest.approx(0.0099)
-
-
-def test_a_span_behind_a_lost_one_stands_before_its_own_instant():
-    """Its period is the last one known."""
-    line = Timeline(0.01)
-    line.place(span(0, 0.5))
-    line.place(span(1, 1.0))
-    (times,) = line.place(span(4, 2.6))
-    assert times == pytest.approx(2.1 + 0.01 * np.arange(1, 51))
-
-
-def test_an_instant_that_cannot_be_teaches_no_period():
-    """The sensor's oscillator is never ten per cent off."""
-    line = Timeline(0.01, begun_s=0.0)
-    (times,) = line.place(span(0, 0.8))
-    assert np.diff(times) == pytest.approx(0.01)
-    assert times[-1] == pytest.approx(0.8)
-
-
-def test_edges_without_samples_do_not_move_the_beginning():
-    """Not even as the first ones."""
-    line = Timeline(0.01)
-    assert [len(times) for times in line.place(span(0, 0.1, count=0))] == [0]
-    assert line.place(span(1, 0.6)) == []
-    first, second = line.place(span(2, 1.1))
-    assert first[0] == pytest.approx(0.01)
-    assert len(second) == 50
+def test_noise_by_range():
+    """What the typical noise density leaves in counts: less than one where the range is wide."""
+    assert Mode.read(wire(range="1000")).sampling.noise < 1.0
+    assert Mode.read(wire(range="125")).sampling.noise == pytest.approx(0.0038 * math.sqrt(52.36) * 262, rel=1e-3)

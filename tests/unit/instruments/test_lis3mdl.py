@@ -173,7 +173,7 @@ def test_a_true_minus_one_everywhere_is_a_sample():
 def test_start_refuses_another_device():
     """Nothing is written to a device with another name."""
     sensor, bus, _ = magnetometer([(b"\x0f", b"\x68")])
-    with pytest.raises(WrongIdentity, match="WHO_AM_I is 0x68, a LIS3MDL says 0x3d"):
+    with pytest.raises(WrongIdentity, match="WHO_AM_I is 0x68, the LIS3MDL has 0x3d"):
         sensor.start()
     assert bus.done
 
@@ -222,7 +222,7 @@ def test_it_is_identified_by_who_am_i(name, model):
 @pytest.mark.parametrize(
     ("wire", "sentence"),
     [
-        (Wire(role="supply", instance="", instrument="mag"), "is no supply"),
+        (Wire(role="supply", instance="", instrument="mag"), "does not fill the role supply"),
         (Wire(role="magnetometer", instance="", instrument="mag", channel=1), "has no channels"),
         (
             Wire(role="magnetometer", instance="", instrument="mag", settings={"range": "5 gauss"}),
@@ -243,5 +243,5 @@ def test_wires_that_it_cannot_serve_are_refused(wire, sentence):
 
 def test_it_is_reached_by_a_bus():
     """A bench file that gives it a port is refused."""
-    with pytest.raises(Refused, match="reached by an I2C bus"):
+    with pytest.raises(Refused, match="needs an I2C bus"):
         Lis3mdl(Connection(device="mag", clock=VirtualClock(), clamps=Clamps()))

@@ -1,22 +1,23 @@
-"""Where blocks of the FIFO come from: an OBC that is triggered by the sensor, or polls over the host's own bus."""
+"""Where blocks of a sensor's FIFO come from: read by an OBC that the sensor triggers, or by the host itself."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol, cast
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hil.clock.port import Clock
-from hil.instruments.iim42652.mode import Mode
-from hil.instruments.iim42652.packets import PACKET_BYTES
-from hil.instruments.iim42652.registers import Register, Registers
 from hil.instruments.sampled import StreamReport
+from hil.instruments.sensors.registers import Registers
 from hil.model.errors import DeviceFault, NoReply
+from hil.wire.port import I2cBus
 from hil.wire.streaming import BusStream, FifoRead, RegisterRead, StreamFrame, StreamingBus
 
-__all__ = ["Block", "BlockSource", "BoardSource", "PolledSource"]
+__all__ = ["Block", "BlockSource", "Fifo", "Packets", "source_of"]
 
-_FIFO_PACKETS = 2048 // PACKET_BYTES
 _HOST_BUFFER_BYTES = 4096
 _LONGEST_PAUSE_S = 1.0
 _MARGIN = 0.5
@@ -24,8 +25,82 @@ _MARGIN = 0.5
 _MOST_BYTES = 2000
 _FRAME_OVERHEAD_BYTES = 64
 _STUFFING = 1.02
-_WATERMARK_ON_INT1 = 1 << 2
-_STREAM_TO_FIFO = 0b01 << 6
+_FRAME_S = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Packets:
+    """The packets of one read.
+
+    Attributes:
+        counts: of the axes, shape (n, axes), packets that are not the sensor's included.
+        usable: which packets are what they should be, shape (n,).
+    """
+
+    counts: NDArray[np.int16]
+    usable: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fifo:
+    """A chip's FIFO, as its data sheet has it.
+
+    Attributes:
+        size: bytes that it holds.
+        packet: bytes of one packet.
+        count: register that counts what is in it, two bytes, high byte first.
+        unit: bytes per count: 1, or the packet's bytes where packets are counted.
+        data: register from which packets are read.
+        lost: register that counts packets lost since they were flushed, two bytes.
+        lost_order: which of the two comes first.
+        temperature: register of the temperature, two bytes, read once a block.
+        prepare: settings for a watermark in packets, the FIFO still off.
+        flush: register and value that empty it.
+        fill: settings that let it fill, the oldest packets going where it is full; with the interrupt at the watermark
+            and without it.
+        off: settings that switch interrupt and FIFO off.
+        decode: makes packets of whole packets' bytes.
+    """
+
+    size: int
+    packet: int
+    count: int
+    unit: int = 1
+    data: int
+    lost: int
+    lost_order: Literal["big", "little"] = "little"
+    temperature: int
+    prepare: Callable[[int], Mapping[int, int]]
+    flush: tuple[int, int]
+    fill: Callable[[bool], Mapping[int, int]]
+    off: Mapping[int, int]
+    decode: Callable[[bytes], Packets]
+
+    @property
+    def capacity(self) -> int:
+        """Packets that it holds."""
+        return self.size // self.packet
+
+    def watermark(self, rate: float) -> int:
+        """Return the packets of one block at a rate [Hz]: one second, or half of the FIFO.
+
+        The other half is time for a bus that is busy.
+        """
+        return max(1, min(self.capacity // 2, round(rate * _FRAME_S)))
+
+    def at_hand(self, registers: Registers) -> int:
+        """Return how many packets are in it."""
+        return int.from_bytes(registers.block(self.count, 2), "big") * self.unit // self.packet
+
+    def lost_by(self, registers: Registers) -> int:
+        """Return how many packets it has lost."""
+        return int.from_bytes(registers.block(self.lost, 2), self.lost_order)
+
+    def begin(self, registers: Registers, *, interrupt: bool) -> None:
+        """Let it fill; the interrupt is on before the first packet."""
+        values = self.fill(interrupt)
+        registers.set(values)
+        registers.expect(values)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,9 +111,9 @@ class Block:
         number: counted from 0; a number that is left out is a block that was lost.
         at_s: device time in s at which the FIFO reached its watermark.
         watermark: packets that had come into the FIFO since the block before, at that time.
-        temperature: two bytes of TEMP_DATA.
+        temperature: two bytes of the temperature.
         packets: whole packets.
-        lost_counter: the sensor's counter of lost packets behind them.
+        lost_counter: the sensor's counter of lost packets after them.
     """
 
     number: int
@@ -72,47 +147,54 @@ class BlockSource(Protocol):
         ...
 
 
-class BoardSource:
-    """Blocks that an OBC reads at every watermark interrupt of the sensor.
+def source_of(registers: Registers, fifo: Fifo, clock: Clock, *, rate: float, line: int) -> BlockSource:
+    """Return the source of blocks at a rate [Hz]; `line` is the OBC's interrupt line, where there is an OBC."""
+    streaming = _streaming(registers.bus)
+    if streaming is None:
+        return _PolledSource(registers, fifo, clock, rate)
+    return _BoardSource(streaming, registers, fifo, rate, line)
 
-    Args:
-        bus: the OBC's bus.
-        registers: the sensor.
-        mode: rate and interrupt line.
-        watermark: packets.
-    """
+
+def _streaming(bus: I2cBus) -> StreamingBus | None:
+    """Return the bus as one that runs transfers by itself, if it is one."""
+    return cast("StreamingBus", bus) if hasattr(bus, "start_stream") else None
+
+
+class _BoardSource:
+    """Blocks that an OBC reads at every watermark interrupt of the sensor."""
 
     begun_s: float | None = None
 
-    def __init__(self, bus: StreamingBus, registers: Registers, mode: Mode, watermark: int) -> None:
+    def __init__(self, bus: StreamingBus, registers: Registers, fifo: Fifo, rate: float, line: int) -> None:
         self._bus = bus
         self._registers = registers
-        self._mode = mode
-        self._watermark = watermark
+        self._fifo = fifo
+        self._line = line
+        self._watermark = fifo.watermark(rate)
         self._stream: BusStream | None = None
-        frame = _STUFFING * (watermark * PACKET_BYTES + _FRAME_OVERHEAD_BYTES)
-        self.longest_pause = min(_LONGEST_PAUSE_S, _MARGIN * _HOST_BUFFER_BYTES / frame * watermark / mode.rate)
+        frame = _STUFFING * (self._watermark * fifo.packet + _FRAME_OVERHEAD_BYTES)
+        self.longest_pause = min(_LONGEST_PAUSE_S, _MARGIN * _HOST_BUFFER_BYTES / frame * self._watermark / rate)
 
     def begin(self) -> None:
         """Start the board's stream, then the FIFO and the interrupt: a line that is high already gives no trigger."""
-        address = self._registers.address
+        address, fifo = self._registers.address, self._fifo
         self._stream = self._bus.start_stream(
             (
-                RegisterRead(address=address, register=Register.TEMP_DATA, length=2),
+                RegisterRead(address=address, register=fifo.temperature, length=2),
                 FifoRead(
                     address=address,
-                    count_register=Register.FIFO_COUNT,
-                    unit=1,
-                    record=PACKET_BYTES,
-                    data_register=Register.FIFO_DATA,
+                    count_register=fifo.count,
+                    unit=fifo.unit,
+                    record=fifo.packet,
+                    data_register=fifo.data,
                     most=_MOST_BYTES,
                 ),
-                # Behind the FIFO, which is empty then: what it counts was lost before these packets.
-                RegisterRead(address=address, register=Register.FIFO_LOST_PKT, length=2),
+                # After the FIFO, which is empty then: what it counts was lost before these packets.
+                RegisterRead(address=address, register=fifo.lost, length=2),
             ),
-            line=self._mode.line,
+            line=self._line,
         )
-        _fill(self._registers, interrupt=True)
+        fifo.begin(self._registers, interrupt=True)
 
     def blocks(self) -> Iterator[Block]:
         """Yield the frames that have come.
@@ -126,7 +208,7 @@ class BoardSource:
 
     def silent(self, what: str) -> DeviceFault:
         """Return the sensor's fault where its FIFO fills, for no interrupt comes; the board's where it is emptied."""
-        if _packets_at_hand(self._registers) >= self._watermark:
+        if self._fifo.at_hand(self._registers) >= self._watermark:
             return NoReply(
                 self._registers.device,
                 f"{what}: its FIFO fills, and nobody reads it",
@@ -165,39 +247,35 @@ class BoardSource:
             watermark=self._watermark,
             temperature=temperature,
             packets=packets,
-            lost_counter=int.from_bytes(lost, "little"),
+            lost_counter=int.from_bytes(lost, self._fifo.lost_order),
         )
 
 
-class PolledSource:
+class _PolledSource:
     """Blocks that the host reads itself; device time is the bench's clock.
 
     When the newest sample came is known within one period only. Its time goes on at the nominal rate, and is moved as
     little as that takes where the sensor's own oscillator is faster or slower.
-
-    Args:
-        registers: the sensor.
-        mode: its rate.
-        clock: the bench's clock.
     """
 
     begun_s: float | None = 0.0
 
-    def __init__(self, registers: Registers, mode: Mode, clock: Clock) -> None:
+    def __init__(self, registers: Registers, fifo: Fifo, clock: Clock, rate: float) -> None:
         self._registers = registers
-        self._period = mode.period
+        self._fifo = fifo
+        self._period = 1.0 / rate
         self._clock = clock
         self._began = 0.0
         self._newest = 0.0
         self._behind = 0  # packets of the last block that came after its instant
         self._lost_counter = 0
         self._number = 0
-        self.longest_pause = min(_LONGEST_PAUSE_S, _MARGIN * _FIFO_PACKETS * mode.period)
+        self.longest_pause = min(_LONGEST_PAUSE_S, _MARGIN * fifo.capacity * self._period)
 
     def begin(self) -> None:
         """Let the FIFO fill; device time is zero now."""
-        self._lost_counter = self._lost()
-        _fill(self._registers, interrupt=False)
+        self._lost_counter = self._fifo.lost_by(self._registers)
+        self._fifo.begin(self._registers, interrupt=False)
         self._began = self._clock.now()
 
     def blocks(self) -> Iterator[Block]:
@@ -206,15 +284,16 @@ class PolledSource:
         Raises:
             NoReply: of the sensor, where it does not acknowledge.
         """
-        count = _packets_at_hand(self._registers)
+        registers, fifo = self._registers, self._fifo
+        count = fifo.at_hand(registers)
         counted = self._clock.now() - self._began
         if not count:
             return
         # What a full FIFO drops while it is read came before these packets, and as many newer ones take its place.
-        lost = self._lost() if count >= _FIFO_PACKETS - 1 else self._lost_counter
+        lost = fifo.lost_by(registers) if count >= fifo.capacity - 1 else self._lost_counter
         came = count + max(0, lost - self._lost_counter)
-        packets = self._registers.long(Register.FIFO_DATA, count * PACKET_BYTES)
-        self._lost_counter = self._lost()
+        packets = registers.long(fifo.data, count * fifo.packet)
+        self._lost_counter = fifo.lost_by(registers)
         expected = self._newest + (self._behind + came) * self._period
         self._newest = min(max(expected, counted - self._period), counted)
         self._behind = self._lost_counter - lost
@@ -222,7 +301,7 @@ class PolledSource:
             number=self._number,
             at_s=self._newest,
             watermark=came,
-            temperature=self._registers.block(Register.TEMP_DATA, 2),
+            temperature=registers.block(fifo.temperature, 2),
             packets=packets,
             lost_counter=self._lost_counter,
         )
@@ -237,20 +316,3 @@ class PolledSource:
     def end(self) -> StreamReport:
         """Count blocks; between them nothing can be lost."""
         return StreamReport(frames=self._number, lost=0, drift=None, drift_uncertainty=None)
-
-    def _lost(self) -> int:
-        return int.from_bytes(self._registers.block(Register.FIFO_LOST_PKT, 2), "little")
-
-
-def _packets_at_hand(registers: Registers) -> int:
-    return int.from_bytes(registers.block(Register.FIFO_COUNT, 2), "big") // PACKET_BYTES
-
-
-def _fill(registers: Registers, *, interrupt: bool) -> None:
-    """Let the FIFO fill, the oldest packets going where it is full; the interrupt is on before the first packet."""
-    values = {
-        Register.INT_SOURCE0: _WATERMARK_ON_INT1 if interrupt else 0,
-        Register.FIFO_CONFIG: _STREAM_TO_FIFO,
-    }
-    registers.set(values)
-    registers.expect(values)

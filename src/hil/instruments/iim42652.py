@@ -1,0 +1,257 @@
+"""TDK InvenSense IIM-42652 gyroscope on an I2C bus, of the host or behind an OBC.
+
+Registers, ranges and rates: the vendor's header Ixm42xxxDefs.h (InvenSenseInc/public.mcu.iim42652) and Linux
+inv_icm42600. Filter bandwidths: the family's data sheets (GYRO_ACCEL_CONFIG0 of the ICM-42688-P): half the rate, or the
+larger of 400 Hz and the rate over 4, 5, 8, 10, 16, 20 or 40.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import ClassVar, Self
+
+import numpy as np
+
+from hil.clock.port import Clock
+from hil.instruments import settings
+from hil.instruments.sensors.fifo import Fifo, Packets
+from hil.instruments.sensors.gyroscope import FifoGyroscope
+from hil.instruments.sensors.recorder import Sampling
+from hil.instruments.sensors.registers import Banks, Registers
+from hil.instruments.sensors.scale import Scale
+from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
+from hil.model.bench import Wire
+from hil.model.errors import Refused, Rejected
+
+__all__ = ["CELSIUS", "FIFO", "Iim42652", "Iim42652Gyroscope", "Mode"]
+
+
+class Register(IntEnum):
+    """Registers of bank 0."""
+
+    DEVICE_CONFIG = 0x11
+    INT_CONFIG = 0x14
+    FIFO_CONFIG = 0x16
+    TEMP_DATA = 0x1D
+    INT_STATUS = 0x2D
+    FIFO_COUNT = 0x2E
+    FIFO_DATA = 0x30
+    SIGNAL_PATH_RESET = 0x4B
+    INTF_CONFIG0 = 0x4C
+    PWR_MGMT0 = 0x4E
+    GYRO_CONFIG0 = 0x4F
+    GYRO_CONFIG1 = 0x51
+    GYRO_ACCEL_CONFIG0 = 0x52
+    FIFO_CONFIG1 = 0x5F
+    FIFO_CONFIG2 = 0x60
+    FIFO_CONFIG3 = 0x61
+    INT_CONFIG1 = 0x64
+    INT_SOURCE0 = 0x65
+    FIFO_LOST_PKT = 0x6C
+    WHO_AM_I = 0x75
+    REG_BANK_SEL = 0x76
+
+
+# Range in deg/s: (code, counts per deg/s).
+_RANGES = {
+    2000.0: (0, 16.4),
+    1000.0: (1, 32.8),
+    500.0: (2, 65.5),
+    250.0: (3, 131.0),
+    125.0: (4, 262.0),
+    62.5: (5, 524.3),
+    31.25: (6, 1048.6),
+    15.625: (7, 2097.2),
+}
+# Rate in Hz: code. Faster ones exist; the bus cannot carry them.
+_RATES = {12.5: 11, 25.0: 10, 50.0: 9, 100.0: 8, 200.0: 7, 500.0: 15, 1000.0: 6}
+_DIVISORS = (4, 5, 8, 10, 16, 20, 40)  # codes 1 to 7
+_ORDER = 3
+_THIRD_ORDER = 0x1A  # and the reset value of the bits for the decimation filter
+_ACCEL_FILTER = 1 << 4  # as after reset
+_BIG_ENDIAN_COUNTED_IN_BYTES = 0x30
+_NOISE_DENSITY = 0.0038  # deg/s/sqrt(Hz), one-sided, typical
+_MOST_LINE = 255
+_INVALID, _RAIL = -32768, 32767
+_GYRO_ON = 0b11 << 2  # low-noise mode, the accelerometer off
+_SOFT_RESET = 1
+_RESET_DONE = 1 << 4
+_RESET_S = 0.002  # 1 ms
+_START_UP_S = 0.06
+_LONGEST_START_S = 0.5  # off for less than 150 ms, it needs up to that much longer
+
+CELSIUS = Scale(per_unit=132.48, zero=25.0, rails=(_INVALID, -_INVALID))
+"""The die's temperature."""
+
+_PACKET = np.dtype([("header", "u1"), ("gyro", ">i2", (3,)), ("temperature", "i1")])
+# Header, bit 7: the FIFO is empty; 6: accelerometer; 5: gyroscope; 4: 20 bits. The others tell of clocks.
+_EMPTY = 0x80
+_KIND = 0xF0
+_GYROSCOPE_ALONE = 0x20
+_GYRO_AND_TEMPERATURE = 1 << 1 | 1 << 2
+_PULSES_UP_PUSH_PULL = 0b011
+_WATERMARK_ON_INT1 = 1 << 2
+_STREAM_TO_FIFO = 0b01 << 6
+_FLUSH = 1 << 1
+
+
+def _prepared(watermark: int) -> Mapping[int, int]:
+    level = watermark * _PACKET.itemsize
+    return {
+        Register.FIFO_CONFIG1: _GYRO_AND_TEMPERATURE,
+        Register.FIFO_CONFIG2: level & 0xFF,
+        Register.FIFO_CONFIG3: level >> 8,
+        Register.INT_CONFIG: _PULSES_UP_PUSH_PULL,
+    }
+
+
+def _filling(interrupt: bool) -> Mapping[int, int]:
+    return {Register.INT_SOURCE0: _WATERMARK_ON_INT1 if interrupt else 0, Register.FIFO_CONFIG: _STREAM_TO_FIFO}
+
+
+def _decoded(data: bytes) -> Packets:
+    """Decode packets of the gyroscope alone; from the first one on that says `empty` there are none."""
+    packets = np.frombuffer(data, _PACKET)
+    headers = packets["header"]
+    if len(headers) and headers.max() >= _EMPTY:
+        packets = packets[: int(np.argmax(headers >= _EMPTY))]
+        headers = packets["header"]
+    return Packets(packets["gyro"].astype(np.int16), (headers & _KIND) == _GYROSCOPE_ALONE)
+
+
+FIFO = Fifo(
+    size=2048,
+    packet=_PACKET.itemsize,
+    count=Register.FIFO_COUNT,
+    data=Register.FIFO_DATA,
+    lost=Register.FIFO_LOST_PKT,
+    temperature=Register.TEMP_DATA,
+    prepare=_prepared,
+    flush=(Register.SIGNAL_PATH_RESET, _FLUSH),
+    fill=_filling,
+    off={Register.INT_SOURCE0: 0, Register.FIFO_CONFIG: 0},
+    decode=_decoded,
+)
+"""Packets of 8 bytes: header, three axes with the high byte first, temperature of 8 bits."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mode:
+    """What a wire asks for.
+
+    Attributes:
+        full_scale: range in deg/s.
+        rate: samples per second.
+        bandwidth: -3 dB bandwidth of the filter in Hz.
+        line: interrupt line of the OBC at which INT1 ends.
+    """
+
+    full_scale: float
+    rate: float
+    bandwidth: float
+    line: int
+
+    @classmethod
+    def read(cls, wire: Wire) -> Self:
+        """Read the settings `range`, `rate`, `bandwidth` and `line` of a wire; Refused where one cannot be."""
+        settings.only(wire, "range", "rate", "bandwidth", "line")
+        rate = settings.choice(wire, "rate", "Hz", tuple(_RATES), 100.0)
+        line = settings.quantity(wire, "line", "") or 0.0
+        if line not in range(_MOST_LINE + 1):
+            raise Refused(f"wiring {wire.name}: line {line:g} does not exist", "write a number from 0 up")
+        return cls(
+            full_scale=settings.choice(wire, "range", "deg/s", tuple(_RANGES), 125.0),
+            rate=rate,
+            bandwidth=settings.choice(wire, "bandwidth", "Hz", tuple(sorted(_filters(rate))), rate / 2),
+            line=int(line),
+        )
+
+    @property
+    def registers(self) -> dict[int, int]:
+        """The settings, in the order in which they are written; the gyroscope is still off."""
+        return {
+            Register.INTF_CONFIG0: _BIG_ENDIAN_COUNTED_IN_BYTES,
+            Register.GYRO_CONFIG0: _RANGES[self.full_scale][0] << 5 | _RATES[self.rate],
+            Register.GYRO_CONFIG1: _THIRD_ORDER,
+            Register.GYRO_ACCEL_CONFIG0: _ACCEL_FILTER | _filters(self.rate)[self.bandwidth],
+            Register.INT_CONFIG1: 0,  # INT_ASYNC_RESET must be cleared, or the pin stays still
+        }
+
+    @property
+    def noise_bandwidth(self) -> float:
+        """Noise bandwidth in Hz of a Butterworth filter of third order: pi/6 / sin(pi/6) of its -3 dB bandwidth."""
+        angle = math.pi / (2 * _ORDER)
+        return self.bandwidth * angle / math.sin(angle)
+
+    @property
+    def sampling(self) -> Sampling:
+        """Rate, scales, and the noise in counts that the typical noise density leaves after this filter."""
+        sensitivity = _RANGES[self.full_scale][1]
+        return Sampling(
+            rate=self.rate,
+            axes=Scale(per_unit=sensitivity, rails=(-_RAIL, _RAIL)),
+            temperature=CELSIUS,
+            order="big",
+            noise=_NOISE_DENSITY * math.sqrt(self.noise_bandwidth) * sensitivity,
+            awake={Register.PWR_MGMT0: _GYRO_ON},
+            line=self.line,
+        )
+
+
+class Iim42652Gyroscope(FifoGyroscope):
+    """One sensor, its accelerometer off; numbers that it marks invalid, as while the gyroscope is off, are NaN."""
+
+    chip: ClassVar[Chip] = Chip(
+        model="IIM-42652",
+        driver="iim42652",
+        role="gyroscope",
+        identity=(Register.WHO_AM_I, 0x6F),
+        strap="AD0",
+        banks=Banks(register=Register.REG_BANK_SEL, most=4),
+    )
+    fifo: ClassVar[Fifo] = FIFO
+    outputs: ClassVar[tuple[int, int]] = (Register.TEMP_DATA, 14)  # temperature, accelerometer, gyroscope
+    rates_at: ClassVar[int] = 8
+
+    def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
+        self._mode = mode = Mode.read(wire)
+        super().__init__(
+            registers, clock, wire, mode.sampling, full_scale=mode.full_scale, bandwidth=mode.noise_bandwidth
+        )
+
+    def _wake(self) -> None:
+        """Reset the sensor, set its mode, switch the gyroscope on, read all back, and wait for valid data."""
+        self._registers.write(Register.DEVICE_CONFIG, _SOFT_RESET)
+        self._clock.sleep(_RESET_S)
+        if not self._registers.read(Register.INT_STATUS) & _RESET_DONE:
+            raise Rejected(self._device, "it does not report that its reset is done", "look at the sensor's power")
+        values = self._mode.registers | {Register.PWR_MGMT0: _GYRO_ON}
+        self._registers.set(values)
+        self._clock.sleep(_START_UP_S)
+        self._registers.expect(values)
+        waited = _START_UP_S + _LONGEST_START_S
+        self._wait_until_valid(_LONGEST_START_S, f"{waited:.2f} s after the gyroscope was switched on")
+
+    def _sleep(self) -> None:
+        """Switch the gyroscope off and read it back."""
+        self._registers.write(Register.PWR_MGMT0, 0)
+        self._registers.expect({Register.PWR_MGMT0: 0})
+
+
+class Iim42652(SensorDriver):
+    """Driver `iim42652`: role `gyroscope`, over a bus of the host or of an OBC.
+
+    A wire may set `range`, `rate`, `bandwidth` and `line`, see `Mode`.
+    """
+
+    roles: ClassVar[frozenset[str]] = frozenset({"gyroscope"})
+    sensor: ClassVar[type[Sensor]] = Iim42652Gyroscope
+
+
+def _filters(rate: float) -> dict[float, int]:
+    """Return the code of each -3 dB bandwidth in Hz; half the rate has its own."""
+    wide = {max(400.0, rate) / divisor: code for code, divisor in enumerate(_DIVISORS, 1)}
+    return wide | {rate / 2: 0}

@@ -1,0 +1,288 @@
+"""A sensor that samples by itself: blocks of its FIFO become rows with device time."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.clock.port import Clock
+from hil.instruments.marks import drives
+from hil.instruments.sampled import StreamReport
+from hil.instruments.sensors.fifo import Block, Fifo, Packets, source_of
+from hil.instruments.sensors.registers import Registers
+from hil.instruments.sensors.scale import Scale
+from hil.instruments.sensors.sensor import Sensor
+from hil.instruments.sensors.stillness import Stillness
+from hil.instruments.sensors.timeline import Span, Timeline
+from hil.model.bench import Wire
+from hil.model.errors import DeviceFault, Garbled, NoReply, Refused
+
+__all__ = ["FifoSensor", "Recorder", "Sampling"]
+
+_SILENT_FRAMES = 3
+_MARGIN_S = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sampling:
+    """How a sensor has been set to sample.
+
+    Attributes:
+        rate: nominal samples per second.
+        axes: how counts of the axes become quantities.
+        temperature: how counts of the temperature become degC.
+        order: which byte of a number comes first.
+        noise: standard deviation in counts that a typical article shows on an axis.
+        awake: registers that tell a sensor which measures from one that lost its settings.
+        line: interrupt line of the OBC at which the sensor's interrupt ends.
+    """
+
+    rate: float
+    axes: Scale
+    temperature: Scale
+    order: Literal["big", "little"]
+    noise: float
+    awake: Mapping[int, int]
+    line: int = 0
+
+    @property
+    def period(self) -> float:
+        """Nominal seconds from sample to sample."""
+        return 1.0 / self.rate
+
+    def celsius(self, data: bytes) -> float:
+        """Return the temperature in degC of two bytes; NaN where they are marked invalid."""
+        return self.temperature.number(int.from_bytes(data, self.order, signed=True))
+
+
+@dataclass(frozen=True, slots=True)
+class _Readings:
+    """The samples of one block, until their times are known."""
+
+    packets: Packets
+    temperature: float
+
+
+class Recorder:
+    """One stream of a sensor that has been started.
+
+    Args:
+        registers: the sensor.
+        fifo: of its chip.
+        sampling: how it samples.
+        clock: the bench's clock.
+    """
+
+    def __init__(self, registers: Registers, fifo: Fifo, sampling: Sampling, clock: Clock) -> None:
+        self._registers = registers
+        self._fifo = fifo
+        self._sampling = sampling
+        self._clock = clock
+        self._watermark = fifo.watermark(sampling.rate)
+        self._source = source_of(registers, fifo, clock, rate=sampling.rate, line=sampling.line)
+        self._timeline = Timeline(sampling.period, self._source.begun_s)
+        self._stillness = Stillness(registers.device, sampling.axes, sampling.noise)
+        self._waiting: deque[_Readings] = deque()
+        self._fault: DeviceFault | None = None
+        self._heard = 0.0
+        self._lost_counter = 0
+        self._lost_samples = 0
+
+    @property
+    def longest_pause(self) -> float:
+        """Seconds after which a buffer on the way overflows, with a margin."""
+        return self._source.longest_pause
+
+    def begin(self) -> None:
+        """Empty the FIFO and let it fill.
+
+        Raises:
+            Rejected: a setting reads back otherwise, or the OBC cannot run the stream.
+            DeviceFault: of the sensor or the OBC.
+        """
+        self._prepare()
+        try:
+            self._source.begin()
+        except DeviceFault:
+            with suppress(DeviceFault):
+                self._source.end()
+            raise
+        self._heard = self._clock.now()
+
+    def drain(self) -> NDArray[np.float64]:
+        """Return what has come, shape (n, 2 + axes): time in s, axes, temperature in degC.
+
+        Raises:
+            DeviceFault: no more will come; what came before it has been returned.
+        """
+        if self._fault:
+            raise self._fault
+        rows: list[NDArray[np.float64]] = []
+        try:
+            for block in self._source.blocks():
+                rows.extend(self._rows(block))
+            self._must_go_on()
+        except DeviceFault as fault:
+            if not rows:
+                raise
+            self._fault = fault
+        return np.concatenate(rows) if rows else self._table(np.empty(0), _Readings(self._fifo.decode(b""), 0.0))
+
+    def end(self) -> StreamReport:
+        """Stop the stream, switch the FIFO off, and return how it went."""
+        report = self._source.end()
+        self._registers.set(self._fifo.off)
+        return replace(report, lost_samples=self._lost_samples)
+
+    def _prepare(self) -> None:
+        registers, fifo = self._registers, self._fifo
+        registers.set(fifo.off)
+        values = fifo.prepare(self._watermark)
+        registers.set(values)
+        registers.expect(values)
+        registers.write(*fifo.flush)
+        fifo.at_hand(registers)  # the first count after a flush can be wrong (Linux inv_icm42600)
+        self._lost_counter = fifo.lost_by(registers)
+
+    def _rows(self, block: Block) -> Iterator[NDArray[np.float64]]:
+        packets = self._fifo.decode(block.packets)
+        count = len(packets.usable)
+        lost = self._count_lost(block.lost_counter)
+        self._require_usable(packets, block.number)
+        self._stillness.judge_many(packets.counts)
+        if count:
+            self._heard = self._clock.now()
+        self._waiting.append(_Readings(packets, self._sampling.celsius(block.temperature)))
+        span = Span(number=block.number, at_s=block.at_s, watermark=block.watermark, count=count, lost=lost)
+        for times in self._timeline.place(span):
+            yield self._table(times, self._waiting.popleft())
+
+    def _table(self, times: NDArray[np.float64], readings: _Readings) -> NDArray[np.float64]:
+        axes = self._sampling.axes.numbers(readings.packets.counts)
+        temperature = np.full(len(times), readings.temperature)
+        return np.column_stack((times, axes, temperature))[readings.packets.usable]
+
+    def _count_lost(self, counter: int) -> int:
+        """Return how many packets were lost since the last block; a counter that went back began anew."""
+        lost = counter - self._lost_counter if counter >= self._lost_counter else counter
+        self._lost_counter = counter
+        self._lost_samples += lost
+        return lost
+
+    def _require_usable(self, packets: Packets, number: int) -> None:
+        wrong = len(packets.usable) - int(np.count_nonzero(packets.usable))
+        self._lost_samples += wrong
+        if 2 * wrong > len(packets.usable):
+            raise Garbled(
+                self._registers.device,
+                f"{wrong} of {len(packets.usable)} packets in block {number} are not what the sensor was set to give",
+                "look at the sensor's wires and at who else reads its FIFO",
+            )
+
+    def _must_go_on(self) -> None:
+        """Find out why no samples come, where none did for three blocks' time."""
+        quiet = self._clock.now() - self._heard
+        if quiet <= _SILENT_FRAMES * self._watermark * self._sampling.period + _MARGIN_S:
+            return
+        what = f"no samples for {quiet:.2f} s"
+        # A link that is silent fails here, and is the fault of its own device.
+        if any(self._registers.read(register) != value for register, value in self._sampling.awake.items()):
+            raise NoReply(
+                self._registers.device, f"{what}: it has lost its settings", "look at its power, and start it again"
+            )
+        raise self._source.silent(what)
+
+
+class FifoSensor(Sensor):
+    """A sensor that can also sample into its FIFO, see `hil.instruments.sampled.Streamed`.
+
+    Its chip's class names `fifo`, and gives `sampling` for its wire.
+
+    Args:
+        registers: of the chip.
+        clock: the bench's clock.
+        wire: whose settings it reads.
+        sampling: what they come to.
+    """
+
+    fifo: ClassVar[Fifo]
+
+    def __init__(self, registers: Registers, clock: Clock, wire: Wire, sampling: Sampling) -> None:
+        super().__init__(registers, clock, wire)
+        self._sampling = sampling
+        self._recorder: Recorder | None = None
+
+    @drives
+    def start(self) -> None:
+        """End a stream that runs, and start; see `Sensor.start`."""
+        self._abandon()
+        super().start()
+
+    @drives
+    def stop(self) -> None:
+        """Put the sensor to sleep and read that back; a stream that runs is ended."""
+        self._abandon()
+        super().stop()
+
+    def begin(self, rate: float) -> None:
+        """Let the sensor sample into its FIFO; device time counts from when that begins to fill.
+
+        Over an OBC this is up to one period of samples later than the call. See `hil.instruments.sampled.Streamed`.
+
+        Raises:
+            Refused: not started, streaming already, or another rate than the wiring's.
+            Rejected: a setting reads back otherwise, or the OBC cannot run the stream.
+        """
+        self._require_running()
+        if self._recorder:
+            raise Refused(f"{self._device} streams already", "end the stream first")
+        if rate != self._sampling.rate:
+            raise Refused(
+                f"{self._device} runs at {self._sampling.rate:g} Hz, not at {rate:g} Hz",
+                "record at that rate, or set `rate` in the wiring",
+            )
+        recorder = Recorder(self._registers, self.fifo, self._sampling, self._clock)
+        recorder.begin()
+        self._recorder = recorder
+
+    def drain(self) -> NDArray[np.float64]:
+        """Return the samples since the last call, shape (n, 2 + axes): device time in s, axes, temperature in degC.
+
+        The temperature is read once a block. A sample that was lost leaves its place in time empty.
+
+        Raises:
+            NoReply: of the sensor: no acknowledge, no samples for three blocks' time, or it stands still.
+            Garbled: most packets of a block are not the sensor's.
+            DeviceFault: of the OBC, where the link fails.
+        """
+        return self._streaming().drain()
+
+    def end(self) -> StreamReport:
+        """Stop the stream, and return how it went."""
+        recorder = self._streaming()
+        self._recorder = None
+        return recorder.end()
+
+    @property
+    def longest_pause(self) -> float:
+        """Seconds after which FIFO or host buffer overflow, with a margin; 0 while nothing streams."""
+        return self._recorder.longest_pause if self._recorder else 0.0
+
+    def _abandon(self) -> None:
+        """End a stream, as far as it can be ended."""
+        self._running = False
+        recorder, self._recorder = self._recorder, None
+        if recorder:
+            with suppress(DeviceFault):
+                recorder.end()
+
+    def _streaming(self) -> Recorder:
+        if self._recorder is None:
+            raise Refused(f"{self._device} does not stream", "call begin() first")
+        return self._recorder

@@ -1,0 +1,168 @@
+"""A sensor's registers over any I2C bus."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Literal, TypeVar, cast
+
+from hil.model.errors import Garbled, NoReply, Rejected
+from hil.wire.port import I2cBus
+
+__all__ = ["Banks", "Registers"]
+
+_BANK = 0x100
+_REJECTED = "look at the sensor's power and who else talks to it"
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Banks:
+    """How a chip selects one of several sets of registers.
+
+    Attributes:
+        register: selects the bank; it is in every bank.
+        shift: place of the bank's number in that register.
+        most: the highest bank.
+    """
+
+    register: int
+    shift: int = 0
+    most: int
+
+
+class Registers:
+    """One sensor's registers; a missing acknowledge is NoReply of the sensor, whoever drives the bus.
+
+    A register's number has its bank above the low byte: 0x201 is register 0x01 of bank 2. The bank is selected when it
+    differs from the last one; after a reset of the chip, `bank_lost` says so.
+
+    Args:
+        device: the sensor's name, for messages.
+        bus: its bus.
+        address: its 7-bit address.
+        increment: bits that the chip wants in a register's number to go on to the next one within a transfer.
+        width: bytes of one register.
+        order: which byte of a number comes first on the bus.
+        banks: how a bank is selected; None for a chip without banks.
+    """
+
+    def __init__(
+        self,
+        device: str,
+        bus: I2cBus,
+        address: int,
+        *,
+        increment: int = 0,
+        width: int = 1,
+        order: Literal["big", "little"] = "big",
+        banks: Banks | None = None,
+    ) -> None:
+        self.device = device
+        self.bus = bus
+        self.address = address
+        self._increment = increment
+        self._width = width
+        self._order = order
+        self._banks = banks
+        self._bank = 0
+
+    def read(self, register: int) -> int:
+        """Return one register as a number without a sign."""
+        number = self._selected(register)
+        if self._width == 1:
+            return self._heard(lambda: self.bus.read_byte_data(self.address, number))
+        return int.from_bytes(self.block(register, self._width), self._order)
+
+    def write(self, register: int, value: int) -> None:
+        """Write one register."""
+        number = self._selected(register)
+        if self._width == 1:
+            self._heard(lambda: self.bus.write_byte_data(self.address, number, value))
+        else:
+            data = list(value.to_bytes(self._width, self._order))
+            self._heard(lambda: self.bus.write_i2c_block_data(self.address, number, data))
+
+    def block(self, register: int, count: int) -> bytes:
+        """Return up to 32 bytes from a register on, in one transfer."""
+        number = self._selected(register) | self._increment
+        return self._whole(self._heard(lambda: self.bus.read_i2c_block_data(self.address, number, count)), count)
+
+    def long(self, register: int, count: int) -> bytes:
+        """Return any number of bytes from a register on, in one transfer with a repeated start."""
+        from smbus2 import i2c_msg  # noqa: PLC0415  # only hosts with an I2C bus of their own need it
+
+        number = self._selected(register) | self._increment
+        ask, take = i2c_msg.write(self.address, [number]), i2c_msg.read(self.address, count)
+        self._heard(lambda: self.bus.i2c_rdwr(ask, take))
+        # smbus2 knows its messages as iterable at run time only.
+        return self._whole(cast("list[int]", list(take)), count)
+
+    def set(self, values: Mapping[int, int]) -> None:
+        """Write registers in their order."""
+        for register, value in values.items():
+            self.write(register, value)
+
+    def expect(self, values: Mapping[int, int]) -> None:
+        """Read settings back, one by one.
+
+        Raises:
+            Rejected: one reads otherwise; the message names the first.
+        """
+        for register, value in values.items():
+            found = self.read(register)
+            if found != value:
+                name = register.name if isinstance(register, IntEnum) else f"register {register:#04x}"
+                raise Rejected(self.device, f"{name} was set to {value:#04x} and reads back {found:#04x}", _REJECTED)
+
+    def expect_block(self, register: int, wanted: bytes) -> None:
+        """Read settings of registers in a row back, in one transfer.
+
+        Raises:
+            Rejected: they read otherwise.
+        """
+        found = self.block(register, len(wanted))
+        if found != wanted:
+            raise Rejected(
+                self.device,
+                f"registers from {register:#04x} on were set to {wanted.hex(' ')} and read back {found.hex(' ')}",
+                _REJECTED,
+            )
+
+    def bank_lost(self) -> bool:
+        """Select the first bank again where the chip has another one selected, and return whether it had."""
+        self._bank = 0
+        if self._banks is None:
+            return False
+        found = self.read(self._banks.register) >> self._banks.shift
+        if not 0 < found <= self._banks.most:
+            return False
+        self.write(self._banks.register, 0)
+        return True
+
+    def _selected(self, register: int) -> int:
+        """Select the register's bank, and return its number in there."""
+        bank, number = divmod(int(register), _BANK)
+        if self._banks and bank != self._bank and number != self._banks.register:
+            value = bank << self._banks.shift
+            select = self._banks.register
+            self._heard(lambda: self.bus.write_byte_data(self.address, select, value))
+            self._bank = bank
+        return number
+
+    def _whole(self, data: list[int], count: int) -> bytes:
+        if len(data) != count:
+            raise Garbled(self.device, f"{count} bytes were asked for and {len(data)} came", "look at the I2C adapter")
+        return bytes(data)
+
+    def _heard(self, transfer: Callable[[], _T]) -> _T:
+        try:
+            return transfer()
+        except OSError as error:
+            raise NoReply(
+                self.device,
+                f"no acknowledge at address {self.address:#04x}: {error.strerror or error}",
+                "look at the sensor's power, its wires and the address in the bench file",
+            ) from error
