@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from xml.etree import ElementTree as ET
 
 from hil.model.verdict import Verdict
 from hil.report.material import Body, flag, inner, inners, text, texts, verdict
@@ -31,25 +32,24 @@ def junit(results: Body, *, run: str, began: str, evidence_digest: str) -> bytes
     """
     cases = inners(results, "cases")
     verdicts = [verdict(case) for case in cases]
-    counts = (
-        f'tests="{len(cases)}" failures="{sum(word in _FAILED for word in verdicts)}"'
-        f' errors="{sum(word in _BROKEN for word in verdicts)}"'
-        f' skipped="{sum(word is Verdict.NOT_RUN for word in verdicts)}"'
-        f' time="{_seconds(sum(_duration(case) for case in cases))}"'
-    )
-    name = _attribute(", ".join(texts(inner(results, "run"), "plans")) or run)
-    stamp = f' timestamp="{_attribute(began.removesuffix("Z"))}"' if began else ""
-    lines = [
-        '<?xml version="1.0" encoding="UTF-8"?>',
-        f'<testsuites name="hil" {counts}>',
-        f'<testsuite name="{name}"{stamp} {counts}>',
-        *_properties(_facts(results, run, evidence_digest)),
-        *(line for case in cases for line in _case(case)),
-        *_told_first(results),
-        "</testsuite>",
-        "</testsuites>",
-    ]
-    return ("\n".join(lines) + "\n").encode()
+    counts = {
+        "tests": str(len(cases)),
+        "failures": str(sum(word in _FAILED for word in verdicts)),
+        "errors": str(sum(word in _BROKEN for word in verdicts)),
+        "skipped": str(sum(word is Verdict.NOT_RUN for word in verdicts)),
+        "time": _seconds(sum(_duration(case) for case in cases)),
+    }
+    root = ET.Element("testsuites", {"name": "hil", **counts})
+    name = _line(", ".join(texts(inner(results, "run"), "plans")) or run)
+    stamp = {"timestamp": _line(began.removesuffix("Z"))} if began else {}
+    suite = ET.SubElement(root, "testsuite", {"name": name, **stamp, **counts})
+    _properties(suite, _facts(results, run, evidence_digest))
+    for case in cases:
+        _case(suite, case)
+    if told := "\n".join(f"{word}: {sentence}" for word, sentence in warnings(results)):
+        ET.SubElement(suite, "system-err").text = _fit(told)  # what no case tells
+    ET.indent(root, space="")
+    return bytes(ET.tostring(root, encoding="UTF-8", xml_declaration=True)) + b"\n"
 
 
 def _facts(results: Body, run: str, evidence_digest: str) -> list[tuple[str, str]]:
@@ -73,38 +73,34 @@ def _facts(results: Body, run: str, evidence_digest: str) -> list[tuple[str, str
     ]
 
 
-def _told_first(results: Body) -> Iterable[str]:
-    """Give what no case tells: that the run was interrupted, tripped, or did not leave the bench safe."""
-    told = "\n".join(f"{word}: {sentence}" for word, sentence in warnings(results))
-    if told:
-        yield f"<system-err>{_content(told)}</system-err>"
-
-
-def _case(case: Body) -> Iterable[str]:
+def _case(suite: ET.Element, case: Body) -> None:
     word = verdict(case)
-    name, plan = _attribute(text(case, "case")), _attribute(text(case, "plan"))
-    yield f'<testcase classname="{plan}" name="{name}" time="{_seconds(_duration(case))}">'
-    yield from _properties([*(("requirement", name) for name in inner(case, "requirements")), ("verdict", word.value)])
+    element = ET.SubElement(
+        suite,
+        "testcase",
+        classname=_line(text(case, "plan")),
+        name=_line(text(case, "case")),
+        time=_seconds(_duration(case)),
+    )
+    _properties(element, [*(("requirement", name) for name in inner(case, "requirements")), ("verdict", word.value)])
     reasons = texts(case, "reasons")
-    message = _attribute("; ".join(reasons) or word.value)
+    how = {"type": word.value, "message": _line("; ".join(reasons) or word.value)}
     if word in _FAILED or word in _BROKEN:
-        element = "failure" if word in _FAILED else "error"
-        told = "\n".join([*reasons, *(line for check in inners(case, "checks") for line in _told(check))])
-        yield f'<{element} type="{word}" message="{message}">{_content(told)}</{element}>'
+        told = [*reasons, *(line for check in inners(case, "checks") for line in _told(check))]
+        bad = ET.SubElement(element, "failure" if word in _FAILED else "error", how)
+        bad.text = _fit("\n".join(told))
     elif word is Verdict.NOT_RUN:
-        yield f'<skipped type="{word}" message="{message}"/>'
-    yield "</testcase>"
+        ET.SubElement(element, "skipped", how)
 
 
 def _told(check: Body) -> Iterable[str]:
     return () if verdict(check).good else ("", *check_lines(check))
 
 
-def _properties(pairs: Iterable[tuple[str, str]]) -> Iterable[str]:
-    yield "<properties>"
+def _properties(element: ET.Element, pairs: Iterable[tuple[str, str]]) -> None:
+    inside = ET.SubElement(element, "properties")
     for name, value in pairs:
-        yield f'<property name="{_attribute(name)}" value="{_attribute(value)}"/>'
-    yield "</properties>"
+        ET.SubElement(inside, "property", name=_line(name), value=_line(value))
 
 
 def _duration(case: Body) -> float:
@@ -120,10 +116,10 @@ def _flag(value: bool) -> str:
     return "true" if value else "false"
 
 
-def _content(value: str) -> str:
-    safe = _UNFIT.sub("", value)
-    return safe.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+def _fit(value: str) -> str:
+    """Return a text without what XML cannot hold; everything else is escaped where the document is written."""
+    return _UNFIT.sub("", value)
 
 
-def _attribute(value: str) -> str:
-    return re.sub(r"[\t\r\n]+", " ", _content(value)).replace('"', "&quot;")
+def _line(value: str) -> str:
+    return re.sub(r"[\t\r\n]+", " ", _fit(value))
