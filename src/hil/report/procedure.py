@@ -10,6 +10,7 @@ from hil.report.material import Body, inner, inners, text, texts, verdict
 from hil.report.numbers import bench_time, duration, limit_text, number, with_unit
 from hil.report.page.as_run import attributed
 from hil.report.sentences import counted
+from hil.report.tables import labelled
 
 __all__ = ["procedure_lines"]
 
@@ -27,9 +28,9 @@ def procedure_lines(events: Sequence[Body], requirements: Mapping[str, Body]) ->
     events = attributed(events)
     run = next((event for event in events if event["kind"] == "run"), {})
     planned = [case for event in events if event["kind"] == "planned" for case in inners(event, "cases")]
-    lines = [_head(run, len(planned), events), *_driven(events), *_deviations(run), *_not_good(run, events)]
     named = dict.fromkeys(name for case in planned for name in texts(case, "requirements"))
-    lines += _not_covered(requirements, named)
+    facts = [*_driven(events), *_deviations(run), *_not_passed(run, events), *_not_covered(requirements, named)]
+    lines = [_head(run, len(planned), events), *labelled(facts)]
     lines += [line for name in named for line in _requirement(name, requirements.get(name, {}))]
     by_case = _by(events, "case")
     for place, case in enumerate(planned, 1):
@@ -44,35 +45,29 @@ def _head(run: Body, cases: int, events: Sequence[Body]) -> str:
     return f"Procedure of {plans}{where}: {counted(cases, 'case')}, {duration(took)} of bench time"
 
 
-def _driven(events: Sequence[Body]) -> Iterator[str]:
+def _driven(events: Sequence[Body]) -> Iterator[tuple[str, str]]:
     """Give what the cases drive at all, by role."""
     effects = (event for event in events if event["kind"] == "effect" and event.get("effect") == "drives")
-    roles = sorted({text(event, "name").rpartition(".")[0] for event in effects})
-    if roles:
-        yield f"drives        {', '.join(roles)}"
+    yield "drives", ", ".join(sorted({text(event, "name").rpartition(".")[0] for event in effects}))
 
 
-def _deviations(run: Body) -> Iterator[str]:
-    yield from (f"deviation     {deviation}" for deviation in texts(run, "deviations"))
+def _deviations(run: Body) -> Iterator[tuple[str, str]]:
+    yield from (("deviation", deviation) for deviation in texts(run, "deviations"))
 
 
-def _not_good(run: Body, events: Sequence[Body]) -> Iterator[str]:
-    """Give how many cases would come out other than good."""
+def _not_passed(run: Body, events: Sequence[Body]) -> Iterator[tuple[str, str]]:
+    """Give how many cases would not pass."""
     bad = sum(not verdict(event).good for event in events if event["kind"] == "case-end" and event["counted"])
     if bad:
         where = f"the {text(run, 'source')} bench" if text(run, "source") else "the bench"
-        yield f"not good      {counted(bad, 'case')}, on {where}"
+        yield "not passed", f"{counted(bad, 'case')}, on {where}"
 
 
-def _not_covered(requirements: Mapping[str, Body], named: Container[str]) -> Iterator[str]:
+def _not_covered(requirements: Mapping[str, Body], named: Container[str]) -> Iterator[tuple[str, str]]:
     """Give the requirements that no case carries; those that no case verifies by their method are told with it."""
     left = unspoken(requirements, named)
-    bare = [name for name, why in left if why in BY_CASES]
-    other = [f"{name} ({why})" for name, why in left if why not in BY_CASES]
-    if bare:
-        yield f"without case  {', '.join(bare)}"
-    if other:
-        yield f"not by cases  {', '.join(other)}"
+    yield "without case", ", ".join(name for name, why in left if why in BY_CASES)
+    yield "not by cases", ", ".join(f"{name} ({why})" for name, why in left if why not in BY_CASES)
 
 
 def _requirement(name: str, entry: Body) -> Iterator[str]:
@@ -95,10 +90,9 @@ def _case(place: str, case: Body, events: Sequence[Body]) -> Iterator[str]:
     facts = (
         ("requirements", ", ".join(texts(case, "requirements")) or "none: an orphan"),
         ("duration", took + (f", at most {longest}" if longest else "")),
-        *(("comes out", "; ".join((verdict(end).value, *texts(end, "reasons")))) for end in bad),
+        *(("verdict", "; ".join((verdict(end).value, *texts(end, "reasons")))) for end in bad),
     )
-    for label, value in facts:
-        yield f"{_INDENT * 2}{label:<12}  {value}"
+    yield from labelled(facts, indent=_INDENT * 2)
     by_step = _by(events, "step")
     ended = {text(event, "number"): event for event in events if event["kind"] == "step-end"}
     for stretch in _stretches(events):

@@ -8,6 +8,7 @@ from hil.model.verdict import Verdict
 from hil.report.material import Body, inner, inners, text, texts, verdict
 from hil.report.page.as_run import check_row
 from hil.report.sentences import closing_sentence, closings, counted, headline, holds, in_short, source_word, warnings
+from hil.report.tables import labelled
 
 __all__ = ["check_lines", "closing_lines"]
 
@@ -40,7 +41,7 @@ def check_lines(check: Body) -> list[str]:
         ("instruments", row.instruments),
         ("reason", row.reason),
     )
-    return [f"{row.verdict} {row.requirement} {row.parameter}{of}", *_aligned(facts)]
+    return [f"{row.verdict} {row.requirement} {row.parameter}{of}", *labelled(facts, indent=_INDENT)]
 
 
 def _alike(cases: Iterable[Body]) -> Iterable[list[Body]]:
@@ -64,7 +65,7 @@ def _case_lines(case: Body) -> Iterator[str]:
     yield f"{word} {text(case, 'case')}"
     if word is Verdict.NOT_RUN or not any(not verdict(check).good for check in inners(case, "checks")):
         short = sorted(name for name, said in inner(case, "requirements").items() if said == Verdict.NOT_EVALUATED)
-        yield from _aligned([("not evaluated", ", ".join(short))])
+        yield from labelled([("not evaluated", ", ".join(short))], indent=_INDENT)
     bad = [check for check in inners(case, "checks") if not verdict(check).good]
     told = tuple(f"{text(check, 'requirement')} {text(check, 'parameter')}" for check in bad)
     for reason in in_short(word, texts(case, "reasons")):
@@ -91,9 +92,3 @@ def _named(requirements: Sequence[str], total: int) -> str:
 def _first_few(names: Sequence[str]) -> str:
     more = len(names) - _MOST_NAMED
     return ", ".join(names[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
-
-
-def _aligned(facts: Iterable[tuple[str, str]]) -> list[str]:
-    known = [(label, value) for label, value in facts if value]
-    width = max((len(label) for label, _ in known), default=0)
-    return [f"{_INDENT}{label:<{width}}  {value}" for label, value in known]

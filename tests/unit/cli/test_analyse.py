@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 import re
@@ -16,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 
 from hil.analysis.allan.noise import characterise
-from hil.cli.analyses.allan_text import Axis, Result, show, stated
+from hil.cli.analyses.allan_text import Axis, Result, as_text, stated
 from hil.cli.commands.analyse import command
 from hil.model.errors import Refused
 from hil.model.figure import Figure, FigureStatus
@@ -200,24 +199,16 @@ def test_help_loads_nothing_heavy():
     assert b"Allan deviation and noise coefficients" in result.stdout
 
 
-class Terminal(io.StringIO):
-    """Standard output that says it is a terminal."""
-
-    def isatty(self):
-        """Whether it is a terminal."""
-        return True
-
-
-def test_a_terminal_gets_a_table_with_rules_and_no_colour_where_none_is_wanted(monkeypatch):
-    """On a terminal the table is drawn; NO_COLOR is honoured."""
-    terminal = Terminal()
-    monkeypatch.setattr(sys, "stdout", terminal)
-    monkeypatch.setenv("NO_COLOR", "1")
-    monkeypatch.setenv("TERM", "xterm-256color")
+def test_columns_line_up_and_no_line_is_broken():
+    """Numbers end under each other; a line is as long as what it says, wherever it is written to."""
     model = characterise(np.random.default_rng(0).standard_normal(500), 10.0, "deg/s")
-    show(Result(file="log.txt", sampling=None, axes=(Axis(name="x", model=model, curve=model.curve),), remarks=()))
-    assert "│" in terminal.getvalue()
-    assert not re.search("\x1b\\[[0-9;]*3[0-7]m", terminal.getvalue())
+    axis = Axis(name="x" * 200, model=model, curve=model.curve)
+    lines = as_text(Result(file="log.txt", sampling=None, axes=(axis,), remarks=())).splitlines()
+    head = next(place for place, line in enumerate(lines) if line.split()[:2] == ["tau", "[s]"])
+    assert lines[head - 1].startswith(axis.name)
+    rows = [line.split()[:2] for line in lines[head + 1 : head + 1 + model.curve.tau.size]]
+    ends = {line.index(cell) + len(cell) for (_, cell), line in zip(rows, lines[head + 1 :], strict=False)}
+    assert ends == {lines[head].index("deviation") + len("deviation")}
 
 
 @pytest.mark.parametrize(

@@ -36,12 +36,12 @@ def test_a_novonix_file_needs_no_option():
     """Charge and energy beside the cycler's own, and no verdict on what one charge cannot tell."""
     text = run(NOVONIX).stdout
     assert text.startswith(f"{NOVONIX} (novonix): 207 rows, 3.413 h, 1 cycle\n")
-    assert "charge Ah       1.706483       1.706529      1.706530      -4.7e-07  -2.7e-07\n" in text
-    assert "energy Wh       6.848359       6.848537      6.848547      -1.1e-05  -1.5e-06\n" in text
+    assert "charge Ah   1.706483       1.706529  1.706530    -4.7e-07  -2.7e-07\n" in text
+    assert "energy Wh   6.848359       6.848537  6.848547    -1.1e-05  -1.5e-06\n" in text
     assert (
         "1 switch between rest and current as the instrument counted: 0.000135 Ah (samples alone: ± 5.1e-05 Ah)" in text
     )
-    assert "1  charge      1.70653   6.84854" in text
+    assert "\n1      charge  1.70653  6.84854  4.0131" in text
     assert "rest to charge: 0.01844 ohm within 1.28 s" in text
     assert "equivalent full cycles: 0.1707 of 5 Ah" in text
     assert "not a whole cycle" in text

@@ -53,8 +53,8 @@ def test_limits_and_what_is_driven_stand_first(folder):
     """Before the cases: the roles that are driven, the deviations, and what each requirement asks for."""
     lines = procedure_lines(Package(folder).events(), requirement_entries(Material(Package(folder))))
     first = lines[: lines.index(f"[1/5] {specimen_run.CASES['rest']}")]
-    assert "drives        rotation_table, supply.board" in first
-    assert "deviation     parameter gyroscope.rest_duration is 600 s, the plan says 14400 s" in first
+    assert "drives      rotation_table, supply.board" in first
+    assert "deviation   parameter gyroscope.rest_duration is 600 s, the plan says 14400 s" in first
     place = first.index("ADCS-GYR-030  rate_error [x, y, z] -0.5 to 0.5 deg/s, guarded, TUR at least 2")
     assert first[place + 1] == "              for each temperature of 10, 45"
     assert "          checks   ADCS-GYR-030 rate_error [x]  (-0.5 to 0.5 deg/s, guarded)" in lines
@@ -98,11 +98,11 @@ def test_arguments_are_written_as_a_person_would():
 def test_a_case_that_would_not_come_out_well_is_told():
     """What the simulated bench makes of a case other than PASS stands at its top, and is counted before."""
     events = planned()
-    assert not any("comes out" in line or "not good" in line for line in procedure_lines(events, {}))
+    assert not any("verdict" in line or "not passed" in line for line in procedure_lines(events, {}))
     events[-1] |= {"verdict": "FAIL", "reasons": ["A-1 u is FAIL: too high"]}
     lines = procedure_lines([{"kind": "run", "t": 0.0, "source": "simulated"}, *events], {})
-    assert "not good      1 case, on the simulated bench" in lines
-    assert "    comes out     FAIL; A-1 u is FAIL: too high" in lines
+    assert "not passed  1 case, on the simulated bench" in lines
+    assert "    verdict       FAIL; A-1 u is FAIL: too high" in lines
 
 
 def test_what_is_done_outside_steps_has_a_heading():

@@ -126,10 +126,7 @@ def allan(  # noqa: PLR0913 - one argument per option
     if plot is not None:
         _draw(plot, axes)
     result = allan_text.Result(file=str(file), sampling=samples.sampling, axes=tuple(axes), remarks=samples.remarks)
-    if as_json:
-        click.echo(allan_text.as_json(result))
-    else:
-        allan_text.show(result)
+    click.echo(allan_text.as_json(result) if as_json else allan_text.as_text(result))
 
 
 def _samples(choice: _Choice) -> _Samples:

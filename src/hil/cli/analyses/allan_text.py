@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import json
 import math
-import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
-
-import click
 
 from hil.analysis.allan.results import AllanCurve, NoiseModel
 from hil.analysis.sampling import SamplingReport
 from hil.model.figure import Figure, FigureStatus
+from hil.report.tables import aligned
 
-__all__ = ["NAMES", "Axis", "Result", "as_json", "called", "show", "stated"]
+__all__ = ["NAMES", "Axis", "Result", "as_json", "as_text", "called", "stated"]
 
 _TERMS = ("white", "flicker", "random_walk", "averaging_window")
+_LABELS = ("white noise", "flicker", "random walk", "best averaging")
 NAMES = {
     "overlapping": "overlapping Allan",
     "modified": "modified Allan",
@@ -107,18 +106,17 @@ def _finite(number: float) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def show(result: Result) -> None:
-    """Print the result for a person: plain text, or with rules and colour where standard output is a terminal."""
-    click.echo(_heading(result))
-    for remark in result.remarks:
-        click.echo(f"note: {remark}")
+def as_text(result: Result) -> str:
+    """Return the result as plain text: a part for each column, with its deviations and its noise."""
+    lines = [_heading(result), *(f"note: {remark}" for remark in result.remarks)]
     for axis in result.axes:
-        click.echo()
-        if sys.stdout.isatty():
-            _rich_table(axis)
-        else:
-            click.echo(_plain_table(axis))
-        click.echo(_summary(axis.model))
+        lines += [
+            "",
+            _title(axis),
+            *aligned(_rows(axis), head=_HEAD, right=range(len(_HEAD) - 1)),
+            *_summary(axis.model),
+        ]
+    return "\n".join(lines)
 
 
 def _heading(result: Result) -> str:
@@ -163,39 +161,15 @@ def _rows(axis: Axis) -> list[tuple[str, ...]]:
     ]
 
 
-def _plain_table(axis: Axis) -> str:
-    rows = [_HEAD, *_rows(axis)]
-    widths = [max(len(row[place]) for row in rows) for place in range(len(_HEAD) - 1)]
-    lines = [
-        "  ".join([*(cell.rjust(width) for cell, width in zip(row, widths, strict=False)), row[-1]]) for row in rows
-    ]
-    return "\n".join([_title(axis), *lines])
-
-
-def _rich_table(axis: Axis) -> None:
-    from rich.console import Console  # noqa: PLC0415 - rich is slow to import
-    from rich.table import Table  # noqa: PLC0415 - rich is slow to import
-
-    table = Table(title=_title(axis), title_justify="left")
-    for name in _HEAD:
-        table.add_column(name, justify="left" if name == "noise" else "right")
-    for row in _rows(axis):
-        table.add_row(*row)
-    Console().print(table)
-
-
-def _summary(model: NoiseModel) -> str:
-    labels = ("white noise", "flicker", "random walk", "best averaging")
-    lines = [
-        f"{label:<15} {stated(figure):<36} {figure.status.value}"
-        for label, figure in zip(labels, (getattr(model, term) for term in _TERMS), strict=True)
-    ]
+def _summary(model: NoiseModel) -> Iterator[str]:
+    figures = zip(_LABELS, (getattr(model, term) for term in _TERMS), strict=True)
+    rows = [(label, stated(figure), figure.status.value) for label, figure in figures]
+    yield from aligned(rows)
     if math.isfinite(model.chi):
         error = f", model error {model.model_error:.0%} allowed for" if model.model_error else ""
-        lines.append(f"{'fit':<15} chi {model.chi:.2f} from {model.tau_min:.4g} s on{error}")
+        yield f"fit: chi {model.chi:.2f} from {model.tau_min:.4g} s on{error}"
     if model.remark:
-        lines.append(f"note: {model.remark}")
-    return "\n".join(lines)
+        yield f"note: {model.remark}"
 
 
 def stated(figure: Figure) -> str:

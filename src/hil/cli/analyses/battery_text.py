@@ -18,14 +18,15 @@ from hil.analysis.battery.series import SECONDS_PER_HOUR, Series
 from hil.analysis.battery.steps import Segmentation, StepKind, segment
 from hil.analysis.battery.summary import Summary, incremental_capacities
 from hil.logs.battery import BatteryLog
+from hil.report.tables import aligned
 
 __all__ = ["Result", "as_json", "as_text"]
 
 _CYCLE = (
-    "cycle  kind            Ah        Wh   mean V   duration   at limit    cut-off     CV Ah   degC from..to  rise K"
-)
-
-_SUMS = f"{'net':10s}  {'trapezoid':>12s}  {'counted edges':>13s}  {'its own':>12s}  {'apart':>12s}  {'of it':>8s}"
+    "cycle", "kind", "Ah", "Wh", "mean V", "duration", "at limit", "cut-off", "CV Ah", "degC from..to", "rise K",
+)  # fmt: skip
+_NUMBERS = frozenset(range(2, len(_CYCLE)))
+_SUMS = ("net", "trapezoid", "counted edges", "its own", "difference", "relative")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,10 +100,7 @@ def as_text(result: Result) -> str:
     head = f"{result.file} ({result.log.maker}): {result.data.time.size} rows, {hours:.4g} h, {_count(len(made))}"
     lines = [head, *(f"note: {remark}" for remark in _remarks(result))]
     lines += _sums_as_lines(result.log, result.data, result.how)
-    lines += ["", _CYCLE]
-    for cycle in made:
-        lines += _cycle(cycle)
-    lines += ["", *_edges(made)]
+    lines += ["", *_cycles(made), "", *_edges(made)]
     for kind in _KINDS:
         curves = _curves(result, kind)
         if curves and curves[0].peaks:
@@ -138,27 +136,43 @@ def _count(number: int) -> str:
     return "1 cycle" if number == 1 else f"{number} cycles"
 
 
-def _cycle(cycle: Cycle) -> Iterator[str]:
-    for name, half in (("charge", cycle.charge), ("discharge", cycle.discharge)):
-        if half is not None:
-            yield f"{cycle.number:5d}  {name:9s}  {_half(half)}"
+def _cycles(made: tuple[Cycle, ...]) -> Iterator[str]:
+    """Give a line for each half of a cycle, and below them what else is known of it."""
+    halves = [
+        (cycle.number, name, half)
+        for cycle in made
+        for name, half in (("charge", cycle.charge), ("discharge", cycle.discharge))
+        if half is not None
+    ]
+    rows = [(f"{number}", name, *_half(half)) for number, name, half in halves]
+    head, *lines = aligned(rows, head=_CYCLE, right=_NUMBERS)
+    yield head
+    for cycle in made:
+        yield from (line for (number, *_), line in zip(halves, lines, strict=True) if number == cycle.number)
+        yield from (f"       {line}" for line in _remarks_of(cycle))
+
+
+def _remarks_of(cycle: Cycle) -> Iterator[str]:
     if cycle.charge is not None and cycle.discharge is not None:
         told = f"coulombic {_cell(cycle.coulombic_efficiency, 5)}, energy {_cell(cycle.energy_efficiency, 5)}"
-        yield f"       efficiency: {told}"
+        yield f"efficiency: {told}"
     if not cycle.complete:
-        yield "       not a whole cycle: in no fade and no median"
+        yield "not a whole cycle: in no fade and no median"
     bridged = sum(half.gaps for half in (cycle.charge, cycle.discharge) if half is not None)
     if bridged:
-        yield f"       {bridged} {'gap' if bridged == 1 else 'gaps'} in the rows"
+        yield f"{bridged} {'gap' if bridged == 1 else 'gaps'} in the rows"
 
 
-def _half(half: HalfCycle) -> str:
+def _half(half: HalfCycle) -> tuple[str, ...]:
     times = (half.duration, half.time_to_limit, half.time_to_cut_off)
     return (
-        f"{half.charge:8.5f}  {half.energy:8.5f}  {half.mean_voltage:7.4f}  "
-        + "  ".join(_clock(time).rjust(9) for time in times)
-        + f"  {half.cv_charge:8.4f}  {_cell(half.temperature_low, 3):>6}..{_cell(half.temperature_high, 3):6}"
-        + f"  {_cell(half.temperature_rise, 2):>6}"
+        f"{half.charge:.5f}",
+        f"{half.energy:.5f}",
+        f"{half.mean_voltage:.4f}",
+        *map(_clock, times),
+        f"{half.cv_charge:.4f}",
+        f"{_cell(half.temperature_low, 3)}..{_cell(half.temperature_high, 3)}",
+        _cell(half.temperature_rise, 2),
     )
 
 
@@ -211,8 +225,7 @@ def _fade(name: str, each: Fade) -> Iterator[str]:
 
 def _gates(summary: Summary) -> Iterator[str]:
     words = {True: "good", False: "DOUBT", None: "unknown"}
-    for gate in summary.gates:
-        yield f"{words[gate.ok]:7s}  {gate}"
+    yield from aligned((words[gate.ok], str(gate)) for gate in summary.gates)
 
 
 def _sums_as_json(log: BatteryLog, data: Series, how: Segmentation) -> dict[str, object]:
@@ -243,15 +256,7 @@ def _sums_as_lines(log: BatteryLog, data: Series, how: Segmentation) -> Iterator
         how: how steps are told apart.
     """
     made = [each for each in _sums(log, data, how) if each[3] is not None]
-    if made:
-        yield _SUMS
-    for what, unit, found, own in made:
-        if own is not None:
-            part = f"{found.value / own - 1.0:+8.1e}" if own else ""
-            yield (
-                f"{what:6s} {unit}   {found.samples:12.6f}  {found.value:13.6f}  {own:12.6f}"
-                f"  {found.value - own:+12.1e}  {part}"
-            ).rstrip()
+    yield from aligned([_sum_row(*each) for each in made], head=_SUMS if made else (), right=range(1, len(_SUMS)))
     if made and made[0][2].edges:
         told = ", ".join(
             f"{found.counted:.3g} {unit} (samples alone: ± {found.open:.2g} {unit})" for _, unit, found, _ in made
@@ -259,6 +264,12 @@ def _sums_as_lines(log: BatteryLog, data: Series, how: Segmentation) -> Iterator
         number = made[0][2].edges
         switches = "1 switch" if number == 1 else f"{number} switches"
         yield f"{switches} between rest and current as the instrument counted: {told}"
+
+
+def _sum_row(what: str, unit: str, found: Net, own: float | None) -> tuple[str, ...]:
+    apart = found.value - (own or 0.0)
+    relative = f"{found.value / own - 1.0:+.1e}" if own else ""
+    return (f"{what} {unit}", f"{found.samples:.6f}", f"{found.value:.6f}", f"{own:.6f}", f"{apart:+.1e}", relative)
 
 
 def _sums(log: BatteryLog, data: Series, how: Segmentation) -> list[tuple[str, str, Net, float | None]]:

@@ -12,8 +12,12 @@ from hil.analysis.gyroscope.interchange import as_document, fingerprint
 from hil.analysis.gyroscope.polynomial import Polynomial
 from hil.cli.analyses.allan_text import stated
 from hil.model.figure import Figure
+from hil.report.tables import aligned
 
 __all__ = ["as_json", "as_text"]
+
+_CANDIDATES = ("degree", "leave-one-out", "AICc", "chi-square", "probability", "")
+_POINTS = ("T [degC]", "value", "residual")
 
 
 def as_json(file: str, readings: int, report: CalibrationReport) -> str:
@@ -70,16 +74,18 @@ def _part(title: str, fitted: Fit) -> list[str]:
     degree = len(polynomial.coefficients) - 1
     lines = [f"{title}, degree {degree} about {polynomial.reference:g} degC"]
     lines += [f"  c{power}  {stated(figure)}" for power, figure in enumerate(_coefficients(polynomial))]
-    lines.append("  degree  leave-one-out        AICc  chi-square  probability")
-    for each in fitted.candidates:
-        mark = "  chosen" if each.degree == degree else ""
-        numbers = (each.cross_validation, each.aicc, each.chi_square, each.tail)
-        cells = [_cell(number).rjust(width) for number, width in zip(numbers, (13, 10, 10, 11), strict=True)]
-        lines.append(f"  {each.degree:6d}  {'  '.join(cells)}{mark}")
-    lines.append("  T [degC]          value       residual")
+    candidates = [
+        (
+            f"{each.degree}",
+            *map(_cell, (each.cross_validation, each.aicc, each.chi_square, each.tail)),
+            "chosen" if each.degree == degree else "",
+        )
+        for each in fitted.candidates
+    ]
+    lines += aligned(candidates, head=_CANDIDATES, right=range(5), indent="  ")
     rows = zip(fitted.temperature.tolist(), fitted.value.tolist(), fitted.residual.tolist(), strict=True)
-    lines += [f"  {where:8.2f}  {value:13.6g}  {residual:13.3g}" for where, value, residual in rows]
-    return lines
+    points = [(f"{where:.2f}", f"{value:.6g}", f"{residual:.3g}") for where, value, residual in rows]
+    return lines + aligned(points, head=_POINTS, right=range(3), indent="  ")
 
 
 def _cell(number: float) -> str:
@@ -101,12 +107,11 @@ def _alignment(calibration: Calibration) -> list[str]:
         return ["alignment: not measured"]
     lines = ["alignment, sensor to table axes"]
     spread = calibration.alignment_uncertainty
-    for place, row in enumerate(calibration.alignment):
-        cells = [f"{value:10.6f}" for value in row]
-        if spread is not None:
-            cells = [f"{cell} ± {each:.1g}" for cell, each in zip(cells, spread[place], strict=True)]
-        lines.append("  " + "  ".join(cells))
-    return lines
+    rows = [[f"{value:.6f}" for value in row] for row in calibration.alignment]
+    if spread is not None:
+        pairs = [zip(*pair, strict=True) for pair in zip(rows, spread, strict=True)]
+        rows = [[f"{cell} ± {each:.1g}" for cell, each in pair] for pair in pairs]
+    return lines + aligned(rows, right=range(len(rows)), indent="  ")
 
 
 def _is_measured(calibration: Calibration) -> bool:

@@ -45,11 +45,11 @@ def _tell(folder: Path) -> None:
     """Print when what happened, in the order of time, and where it is written down in full."""
     from hil.evidence.package.listing import shown as printable  # noqa: PLC0415 - heavy
     from hil.executive.ending.incidents import moment, what_happened, written_down  # noqa: PLC0415 - heavy
+    from hil.report.tables import aligned  # noqa: PLC0415 - heavy
 
     told = [(printable(moment(each.at)), printable(each.text)) for each in what_happened(folder)]
-    width = max((len(at) for at, _ in told), default=0)
-    for at, text in told:
-        click.echo(f"{at.ljust(width)}  {text}")
+    for line in aligned(told):
+        click.echo(line)
     if files := [printable(shown(path)) for path in written_down(folder)]:
         click.echo(f"in full: {', '.join(files)}")
 

@@ -87,16 +87,17 @@ def _width() -> int:
 
 def _lines(runs: Sequence[RunSummary], width: int) -> Iterator[str]:
     """Give a line per run, in columns; where they do not fit, the name gets a line of its own."""
+    from hil.report.tables import aligned  # noqa: PLC0415 - heavy
+
     rows = [_cells(run) for run in runs]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    narrow = sum(widths) + 2 * (len(widths) - 1) > width
-    for run, row in zip(runs, rows, strict=True):
-        columns = [cell.ljust(space) for cell, space in zip(row, widths, strict=True)]
+    lines = aligned(rows)
+    narrow = max(map(len, lines), default=0) > width
+    for run, row, line in zip(runs, rows, lines, strict=True):
         if narrow:
             yield row[0]
             yield "  " + "  ".join(cell for cell in row[1:] if cell)
         else:
-            yield "  ".join(columns).rstrip()
+            yield line
         if run.problem:
             yield f"  {_printable(run.problem)}"
         if latch := latch_word(run.folder):

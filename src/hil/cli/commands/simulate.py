@@ -30,6 +30,7 @@ def command(bench: str, folder: Path | None, speed: float, first_port: int) -> i
     socket `control`, at which the true state is read and faults are injected.
     """
     from hil.executive.setup.bench_visit import serve_bench  # noqa: PLC0415 - heavy
+    from hil.report.tables import aligned  # noqa: PLC0415 - heavy
 
     place = folder or Path(tempfile.gettempdir()) / f"hil-{os.getuid()}-{bench.replace(os.sep, '-')}"
     with serve_bench(Path.cwd(), bench, place, speed=speed, first_port=first_port) as served:
@@ -38,9 +39,8 @@ def command(bench: str, folder: Path | None, speed: float, first_port: int) -> i
                 signal.signal(number, lambda *_: served.stop())
         click.echo(f"SIMULATED: bench {served.spec.name} at {speed:g} times real time; nothing here is hardware")
         rows = {**served.where, "control": str(place.absolute() / "control")}
-        width = max(map(len, rows))
-        for name, where in rows.items():
-            click.echo(f"{name.ljust(width)}  {where}")
+        for line in aligned(rows.items()):
+            click.echo(line)
         click.echo("ready")
         served.run()
     return 0

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -37,6 +39,7 @@ def status_lines(folder: Path) -> list[str]:
     from hil.report.live.lines import reading_lines  # noqa: PLC0415 - heavy
     from hil.report.numbers import bench_time, duration  # noqa: PLC0415 - heavy
     from hil.report.page.incidents import attached, noted  # noqa: PLC0415 - heavy
+    from hil.report.tables import aligned, labelled  # noqa: PLC0415 - heavy
 
     found = status(folder)
     follower = Follower(folder)
@@ -44,37 +47,40 @@ def status_lines(folder: Path) -> list[str]:
         follower.read()
     readings = follower.readings()
     outlook = follower.outlook
-    lines = {
-        "run": found.folder.name,
-        "state": str(found.state),
-        "plans": ", ".join(found.plans),
-        "bench": f"{found.bench} ({found.source})",
-        "DUT": found.dut,
-        "purpose": found.purpose,
-        "cases": f"{found.ended} of {found.planned} ended",
-        "case": found.case,
-        "step": found.step,
-        "turn": ", ".join(str(turns) for turns in outlook.turns),
-        "bench time": bench_time(max(found.t, outlook.t)),
-        "left": str(outlook.left() or ""),
-        "asks": "" if outlook.asked is None else f"{outlook.asked['text']} hil answer {folder.name}",
-        "held": "" if outlook.held is None else outlook.held or "yes",
-        "stopped by": found.stopped,
-        "last event": "" if found.age is None else f"{duration(found.age)} ago",
-        "verdict": found.verdict,
-        "latch": latch_word(folder),
-        "problem": found.problem,
-    }
-    told = {"note": noted, "attachment": attached}
+    facts = (
+        ("run", found.folder.name),
+        ("state", str(found.state)),
+        ("plans", ", ".join(found.plans)),
+        ("bench", f"{found.bench} ({found.source})"),
+        ("DUT", found.dut),
+        ("purpose", found.purpose),
+        ("cases", f"{found.ended} of {found.planned} ended"),
+        ("case", found.case),
+        ("step", found.step),
+        ("turn", ", ".join(str(turns) for turns in outlook.turns)),
+        ("bench time", bench_time(max(found.t, outlook.t))),
+        ("left", str(outlook.left() or "")),
+        ("asks", "" if outlook.asked is None else f"{outlook.asked['text']} hil answer {folder.name}"),
+        ("held", "" if outlook.held is None else outlook.held or "yes"),
+        ("stopped by", found.stopped),
+        ("last event", "" if found.age is None else f"{duration(found.age)} ago"),
+        ("verdict", found.verdict),
+        ("latch", latch_word(folder)),
+        ("problem", found.problem),
+    )
+    told: Mapping[str, Callable[[Mapping[str, Any]], str]] = {"note": noted, "attachment": attached}
     return [
-        *(f"{label:<11} {printable(value)}" for label, value in lines.items() if value),
+        *labelled((label, printable(value)) for label, value in facts),
         *(["reads now", *map(printable, reading_lines(readings, outlook.t))] if readings else []),
-        *(
-            f"{event['kind']:<11} {bench_time(event['t'])}  "
-            f"{printable(told[event['kind']](event) if event['kind'] in told else str(event['text']))}"
+        *aligned(
+            (event["kind"], bench_time(event["t"]), printable(told.get(event["kind"], _text)(event)))
             for event in found.added
         ),
     ]
+
+
+def _text(event: Mapping[str, Any]) -> str:
+    return str(event["text"])
 
 
 def _machine(folder: Path, *, follow: bool) -> int:

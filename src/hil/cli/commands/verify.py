@@ -29,6 +29,7 @@ def command(run: str, report: bool) -> int:
     """
     from hil.evidence.package.listing import shown  # noqa: PLC0415 - heavy
     from hil.evidence.package.verification import State, verify  # noqa: PLC0415 - heavy
+    from hil.report.tables import labelled  # noqa: PLC0415 - heavy
 
     found = verify(find_run(run))
     for finding in found.findings:
@@ -40,12 +41,16 @@ def command(run: str, report: bool) -> int:
         return 1
     same = _compared(found.folder) if report else True
     word = "not compared, see --report" if not report else "the same bytes" if same else "OTHER bytes"
-    if found.run != shown(found.folder.resolve().name):
-        click.echo(f"run              {found.run}, in a folder of another name")
-    click.echo(f"verdict          {_worth(found)}")
-    click.echo(f"report           {word}")
-    click.echo(f"evidence digest  {found.evidence_digest}")
-    click.echo(f"content digest   {found.content_digest}")
+    renamed = found.run != shown(found.folder.resolve().name)
+    facts = (
+        ("run", f"{found.run}, in a folder of another name" if renamed else ""),
+        ("verdict", _worth(found)),
+        ("report", word),
+        ("evidence digest", found.evidence_digest),
+        ("content digest", found.content_digest),
+    )
+    for line in labelled(facts):
+        click.echo(line)
     return 0 if found.ok and same else 1
 
 
