@@ -14,8 +14,6 @@ from hypothesis import strategies as st
 from hil.bench.file.reading import load_bench
 from hil.clock.virtual import VirtualClock
 from hil.model.bench import InstrumentSpec, PeerSpec, PlantSpec, SimulatedBench
-from hil.simulation import registry
-from hil.simulation.peers.cycler.model import MODEL as CYCLER
 from hil.simulation.peers.modbus_rtu import seal
 from hil.simulation.world import build_world
 from hil.wire.peer import Nack
@@ -95,14 +93,6 @@ WORDS = {
     "table1": (b"1MO;1VA10;1MV+\r", b"1ST;1TP?\r", b"1TV?\r", b"1T"),
     "obc1": (b"\0", b"\x03\x01"),
 }
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _a_cycler_among_the_peers():
-    """Let benches have a cycler."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(registry.PEERS, "cycler", CYCLER)
-        yield
 
 
 class Living:

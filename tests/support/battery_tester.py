@@ -6,8 +6,6 @@ from cycler_page import sealed
 
 from hil.clock.virtual import VirtualClock
 from hil.model.bench import InstrumentSpec, PeerSpec, PlantSpec, SimulatedBench
-from hil.simulation import registry
-from hil.simulation.peers.cycler.model import MODEL as CYCLER
 from hil.simulation.world import build_world
 from hil.wire.exchange import publish_stream, withdraw
 from hil.wire.opening import open_port
@@ -55,7 +53,6 @@ class BatteryTester:
             InstrumentSpec(name=name, driver=driver, baud=baud, address=address)
             for name, driver, baud, address, *_ in peers
         )
-        registry.PEERS.setdefault("cycler", CYCLER)
         self.world = build_world(spec, instruments, self.clock)
         self.ports = {}
         for number, instrument in enumerate(instruments, start=1):

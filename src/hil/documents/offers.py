@@ -60,8 +60,11 @@ class Offers(Generic[_Offer]):
         return self._loaded[point]
 
     def find(self, name: str) -> _Offer | None:
-        """Return the offer of that name, None where no package has one; Refused as above."""
-        return self[name] if name in self.names else None
+        """Return the offer of that name, None where it would be refused."""
+        try:
+            return self[name] if name in self.names else None
+        except Refused:
+            return None
 
     def _found(self) -> EntryPoints:
         return _installed(self.group)

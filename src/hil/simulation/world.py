@@ -15,7 +15,7 @@ from hil.simulation.peers.faulty import FaultyBusPeer, FaultySerialPeer
 from hil.simulation.peers.model import Connections, PeerModel, PeerSetup
 from hil.simulation.person import Person
 from hil.simulation.plants.plant import Plant
-from hil.simulation.registry import peer_model, plant_model
+from hil.simulation.registry import PEERS, PLANTS, offered
 from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth, TruthError, UnknownPlant, suggestion
 from hil.wire.checkpoint import Kept, Stateful
@@ -163,11 +163,11 @@ class _Builder:
 
     def _build_plant(self, spec: PlantSpec) -> None:
         path = ("plants", spec.name)
-        model = plant_model(spec.model, (*path, "model"))
+        model = offered(PLANTS, spec.model, (*path, "model"))
         grid_ns = round(spec.grid_s * NANOSECONDS)
         if grid_ns < 1:
             raise TruthError((*path, "grid"), f"expected a duration above 0 s, not {spec.grid_s} s")
-        self._plants[spec.name] = model(spec.name, grid_ns, Truth(spec.truth, (*path, "truth")))
+        self._plants[spec.name] = model.build(spec.name, grid_ns, Truth(spec.truth, (*path, "truth")))
 
     def _build_peer(self, spec: PeerSpec) -> None:
         path = ("peers", spec.device)
@@ -175,7 +175,7 @@ class _Builder:
         if instrument is None:
             hint = suggestion(spec.device, tuple(self._instruments))
             raise TruthError(path, f"no instrument '{spec.device}'{hint}")
-        model = peer_model(spec.model or instrument.driver, (*path, "model"))
+        model = offered(PEERS, spec.model or instrument.driver, (*path, "model"))
         if (model.link == "bus") != bool(instrument.bus):
             raise TruthError((*path, "model"), f"this peer hangs on a {_LINKS[model.link]}, '{spec.device}' does not")
         if spec.device in self._served and not model.serves_bus:

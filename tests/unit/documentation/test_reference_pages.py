@@ -45,7 +45,7 @@ def test_the_keys_are_found():
 
 def test_every_driver_plant_and_fault_is_on_the_page():
     """The bench file's page names every driver, plant model, kind of fault, and state of a role."""
-    kinds = {*SERIAL_FAULTS, *BUS_FAULTS, *(kind for model in PEERS.values() for kind in model.fault_kinds)}
+    kinds = {*SERIAL_FAULTS, *BUS_FAULTS, *(kind for name in PEERS for kind in PEERS[name].fault_kinds)}
     states = {state for name in ROLES for state in ROLES[name].states}
     names = {*DRIVERS, *PLANTS, *kinds, *states}
     assert sorted(name for name in names if f"`{name}`" not in BENCH_FILE and f'`"{name}"`' not in BENCH_FILE) == []

@@ -100,4 +100,5 @@ def test_what_is_something_else_is_refused(packages, lamps):
     packages("alpha_lamps", [("red", "alpha_lamps:Lamp")], "Lamp = 3\n")
     with pytest.raises(Refused, match="cannot be used: alpha_lamps:Lamp is no lamp") as caught:
         lamps["red"]
+    assert lamps.find("red") is None
     assert caught.value.hint == "let its entry point in lamps name a class named Lamp, or uninstall the package"

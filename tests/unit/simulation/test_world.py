@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from dataclasses import replace
-from importlib.metadata import EntryPoint
-from pathlib import Path
 
 import pytest
 from twin import COIL, INSTRUMENTS, Twin, twin_spec
 
 from hil.clock.virtual import VirtualClock
 from hil.model.bench import PeerSpec, PlantSpec
-from hil.simulation.registry import PEERS, peer_model
+from hil.simulation.registry import PEERS, PLANTS, offered
 from hil.simulation.truth import TruthError
 from hil.simulation.world import build_world, truth_errors
 
@@ -193,37 +190,22 @@ def test_devices_are_ordered_as_in_the_bench_file():
     assert order == ["psu", "relays", "mag"]
 
 
-def test_peers_of_other_packages_are_found_by_entry_point(monkeypatch):
-    """A name that is not ours is looked up in the group `hil.peers`; what is no peer model is refused."""
-
-    class Found(dict):
-        names = ("theirs", "broken", "torn")
-
-    class Declared:
-        def __init__(self, value):
-            self.value = value
-
-        def load(self):
-            return self.value
-
-    class Torn:
-        def load(self):
-            raise ModuleNotFoundError("No module named 'nosuch'")
-
-    found = Found(theirs=Declared(PEERS["lis3mdl"]), broken=Declared(3), torn=Torn())
-    monkeypatch.setattr("hil.simulation.registry.entry_points", lambda group: found if group == "hil.peers" else {})
-    assert peer_model("theirs", ()) is PEERS["lis3mdl"]
-    with pytest.raises(TruthError, match="no peer model"):
-        peer_model("broken", ())
-    with pytest.raises(TruthError, match="the peer 'torn' cannot be imported: ModuleNotFoundError: No module named"):
-        peer_model("torn", ())
-    with pytest.raises(TruthError, match="did you mean 'theirs'"):
-        peer_model("their", ())
+@pytest.mark.parametrize("offers", [PEERS, PLANTS], ids=lambda offers: offers.group)
+def test_what_is_refused_is_told_at_its_place(offers):
+    """Whoever names a model in the bench file learns where, and of the nearest."""
+    name = offers.names[0]
+    with pytest.raises(TruthError, match=rf"unknown {offers.what} '{name}x', did you mean '{name}'") as caught:
+        offered(offers, f"{name}x", ("peers", "one", "model"))
+    assert caught.value.path == ("peers", "one", "model")
 
 
-def test_declared_entry_points_are_our_peers():
-    """What the package declares in `hil.peers` is what the registry holds."""
-    declared = tomllib.loads(Path(__file__).parents[3].joinpath("pyproject.toml").read_text(encoding="utf-8"))
-    group = declared["project"]["entry-points"]["hil.peers"]
-    found = {name: EntryPoint(name, value, "hil.peers").load() for name, value in group.items()}
-    assert found == PEERS
+@pytest.mark.parametrize(("group", "name"), [(offers, name) for offers in (PEERS, PLANTS) for name in offers])
+def test_what_we_offer_is_what_it_should_be(group, name):
+    """Every entry point of ours can be imported."""
+    assert offered(group, name, ()) is group[name]
+
+
+@pytest.mark.parametrize(("offers", "kind"), [(PEERS, "PeerModel"), (PLANTS, "PlantModel")])
+def test_another_object_is_no_model(offers, kind):
+    """An entry point that names something else is told what it should be."""
+    assert offers._problem("one", 3) == f"is 3, not a {kind}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from hil.bench.file import charging_checks, cutting_checks, derived_checks, limit_checks
-from hil.bench.file.complaints import Complaints, Located, known
+from hil.bench.file.complaints import Complaints, Located, known, usable
 from hil.clock.virtual import VirtualClock
 from hil.documents.findings import Findings
 from hil.instruments.driver import ServesBus
@@ -126,7 +126,7 @@ def _wiring(spec: BenchSpec) -> Complaints:
     seen: set[str] = set()
     by_role: dict[str, set[str]] = {}
     for wire in spec.wiring:
-        yield from known(wire, "role", wire.role, ROLES)
+        yield from usable(wire, ROLES, wire.role)
         yield from known(wire, "instrument", wire.instrument, [item.name for item in spec.instruments])
         if wire.role and wire.name in seen:
             yield wire, f"{wire.name} is wired twice"

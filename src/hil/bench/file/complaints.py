@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
-from typing import TypeVar
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import Any, TypeVar
 
 from hil.documents.node import Place
+from hil.documents.offers import Offers
 from hil.documents.suggest import did_you_mean
 from hil.instruments.registry import quantity_units, role_of
+from hil.model.errors import Refused
 
-__all__ = ["Complaints", "Located", "known", "quantity", "quantity_of"]
+__all__ = ["Complaints", "Located", "known", "quantity", "quantity_of", "usable"]
 
 Complaints = Iterator[tuple[object, str]]
 """What is wrong with which thing of the bench file."""
@@ -35,10 +37,20 @@ class Located:
         return self._places[id(thing)]
 
 
-def known(thing: object, what: str, name: str, names: Collection[str]) -> Complaints:
+def known(thing: object, what: str, name: str, names: Iterable[str]) -> Complaints:
     """Complain of a name that nothing has; an empty one could not be read, and the reader has said so."""
     if name and name not in names:
         yield thing, f"unknown {what} '{name}'{did_you_mean(name, names)}"
+
+
+def usable(thing: object, offers: Offers[Any], name: str) -> Complaints:
+    """Complain of a name that no package offers, or of an offer that is refused."""
+    yield from known(thing, offers.what, name, offers)
+    if name in offers:
+        try:
+            offers[name]
+        except Refused as error:
+            yield thing, str(error)
 
 
 def quantity(thing: object, name: str, unit: str) -> Complaints:

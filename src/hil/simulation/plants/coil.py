@@ -10,10 +10,11 @@ from typing import ClassVar
 
 from hil.simulation.plants.circuit import drive
 from hil.simulation.plants.magnetics import field_per_ampere, rotation
+from hil.simulation.plants.model import PlantModel
 from hil.simulation.plants.plant import Inputs, Plant, Port, Vector
 from hil.simulation.truth import Truth
 
-__all__ = ["CoilAndEarthField", "CoilTruth", "EarthTruth", "build"]
+__all__ = ["MODEL", "CoilAndEarthField", "CoilTruth", "EarthTruth", "build"]
 
 _COPPER_PER_KELVIN = 0.00393  # at 20 degC, IEC 60028
 _REFERENCE_TEMPERATURE = 20.0
@@ -274,3 +275,7 @@ def _coil(truth: Truth, base: CoilTruth | None) -> CoilTruth:
     if min(sides) <= 0:
         truth.wrong("sides", f"expected lengths above 0, not {list(sides)}")
     return coil
+
+
+MODEL = PlantModel(build=build)
+"""The plant model `coil-and-earth-field`."""

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import ClassVar
 
+from hil.simulation.plants.model import PlantModel
 from hil.simulation.plants.plant import Inputs, Plant, Port, Vector
 from hil.simulation.truth import Truth
 
-__all__ = ["PowerFeed", "build"]
+__all__ = ["MODEL", "PowerFeed", "build"]
 
 
 class PowerFeed(Plant):
@@ -50,3 +51,7 @@ def build(name: str, grid_ns: int, truth: Truth) -> PowerFeed:
     resistance = truth.number("resistance", 150.0, above=0)
     truth.finish()
     return PowerFeed(name, grid_ns, resistance)
+
+
+MODEL = PlantModel(build=build)
+"""The plant model `power-feed`."""

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.clock.port import NANOSECONDS
+from hil.simulation.plants.model import PlantModel
 from hil.simulation.plants.plant import Inputs, Plant, Vector
 from hil.simulation.plants.trapezoid import travelled
 from hil.simulation.truth import Truth
 
-__all__ = ["RotationTable", "TableTruth", "build"]
+__all__ = ["MODEL", "RotationTable", "TableTruth", "build"]
 
 _AXES = ("x", "y", "z")
 _RATES = {f"rate.{axis}": place for place, axis in enumerate(_AXES)}
@@ -187,3 +188,7 @@ def build(name: str, grid_ns: int, truth: Truth) -> RotationTable:
     )
     truth.finish()
     return RotationTable(name, grid_ns, table)
+
+
+MODEL = PlantModel(build=build)
+"""The plant model `rotation-table`."""

@@ -9,10 +9,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.simulation.plants.model import PlantModel
 from hil.simulation.plants.plant import Inputs, Plant, Vector
 from hil.simulation.truth import Truth
 
-__all__ = ["ChamberTruth", "ThermalChamber", "build"]
+__all__ = ["MODEL", "ChamberTruth", "ThermalChamber", "build"]
 
 _ZERO_CELSIUS = 273.15
 _PLATE, _BOARD, _DIE, _BOX, _SINK = range(5)
@@ -187,3 +188,7 @@ def build(name: str, grid_ns: int, truth: Truth) -> ThermalChamber:
     )
     truth.finish()
     return ThermalChamber(name, grid_ns, chamber)
+
+
+MODEL = PlantModel(build=build)
+"""The plant model `thermal-chamber`."""

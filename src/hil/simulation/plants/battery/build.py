@@ -8,9 +8,10 @@ from hil.simulation.plants.battery.cell import CellTruth
 from hil.simulation.plants.battery.housing import HousingTruth
 from hil.simulation.plants.battery.plant import PLACES, Battery, WiringTruth
 from hil.simulation.plants.battery.sensor import Thermistor
+from hil.simulation.plants.model import PlantModel
 from hil.simulation.truth import Truth
 
-__all__ = ["build"]
+__all__ = ["MODEL", "build"]
 
 
 def build(name: str, grid_ns: int, truth: Truth) -> Battery:
@@ -95,3 +96,7 @@ def _housing(truth: Truth) -> HousingTruth:
     if housing.seebeck * housing.current >= housing.sink_ambient:
         truth.wrong("sink_ambient", "expected a conductance above seebeck * tec_current, or the sinks run away")
     return housing
+
+
+MODEL = PlantModel(build=build)
+"""The plant model `battery`."""
