@@ -15,7 +15,7 @@ from hil.bench.envelope import Monitor
 from hil.bench.self_test import self_test
 from hil.clock.port import NANOSECONDS
 from hil.executive.watching.feeding import Feed
-from hil.model.envelope import Derived, EnvelopeLimit
+from hil.model.envelope import EnvelopeLimit
 from hil.model.figure import Figure
 
 PLACES = {"voltage": 1, "current": 2, "temperature": 3}
@@ -40,7 +40,7 @@ def limit(quantity, unit, low=None, high=None, debounce=1, **how):
         period_s=30.0,
         max_age_s=100.0,
         debounce=debounce,
-        derived=Derived(**how),
+        **how,
     )
 
 

@@ -8,9 +8,10 @@ from typing import Any, cast
 
 from hil.bench.bound import BoundBench, build, url_of
 from hil.bench.connections import server_of
-from hil.bench.file.places import place_of
 from hil.clock.virtual import VirtualClock
 from hil.documents.findings import Findings
+from hil.documents.node import Place, place_at
+from hil.documents.strict_yaml import read_yaml
 from hil.model.bench import BenchSpec, SimulatedBench
 from hil.model.errors import Refused
 from hil.model.identity import Source
@@ -142,8 +143,9 @@ def check_twin(spec: BenchSpec, file: Path, shown: str) -> None:
         ConfigurationError: with everything that is wrong, and where.
     """
     findings = Findings()
+    root = read_yaml(file, shown, findings) or Place(path=shown)
     for error in truth_errors(simulated_twin(spec), spec.instruments, spec.buses):
-        findings.add(place_of(file, shown, ("simulated", *map(str, error.path))), error.message)
+        findings.add(place_at(root, ("simulated", *error.path)), error.message)
     findings.raise_if_any()
     bench = bind_simulated(spec, Transcript(None))
     try:
@@ -151,7 +153,7 @@ def check_twin(spec: BenchSpec, file: Path, shown: str) -> None:
             try:
                 bench.drivers[wire.instrument].role(wire)
             except Refused as error:
-                findings.add(place_of(file, shown, ("wiring", str(index))), str(error))
+                findings.add(place_at(root, ("wiring", index)), str(error))
     finally:
         bench.close()
     findings.raise_if_any()

@@ -105,4 +105,4 @@ class _Line:
     def _comes(self, toward: float) -> bool:
         before, behind = self._farthest - toward, self._last - toward
         same_side = before * behind > 0
-        return abs(behind) <= self.watch.tolerance or (same_side and abs(behind) <= _CLOSER * abs(before))
+        return abs(behind) <= (self.watch.tolerance or 0.0) or (same_side and abs(behind) <= _CLOSER * abs(before))

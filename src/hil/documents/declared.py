@@ -67,8 +67,10 @@ class Document(Generic[_Model]):
     root: Node
 
     def place(self, path: Path) -> Place:
-        """Return the place of the value at a path, or of its nearest parent that is there."""
-        return place_at(self.root, path)
+        """Return the place of the value at a path, of the name of an entry, or of the nearest parent that is there."""
+        _, declaration = _declared(type(self.model))  # type: ignore[arg-type]  # a class is hashable
+        named = declaration.is_named(path) and isinstance(node_at(self.root, path), MappingNode)
+        return place_at(self.root, path, of_key=named)
 
 
 class Invalid(HilError, ValueError):
@@ -287,7 +289,7 @@ class _Reading(Generic[_Model]):
 
 @cache
 def _declared(model: type[Any]) -> tuple[TypeAdapter[Any], Declaration]:
-    adapter = TypeAdapter(model)
+    adapter: TypeAdapter[Any] = TypeAdapter(model)
     return adapter, Declaration(adapter.core_schema)
 
 

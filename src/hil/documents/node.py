@@ -88,28 +88,24 @@ def node_at(root: Node, path: Path) -> Node | None:
     return node
 
 
-def place_at(root: Node, path: Path, *, of_key: bool = False) -> Place:
+def place_at(root: Place, path: Path, *, of_key: bool = False) -> Place:
     """Return the place of the value at a path, or of its nearest parent that is there.
-
-    A section begins with its key.
 
     Args:
         root: the document, or a part of it.
         path: keys and list positions.
-        of_key: whether the key is meant, whatever its value is.
+        of_key: whether the key is meant, not its value.
     """
-    place, node = root, root
-    for part in path:
+    node: Place = root
+    for index, part in enumerate(path, 1):
         entry = _entry(node, part)
         if entry is None:
-            return place
-        key, node = entry
-        place = key if isinstance(node, Mapping) else node
-    entry = _entry(node_at(root, path[:-1]), path[-1]) if of_key and path else None
-    return entry[0] if entry else place
+            break
+        node = entry[0] if of_key and index == len(path) else entry[1]
+    return node
 
 
-def _entry(node: Node | None, part: str | int) -> tuple[Node, Node] | None:
+def _entry(node: Place | None, part: str | int) -> tuple[Node, Node] | None:
     """Return key and value below a node; an item of a list has no key but itself."""
     if isinstance(node, Mapping):
         return next((entry for entry in node.entries if entry[0].text == part), None)

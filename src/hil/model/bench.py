@@ -1,15 +1,22 @@
-"""A bench as data: instruments, wiring, clamps, envelope, safe-off, and the simulated twin."""
+"""A bench as data: instruments, wiring, clamps, envelope, safe-off, and the simulated twin.
+
+These are the models of `bench.yaml`: the type of a field says how its value is written there, see `hil.model.notation`,
+and `alias` gives its key where that is another than its name.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
 from hil.model.cutting import CutPath, WatchAfter
 from hil.model.envelope import EnvelopeLimit
 from hil.model.identity import Identity
+from hil.model.notation import NAMED, AnyText, ByName, Flag, Hertz, Number, Plain, Seconds, Text, matching, whole
 
 __all__ = [
+    "BenchHead",
     "BenchSpec",
     "Bus",
     "CalibratedRange",
@@ -29,6 +36,11 @@ __all__ = [
 ]
 
 
+_DATE = r"\d{4}-(0[1-9]|1[0-2])-(0[1-9]|[12]\d|3[01])"
+_EPOCH = rf"{_DATE}T([01]\d|2[0-3]):[0-5]\d:[0-5]\dZ"
+_Count = Annotated[int, whole(0)]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bus:
     """An I2C bus and how fast it runs.
@@ -36,42 +48,42 @@ class Bus:
     Either `port` (where it is on hardware) or `instrument` (who runs its transfers) is set.
     """
 
-    name: str
-    port: str = ""
-    instrument: str = ""
-    frequency_hz: float = 100_000.0
+    name: str = field(default="", metadata=NAMED)
+    port: AnyText = ""
+    instrument: AnyText = ""
+    frequency_hz: Hertz = field(default=100_000.0, metadata={"alias": "frequency"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibratedRange:
     """One line of a certificate: expanded uncertainty = absolute + relative * |reading|, at coverage k."""
 
-    quantity: str
-    unit: str
-    low: float
-    high: float
-    absolute: float
-    relative: float = 0.0
-    k: float = 2.0
+    quantity: Text
+    unit: Text
+    low: Number = field(metadata={"alias": "from"})
+    high: Number = field(metadata={"alias": "to"})
+    absolute: Number
+    relative: Number = 0.0
+    k: Number = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
     """An instrument's calibration record; `due` is the last day on which it counts, ISO 8601."""
 
-    certificate: str
-    due: str
-    ranges: tuple[CalibratedRange, ...] = ()
+    certificate: Text
+    due: Annotated[str, matching(_DATE)]
+    ranges: tuple[CalibratedRange, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rating:
     """What an instrument's channel can stand or give; channel 0 means the whole instrument."""
 
-    channel: int
-    quantity: str
-    unit: str
-    maximum: float
+    channel: _Count = 0
+    quantity: Text
+    unit: Text
+    maximum: Number = field(metadata={"alias": "max"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,8 +95,8 @@ class UsbPort:
         path: name of the port in `/dev/serial/by-path`, for devices whose serial numbers are all alike.
     """
 
-    serial: str = ""
-    path: str = ""
+    serial: AnyText = ""
+    path: AnyText = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,17 +107,17 @@ class InstrumentSpec:
     output that feeds it, empty where it has power of its own. `usb` says which device a serial port must be.
     """
 
-    name: str
-    driver: str
-    port: str = ""
-    baud: int = 0
-    bus: str = ""
-    address: int = 0
-    powered_by: str = ""
+    name: str = field(default="", metadata=NAMED)
+    driver: Text
+    port: AnyText = ""
+    baud: _Count = 0
+    bus: AnyText = ""
+    address: _Count = 0
+    powered_by: AnyText = ""
     identity: Identity = field(default_factory=Identity)
     ratings: tuple[Rating, ...] = ()
     calibration: Calibration | None = None
-    dut: bool = False
+    dut: Flag = False
     usb: UsbPort | None = None
 
 
@@ -113,9 +125,9 @@ class InstrumentSpec:
 class Position:
     """Which contacts of which relays are closed, and whether the output then feeds its load."""
 
-    relays: str
-    closed: tuple[str, ...]
-    conducts: bool
+    relays: Text
+    closed: tuple[Text, ...]
+    conducts: Flag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,10 +140,10 @@ class ReducedLevel:
     the current must stay below the lower bound. So a contact that is welded, or does not close, shows.
     """
 
-    voltage: float
-    current: float
-    lowest_current: float
-    highest_current: float
+    voltage: Number
+    current: Number
+    lowest_current: Number
+    highest_current: Number
     positions: tuple[Position, ...] = ()
 
 
@@ -152,16 +164,16 @@ class Wire:
         note: polarity, fuse, cable: printed in the report's wiring table.
     """
 
-    role: str
-    instance: str
-    instrument: str
-    channel: int = 0
-    contacts: Mapping[str, int] = field(default_factory=dict)
-    settings: Mapping[str, str] = field(default_factory=dict)
+    role: Text
+    instance: Annotated[str, matching("[a-z][a-z0-9_]*")] = ""
+    instrument: Text
+    channel: _Count = 0
+    contacts: Mapping[str, Annotated[int, whole()]] = field(default_factory=dict)
+    settings: Mapping[str, Text] = field(default_factory=dict)
     reduced: ReducedLevel | None = None
-    charges: str = ""
-    hazardous: bool = True
-    note: str = ""
+    charges: AnyText = ""
+    hazardous: Flag = True
+    note: AnyText = ""
 
     @property
     def name(self) -> str:
@@ -173,31 +185,31 @@ class Wire:
 class Clamp:
     """The range that settings of one output may have; anything beyond is not sent."""
 
-    output: str
-    quantity: str
-    unit: str
-    minimum: float
-    maximum: float
+    output: Text
+    quantity: Text
+    unit: Text
+    minimum: Number = field(metadata={"alias": "min"})
+    maximum: Number = field(metadata={"alias": "max"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proof:
     """How a safe state is proven: this read must be within these bounds."""
 
-    output: str
-    quantity: str
-    unit: str
-    minimum: float
-    maximum: float
+    output: Text
+    quantity: Text
+    unit: Text
+    minimum: Number = field(metadata={"alias": "min"})
+    maximum: Number = field(metadata={"alias": "max"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SafeStep:
     """One line of the ordered safe-off: bring this output to this state, prove it, within this time."""
 
-    output: str
-    state: str
-    within_s: float
+    output: Text
+    state: Text
+    within_s: Seconds = field(metadata={"alias": "within"})
     proof: Proof | None = None
 
 
@@ -205,10 +217,10 @@ class SafeStep:
 class PlantSpec:
     """Physics of the simulated twin: which model, on which grid, with which truth."""
 
-    name: str
-    model: str
-    grid_s: float
-    truth: Mapping[str, object] = field(default_factory=dict)
+    name: str = field(default="", metadata=NAMED)
+    model: Text
+    grid_s: Seconds = field(metadata={"alias": "grid"})
+    truth: Mapping[str, Plain] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -223,43 +235,55 @@ class PeerSpec:
         faults: what goes wrong with it, and when.
     """
 
-    device: str
-    model: str
-    truth: Mapping[str, object] = field(default_factory=dict)
-    connects: Mapping[str, str] = field(default_factory=dict)
-    faults: tuple[Mapping[str, object], ...] = ()
+    device: str = field(default="", metadata=NAMED)
+    model: AnyText = ""
+    truth: Mapping[str, Plain] = field(default_factory=dict)
+    connects: Mapping[str, Text] = field(default_factory=dict)
+    faults: tuple[Mapping[str, Plain], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedBench:
     """The simulated twin: epoch, seed, plants and peers."""
 
-    epoch: str
-    seed: int
-    plants: tuple[PlantSpec, ...]
-    peers: tuple[PeerSpec, ...]
-    person: Mapping[str, str] = field(default_factory=dict)
+    epoch: Annotated[str, matching(_EPOCH)]
+    seed: Annotated[int, whole()]
+    plants: Annotated[tuple[PlantSpec, ...], ByName()]
+    peers: Annotated[tuple[PeerSpec, ...], ByName()]
+    person: Mapping[str, Text] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchHead:
+    """What a bench is called, where it stands, and the dew point of its air in degC, None where nobody knows it."""
+
+    name: Annotated[str, matching("[a-z][a-z0-9-]*")]
+    title: Text
+    place: AnyText = ""
+    dew_point: Number | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchSpec:
-    """One bench file, read and checked; `dew_point` is that of its air in degC, None where nobody knows it."""
+    """One bench file, read and checked."""
 
-    name: str
-    title: str
-    place: str
-    buses: tuple[Bus, ...]
-    instruments: tuple[InstrumentSpec, ...]
+    head: BenchHead = field(metadata={"alias": "bench"})
+    buses: Annotated[tuple[Bus, ...], ByName()] = ()
+    instruments: Annotated[tuple[InstrumentSpec, ...], ByName()]
     wiring: tuple[Wire, ...]
-    clamps: tuple[Clamp, ...]
-    envelope: tuple[EnvelopeLimit, ...]
+    clamps: tuple[Clamp, ...] = ()
+    envelope: tuple[EnvelopeLimit, ...] = ()
     safe_off: tuple[SafeStep, ...]
     rest: tuple[SafeStep, ...]
     hold: tuple[SafeStep, ...] = ()
     cut_paths: tuple[CutPath, ...] = ()
     watch_after: tuple[WatchAfter, ...] = ()
-    dew_point: float | None = None
-    simulated: SimulatedBench | None
+    simulated: SimulatedBench | None = None
+
+    @property
+    def name(self) -> str:
+        """What the bench is called; its folder is called the same."""
+        return self.head.name
 
     def instrument(self, name: str) -> InstrumentSpec:
         """Return the instrument of that name; the bench file was checked, so it exists."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from hil.model.notation import AnyText, Number, Seconds, Text
 
 __all__ = ["CutPath", "WatchAfter"]
 
@@ -22,11 +24,11 @@ class CutPath:
         within_s: how long it takes at most.
     """
 
-    output: str
-    by: str = ""
-    state: str = ""
-    hardware: str = ""
-    within_s: float
+    output: Text
+    by: AnyText = ""
+    state: AnyText = ""
+    hardware: AnyText = ""
+    within_s: Seconds = field(metadata={"alias": "within"})
 
     @property
     def means(self) -> str:
@@ -36,7 +38,7 @@ class CutPath:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchAfter:
-    """What must be seen behind the last safe-off, whatever its lines have proven.
+    """What must be seen after the last safe-off, whatever its lines have proven.
 
     Either the reading stays between two bounds all the time, or it goes `toward` a value: it comes closer by the
     tolerance, or is within the tolerance of it in the end.
@@ -48,15 +50,22 @@ class WatchAfter:
         minimum: lowest safe value; None with `toward`.
         maximum: highest safe value; None with `toward`.
         toward: where it goes by itself, such as the temperature of the room; None with bounds.
-        tolerance: how far from there is as good as there, and how much closer is closer.
-        seconds: how long it is watched at most.
+        tolerance: how far from there is as good as there, and how much closer is closer; None with bounds.
+        for_s: how long it stays between the bounds; None with `toward`.
+        within_s: how long it may take to come closer; None with bounds.
     """
 
-    output: str
-    quantity: str
-    unit: str
-    minimum: float | None = None
-    maximum: float | None = None
-    toward: float | None = None
-    tolerance: float = 0.0
-    seconds: float
+    output: Text
+    quantity: Text
+    unit: Text
+    minimum: Number | None = field(default=None, metadata={"alias": "min"})
+    maximum: Number | None = field(default=None, metadata={"alias": "max"})
+    toward: Number | None = None
+    tolerance: Number | None = None
+    for_s: Seconds | None = field(default=None, metadata={"alias": "for"})
+    within_s: Seconds | None = field(default=None, metadata={"alias": "within"})
+
+    @property
+    def seconds(self) -> float:
+        """How long it is watched at most."""
+        return (self.for_s if self.toward is None else self.within_s) or 0.0

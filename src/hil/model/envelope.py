@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Annotated
 
-__all__ = ["Derived", "EnvelopeLimit"]
+from hil.model.notation import AnyText, Number, Seconds, Text, matching, one_of, whole
+
+__all__ = ["MADE_OF", "Derived", "EnvelopeLimit"]
+
+MADE_OF = {
+    "charge": ("current",),
+    "energy": ("voltage", "current"),
+    "duration": ("current",),
+    "slope": (),
+    "unchanged": (),
+}
+"""Derived quantities, and what they are computed from besides what the limit names."""
 
 _MADE = {"slope": "slope of {of}", "unchanged": "time of unchanged {of}"}
 
@@ -23,17 +35,17 @@ class Derived:
         against: the output whose quantity of the same name is subtracted.
     """
 
-    of: str = ""
-    flow: str = ""
-    threshold: float | None = None
-    since: str = ""
-    over_s: float | None = None
-    band: float | None = None
-    against: str = ""
+    of: AnyText = ""
+    flow: Annotated[str, one_of("charging", "discharging", "flowing")] = field(default="", metadata={"alias": "while"})
+    threshold: Number | None = None
+    since: Annotated[str, one_of("phase", "arm")] = ""
+    over_s: Seconds | None = field(default=None, metadata={"alias": "over"})
+    band: Number | None = None
+    against: AnyText = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EnvelopeLimit:
+class EnvelopeLimit(Derived):
     """A quantity that trips the bench, watched whether or not a case reads it.
 
     Attributes:
@@ -46,19 +58,24 @@ class EnvelopeLimit:
         period_s: how often it is read.
         max_age_s: how old the last good reading may get before that alone is a trip.
         debounce: how many readings in a row must be outside.
-        derived: how it is computed, None where it is what is read.
     """
 
-    id: str
-    output: str
-    quantity: str
-    unit: str
-    minimum: float | None
-    maximum: float | None
-    period_s: float
-    max_age_s: float
-    debounce: int = 1
-    derived: Derived | None = None
+    id: Annotated[str, matching("[a-z][a-z0-9-]*")]
+    output: Text
+    quantity: Text
+    unit: Text
+    minimum: Number | None = field(default=None, metadata={"alias": "min"})
+    maximum: Number | None = field(default=None, metadata={"alias": "max"})
+    period_s: Seconds = field(metadata={"alias": "period"})
+    max_age_s: Seconds = field(metadata={"alias": "max_age"})
+    debounce: Annotated[int, whole(1)] = 1
+
+    @property
+    def derived(self) -> Derived | None:
+        """How it is computed, None where it is what is read."""
+        given = self.of or self.flow or self.since or self.against
+        numbers = (self.threshold, self.over_s, self.band)
+        return self if self.quantity in MADE_OF or given or any(each is not None for each in numbers) else None
 
     @property
     def words(self) -> str:

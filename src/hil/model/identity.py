@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Annotated
+
+from hil.model.notation import AnyText, Flag, Text, matching
 
 __all__ = ["Dut", "Identity", "Model", "Purpose", "Source"]
 
@@ -42,10 +46,10 @@ class Model(StrEnum):
 class Identity:
     """What an instrument says of itself; an empty string where it does not say."""
 
-    manufacturer: str = ""
-    model: str = ""
-    serial: str = ""
-    firmware: str = ""
+    manufacturer: AnyText = ""
+    model: AnyText = ""
+    serial: AnyText = ""
+    firmware: AnyText = ""
 
     def __str__(self) -> str:
         return " ".join(part for part in (self.manufacturer, self.model, self.serial) if part) or "nobody"
@@ -66,11 +70,11 @@ class Dut:
         recognised: per device of the bench, what must be read there for this article to be the one.
     """
 
-    serial: str
-    part: str
+    serial: Annotated[str, matching("[A-Za-z0-9][A-Za-z0-9._-]*")]
+    part: Text
     model: Model
-    hardware: str
-    firmware: str = ""
-    title: str = ""
-    simulated: bool = False
-    recognised: dict[str, str] = field(default_factory=dict)
+    hardware: Text
+    firmware: AnyText = ""
+    title: AnyText = ""
+    simulated: Flag = False
+    recognised: Mapping[str, Text] = field(default_factory=dict)

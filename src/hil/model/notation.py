@@ -127,7 +127,7 @@ class Notation:
 
 
 class ByName:
-    """Reads a mapping of names to entries into a tuple of them; each entry has a `name` field with metadata `NAMED`."""
+    """Reads a mapping of names to entries into a tuple of them; a field of each has metadata `NAMED`."""
 
     def __get_pydantic_core_schema__(self, source: object, handler: Any) -> dict[str, object]:  # noqa: ANN401 - pydantic's
         entries = handler.generate_schema(dict[str, get_args(source)[0]])  # type: ignore[misc]  # known at run time
@@ -135,7 +135,11 @@ class ByName:
 
     @staticmethod
     def _named(entries: Mapping[str, Any]) -> tuple[object, ...]:
-        return tuple(dataclasses.replace(entry, name=name) for name, entry in entries.items())
+        return tuple(dataclasses.replace(entry, **{_name_of(type(entry)): name}) for name, entry in entries.items())
+
+
+def _name_of(entry: type[Any]) -> str:
+    return next(field.name for field in dataclasses.fields(entry) if field.metadata.get("alias") == NAMED["alias"])
 
 
 def matching(pattern: str) -> Notation:

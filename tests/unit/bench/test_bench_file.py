@@ -38,14 +38,22 @@ CHANGES = [
     (("place: Attitude", "plaice: Attitude"), "plaice", "unknown key 'plaice', did you mean 'place'?"),
     (("  title: Magnetorquer", "  subtitle: M"), "name: adcs", "bench: key 'title' is missing"),
     (("within: 2 s", "within: 2"), "2,", "safe_off: 'within' must be a duration"),
-    (('settings: {over_voltage: "8"}', "settings: [over]"), "[over]", "settings must be a mapping, found a list"),
+    (
+        ('settings: {over_voltage: "8"}', "settings: [over]"),
+        "[over]",
+        "wiring: 'settings' must be a mapping, found a list",
+    ),
     (('over_voltage: "8"', "over_voltage: 8"), "8}", "settings: 'over_voltage' must be text, found `8`"),
     (("instance: coil,", "instance: coil-1,"), "coil-1", "wiring: 'instance' must look like [a-z][a-z0-9_]*"),
     (('debounce: "2"', 'debounce: "0"'), '"0"}\n- {id: sensor', "'debounce' must be at least 1"),
     (('due: "2027-09-30"', 'due: "2027-13-30"'), '"2027-13-30"', "'due' must look like"),
     (('due: "2027-09-30"', 'due: "2027-02-31"'), '"2027-02-31"', "calibration: the date 2027-02-31 does not exist"),
     (('baud: "9600"', 'baud: "-9600"'), '"-9600"', "'baud' must be at least 0"),
-    (('connects: {"1": coil.c', 'faults: {kind: dead}\n      connects: {"1": coil.c'), "{kind: dead}", "list of map"),
+    (
+        ('connects: {"1": coil.c', 'faults: {kind: dead}\n      connects: {"1": coil.c'),
+        "{kind: dead}",
+        "must be a list, found a mapping",
+    ),
     (("certificates/mag1.txt", "certificates/mag2.txt"), "certificates/mag2", "no certificate 'certificates/mag2.txt'"),
     (("certificates/mag1.txt", "../adcs.txt"), "../adcs.txt", "no certificate '../adcs.txt' in the bench's folder"),
     (("name: adcs", "name: adsc"), "adsc", "the bench is called 'adsc', but its folder 'adcs'"),
@@ -167,7 +175,7 @@ CHANGES = [
     # The simulated twin.
     (("    relay1:\n      connects", "    relay2:\n      connects"), "relay1:\n    driver", "relay1 has no peer"),
     (("    relay1:\n      connects", "    relay2:\n      connects"), "relay2:\n", "unknown instrument 'relay2'"),
-    (("2026-01-01T08", "2026-02-30T08"), 'epoch: "2026-02-30', "the epoch 2026-02-30T08:00:00Z does not exist"),
+    (("2026-01-01T08", "2026-02-30T08"), '"2026-02-30', "the epoch 2026-02-30T08:00:00Z does not exist"),
     (("2026-01-01T08", "2026-01-01T28"), '"2026-01-01T28', "simulated: 'epoch' must look like"),
 ]
 

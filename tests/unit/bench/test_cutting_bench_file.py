@@ -1,4 +1,4 @@
-"""Cut paths, the watch behind a run and USB identities in a bench file: what must be said of them, and where."""
+"""Cut paths, the watch after a run and USB identities in a bench file: what must be said of them, and where."""
 
 from __future__ import annotations
 
@@ -123,11 +123,11 @@ BATTERY = [
         "{output: thermal, quantity: angle",
         "thermal has no angle",
     ),
-    ({'tolerance: "4", ': ""}, TEMPERATURE, "key 'tolerance' is missing"),
+    ({'tolerance: "4", ': ""}, TEMPERATURE, "what goes toward a value needs 'tolerance'"),
     ({'tolerance: "4"': 'tolerance: "0"'}, TEMPERATURE, "watch_after of thermal: tolerance must be above zero"),
     ({'tolerance: "4", within: 180 s': 'tolerance: "4", within: 0 s'}, TEMPERATURE, "within must be longer than zero"),
-    ({'toward: "24.5"': 'toward: "24.5", min: "1"'}, 'min: "1"', "unknown key 'min'"),
-    ({'max: "0.02", for: 60 s': 'max: "0.02"'}, CURRENT, "key 'for' is missing"),
+    ({'toward: "24.5"': 'toward: "24.5", min: "1"'}, '"1", tolerance', "what goes toward a value takes no 'min'"),
+    ({'max: "0.02", for: 60 s': 'max: "0.02"'}, CURRENT, "what stays between bounds needs 'for'"),
     ({'max: "0.02", for: 60 s': 'max: "0.02", for: 0 s'}, CURRENT, "for must be longer than zero"),
     ({'max: "0.02", for: 60 s': 'max: "-0.2", for: 60 s'}, CURRENT, "min -0.02 is above max -0.2"),
     (

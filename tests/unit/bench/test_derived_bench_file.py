@@ -47,7 +47,7 @@ def test_the_committed_limits_are_read(tmp_path):
     }
     assert derived["charged"].words == "charge while charging"
     assert derived["cell-against-charger"].words == "voltage against supply.charge while charging"
-    assert spec.dew_point == 4.0
+    assert spec.head.dew_point == 4.0
     assert all(self_test(limit) for limit in spec.envelope)
 
 
@@ -150,4 +150,7 @@ def test_nothing_is_cooled_below_the_dew_point(tmp_path, changes, message):
 
 def test_a_bench_that_declares_no_dew_point_may_be_cooled(tmp_path):
     """Nobody knows better."""
-    assert load(tmp_path, {'  dew_point: "4"\n': "", 'min: "5", max: "45"}': 'min: "-5", max: "45"}'}).dew_point is None
+    assert (
+        load(tmp_path, {'  dew_point: "4"\n': "", 'min: "5", max: "45"}': 'min: "-5", max: "45"}'}).head.dew_point
+        is None
+    )

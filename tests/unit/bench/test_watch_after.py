@@ -12,8 +12,8 @@ from hil.model.cutting import WatchAfter
 from hil.model.errors import NoReply
 from hil.model.figure import Figure
 
-TOWARD = WatchAfter(output="thermal", quantity="temperature", unit="degC", toward=22.0, tolerance=4.0, seconds=60.0)
-BOUNDS = WatchAfter(output="cycler", quantity="current", unit="A", minimum=-0.02, maximum=0.02, seconds=20.0)
+TOWARD = WatchAfter(output="thermal", quantity="temperature", unit="degC", toward=22.0, tolerance=4.0, within_s=60.0)
+BOUNDS = WatchAfter(output="cycler", quantity="current", unit="A", minimum=-0.02, maximum=0.02, for_s=20.0)
 
 
 class Role:

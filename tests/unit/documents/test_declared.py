@@ -144,7 +144,7 @@ def test_durations_are_exact_seconds(read, text, seconds):
         ("high: '1e400'", "1:7: bench: 'high' is too large for a number, or too long, found \"1e400\""),
         ("decimal: '0x10'", "1:10: bench: 'decimal' must be a decimal number in quotes, found \"0x10\""),
         ("high: true", "1:7: bench: 'high' must be a number in quotes, found `true`"),
-        ("high: {a: b}", "1:1: bench: 'high' must be a number in quotes, found a mapping"),
+        ("high: {a: b}", "1:7: bench: 'high' must be a number in quotes, found a mapping"),
         ("high: [a]", "1:7: bench: 'high' must be a number in quotes, found a list"),
         ("rev: '1.5'", "1:6: bench: 'rev' must be a whole number, decimal or with 0x, found \"1.5\""),
         ("rev: '017'", "1:6: bench: 'rev' must be a whole number, decimal or with 0x, found \"017\""),
@@ -173,11 +173,11 @@ def test_durations_are_exact_seconds(read, text, seconds):
         ("side: lfet", "1:7: bench: 'side' must be one of left, right, found `lfet`, did you mean 'left'?"),
         ("limits: x", "1:9: bench: 'limits' must be a mapping, found `x`"),
         ("limits: {mni: '1', max: '2'}", "1:10: unknown key 'mni', did you mean 'min'?"),
-        ("limits: {min: '1'}", "1:1: limits: key 'max' is missing"),
-        ("clamps: {max: '1'}", "1:1: bench: 'clamps' must be a list, found a mapping"),
+        ("limits: {min: '1'}", "1:9: limits: key 'max' is missing"),
+        ("clamps: {max: '1'}", "1:9: bench: 'clamps' must be a list, found a mapping"),
         ("clamps: [{max: '1'}, text]", "1:22: clamps: entry 2 must be a mapping, found `text`"),
         ("clamps: [{max: '1', min: 2}]", "1:26: clamps: 'min' must be a number in quotes, found `2`"),
-        ("entries: {psu1: {}}", "1:11: entries psu1: key 'driver' is missing"),
+        ("entries: {psu1: {}}", "1:17: entries psu1: key 'driver' is missing"),
         ("entries: {psu1: {driver: a, name: b}}", "1:29: unknown key 'name'"),
         ("entries: {psu1: {driver: a, truth: {gain: [3]}}}", "1:44: truth gain: entry 1 must be text, found `3`"),
         ("contacts: {k1: one}", "1:16: contacts: 'k1' must be a whole number"),
@@ -211,8 +211,10 @@ def test_everything_is_told_at_once_and_the_rest_is_read(read):
 
 
 def test_places_serve_findings_that_are_made_later(read):
-    """A value has its place, a section that of its key, and what is missing that of its nearest parent."""
-    document, _ = read("high: '2'\nlimits:\n  max: '3'\nclamps:\n- {max: '1'}\n- {max: '2'}")
+    """A value has its place, an entry that of its name, and what is missing that of its nearest parent."""
+    document, _ = read(
+        "high: '2'\nlimits:\n  max: '3'\nclamps:\n- {max: '1'}\n- {max: '2'}\nentries:\n  psu1:\n    driver: x"
+    )
 
     def position(*path):
         place = document.place(path)
@@ -220,13 +222,15 @@ def test_places_serve_findings_that_are_made_later(read):
 
     assert position() == (1, 1)
     assert position("high") == (1, 7)
-    assert position("limits") == (2, 1)
+    assert position("limits") == (3, 3)
     assert position("limits", "max") == (3, 8)
-    assert position("limits", "min") == (2, 1)
+    assert position("limits", "min") == (3, 3)
     assert position("clamps", 1) == (6, 3)
     assert position("clamps", 1, "max") == (6, 9)
     assert position("clamps", 2, "max") == (5, 1)
     assert position("high", "deeper") == (1, 7)
+    assert position("entries", "psu1") == (8, 3)
+    assert position("entries", "psu1", "driver") == (9, 13)
 
 
 def test_a_hundred_unknown_keys_are_told_and_the_others_counted(read):

@@ -8,7 +8,7 @@ from hil.bench.derived.making import derivation_of
 from hil.bench.envelope import Monitor
 from hil.clock.port import NANOSECONDS
 from hil.executive.watching.feeding import Feeds, monitors_of
-from hil.model.envelope import Derived, EnvelopeLimit
+from hil.model.envelope import EnvelopeLimit
 from hil.model.figure import Figure
 
 COLUMNS = {("voltage", "V"): 1, ("current", "A"): 2, ("temperature", "degC"): 3}
@@ -26,7 +26,7 @@ def limit(quantity, unit, low=None, high=None, **how):
         maximum=high,
         period_s=30.0,
         max_age_s=90.0,
-        derived=Derived(**how),
+        **how,
     )
 
 

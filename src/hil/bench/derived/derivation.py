@@ -10,21 +10,12 @@ from hil.bench.derived.course import Course, direction
 from hil.bench.derived.room import Room, flow_bounds
 from hil.model.envelope import Derived, EnvelopeLimit
 
-__all__ = ["INTEGRALS", "MADE_OF", "TIMES", "UNITS", "Derivation", "Watching"]
+__all__ = ["INTEGRALS", "TIMES", "UNITS", "Derivation", "Watching"]
 
 _MINUTE_S, _HOUR_S = 60.0, 3600.0
 
 INTEGRALS = ("charge", "energy", "duration")
 """What adds up while a current flows in one direction."""
-
-MADE_OF = {
-    "charge": ("current",),
-    "energy": ("voltage", "current"),
-    "duration": ("current",),
-    "slope": (),
-    "unchanged": (),
-}
-"""Derived quantities, and what they are computed from besides what the limit names."""
 
 TIMES = {"s": 1.0, "min": _MINUTE_S, "h": _HOUR_S}
 """Units of time, in s."""

@@ -6,10 +6,10 @@ import math
 from collections.abc import Sequence
 
 from hil.bench.derived.course import NONE, Course, micro
-from hil.bench.derived.derivation import MADE_OF, UNITS, Watching
+from hil.bench.derived.derivation import UNITS, Watching
 from hil.bench.derived.room import AHEAD_NS, Room, flow_bounds
 from hil.clock.port import NANOSECONDS
-from hil.model.envelope import Derived, EnvelopeLimit
+from hil.model.envelope import MADE_OF, Derived, EnvelopeLimit
 
 __all__ = ["Integral", "Unchanged"]
 

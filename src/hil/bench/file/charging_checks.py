@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from hil.bench.file.complaints import Complaints, known
+from hil.bench.file.complaints import Complaints, known, listed
 from hil.instruments.capabilities import OVER_VOLTAGE_LEVEL, offers
 from hil.instruments.registry import DRIVERS
 from hil.model.bench import BenchSpec, Wire
@@ -20,13 +20,13 @@ def charging(spec: BenchSpec) -> Complaints:
     """
     cyclers = [wire.name for wire in spec.wiring if wire.role == "cycler"]
     charged = {wire.charges for wire in spec.wiring}
-    for wire in spec.wiring:
+    for at, wire in listed("wiring", spec.wiring):
         if wire.role == "cycler" and wire.name not in charged:
-            yield wire, f"{wire.name}: no supply charges its battery; write 'charges: {wire.name}' at the one that does"
+            yield at, f"{wire.name}: no supply charges its battery; write 'charges: {wire.name}' at the one that does"
         if wire.charges:
-            yield from known(wire, "cycler", wire.charges, cyclers)
+            yield from known(at, "cycler", wire.charges, cyclers)
             for problem in _problems(spec, wire):
-                yield wire, f"{wire.name} {problem}"
+                yield at, f"{wire.name} {problem}"
 
 
 def _problems(spec: BenchSpec, wire: Wire) -> Iterator[str]:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 
 from hil.bench.file import charging_checks, cutting_checks, derived_checks, limit_checks
-from hil.bench.file.complaints import Complaints, Located, known, usable
+from hil.bench.file.complaints import Complaints, known, listed, named, usable
 from hil.clock.virtual import VirtualClock
+from hil.documents.declared import Document
 from hil.documents.findings import Findings
 from hil.instruments.driver import ServesBus
 from hil.instruments.registry import DRIVERS, ROLES
 from hil.model.bench import BenchSpec, Bus, InstrumentSpec, Wire
+from hil.model.notation import Path
 from hil.wire.opening import url_of_resource
 
 __all__ = ["check_bench"]
@@ -19,7 +21,7 @@ _NAME = re.compile("[A-Za-z][A-Za-z0-9_-]*")
 _HIGHEST_STATION = 247  # Modbus over serial line, section 2.2; no other line with addresses has more
 
 
-def check_bench(spec: BenchSpec, places: Located, findings: Findings, *, driven: bool = True) -> None:
+def check_bench(document: Document[BenchSpec], findings: Findings, *, driven: bool = True) -> None:
     """Add everything that does not fit together, and of a bench that is driven what keeps it from being driven."""
     for check in (
         *((cutting_checks.cut_off,) if driven else ()),
@@ -44,57 +46,60 @@ def check_bench(spec: BenchSpec, places: Located, findings: Findings, *, driven:
         cutting_checks.usb_ports,
         _twin,
     ):
-        for thing, message in check(spec):
-            findings.add(places.of(thing), message)
+        for path, message in check(document.model):
+            findings.add(document.place(path), message)
 
 
 def _names(spec: BenchSpec) -> Complaints:
     """Names stand in URLs, transcripts and file names."""
-    named: list[InstrumentSpec | Bus] = [*spec.instruments, *spec.buses]
-    for item in named:
+    things: list[tuple[Path, InstrumentSpec | Bus]] = [
+        *named(spec.instruments, "instruments"),
+        *named(spec.buses, "buses"),
+    ]
+    for at, item in things:
         if not _NAME.fullmatch(item.name):
-            yield item, f"the name '{item.name}' must be letters, digits, '-' and '_', and begin with a letter"
+            yield at, f"the name '{item.name}' must be letters, digits, '-' and '_', and begin with a letter"
 
 
 def _instruments(spec: BenchSpec) -> Complaints:
     buses = [bus.name for bus in spec.buses]
-    for item in spec.instruments:
-        yield from known(item, "driver", item.driver, DRIVERS)
+    for at, item in named(spec.instruments, "instruments"):
+        yield from known(at, "driver", item.driver, DRIVERS)
         if bool(item.port) == bool(item.bus):
-            yield item, f"{item.name} needs either a port or a bus with an address"
+            yield at, f"{item.name} needs either a port or a bus with an address"
         if item.bus:
-            yield from known(item, "bus", item.bus, buses)
+            yield from known(at, "bus", item.bus, buses)
             if not 0x08 <= item.address <= 0x77:
-                yield item, f"{item.name}: 0x{item.address:02X} is no 7-bit I2C address (0x08 to 0x77)"
+                yield at, f"{item.name}: 0x{item.address:02X} is no 7-bit I2C address (0x08 to 0x77)"
         elif item.address > _HIGHEST_STATION:
-            yield item, f"{item.name}: {item.address} is no station's address (1 to {_HIGHEST_STATION})"
+            yield at, f"{item.name}: {item.address} is no station's address (1 to {_HIGHEST_STATION})"
 
 
 def _buses(spec: BenchSpec) -> Complaints:
     """A bus is the host's own, or an instrument of the bench serves it."""
     by_name = {item.name: item for item in spec.instruments}
     served: dict[str, str] = {}
-    for bus in spec.buses:
+    for at, bus in named(spec.buses, "buses"):
         if bool(bus.port) == bool(bus.instrument):
-            yield bus, f"{bus.name} needs either a port or an instrument that serves it"
-        yield from known(bus, "instrument", bus.instrument, by_name)
+            yield at, f"{bus.name} needs either a port or an instrument that serves it"
+        yield from known(at, "instrument", bus.instrument, by_name)
         if bus.instrument in by_name:
-            yield from _server(spec, bus, by_name[bus.instrument])
+            yield from _server(spec, at, bus, by_name[bus.instrument])
         if bus.instrument and bus.instrument in served:
-            yield bus, f"{bus.instrument} serves {served[bus.instrument]} already"
+            yield at, f"{bus.instrument} serves {served[bus.instrument]} already"
         served.setdefault(bus.instrument, bus.name)
 
 
-def _server(spec: BenchSpec, bus: Bus, item: InstrumentSpec) -> Complaints:
+def _server(spec: BenchSpec, at: Path, bus: Bus, item: InstrumentSpec) -> Complaints:
     if item.driver in DRIVERS and not issubclass(DRIVERS[item.driver], ServesBus):
-        yield bus, f"{item.name} serves no bus: the driver {item.driver} has none"
+        yield at, f"{item.name} serves no bus: the driver {item.driver} has none"
     hangs_on = {other.name: other.bus for other in spec.instruments}
     above = {other.name: hangs_on.get(other.instrument, "") for other in spec.buses}
     seen: list[str] = []
     name = item.bus
     while name and name not in seen:
         if name == bus.name:
-            yield bus, f"{bus.name} is behind itself: {item.name}, which serves it, hangs on {item.bus}"
+            yield at, f"{bus.name} is behind itself: {item.name}, which serves it, hangs on {item.bus}"
         seen.append(name)
         name = above.get(name, "")
 
@@ -102,55 +107,55 @@ def _server(spec: BenchSpec, bus: Bus, item: InstrumentSpec) -> Complaints:
 def _fed(spec: BenchSpec) -> Complaints:
     """Arm identifies what the bench feeds while it tries the output that feeds it, so there must be one."""
     tried = {wire.name: wire.reduced is not None for wire in spec.wiring}
-    for item in spec.instruments:
-        yield from known(item, "output", item.powered_by, tried)
+    for at, item in named(spec.instruments, "instruments"):
+        yield from known(at, "output", item.powered_by, tried)
         if item.powered_by and not tried.get(item.powered_by, True):
-            yield item, f"{item.name} is fed by {item.powered_by}, which needs a reduced level to identify it at"
+            yield at, f"{item.name} is fed by {item.powered_by}, which needs a reduced level to identify it at"
 
 
 def _addresses(spec: BenchSpec) -> Complaints:
     seen: dict[str, InstrumentSpec] = {}
-    for item in spec.instruments:
+    for at, item in named(spec.instruments, "instruments"):
         key = f"bus {item.bus}, address 0x{item.address:02X}" if item.bus else f"port {url_of_resource(item.port)}"
         if key in seen and (item.bus or item.port):
-            yield item, f"{item.name} and {seen[key].name} are both at {key}"
+            yield at, f"{item.name} and {seen[key].name} are both at {key}"
         seen.setdefault(key, item)
     ports: dict[str, str] = {}
-    for bus in spec.buses:
+    for at, bus in named(spec.buses, "buses"):
         if bus.port and bus.port in ports:
-            yield bus, f"{bus.name} and {ports[bus.port]} are both the bus at {bus.port}"
+            yield at, f"{bus.name} and {ports[bus.port]} are both the bus at {bus.port}"
         ports.setdefault(bus.port, bus.name)
 
 
 def _wiring(spec: BenchSpec) -> Complaints:
     seen: set[str] = set()
     by_role: dict[str, set[str]] = {}
-    for wire in spec.wiring:
-        yield from usable(wire, ROLES, wire.role)
-        yield from known(wire, "instrument", wire.instrument, [item.name for item in spec.instruments])
+    for at, wire in listed("wiring", spec.wiring):
+        yield from usable(at, ROLES, wire.role)
+        yield from known(at, "instrument", wire.instrument, [item.name for item in spec.instruments])
         if wire.role and wire.name in seen:
-            yield wire, f"{wire.name} is wired twice"
+            yield at, f"{wire.name} is wired twice"
         by_role.setdefault(wire.role, set()).add(wire.instance)
         if wire.role and "" in by_role[wire.role] and len(by_role[wire.role]) > 1:
-            yield wire, f"role '{wire.role}' has several instances, so each needs an 'instance' name"
+            yield at, f"role '{wire.role}' has several instances, so each needs an 'instance' name"
         seen.add(wire.name)
 
 
 def _shared(spec: BenchSpec) -> Complaints:
     """Two wires may share a board of contacts, but no contact, and no channel."""
     by_place: dict[tuple[str, int], list[Wire]] = {}
-    for wire in spec.wiring:
+    for at, wire in listed("wiring", spec.wiring):
         numbers = set(wire.contacts.values())
         if len(numbers) < len(wire.contacts):
-            yield wire, f"{wire.name}: two of its contacts have the same number"
+            yield at, f"{wire.name}: two of its contacts have the same number"
         others = by_place.setdefault((wire.instrument, wire.channel), [])
         for other in others if wire.instrument else ():
             both = numbers & set(other.contacts.values())
             if both:
-                yield wire, f"{wire.name} and {other.name} both have contact {min(both)} of {wire.instrument}"
+                yield at, f"{wire.name} and {other.name} both have contact {min(both)} of {wire.instrument}"
             elif not (wire.contacts and other.contacts):
                 where = f"channel {wire.channel} of {wire.instrument}" if wire.channel else wire.instrument
-                yield wire, f"{wire.name} and {other.name} are both on {where}"
+                yield at, f"{wire.name} and {other.name} are both on {where}"
         others.append(wire)
 
 
@@ -161,12 +166,12 @@ def _twin(spec: BenchSpec) -> Complaints:
     names = [item.name for item in spec.instruments]
     simulated = {peer.device for peer in spec.simulated.peers}
     for peer in spec.simulated.peers:
-        yield from known(peer, "instrument", peer.device, names)
-    for item in spec.instruments:
+        yield from known(("simulated", "peers", peer.device), "instrument", peer.device, names)
+    for at, item in named(spec.instruments, "instruments"):
         if item.name not in simulated:
-            yield item, f"{item.name} has no peer in the simulated twin"
+            yield at, f"{item.name} has no peer in the simulated twin"
     if spec.simulated.epoch and not _is_moment(spec.simulated.epoch):
-        yield spec.simulated, f"the epoch {spec.simulated.epoch} does not exist"
+        yield ("simulated", "epoch"), f"the epoch {spec.simulated.epoch} does not exist"
 
 
 def _is_moment(epoch: str) -> bool:

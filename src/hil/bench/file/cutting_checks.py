@@ -1,4 +1,4 @@
-"""What must hold for cut paths, for the watch behind a run, and for who a serial port must be."""
+"""What must hold for cut paths, for the watch after a run, and for who a serial port must be."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 from hil.bench.connections import line_of
 from hil.bench.cut_paths import can_harm, charges_a_battery, hazardous_wires, paths_of
-from hil.bench.file.complaints import Complaints, known, quantity_of
+from hil.bench.file.complaints import Complaints, known, listed, named, quantity_of
 from hil.model.bench import BenchSpec, InstrumentSpec
 from hil.model.cutting import CutPath, WatchAfter
+from hil.model.notation import Path
 from hil.wire.opening import url_of_resource
 
 __all__ = ["cut_off", "cut_paths", "usb_ports", "watched_after"]
@@ -18,13 +19,13 @@ def cut_paths(spec: BenchSpec) -> Complaints:
     """Check that every cut path can be taken, and that it does not go through the port of what it cuts off."""
     outputs = [wire.name for wire in spec.wiring]
     seen: set[tuple[str, str]] = set()
-    for path in spec.cut_paths:
-        yield from known(path, "output", path.output, outputs)
-        yield from known(path, "output", path.by, outputs)
+    for at, path in listed("cut_paths", spec.cut_paths):
+        yield from known(at, "output", path.output, outputs)
+        yield from known(at, "output", path.by, outputs)
         for problem in _path_problems(spec, path):
-            yield path, f"cut path of {path.output}: {problem}"
+            yield at, f"cut path of {path.output}: {problem}"
         if path.output and path.means and (path.output, path.means) in seen:
-            yield path, f"cut path of {path.output}: {path.means} is given twice"
+            yield at, f"cut path of {path.output}: {path.means} is given twice"
         seen.add((path.output, path.means))
 
 
@@ -65,17 +66,18 @@ def cut_off(spec: BenchSpec) -> Complaints:
     """Check that nothing that can do harm hangs on one port alone."""
     names = {item.name for item in spec.instruments}
     battery = charges_a_battery(spec)
-    for wire in spec.wiring:
+    for at, wire in listed("wiring", spec.wiring):
         if not wire.hazardous and not can_harm(wire):
-            yield wire, f"{wire.name}: only what drives something can be marked as not hazardous"
+            yield at, f"{wire.name}: only what drives something can be marked as not hazardous"
         if not wire.hazardous and wire.charges:
-            yield wire, f"{wire.name} charges a battery, which is hazardous"
-    for wire in hazardous_wires(spec):
-        if wire.instrument not in names or _paths(spec, wire.name):
+            yield at, f"{wire.name} charges a battery, which is hazardous"
+    hazardous = {wire.name for wire in hazardous_wires(spec)}
+    for at, wire in listed("wiring", spec.wiring):
+        if wire.name not in hazardous or wire.instrument not in names or _paths(spec, wire.name):
             continue
         if battery:
             yield (
-                wire,
+                at,
                 (
                     f"{wire.name} has one path only, its own port, and this bench charges a battery: give it a line in"
                     " cut_paths that opens it when that port is gone"
@@ -83,7 +85,7 @@ def cut_off(spec: BenchSpec) -> Complaints:
             )
         else:
             yield (
-                wire,
+                at,
                 (
                     f"{wire.name} has no cut path: say in cut_paths what opens it when its own port is gone, or mark"
                     " the wire 'hazardous: false' where it can do no harm"
@@ -102,39 +104,51 @@ def _paths(spec: BenchSpec, output: str) -> bool:
 
 
 def watched_after(spec: BenchSpec) -> Complaints:
-    """Check that what is watched behind the safe-off can be read, and can hold."""
+    """Check that what is watched after the safe-off can be read, and can hold."""
     outputs = [wire.name for wire in spec.wiring]
     seen: set[tuple[str, str]] = set()
-    for watch in spec.watch_after:
-        yield from known(watch, "output", watch.output, outputs)
-        yield from quantity_of(watch, watch.output, watch.quantity, watch.unit)
+    for at, watch in listed("watch_after", spec.watch_after):
+        yield from known(at, "output", watch.output, outputs)
+        yield from quantity_of(at, watch.output, watch.quantity, watch.unit)
+        yield from _watch_keys(at, watch)
         for problem in _watch_problems(watch):
-            yield watch, f"watch_after of {watch.output}: {problem}"
+            yield at, f"watch_after of {watch.output}: {problem}"
         if (watch.output, watch.quantity) in seen:
-            yield watch, f"watch_after of {watch.output}: its {watch.quantity} is watched twice"
+            yield at, f"watch_after of {watch.output}: its {watch.quantity} is watched twice"
         seen.add((watch.output, watch.quantity))
+
+
+def _watch_keys(at: Path, watch: WatchAfter) -> Complaints:
+    between = {"min": watch.minimum, "max": watch.maximum, "for": watch.for_s}
+    toward = {"tolerance": watch.tolerance, "within": watch.within_s}
+    needed, other = (between, toward) if watch.toward is None else (toward, between)
+    kind = "what stays between bounds" if watch.toward is None else "what goes toward a value"
+    for key in (key for key, value in needed.items() if value is None):
+        yield at, f"watch_after of {watch.output}: {kind} needs '{key}'"
+    for key in (key for key, value in other.items() if value is not None):
+        yield (*at, key), f"watch_after of {watch.output}: {kind} takes no '{key}'"
 
 
 def _watch_problems(watch: WatchAfter) -> Iterator[str]:
     if watch.minimum is not None and watch.maximum is not None and watch.minimum > watch.maximum:
         yield f"min {watch.minimum:g} is above max {watch.maximum:g}"
-    if watch.toward is not None and watch.tolerance <= 0:
+    if watch.tolerance is not None and watch.tolerance <= 0:
         yield "tolerance must be above zero"
-    if watch.seconds <= 0:
+    if 0.0 in {watch.for_s, watch.within_s}:
         yield f"{'for' if watch.toward is None else 'within'} must be longer than zero"
 
 
 def usb_ports(spec: BenchSpec) -> Complaints:
     """Check that only serial devices are said to be USB devices, and that no two are the same one."""
     seen: dict[str, InstrumentSpec] = {}
-    for item in spec.instruments:
-        usb = item.usb
+    for path, item in named(spec.instruments, "instruments"):
+        usb, at = item.usb, (*path, "usb")
         if usb is None:
             continue
         if not item.port or not url_of_resource(item.port).startswith("/dev/"):
-            yield usb, f"{item.name}: only a serial device of this computer has a USB identity"
+            yield at, f"{item.name}: only a serial device of this computer has a USB identity"
         if bool(usb.serial) == bool(usb.path):
-            yield usb, f"{item.name}: usb needs either a serial or a path"
+            yield at, f"{item.name}: usb needs either a serial or a path"
         if usb.path and usb.path in seen:
-            yield usb, f"{item.name} and {seen[usb.path].name} are both plugged in at '{usb.path}'"
+            yield at, f"{item.name} and {seen[usb.path].name} are both plugged in at '{usb.path}'"
         seen.setdefault(usb.path, item)

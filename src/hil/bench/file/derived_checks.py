@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from hil.bench.derived.derivation import INTEGRALS, MADE_OF, TIMES, UNITS
-from hil.bench.file.complaints import Complaints, known, quantity_of
+from hil.bench.derived.derivation import INTEGRALS, TIMES, UNITS
+from hil.bench.file.complaints import Complaints, known, listed, quantity_of
 from hil.documents.suggest import did_you_mean
 from hil.instruments.registry import ROLES, quantity_units, role_of, unit_of
 from hil.model.bench import BenchSpec, Wire
-from hil.model.envelope import Derived, EnvelopeLimit
+from hil.model.envelope import MADE_OF, Derived, EnvelopeLimit
+from hil.model.notation import Path
 
 __all__ = ["air", "derived"]
 
@@ -25,34 +26,35 @@ _DIRECTIONS = ("charging", "discharging")
 _SHORTEST_S = 0.001
 
 
-def derived(spec: BenchSpec, limit: EnvelopeLimit, how: Derived) -> Complaints:
+def derived(spec: BenchSpec, at: Path, limit: EnvelopeLimit, how: Derived) -> Complaints:
     """Check one limit on a derived quantity."""
     if limit.quantity in MADE_OF:
-        yield from _unit(limit, how)
+        yield from _unit(at, limit, how)
     else:
         units = quantity_units()
-        yield from known(limit, "quantity", limit.quantity, (*units, *MADE_OF))
+        yield from known(at, "quantity", limit.quantity, (*units, *MADE_OF))
         if limit.quantity in units:
-            yield from quantity_of(limit, limit.output, limit.quantity, limit.unit)
+            yield from quantity_of(at, limit.output, limit.quantity, limit.unit)
     for problem in (*_keys(limit, how), *_sources(spec, limit, how), *_numbers(limit, how)):
-        yield limit, f"{limit.id}: {problem}"
+        yield at, f"{limit.id}: {problem}"
 
 
 def air(spec: BenchSpec) -> Complaints:
     """Check that nothing is cooled below the dew point of the air around it, where the bench knows that."""
-    if spec.dew_point is None:
+    dew_point = spec.head.dew_point
+    if dew_point is None:
         return
-    lowest = f"the dew point {spec.dew_point:g} degC"
-    for wire in spec.wiring:
+    lowest = f"the dew point {dew_point:g} degC"
+    for at, wire in listed("wiring", spec.wiring):
         role = ROLES.find(wire.role)
         if role is None or "temperature" not in role.clamped:
             continue
-        for clamp in spec.clamps:
-            if (clamp.output, clamp.quantity) == (wire.name, "temperature") and clamp.minimum < spec.dew_point:
+        for where, clamp in listed("clamps", spec.clamps):
+            if (clamp.output, clamp.quantity) == (wire.name, "temperature") and clamp.minimum < dew_point:
                 allowed = f"its clamp allows {clamp.minimum:g} degC"
-                yield clamp, f"{wire.name}: {allowed}, below {lowest}, at which water condenses"
-        if not _guarded(spec, wire, spec.dew_point):
-            yield wire, f"{wire.name}: the envelope needs a limit on its temperature, with min at {lowest} or above"
+                yield where, f"{wire.name}: {allowed}, below {lowest}, at which water condenses"
+        if not _guarded(spec, wire, dew_point):
+            yield at, f"{wire.name}: the envelope needs a limit on its temperature, with min at {lowest} or above"
 
 
 def _guarded(spec: BenchSpec, wire: Wire, lowest: float) -> bool:
@@ -94,7 +96,7 @@ def _keys(limit: EnvelopeLimit, how: Derived) -> Iterator[str]:
         yield "a current cannot be the condition of its own limit"
 
 
-def _unit(limit: EnvelopeLimit, how: Derived) -> Complaints:
+def _unit(at: Path, limit: EnvelopeLimit, how: Derived) -> Complaints:
     if limit.quantity == "slope":
         unit = unit_of(limit.output, how.of) or next(iter(quantity_units().get(how.of, ())), "")
         if not unit:
@@ -105,7 +107,7 @@ def _unit(limit: EnvelopeLimit, how: Derived) -> Complaints:
         name, units = limit.quantity, list(UNITS[limit.quantity])
     if limit.unit and limit.unit not in units:
         listed = f"{', '.join(units[:-1])} or {units[-1]}"
-        yield limit, f"{name} is given in {listed} here, not in '{limit.unit}'{did_you_mean(limit.unit, units)}"
+        yield at, f"{name} is given in {listed} here, not in '{limit.unit}'{did_you_mean(limit.unit, units)}"
 
 
 def _sources(spec: BenchSpec, limit: EnvelopeLimit, how: Derived) -> Iterator[str]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
-from hil.bench.file.complaints import Complaints, known, quantity, quantity_of
+from hil.bench.file.complaints import Complaints, known, listed, named, quantity, quantity_of
 from hil.bench.file.derived_checks import derived
+from hil.clock.wall import is_date
 from hil.documents.suggest import did_you_mean
 from hil.instruments.registry import ROLES, role_of
 from hil.model.bench import BenchSpec, CalibratedRange, Clamp, Proof, ReducedLevel, SafeStep, Wire
 from hil.model.envelope import EnvelopeLimit
+from hil.model.notation import Path
 
 __all__ = ["certificates", "clamps", "covered", "envelope", "ratings", "reduced_levels", "safe_steps"]
 
@@ -19,17 +21,19 @@ _LONGEST_DEBOUNCE = 1000
 
 def ratings(spec: BenchSpec) -> Complaints:
     """Check that clamps can be held against every rating."""
-    for item in spec.instruments:
-        for rating in item.ratings:
-            yield from quantity(rating, rating.quantity, rating.unit)
+    for path, item in named(spec.instruments, "instruments"):
+        for at, rating in listed("ratings", item.ratings):
+            yield from quantity((*path, *at), rating.quantity, rating.unit)
 
 
 def certificates(spec: BenchSpec) -> Complaints:
     """Check that every range of every certificate gives an uncertainty."""
-    for item in spec.instruments:
-        for entry in item.calibration.ranges if item.calibration else ():
+    for path, item in named(spec.instruments, "instruments"):
+        if item.calibration and item.calibration.due and not is_date(item.calibration.due):
+            yield (*path, "calibration", "due"), f"calibration: the date {item.calibration.due} does not exist"
+        for at, entry in listed("ranges", item.calibration.ranges if item.calibration else ()):
             for problem in _range_problems(entry):
-                yield entry, f"{item.name}: {problem}"
+                yield (*path, "calibration", *at), f"{item.name}: {problem}"
 
 
 def _range_problems(entry: CalibratedRange) -> Iterator[str]:
@@ -43,15 +47,15 @@ def _range_problems(entry: CalibratedRange) -> Iterator[str]:
 
 def clamps(spec: BenchSpec) -> Complaints:
     """Check clamps against outputs and ratings."""
-    for clamp in spec.clamps:
-        yield from known(clamp, "output", clamp.output, _outputs(spec))
-        yield from quantity_of(clamp, clamp.output, clamp.quantity, clamp.unit)
+    for at, clamp in listed("clamps", spec.clamps):
+        yield from known(at, "output", clamp.output, _outputs(spec))
+        yield from quantity_of(at, clamp.output, clamp.quantity, clamp.unit)
         if clamp.minimum > clamp.maximum:
-            yield clamp, f"{clamp.output}: min {clamp.minimum:g} is above max {clamp.maximum:g}"
+            yield at, f"{clamp.output}: min {clamp.minimum:g} is above max {clamp.maximum:g}"
         for rating in _ratings_of(spec, clamp):
             if (largest := max(abs(clamp.minimum), abs(clamp.maximum))) > rating:
                 beyond = f"{largest:g} {clamp.unit} exceeds the rating {rating:g} {clamp.unit}"
-                yield clamp, f"{clamp.output}: a clamp at {beyond}"
+                yield at, f"{clamp.output}: a clamp at {beyond}"
 
 
 def _ratings_of(spec: BenchSpec, clamp: Clamp) -> list[float]:
@@ -68,10 +72,10 @@ def _ratings_of(spec: BenchSpec, clamp: Clamp) -> list[float]:
 
 def reduced_levels(spec: BenchSpec) -> Complaints:
     """Check that arm can try every reduced level, and that it would show something."""
-    for wire in spec.wiring:
+    for at, wire in listed("wiring", spec.wiring):
         if wire.reduced is not None:
             for problem in _level_problems(spec, wire, wire.reduced):
-                yield wire, f"{wire.name}: {problem}"
+                yield at, f"{wire.name}: {problem}"
 
 
 def _level_problems(spec: BenchSpec, wire: Wire, level: ReducedLevel) -> Iterator[str]:
@@ -109,16 +113,16 @@ def _position_problems(spec: BenchSpec, level: ReducedLevel) -> Iterator[str]:
 def envelope(spec: BenchSpec) -> Complaints:
     """Check that every limit of the envelope can be watched."""
     seen: set[str] = set()
-    for limit in spec.envelope:
-        yield from known(limit, "output", limit.output, _outputs(spec))
+    for at, limit in listed("envelope", spec.envelope):
+        yield from known(at, "output", limit.output, _outputs(spec))
         if limit.derived:
-            yield from derived(spec, limit, limit.derived)
+            yield from derived(spec, at, limit, limit.derived)
         else:
-            yield from quantity_of(limit, limit.output, limit.quantity, limit.unit)
+            yield from quantity_of(at, limit.output, limit.quantity, limit.unit)
         for problem in _bound_problems(limit):
-            yield limit, f"{limit.id}: {problem}"
+            yield at, f"{limit.id}: {problem}"
         if limit.id and limit.id in seen:
-            yield limit, f"the envelope has two limits called '{limit.id}'"
+            yield at, f"the envelope has two limits called '{limit.id}'"
         seen.add(limit.id)
 
 
@@ -137,39 +141,40 @@ def _bound_problems(limit: EnvelopeLimit) -> Iterator[str]:
 
 def safe_steps(spec: BenchSpec) -> Complaints:
     """Check that every line of safe-off, rest and hold can be taken, and its proof be read."""
-    for step in (*spec.safe_off, *spec.rest, *spec.hold):
-        yield from known(step, "output", step.output, _outputs(spec))
+    steps = (*listed("safe_off", spec.safe_off), *listed("rest", spec.rest), *listed("hold", spec.hold))
+    for at, step in steps:
+        yield from known(at, "output", step.output, _outputs(spec))
         role = role_of(step.output)
         if role and role.states:
-            yield from known(step, "state", step.state, role.states)
+            yield from known(at, "state", step.state, role.states)
         if step.within_s <= 0:
-            yield step, f"{step.output}: within must be longer than zero"
+            yield at, f"{step.output}: within must be longer than zero"
         if step.proof:
-            yield from _proof(step, step.proof, _outputs(spec))
+            yield from _proof(at, step, step.proof, _outputs(spec))
 
 
-def _proof(step: SafeStep, proof: Proof, outputs: Collection[str]) -> Complaints:
-    yield from known(step, "output", proof.output, outputs)
-    yield from quantity_of(step, proof.output, proof.quantity, proof.unit)
+def _proof(at: Path, step: SafeStep, proof: Proof, outputs: Collection[str]) -> Complaints:
+    yield from known(at, "output", proof.output, outputs)
+    yield from quantity_of(at, proof.output, proof.quantity, proof.unit)
     if proof.minimum > proof.maximum:
-        yield step, f"proof of {step.output}: min {proof.minimum:g} is above max {proof.maximum:g}"
+        yield at, f"proof of {step.output}: min {proof.minimum:g} is above max {proof.maximum:g}"
 
 
 def covered(spec: BenchSpec) -> Complaints:
     """Check that every output that can do harm is in the safe-off, clamped and proven as its role asks."""
     made_safe = {step.output for step in spec.safe_off}
     proven = {step.output for step in spec.safe_off if step.proof}
-    for wire in spec.wiring:
+    for at, wire in listed("wiring", spec.wiring):
         role = ROLES.find(wire.role)
         if role is None:
             continue
         if role.hazardous and wire.name not in made_safe:
-            yield wire, f"{wire.name} is missing from safe_off"
+            yield at, f"{wire.name} is missing from safe_off"
         elif role.proven and wire.name not in proven:
-            yield wire, f"{wire.name}: its line in safe_off needs a proof, such as its current near zero"
+            yield at, f"{wire.name}: its line in safe_off needs a proof, such as its current near zero"
         clamped = {clamp.quantity for clamp in spec.clamps if clamp.output == wire.name}
         if not clamped.issuperset(role.clamped):
-            yield wire, f"{wire.name} needs clamps for {' and '.join(role.clamped)}"
+            yield at, f"{wire.name} needs clamps for {' and '.join(role.clamped)}"
 
 
 def _outputs(spec: BenchSpec) -> list[str]:

@@ -5,22 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from hil.bench.file.checks import check_bench
-from hil.bench.file.complaints import Located
-from hil.bench.file.cutting_sections import read_cut_paths, read_watch_after
-from hil.bench.file.envelope_sections import read_envelope_limit
-from hil.bench.file.sections import (
-    read_buses,
-    read_clamp,
-    read_instruments,
-    read_safe_step,
-    read_twin,
-    read_wire,
-)
+from hil.bench.file.complaints import named
+from hil.documents.declared import Document, read_document
 from hil.documents.findings import Findings
-from hil.documents.node import Place
-from hil.documents.reader import MappingReader, read_document
 from hil.documents.suggest import did_you_mean
-from hil.model.bench import BenchSpec, SafeStep
+from hil.model.bench import BenchSpec
 from hil.model.errors import ConfigurationError, Refused
 
 __all__ = ["SCHEMA", "bench_names", "load_bench", "read_bench"]
@@ -62,51 +51,29 @@ def load_bench(benches: Path, name: str, root: Path, *, driven: bool = True) -> 
 
 def read_bench(path: Path, shown: str, findings: Findings, *, driven: bool = True) -> BenchSpec | None:
     """Read one bench file and add what is wrong to the findings; None where nothing could be read."""
-    document = read_document(path, shown, findings, schema=SCHEMA)
+    document = read_document(path, shown, findings, BenchSpec, schema=SCHEMA)
     if document is None:
         return None
-    places = Located()
-    head = document.child("bench", required=True)
-    spec = BenchSpec(
-        name=head.text("name", pattern="[a-z][a-z0-9-]*") if head else "",
-        title=head.text("title") if head else "",
-        place=head.text("place", "") if head else "",
-        dew_point=head.number("dew_point", None) if head else None,
-        buses=read_buses(document, places),
-        instruments=read_instruments(document, places),
-        wiring=tuple(places.keep(read_wire(item), item.place()) for item in document.children("wiring", required=True)),
-        clamps=tuple(places.keep(read_clamp(item), item.place()) for item in document.children("clamps")),
-        envelope=tuple(places.keep(read_envelope_limit(item), item.place()) for item in document.children("envelope")),
-        safe_off=_steps(document, "safe_off", places),
-        rest=_steps(document, "rest", places),
-        hold=_steps(document, "hold", places, required=False),
-        cut_paths=read_cut_paths(document, places),
-        watch_after=read_watch_after(document, places),
-        simulated=read_twin(document, places),
-    )
-    if head:
-        head.done()
-        _check_name(spec.name, path, head.place("name"), findings)
-    document.done()
-    check_bench(spec, places, findings, driven=driven)
-    _check_certificates(spec, path.parent, places, findings)
-    return spec
+    _check_name(document, path, findings)
+    check_bench(document, findings, driven=driven)
+    _check_certificates(document, path.parent, findings)
+    return document.model
 
 
-def _steps(document: MappingReader, key: str, places: Located, *, required: bool = True) -> tuple[SafeStep, ...]:
-    return tuple(places.keep(read_safe_step(item), item.place()) for item in document.children(key, required=required))
-
-
-def _check_name(name: str, path: Path, place: Place, findings: Findings) -> None:
+def _check_name(document: Document[BenchSpec], path: Path, findings: Findings) -> None:
+    name = document.model.name
     if name and path.parent.name != name:
-        findings.add(place, f"the bench is called '{name}', but its folder '{path.parent.name}'")
+        findings.add(
+            document.place(("bench", "name")), f"the bench is called '{name}', but its folder '{path.parent.name}'"
+        )
 
 
-def _check_certificates(spec: BenchSpec, folder: Path, places: Located, findings: Findings) -> None:
+def _check_certificates(document: Document[BenchSpec], folder: Path, findings: Findings) -> None:
     """A certificate lies in the bench's folder, so that packages hold it."""
-    for calibration in (item.calibration for item in spec.instruments if item.calibration):
-        if calibration.certificate and (problem := _certificate_problem(folder, calibration.certificate)):
-            findings.add(places.of(calibration), problem)
+    for at, item in named(document.model.instruments, "instruments"):
+        certificate = item.calibration.certificate if item.calibration else ""
+        if certificate and (problem := _certificate_problem(folder, certificate)):
+            findings.add(document.place((*at, "calibration", "certificate")), problem)
 
 
 def _certificate_problem(folder: Path, certificate: str) -> str:

@@ -238,7 +238,7 @@ def _place(configuration: Configuration) -> dict[str, object]:
         user = ""
     return {
         "format": 1,
-        "bench_place": configuration.bench.place,
+        "bench_place": configuration.bench.head.place,
         "host": platform.node(),
         "user": user,
         "workspace": {
