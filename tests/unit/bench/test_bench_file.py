@@ -302,7 +302,7 @@ def test_unknown_bench_names_the_nearest(tmp_path):
         (
             ('instrument: psu1, channel: "3"', 'instrument: mag1, channel: "3"'),
             "{role: supply, instance: sensor",
-            "a lis3mdl is no supply",
+            "the driver lis3mdl does not fill the role supply",
         ),
     ],
 )
