@@ -293,6 +293,9 @@ def test_whoever_is_notified_of_a_death_learns_what_the_guardian_did(tmp_path_fa
         told = json.loads((workspace.root / "told.json").read_bytes())
         assert workspace.hil("ack", name, "--by", "Ada", "--text", "everything is off").code == 0
     assert (ended.code, told["event"], told["run"]) == (3, "died", name)
-    assert "was ended by SIGKILL before the run was sealed; the guardian made the bench safe; " in told["text"]
+    assert (
+        "was ended by SIGKILL before the run was sealed; the guardian finished: every output is proven safe; "
+        in told["text"]
+    )
     assert f"the bench is latched and waits for hil ack {name}; " in told["text"]
     assert f"hil resume {workspace.root}" in told["text"]

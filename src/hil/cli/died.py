@@ -8,7 +8,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 from hil.clock import wall
 from hil.evidence.folder import JOURNAL
@@ -84,6 +83,7 @@ def _bench(folder: Path, limit_s: float) -> Iterator[str]:
     from hil.evidence.folder import is_held  # noqa: PLC0415 - as above
     from hil.evidence.safed import guardian_lines  # noqa: PLC0415 - as above
     from hil.executive.ending.acknowledging import waits_for_ack  # noqa: PLC0415 - as above
+    from hil.report.page.incidents import sentences  # noqa: PLC0415 - as above
 
     began = wall.monotonic()
     while at_work := is_held(folder) or holds_a_lease(folder.name):
@@ -91,12 +91,11 @@ def _bench(folder: Path, limit_s: float) -> Iterator[str]:
             break
         wall.pause(_LOOK_S)
     lines = guardian_lines(folder)
-    done: dict[str, Any] | None = next((line for line in reversed(lines) if line.get("event") == "done"), None)
-    if done is not None:
-        unproven = ", ".join(map(str, done.get("unproven", ())))
-        yield f"NOT PROVEN SAFE by the guardian: {unproven}" if unproven else "the guardian made the bench safe"
+    done = [line for line in lines if line.get("event") == "done"]
+    if done:
+        yield from (sentence.text for sentence in sentences(done[-1:]))
     elif lines or at_work:
-        yield "the guardian is not done yet"
+        yield "the guardian has not finished yet"
     if waits_for_ack(folder):
         yield f"the bench is latched and waits for hil ack {folder.name}"
 

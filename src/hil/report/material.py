@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from hil.evidence.package.bag import INFO, identifier_of
 from hil.evidence.package.contents import Package
 from hil.evidence.recordings.hdf5 import Recorded
+from hil.evidence.safed import guardian_lines
 from hil.model.errors import EvidenceError
 from hil.model.verdict import Verdict
 
@@ -70,6 +71,10 @@ class Material:
     def text(self, relative: str) -> str:
         """Return a file under `data/`, or an empty text where there is none."""
         return self._package.text(f"data/{relative}") if (self._data / relative).is_file() else ""
+
+    def guardian(self) -> Sequence[Body]:
+        """Return what the guardian wrote down; nothing where it had nothing to do."""
+        return guardian_lines(self._package.folder)
 
     def names(self, folder: str) -> Sequence[str]:
         """Return the sorted names directly within a folder under `data/`."""

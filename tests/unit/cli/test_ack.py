@@ -59,7 +59,7 @@ def test_what_happened_is_told_before_anything_is_acknowledged(capsys):
     assert out.splitlines() == [
         "2026-11-21 10:00:05.000 UTC  the run tripped: cell voltage above 4.25 V",
         "2026-11-21 10:00:06.000 UTC  NOT MADE SAFE by the run: supply.charge, which is not off: no reply",
-        "2026-11-21 10:00:07.200 UTC  bench battery is latched since then: it died; not proven safe: tec",
+        "2026-11-21 10:00:07.200 UTC  bench battery has been latched since then: it died; not proven safe: tec",
         "2026-11-21 10:00:07.250 UTC  the guardian acted: the executive died",
         f"in full: reports/{SAFED}/data/guardian.jsonl, reports/{SAFED}/data/journal.jsonl",
     ]

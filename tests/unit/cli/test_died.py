@@ -84,7 +84,10 @@ def test_nobody_is_told_of_what_did_not_die(place, words):
 
 @pytest.mark.parametrize(
     ("unproven", "said"),
-    [([], "the guardian made the bench safe"), (["supply.a"], "NOT PROVEN SAFE by the guardian: supply.a")],
+    [
+        ([], "the guardian finished: every output is proven safe"),
+        (["supply.a"], "the guardian finished: NOT PROVEN SAFE: supply.a"),
+    ],
 )
 def test_what_the_guardian_wrote_down_is_told(place, unproven, said):
     """Whether everything is safe, and that somebody has to acknowledge it."""
@@ -101,7 +104,7 @@ def test_a_guardian_that_takes_long_is_not_waited_for_for_ever(place):
     folder = run_of(place)
     with hold(folder):
         tell_of_death(folder, "was ended by SIGKILL", [], guardian_s=0.2)
-    assert "the guardian is not done yet" in told(place)["text"]
+    assert "the guardian has not finished yet" in told(place)["text"]
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 
 from hil.report.page.incidents import guarded, happenings
@@ -13,30 +11,33 @@ OFF = [{"event": "off", "output": output, "ok": output != "tec"} for output in (
 FIRST = {"event": "first pass over", "seconds": 0.167}
 
 
-def journal(*lines):
-    """Return a guardian's journal."""
-    return "".join(f"{json.dumps(line)}\n" for line in lines)
-
-
 @pytest.mark.parametrize(
     ("last", "told"),
     [
-        ([{"event": "done", "unproven": []}], "every output was proven safe; the bench was latched"),
-        ([{"event": "done", "unproven": ["tec"]}], "NOT proven safe: tec; the bench was latched"),
-        ([], "whether all was proven safe is not written down"),
+        ([{"event": "done", "unproven": []}], "the guardian finished: every output is proven safe"),
+        ([{"event": "done", "unproven": ["tec"]}], "the guardian finished: NOT PROVEN SAFE: tec"),
+        ([], "whether every output was proven safe is not on record"),
+        (
+            [{"text": "{"}],
+            "a line of the guardian's journal cannot be read: {; whether every output was proven safe is not on record",
+        ),
     ],
 )
 def test_why_how_soon_and_what_was_proven(last, told):
-    """What is not in its journal is not claimed; half a line is left out."""
-    (row,) = guarded(journal(ACTING, *OFF, FIRST, *last) + '{"event": "do')
+    """What is not in its journal is not claimed; half a line is told as it stands."""
+    (row,) = guarded([ACTING, *OFF, FIRST, *last])
     assert (row.at, row.kind) == (ACTING["utc"], "guardian")
-    assert row.text == f"the executive died; it switched off supply.charge, cycler within 0.167 s; {told}"
-    assert list(guarded("")) == []
+    assert row.text == (
+        "the guardian acted: the executive died; the guardian switched off supply.charge; tec did not take the"
+        " guardian's command; the guardian switched off cycler; the guardian commanded every output off within 0.167 s;"
+        f" {told}"
+    )
+    assert list(guarded([])) == []
 
 
 def test_it_stands_before_what_became_of_the_run():
     """Each time it acted before the resumption behind it, and what is left at the end."""
-    acts = guarded(journal(ACTING, {**ACTING, "why": "the executive hangs"}, {**ACTING, "why": "a wake"}))
+    acts = guarded([ACTING, {**ACTING, "why": "the executive hangs"}, {**ACTING, "why": "a wake"}])
     resumed = {"kind": "resumed", "t": 1.0, "text": "went on", "seconds": 1.0}
     said = {"kind": "acknowledged", "t": 1.0, "text": "all is off", "by": "Ada"}
     noted = {"kind": "note", "t": 2.0, "text": "cold", "by": "Ada"}
@@ -45,9 +46,9 @@ def test_it_stands_before_what_became_of_the_run():
         "note", "guardian", "resumed", "note", "guardian", "resumed", "guardian",
     ]  # fmt: skip
     assert [row.text.partition(";")[0] for row in rows if row.kind == "guardian"] == [
-        "the executive died",
-        "the executive hangs",
-        "a wake",
+        "the guardian acted: the executive died",
+        "the guardian acted: the executive hangs",
+        "the guardian acted: a wake",
     ]
 
 
@@ -55,5 +56,5 @@ def test_it_does_not_stand_before_a_resumption_behind_a_stop():
     """A run that was stopped with its bench safe, and died later: nobody had anything to acknowledge at first."""
     resumed = {"kind": "resumed", "t": 1.0, "text": "went on", "seconds": 1.0}
     said = {"kind": "acknowledged", "t": 2.0, "text": "all is off", "by": "Ada"}
-    rows = happenings([resumed, resumed, said], {}, guarded(journal(ACTING)))
+    rows = happenings([resumed, resumed, said], {}, guarded([ACTING]))
     assert [row.kind for row in rows] == ["resumed", "guardian", "resumed", "acknowledged"]

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from hil.cli.run_names import answer_of, find_run, find_running, reports_folder, shown
-from hil.model.errors import Refused
+from hil.evidence.folder import GUARDIAN, JOURNAL
+from hil.model.errors import EvidenceError, Refused
 
-__all__ = ["command"]
+if TYPE_CHECKING:
+    from hil.report.page.incidents import Sentence
+
+__all__ = ["command", "moment", "what_happened", "written_down"]
+
+_OF_BENCH = frozenset({"safe", "stop", "trip"})
 
 
 @click.command(name="ack", epilog='Example: hil ack latest --by "A. Engineer" --text "fuse F2 blown, replaced"')
@@ -41,14 +50,46 @@ def command(run: str, by: str, text: str, code: str) -> int:
     return 0
 
 
+def what_happened(folder: Path) -> list[Sentence]:
+    """Return what tripped, what was made safe or stayed unsafe, what the guardian did, and what is latched, by time."""
+    from hil.bench.latching import latches_of  # noqa: PLC0415 - heavy
+    from hil.evidence.safed import guardian_lines  # noqa: PLC0415 - heavy
+    from hil.report.page.incidents import Sentence, sentences  # noqa: PLC0415 - heavy
+
+    told = [*sentences(_of_run(folder)), *sentences(guardian_lines(folder))]
+    for latch in latches_of(folder.name).values():
+        unproven = f"; not proven safe: {', '.join(latch.outputs)}" if latch.outputs else ""
+        told.append(Sentence(latch.since, f"bench {latch.bench} has been latched since then: {latch.why}{unproven}"))
+    return sorted(dict.fromkeys(told), key=lambda each: each.at.rstrip("Z") or "~")
+
+
+def moment(utc: str) -> str:
+    """Return an instant as people read it, to the millisecond; what is no instant as it is."""
+    day, _, time = utc.partition("T")
+    whole, _, part = time.rstrip("Z").partition(".")
+    return f"{day} {whole}.{part[:3]:0<3} UTC" if time.endswith("Z") else utc
+
+
+def written_down(folder: Path) -> list[Path]:
+    """Return the files in which the guardian and the run have written it down, as far as they are there."""
+    return [path for path in (folder / GUARDIAN, folder / JOURNAL) if path.is_file()]
+
+
+def _of_run(folder: Path) -> Iterator[dict[str, object]]:
+    from hil.evidence.journal.reader import read_journal  # noqa: PLC0415 - heavy
+
+    with suppress(EvidenceError):
+        for line in read_journal(folder / JOURNAL).lines:
+            if line.body["kind"] in _OF_BENCH:
+                yield {**line.body, "event": line.body["kind"], "utc": line.wall.get("utc", "")}
+
+
 def _tell(folder: Path) -> None:
     """Print when what happened, in the order of time, and where it is written down in full."""
     from hil.evidence.package.listing import shown as printable  # noqa: PLC0415 - heavy
-    from hil.executive.ending.incidents import moment, what_happened, written_down  # noqa: PLC0415 - heavy
     from hil.report.tables import aligned  # noqa: PLC0415 - heavy
 
-    told = [(printable(moment(each.at)), printable(each.text)) for each in what_happened(folder)]
-    for line in aligned(told):
+    for line in aligned([(printable(moment(each.at)), printable(each.text)) for each in what_happened(folder)]):
         click.echo(line)
     if files := [printable(shown(path)) for path in written_down(folder)]:
         click.echo(f"in full: {', '.join(files)}")

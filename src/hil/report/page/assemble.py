@@ -101,7 +101,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         instruments=instruments(bench),
         wiring=wiring(bench),
         people=people(run, events),
-        happenings=happenings(events, names, guarded(material.text("guardian.jsonl")), material.sent()),
+        happenings=happenings(events, names, guarded(material.guardian()), material.sent()),
         deviations=deviations(run),
         parameters=_parameters(material),
         software=_software(run, _json(material, "software.json"), _json(material, "place.json")),

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import takewhile
+from dataclasses import dataclass
+from itertools import groupby, takewhile
 from types import MappingProxyType
 
-from hil.documents.canonical import JsonError, parse_strict
 from hil.report.material import Body, flag, inners, text, texts
 from hil.report.numbers import bench_time, duration, number, with_unit
 from hil.report.page.view import CaseName, Happening
 
-__all__ = ["answered", "attached", "deviations", "guarded", "happenings", "noted", "people"]
+__all__ = ["Sentence", "answered", "attached", "deviations", "guarded", "happenings", "noted", "people", "sentences"]
+
+
+@dataclass(frozen=True, slots=True)
+class Sentence:
+    """One sentence of what was done to a bench, and its UTC, ISO 8601, empty where nobody knows."""
+
+    at: str
+    text: str
 
 
 def people(run: Body, events: Sequence[Body]) -> tuple[tuple[str, str], ...]:
@@ -62,20 +70,82 @@ def happenings(
     return (*found, *acts)
 
 
-def guarded(journal: str) -> Iterator[Happening]:
-    """Yield each time that the guardian acted, with why, how soon, and what it could not prove.
+def guarded(lines: Iterable[Body]) -> Iterator[Happening]:
+    """Yield each time that the guardian acted: why, what it did when, and what it could not prove.
 
     Args:
-        journal: its journal as text, one JSON object a line; a line that is none is left out.
+        lines: its journal; one that could not be read is its text alone.
     """
     acts: list[list[Body]] = []
-    for line in _lines(journal):
+    for line in lines:
         if text(line, "event") == "acting":
             acts.append([line])
         elif acts:
             acts[-1].append(line)
     for act in acts:
-        yield Happening(at=text(act[0], "utc"), kind="guardian", case=None, text=_told(act))
+        told = [sentence.text for sentence in sentences(act)]
+        if not any(text(line, "event") == "done" for line in act):
+            told.append("whether every output was proven safe is not on record")
+        yield Happening(at=text(act[0], "utc"), kind="guardian", case=None, text="; ".join(told))
+
+
+def sentences(facts: Iterable[Body]) -> Iterator[Sentence]:
+    """Yield what the guardian wrote down, and what a run did to its bench, in sentences.
+
+    Facts that say the same of several outputs, one after the other, are one sentence.
+
+    Args:
+        facts: lines of the guardian's journal; events of a run with their UTC, and their kind as `event`.
+    """
+
+    def same(fact: Body) -> tuple[str, bool, str]:
+        detail = text(fact, "detail") if not flag(fact, "ok") or text(fact, "event") == "proof" else ""
+        return text(fact, "event"), flag(fact, "ok"), detail
+
+    for _, alike in groupby(facts, same):
+        group = list(alike)
+        outputs = ", ".join(dict.fromkeys(text(fact, "output") for fact in group if "output" in fact))
+        told: dict[str, str] = {}
+        for fact in group:
+            told.setdefault(_sentence(fact, outputs), text(fact, "utc"))
+        yield from (Sentence(at, said) for said, at in told.items())
+
+
+def _sentence(fact: Body, outputs: str) -> str:
+    try:
+        return _SENTENCES[text(fact, "event")](fact, outputs)
+    except (KeyError, TypeError):  # of another version, or damaged
+        if set(fact) == {"text"}:
+            return f"a line of the guardian's journal cannot be read: {fact['text']}"
+        return ", ".join(f"{name} {value}" for name, value in fact.items() if name not in {"utc", "boot"})
+
+
+def _switched_off(fact: Body, outputs: str) -> str:
+    said = f": {fact['detail']}" if fact.get("detail") else ""
+    return (
+        f"the guardian switched off {outputs}" if fact["ok"] else f"{outputs} did not take the guardian's command{said}"
+    )
+
+
+def _proof(fact: Body, outputs: str) -> str:
+    detail = text(fact, "detail")
+    if not fact["ok"]:
+        return f"NOT PROVEN SAFE by the guardian: {outputs}: {detail.removeprefix('not proven: ')}"
+    return f"the guardian proved {outputs} safe" if detail == "safe" else f"{outputs} is {detail}"
+
+
+def _done(fact: Body, _: str) -> str:
+    unproven = fact["unproven"]
+    if not isinstance(unproven, list | tuple):
+        raise TypeError
+    proven = f"NOT PROVEN SAFE: {', '.join(map(str, unproven))}" if unproven else "every output is proven safe"
+    return f"the guardian finished: {proven}"
+
+
+def _made_safe(fact: Body, outputs: str) -> str:
+    if fact["ok"]:
+        return f"the run made {outputs} safe"
+    return f"NOT MADE SAFE by the run: {outputs}, which is not {fact['state']}: {fact['detail']}"
 
 
 def _was_ended_by_force(events: Sequence[Body]) -> bool:
@@ -179,32 +249,6 @@ def _resumed(event: Body) -> str:
     return f"{told}; {text(event, 'deviation')}" if text(event, "deviation") else told
 
 
-def _lines(journal: str) -> Iterator[Body]:
-    for line in journal.splitlines():
-        try:
-            told = parse_strict(line.encode())
-        except JsonError:
-            continue
-        if isinstance(told, dict):
-            yield told
-
-
-def _told(act: list[Body]) -> str:
-    named = {kind: [line for line in act if text(line, "event") == kind] for kind in ("off", "first pass over", "done")}
-    off = _outputs(line for line in named["off"] if flag(line, "ok"))
-    seconds = [duration(line.get("seconds")) for line in named["first pass over"]]
-    told = f"{text(act[0], 'why')}; it switched off {off or 'nothing'}{f' within {seconds[0]}' if seconds else ''}"
-    if not named["done"]:
-        return f"{told}; whether all was proven safe is not written down"
-    unproven = ", ".join(texts(named["done"][0], "unproven"))
-    proven = f"NOT proven safe: {unproven}" if unproven else "every output was proven safe"
-    return f"{told}; {proven}; the bench was latched"
-
-
-def _outputs(lines: Iterable[Body]) -> str:
-    return ", ".join(dict.fromkeys(text(line, "output") for line in lines))
-
-
 _GOES_ON = frozenset({"recovered", "resumed"})
 _DID = {
     "acknowledged": "acknowledged what the guardian did",
@@ -259,3 +303,20 @@ _TOLD: Mapping[str, Callable[[Body], str]] = {
     "suspended": _for_seconds,
     "clock-jump": _for_seconds,
 }
+_SENTENCES: Mapping[str, Callable[[Body, str], str]] = {
+    "acting": lambda fact, _: f"the guardian acted: {fact['why']}",
+    "done": _done,
+    "executive ended": lambda fact, _: (
+        "the process of the run was ended" if fact["ok"] else "the process of the run could NOT be ended"
+    ),
+    "failed": lambda fact, _: f"a step of the guardian failed: {fact['why']}",
+    "first pass over": lambda fact, _: f"the guardian commanded every output off within {duration(fact['seconds'])}",
+    "latched": lambda *_: "the guardian latched the bench",
+    "not latched": lambda fact, _: f"the guardian could NOT latch the bench: {fact['why']}",
+    "off": _switched_off,
+    "proof": _proof,
+    "safe": _made_safe,
+    "stop": lambda fact, _: f"the run was stopped: {fact['reason']}",
+    "trip": lambda fact, _: f"the run tripped: {fact['text']}",
+}
+"""Facts of the guardian and of a run that speak of its bench; the name of a fact is in one of the two only."""

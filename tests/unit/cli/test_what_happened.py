@@ -7,8 +7,9 @@ import json
 
 import pytest
 
+from hil.cli.commands.ack import moment, what_happened, written_down
 from hil.evidence.folder import GUARDIAN
-from hil.executive.ending.incidents import Happened, moment, what_happened, written_down
+from hil.report.page.incidents import Sentence
 
 
 @pytest.fixture
@@ -42,11 +43,11 @@ def test_an_act_of_the_guardian_is_told_from_its_reason_to_its_end(told):
     ) == [
         "the guardian acted: the executive died",
         "the guardian switched off heater, supply",
-        "the guardian had told every output to be off after 0.005 s",
-        "the process of the run has ended",
-        "the guardian proved safe heater, supply",
+        "the guardian commanded every output off within 0.005 s",
+        "the process of the run was ended",
+        "the guardian proved heater, supply safe",
         "the guardian latched the bench",
-        "the guardian was done; every output is proven safe",
+        "the guardian finished: every output is proven safe",
     ]
 
 
@@ -61,13 +62,13 @@ def test_what_the_guardian_could_not_do_stands_out(told):
         {"event": "not latched", "path": "a", "why": "no space"},
         {"event": "done", "unproven": ["supply"]},
     ) == [
-        "supply did not take the guardian's word: no reply",
+        "supply did not take the guardian's command: no reply",
         "the process of the run could NOT be ended",
         "a step of the guardian failed: OSError(5)",
         "heater is cut off by relay, which is safe; no reply",
         "NOT PROVEN SAFE by the guardian: supply: no reply",
         "the guardian could NOT latch the bench: no space",
-        "the guardian was done; NOT PROVEN SAFE: supply",
+        "the guardian finished: NOT PROVEN SAFE: supply",
     ]
 
 
@@ -85,7 +86,7 @@ def test_what_is_written_down_in_full_is_named_as_far_as_it_is_there(told, tmp_p
     assert (what_happened(tmp_path), written_down(tmp_path)) == ([], [])
     told({"event": "acting", "why": "it died"})
     assert written_down(tmp_path) == [tmp_path / GUARDIAN]
-    assert what_happened(tmp_path) == [Happened("2026-11-21T10:00:00.5Z", "the guardian acted: it died")]
+    assert what_happened(tmp_path) == [Sentence("2026-11-21T10:00:00.5Z", "the guardian acted: it died")]
 
 
 @pytest.mark.parametrize(
