@@ -9,7 +9,7 @@ from hil.clock.virtual import VirtualClock
 from hil.model.bench import InstrumentSpec
 from hil.simulation.faults import BUS_FAULTS, read_faults
 from hil.simulation.peers.faulty import FaultyBusPeer
-from hil.simulation.peers.iim42652.model import MODEL
+from hil.simulation.peers.iim42652 import MODEL
 from hil.simulation.peers.lis3mdl import MODEL as MAGNETOMETER
 from hil.simulation.peers.model import Connections, PeerSetup
 from hil.simulation.plants.plant import Plant

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hil.clock.virtual import VirtualClock
 from hil.model.bench import InstrumentSpec
 from hil.simulation.noise.rate_noise import BLOCK, NoiseLevels, RateNoise
-from hil.simulation.peers.iim42652.model import MODEL
+from hil.simulation.peers.iim42652 import MODEL
 from hil.simulation.peers.model import Connections, PeerSetup
 from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth

@@ -11,7 +11,7 @@ from hil.instruments.iim42652 import Iim42652
 from hil.model.bench import InstrumentSpec, Wire
 from hil.simulation.faults import BUS_FAULTS, SERIAL_FAULTS, read_faults
 from hil.simulation.peers.faulty import FaultyBusPeer, FaultySerialPeer
-from hil.simulation.peers.iim42652.model import MODEL
+from hil.simulation.peers.iim42652 import MODEL
 from hil.simulation.peers.model import Connections, PeerSetup
 from hil.simulation.plants.plant import Plant
 from hil.simulation.seeds import Seeds

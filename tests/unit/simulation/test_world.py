@@ -176,7 +176,7 @@ def test_address_that_the_sensor_cannot_have():
     others = (*INSTRUMENTS[:2], replace(INSTRUMENTS[2], address=0x1D))
     found = truth_errors(twin_spec(), others)
     assert [(error.path, error.message) for error in found] == [
-        (("peers", "mag"), "an LIS3MDL answers at 0x1C or 0x1E, not at 0x1D")
+        (("peers", "mag"), "the LIS3MDL answers at 0x1C or 0x1E, not at 0x1D")
     ]
 
 

@@ -1,33 +1,41 @@
-"""The interrupt pin INT1 of the simulated IIM-42652."""
+"""The interrupt pin of a simulated sensor."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 from hil.simulation.peers.alarm import Alarm
-from hil.simulation.peers.iim42652.registers import Register, RegisterFile
 from hil.wire.peer import PeerClock
 
-__all__ = ["Pin"]
+__all__ = ["Pin", "PinSetting"]
 
-_LATCHED, _ACTIVE_HIGH = 0x04, 0x01
-_SHORT_PULSE, _ASYNC_RESET = 0x40, 0x10
-_PULSE_NS, _SHORT_PULSE_NS = 100_000, 8_000
+
+class PinSetting(NamedTuple):
+    """What the registers say of the pin.
+
+    Attributes:
+        works: whether anything comes at all.
+        high: whether it is active high.
+        latched: whether it stays until the status is read.
+        pulse_ns: how long a pulse lasts.
+    """
+
+    works: bool
+    high: bool
+    latched: bool
+    pulse_ns: int
 
 
 class Pin:
-    """Tells whoever listens of rising edges.
-
-    A pulse lasts 100 us, or 8 us with INT_TPULSE_DURATION; active low, it is its end that rises. Latched, the pin
-    stays until the status is read. While INT_ASYNC_RESET is not cleared (it is set after power-on, and has to be 0
-    for the pins to work) nothing comes.
+    """Tells whoever listens of rising edges; active low, it is the end of a pulse that rises.
 
     Args:
-        registers: the sensor's registers.
+        look: what the registers say of it now.
     """
 
-    def __init__(self, registers: RegisterFile) -> None:
-        self._registers = registers
+    def __init__(self, look: Callable[[], PinSetting]) -> None:
+        self._look = look
         self._listeners: list[Callable[[], None]] = []
         self._asserted = False
         self._clock: PeerClock
@@ -44,20 +52,20 @@ class Pin:
 
     def trigger(self) -> None:
         """Assert the pin; one that is latched already has no new edge."""
-        config, timing = self._registers[Register.INT_CONFIG], self._registers[Register.INT_CONFIG1]
-        if timing & _ASYNC_RESET or self._asserted:
+        setting = self._look()
+        if not setting.works or self._asserted:
             return
-        self._asserted = bool(config & _LATCHED)
-        if config & _ACTIVE_HIGH:
+        self._asserted = setting.latched
+        if setting.high:
             self._rise()
         elif not self._asserted:
-            self._rising.set(self._clock.now_ns() + (_SHORT_PULSE_NS if timing & _SHORT_PULSE else _PULSE_NS))
+            self._rising.set(self._clock.now_ns() + setting.pulse_ns)
 
     def clear(self) -> None:
         """Let a latched pin go; active low, that is a rising edge."""
         if self._asserted:
             self._asserted = False
-            if not self._registers[Register.INT_CONFIG] & _ACTIVE_HIGH:
+            if not self._look().high:
                 self._rising.set(self._clock.now_ns())
 
     def reset(self) -> None:

@@ -1,1 +1,0 @@
-"""An IIM-42652 gyroscope and accelerometer at register level."""

@@ -1,0 +1,251 @@
+"""A simulated sensor on its bus: power, identity, registers and a pointer; a chip's class adds what they do."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Container, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import ClassVar, Protocol, cast
+
+from hil.clock.port import NANOSECONDS
+from hil.simulation.faults import Faults
+from hil.simulation.peers.model import PeerSetup
+from hil.simulation.peers.sensors.registers import RegisterFile
+from hil.simulation.plants.terminal import SignalPoint
+from hil.simulation.truth import TruthError
+from hil.wire.peer import Nack, PeerClock
+
+__all__ = ["Datasheet", "Fitted", "Kept", "SensorPeer", "number_at"]
+
+_SIZE = 0x80
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Datasheet:
+    """What a chip's data sheet says of its bus and power.
+
+    Attributes:
+        model: its name.
+        addresses: 7-bit addresses that can be strapped, the usual one first.
+        identity: the register that names the type, and what it holds.
+        least_volts: supply voltage below which it does nothing.
+        boot_s: from power-on to the first acknowledge, where the truth does not say.
+        reset: registers after power-on; all others are 0.
+        read_only: registers that cannot be written.
+        select: the register that selects a bank, None where there are no banks.
+        increment: the bit of a register's number that asks to go on; 0 where every transfer goes on.
+        follows: the register that comes after one, where that is not the next number.
+        width: bytes of a register, the high one first.
+    """
+
+    model: str
+    addresses: tuple[int, ...]
+    identity: tuple[int, int]
+    least_volts: float
+    boot_s: float
+    reset: Mapping[int, int] = field(default_factory=dict)
+    read_only: Container[int] = frozenset()
+    select: int | None = None
+    increment: int = 0
+    follows: Mapping[int, int] = field(default_factory=dict)
+    width: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """How one sensor is fitted: its address, its supply, and what goes wrong with it.
+
+    Attributes:
+        address: 7-bit address.
+        power: where its supply voltage is seen, or None for a sensor that always has power.
+        boot_ns: from power-on to the first acknowledge.
+        faults: what goes wrong.
+    """
+
+    address: int
+    power: SignalPoint | None
+    boot_ns: int
+    faults: Faults
+
+    @classmethod
+    def read(cls, setup: PeerSetup, sheet: Datasheet) -> Fitted:
+        """Read address, `boot_time` and the terminal `power`.
+
+        Raises:
+            TruthError: no such sensor answers at this address, or the fault `identity` names no register value.
+        """
+        path = setup.truth.path[:-1]
+        address = setup.instrument.address or sheet.addresses[0]
+        if address not in sheet.addresses:
+            known = " or ".join(f"0x{known:02X}" for known in sheet.addresses)
+            raise TruthError(path, f"the {sheet.model} answers at {known}, not at 0x{address:02X}")
+        for fault in setup.faults.of("identity"):
+            if not re.fullmatch(rf"0x[0-9A-Fa-f]{{1,{2 * sheet.width}}}", fault.text):
+                message = f"expected a register value such as '0x3C', not '{fault.text}'"
+                raise TruthError((*path, "faults"), message)
+        boot_s = setup.truth.number("boot_time", sheet.boot_s, minimum=0)
+        return cls(address, setup.connections.signal("power"), round(boot_s * NANOSECONDS), setup.faults)
+
+
+class Kept(Protocol):
+    """A part of a peer that says its state."""
+
+    def state(self) -> object:
+        """Return everything as JSON values."""
+        ...
+
+    def restore(self, state: object, /) -> None:
+        """Go on from what `state` returned."""
+        ...
+
+
+class SensorPeer:
+    """The sensor: registers behind a pointer, silent without power and while it boots.
+
+    A chip's class defines what follows a write and what is computed for a read, in `_store`, `_readers` and `_burst`;
+    `_was_reset` and `_connected` are told. What it has to keep are the parts in `_parts` and the attributes in `kept`.
+
+    Args:
+        fitted: where it is, and how it is fed.
+    """
+
+    sheet: ClassVar[Datasheet]
+    kept: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(self, fitted: Fitted) -> None:
+        self._fitted = fitted
+        self._faults = fitted.faults
+        self._registers = RegisterFile(self.sheet.reset, self.sheet.read_only, self.sheet.select)
+        self._readers: Mapping[int, Callable[[], int]] = {}
+        self._parts: dict[str, Kept] = {"registers": cast("Kept", self._registers)}
+        self._ready_ns: int | None = None
+        self._pointer = 0
+        self._clock: PeerClock
+
+    @property
+    def addresses(self) -> tuple[int, ...]:
+        """The address that is strapped."""
+        return (self._fitted.address,)
+
+    def attach(self, clock: PeerClock) -> None:
+        """Connect the clock, and watch the supply voltage."""
+        self._clock = clock
+        self._connected()
+        if self._fitted.power is not None:
+            self._fitted.power.plant.listen(self._power_changed)
+        self._power_changed()
+
+    def write(self, address: int, data: bytes) -> None:
+        """Take the register's number and what is written from there on."""
+        del address
+        self._acknowledge()
+        if not data:
+            return
+        self._pointer = data[0]
+        width = self.sheet.width
+        for place in range(1, len(data) + 1 - width, width):
+            self._store(self._register(), int.from_bytes(data[place : place + width], "big"))
+            self._step()
+
+    def read(self, address: int, count: int) -> bytes:
+        """Give registers from the pointer on."""
+        del address
+        self._acknowledge()
+        data = bytearray()
+        while len(data) < count:
+            register = self._register()
+            burst = self._burst(register, count - len(data))
+            if burst:
+                data += burst
+            else:
+                data += self._load(register).to_bytes(self.sheet.width, "big")
+                self._step()
+        return bytes(data[:count])
+
+    def state(self) -> Mapping[str, object]:
+        """Return registers, pointer, power and what the chip keeps."""
+        values = {name: getattr(self, name) for name in ("_ready_ns", "_pointer", *self.kept)}
+        return values | {name: part.state() for name, part in self._parts.items()}
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        for name in ("_ready_ns", "_pointer", *self.kept):
+            setattr(self, name, state[name])
+        for name, part in self._parts.items():
+            part.restore(state[name])
+
+    def _connected(self) -> None:
+        """The clock is there: make alarms."""
+
+    def _settle(self) -> None:
+        """Somebody reads or writes: bring everything up to now."""
+
+    def _was_reset(self) -> None:
+        """The registers hold their values after power-on."""
+
+    def _burst(self, register: int, count: int) -> bytes:
+        """Return bytes of a register that does not go on to the next one, nothing for every other."""
+        del register, count
+        return b""
+
+    def _store(self, register: int, value: int) -> None:
+        """Take what is written to a register."""
+        self._registers[register] = value
+
+    def _load(self, register: int) -> int:
+        if register == self.sheet.identity[0]:
+            fault = self._faults.now("identity", self._clock.now_ns())
+            return int(fault.text, 16) if fault else self.sheet.identity[1]
+        reader = self._readers.get(register)
+        return reader() if reader else self._registers[register]
+
+    def _register(self) -> int:
+        return self._registers.in_bank(self._pointer & ~self.sheet.increment)
+
+    def _step(self) -> None:
+        """Go on to the next register, where the chip does."""
+        bit = self.sheet.increment
+        if bit and not self._pointer & bit:
+            return
+        number = self._pointer & ~bit
+        self._pointer = self._pointer & bit | self.sheet.follows.get(number, (number + 1) % _SIZE)
+
+    def _acknowledge(self) -> None:
+        if self._ready_ns is None or self._clock.now_ns() < self._ready_ns:
+            raise Nack
+        self._settle()
+
+    def _power_changed(self) -> None:
+        power = self._fitted.power
+        powered = power is None or power.observe() >= self.sheet.least_volts
+        if powered and self._ready_ns is None:
+            # A sensor without a power terminal has had power since long before the epoch.
+            self._reset(self._fitted.boot_ns if power is not None else 0)
+        elif not powered and self._ready_ns is not None:
+            self._reset(0)
+            self._ready_ns = None
+
+    def _reset(self, busy_ns: int) -> None:
+        """Be as after power-on, and acknowledge nothing for a while."""
+        self._registers.reset()
+        self._was_reset()
+        self._ready_ns = self._clock.now_ns() + busy_ns
+
+
+def number_at(
+    register: int, read: Callable[[], int], size: int = 2, *, big: Callable[[], bool] = lambda: False
+) -> dict[int, Callable[[], int]]:
+    """Return readers of the bytes of a number that is computed when it is read.
+
+    Args:
+        register: the first one.
+        read: computes the number.
+        size: its bytes.
+        big: whether the high byte comes first now.
+    """
+
+    def byte(place: int) -> int:
+        return read() >> 8 * (size - 1 - place if big() else place) & 0xFF
+
+    return {register + place: partial(byte, place) for place in range(size)}

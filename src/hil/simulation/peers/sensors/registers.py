@@ -1,0 +1,57 @@
+"""The registers of a simulated sensor: what they hold after a reset, which can be written, and in which bank."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Mapping
+from typing import cast
+
+__all__ = ["RegisterFile"]
+
+_SIZE = 0x80
+_BANKS = 8
+
+
+class RegisterFile:
+    """Plain storage with banks; what a register does is its owner's business.
+
+    Args:
+        reset: values after power-on; all others are 0.
+        read_only: registers that cannot be written.
+        select: the register that selects a bank, and is in every bank; None where there are no banks.
+    """
+
+    def __init__(self, reset: Mapping[int, int], read_only: Container[int], select: int | None = None) -> None:
+        self._reset = reset
+        self._read_only = read_only
+        self._select = select
+        self._values: dict[int, int] = dict(reset)
+        self.bank = 0
+
+    def __getitem__(self, register: int) -> int:
+        """Return what is stored."""
+        return self._values.get(register, 0)
+
+    def __setitem__(self, register: int, value: int) -> None:
+        """Store a value, unless the register can only be read; select a bank."""
+        if register == self._select:
+            self.bank = value % _BANKS
+        elif register not in self._read_only:
+            self._values[register] = value
+
+    def in_bank(self, number: int) -> int:
+        """Return the register that an address on the bus means: the bank is above the low byte."""
+        number %= _SIZE
+        return number if number == self._select else self.bank << 8 | number
+
+    def reset(self) -> None:
+        """Bring back the values after power-on."""
+        self._values, self.bank = dict(self._reset), 0
+
+    def state(self) -> Mapping[str, object]:
+        """Return everything as JSON values."""
+        return {"bank": self.bank, "values": {str(key): value for key, value in sorted(self._values.items())}}
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        self.bank = cast("int", state["bank"])
+        self._values = {int(key): value for key, value in cast("dict[str, int]", state["values"]).items()}

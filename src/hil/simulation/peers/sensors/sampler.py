@@ -1,0 +1,239 @@
+"""The measuring half of a simulated sensor with a FIFO: what was sampled up to now, and what that brings about."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.clock.port import NANOSECONDS
+from hil.simulation.faults import Faults
+from hil.simulation.peers.alarm import Alarm, Alarms
+from hil.simulation.peers.sensors.fifo import Fifo
+from hil.simulation.peers.sensors.grid import Grid
+from hil.simulation.peers.sensors.pin import Pin
+from hil.wire.peer import PeerClock
+
+__all__ = ["Bits", "FifoSetting", "Sampler", "Samples"]
+
+_KEEP_NS = NANOSECONDS
+
+
+class Samples(NamedTuple):
+    """Some samples in a row, as counts.
+
+    Attributes:
+        ends_ns: when they ended, shape (n,).
+        outputs: what data registers show, shape (n, numbers).
+        aside: what goes into packets besides, shape (n,).
+    """
+
+    ends_ns: NDArray[np.int64]
+    outputs: NDArray[np.int16]
+    aside: NDArray[np.int8]
+
+
+class Bits(NamedTuple):
+    """Bits of the status, and of what asks for an interrupt: a new sample, the watermark, a full FIFO."""
+
+    new: int
+    watermark: int
+    full: int
+
+
+class FifoSetting(NamedTuple):
+    """What the registers say of FIFO and interrupt.
+
+    Attributes:
+        active: whether samples go into the FIFO.
+        newest_go: whether the newest packets are lost where it is full, else the oldest.
+        watermark: packets at which the watermark is reached, 0 for never.
+        every: whether every sample tells of the watermark while it is reached.
+        sources: what asks for an interrupt, in `Bits`.
+    """
+
+    active: bool
+    newest_go: bool
+    watermark: int
+    every: bool
+    sources: int
+
+
+class Sampler:
+    """Samples are made in rows, when somebody looks, at the latest after a second, and when an interrupt is due.
+
+    Args:
+        bits: of the status.
+        asleep: what data registers show while nothing is sampled.
+        make: makes samples from a number on, which have ended at these instants.
+        pack: makes packets of samples.
+        look: what the registers say of FIFO and interrupt now.
+        fifo: where samples go.
+        pin: tells of them.
+        faults: `stuck` gives the last healthy sample again and again.
+    """
+
+    def __init__(
+        self,
+        *,
+        bits: Bits,
+        asleep: Sequence[int],
+        make: Callable[[int, NDArray[np.int64]], Samples],
+        pack: Callable[[Samples], bytes],
+        look: Callable[[], FifoSetting],
+        fifo: Fifo,
+        pin: Pin,
+        faults: Faults,
+    ) -> None:
+        self._bits = bits
+        self._asleep = asleep
+        self._make = make
+        self._pack = pack
+        self._look = look
+        self._fifo = fifo
+        self._pin = pin
+        self._faults = faults
+        self._grid: Grid | None = None
+        self.status = 0
+        self.newest = list(asleep)
+        self._settled = 0
+        self._edge = False
+        self._held: list[int] | None = None
+        self._clock: PeerClock
+        self._next: Alarm
+        self._stucks: Alarms
+
+    def attach(self, clock: PeerClock) -> None:
+        """Connect the clock."""
+        self._clock = clock
+        self._next = Alarm(clock, self._due)
+        # The last healthy sample is one that ended before the fault began.
+        stuck = [(max(0, fault.start_ns - 1), self._hold) for fault in self._faults.of("stuck")]
+        self._stucks = Alarms(clock, stuck)
+
+    def reset(self, status: int) -> None:
+        """Be as after power-on: asleep, with nothing sampled."""
+        self.status, self.newest = status, list(self._asleep)
+        self.restart(None)
+        self.reschedule()
+
+    def restart(self, grid: Grid | None) -> None:
+        """Count samples anew, on this grid; None is sleep."""
+        self._grid, self._settled, self._edge = grid, 0, False
+        if grid is None:
+            self.newest = list(self._asleep)
+
+    def settle(self) -> None:
+        """Make the samples that have ended since the last time."""
+        grid = self._grid
+        count = grid.count(self._clock.now_ns()) if grid else 0
+        if grid is None or count == self._settled:
+            return
+        setting = self._look()
+        first = self._settled + 1 if setting.active else count
+        samples = self._stuck(self._make(first, grid.ends_ns(first, count - first + 1)))
+        self._settled = count
+        self.newest = samples.outputs[-1].tolist()
+        self._note(self._bits.new, setting)
+        if setting.active:
+            self._push(samples, setting)
+        self.reschedule()
+
+    def flush(self, packet: int) -> None:
+        """Empty the FIFO; packets have this size from now on."""
+        self._fifo.flush(packet)
+        self._edge = False
+        self.reschedule()
+
+    def reschedule(self) -> None:
+        """Let the next sample that somebody waits for be made when it ends, and none be older than a second."""
+        when_ns = self._due_ns()
+        if when_ns is None:
+            self._next.clear()
+        else:
+            self._next.set(when_ns)
+
+    def state(self) -> Mapping[str, object]:
+        """Return it as JSON values."""
+        return {
+            "grid": self._grid and [self._grid.start_ns, self._grid.period_ns],
+            "status": self.status,
+            "newest": list(self.newest),
+            "settled": self._settled,
+            "edge": self._edge,
+            "held": self._held,
+            "next": self._next.state(),
+            "stucks": self._stucks.state(),
+        }
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        grid = cast("tuple[int, float] | None", state["grid"])
+        self._grid = grid and Grid(*grid)
+        self.status = cast("int", state["status"])
+        self.newest = list(cast("list[int]", state["newest"]))
+        self._settled = cast("int", state["settled"])
+        self._edge = bool(state["edge"])
+        self._held = cast("list[int] | None", state["held"])
+        self._next.restore(state["next"])
+        self._stucks.restore(state["stucks"])
+
+    def _push(self, samples: Samples, setting: FifoSetting) -> None:
+        fifo, level = self._fifo, setting.watermark
+        before = fifo.packets
+        fifo.push(self._pack(samples), newest_go=setting.newest_go)
+        if level and fifo.packets >= level and (setting.every or before < level):
+            self._note(self._bits.watermark, setting)
+        if fifo.packets == fifo.capacity and before < fifo.capacity:
+            self._note(self._bits.full, setting)
+
+    def _note(self, what: int, setting: FifoSetting) -> None:
+        self.status |= what
+        self._edge = self._edge or bool(what & setting.sources)
+
+    def _stuck(self, samples: Samples) -> Samples:
+        for fault in self._faults.of("stuck"):
+            hit = (samples.ends_ns >= fault.start_ns) & (samples.ends_ns < fault.end_ns)
+            if self._held is not None and hit.any():
+                samples.outputs[hit] = self._held
+        return samples
+
+    def _hold(self) -> None:
+        self.settle()
+        self._held = list(self.newest)
+
+    def _due_ns(self) -> int | None:
+        if self._edge:
+            return self._clock.now_ns()
+        grid, setting = self._grid, self._look()
+        if grid is None:
+            return None
+        ahead = self._awaited(setting)
+        end_ns = grid.end_ns(self._settled + ahead) if ahead else None
+        if not setting.active:
+            return end_ns
+        keep_ns = max(grid.end_ns(self._settled), grid.start_ns) + _KEEP_NS
+        return keep_ns if end_ns is None else min(end_ns, keep_ns)
+
+    def _awaited(self, setting: FifoSetting) -> int:
+        """Return how many samples ahead the next interrupt is, 0 for none."""
+        bits, sources, fifo = self._bits, setting.sources, self._fifo
+        if sources & bits.new:
+            return 1
+        if not setting.active:
+            return 0
+        missing = []
+        if sources & bits.watermark and setting.watermark:
+            missing.append(max(setting.watermark - fifo.packets, 1 if setting.every else 0))
+        if sources & bits.full:
+            missing.append(fifo.capacity - fifo.packets)
+        return min((number for number in missing if number > 0), default=0)
+
+    def _due(self) -> None:
+        self.settle()
+        if self._edge:
+            self._edge = False
+            self._pin.trigger()
+        self.reschedule()
