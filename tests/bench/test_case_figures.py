@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hil.evidence import events
 from hil.evidence.journal.writer import Journal
 from hil.evidence.recordings.rows import Rows
 from hil.executive.cases.checks import Checks
@@ -16,15 +17,21 @@ REQUIREMENT = Requirement(id="MTQ-010", rev=1, text="Small.", kind=Kind.LIMIT, l
 FOUND = Figure(value=0.02, unit="rad", uncertainty=0.001, dof=7)
 
 
+class Sink:
+    """Takes events, and keeps them."""
+
+    def __init__(self):
+        self.written = []
+
+    def write(self, event, *, beside=None):
+        """Take one event."""
+        self.written.append(event)
+
+
 def test_a_check(cost):
     """Limit, unit, expanded uncertainty and decision; without the disk."""
-    written = []
-    steps = Steps("case", lambda *_, **__: None, lambda: 0.0)
-
-    def write(kind, **fields):
-        written.append((kind, fields))
-
-    check = Checks({REQUIREMENT.id: REQUIREMENT}, steps, write, used=())
+    sink = Sink()
+    check = Checks({REQUIREMENT.id: REQUIREMENT}, Steps("case", sink, lambda: 0.0), sink, used=())
 
     def many():
         for _ in range(CALLS):
@@ -32,21 +39,20 @@ def test_a_check(cost):
         return verdict
 
     assert cost("check (guarded, unit converted)", many, units=CALLS) == "PASS"
-    assert written[0][1]["verdict"] == "PASS"
+    assert sink.written[0].verdict == "PASS"
 
 
 def test_an_effect(cost):
     """Numbering, arguments and result of one call of a role; without the disk."""
-    written = []
-    steps = Steps("case", lambda *_, **__: None, lambda: 0.0)
-    effects = Effects(lambda kind, **fields: written.append((kind, fields)), steps)
+    sink = Sink()
+    effects = Effects(sink, Steps("case", sink, lambda: 0.0))
 
     def many():
         for _ in range(CALLS):
             effects.perform("supply.coil.current", "reads", {}, lambda: FOUND)
 
     cost("effect (a reading)", many, units=CALLS)
-    assert written[0][1]["result"]["value"] == 0.02
+    assert sink.written[0].result["value"] == 0.02
 
 
 def test_a_line_of_the_journal(cost, tmp_path):
@@ -56,7 +62,7 @@ def test_a_line_of_the_journal(cost, tmp_path):
 
         def many():
             for _ in range(CALLS):
-                journal.write("effect", 1.5, **fields, arguments={}, result={"value": 0.016, "unit": "A"})
+                journal.write(events.Effect(**fields, arguments={}, result={"value": 0.016, "unit": "A"}), 1.5)
 
         cost("journal line (not synced)", many, units=CALLS)
     assert b'"kind":"effect"' in (tmp_path / "journal.jsonl").read_bytes()

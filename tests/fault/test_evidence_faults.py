@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from evidence_runs import begin, record, sealed_run, stamps, whole_case, write_report
+from typed_events import event_of
 
 from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE, RESULTS, TORN, create, hold
 from hil.evidence.journal.reader import cut_torn_tail, read_journal
@@ -57,35 +58,35 @@ def test_the_end_is_written_down_on_a_full_disk(tmp_path, space):
     with Journal(tmp_path / "j", reserve=disk.reserve, stamp=stamps(), write=disk.write) as journal:
         for number in range(5):
             try:
-                journal.write("note", 0.0, text=str(number), by="")
+                journal.write(event_of("note", text=str(number), by=""), 0.0)
             except EvidenceError as error:
                 told += "disk full" in str(error)
-        journal.write("safe-end", 1.0, ok=True)
+        journal.write(event_of("safe-end", ok=True), 1.0)
         assert journal.lost == 0
     reading = read_journal(tmp_path / "j")
     assert told == 1
     assert not disk.reserve.exists()
     assert (reading.findings, reading.torn) == ((), b"")
-    assert [event["kind"] for event in reading.events] == ["note"] * 5 + ["safe-end"]
+    assert [event["kind"] for event in reading.bodies] == ["note"] * 5 + ["safe-end"]
 
 
 def test_events_that_found_no_space_are_counted(tmp_path):
     """Without any reserve left, the journal stays whole, nothing raises again, and the loss is an event later."""
     disk = Disk(300, tmp_path / "reserve.bin", worth=0)
     with Journal(tmp_path / "j", reserve=disk.reserve, stamp=stamps(), write=disk.write) as journal:
-        journal.write("note", 0.0, text="fits")
+        journal.write(event_of("note", text="fits"), 0.0)
         with pytest.raises(EvidenceError, match="disk full"):
-            journal.write("note", 0.0, text="x" * 300)
-        assert journal.write("note", 0.0, text="y" * 300) == -1
+            journal.write(event_of("note", text="x" * 300), 0.0)
+        assert journal.write(event_of("note", text="y" * 300), 0.0) == -1
         assert journal.lost == 2
         assert read_journal(tmp_path / "j").torn == b""
         disk.space = 10_000
-        journal.write("safe-end", 1.0, ok=True)
+        journal.write(event_of("safe-end", ok=True), 1.0)
         assert journal.lost == 0
     reading = read_journal(tmp_path / "j")
     assert reading.findings == ()
-    assert [event["kind"] for event in reading.events] == ["note", "anomaly", "safe-end"]
-    assert "2 events before this one" in reading.events[1]["text"]
+    assert [event["kind"] for event in reading.bodies] == ["note", "anomaly", "safe-end"]
+    assert "2 events before this one" in reading.bodies[1]["text"]
 
 
 def test_a_sync_that_finds_no_space_is_a_full_disk_too(tmp_path):
@@ -98,8 +99,8 @@ def test_a_sync_that_finds_no_space_is_a_full_disk_too(tmp_path):
 
     with Journal(tmp_path / "j", reserve=tmp_path / "reserve.bin", stamp=stamps(), sync=sync) as journal:
         with pytest.raises(EvidenceError, match="disk full"):
-            journal.write("step", 0.0)
-        assert journal.write("step-end", 0.0) == 1
+            journal.write(event_of("step"), 0.0)
+        assert journal.write(event_of("step-end"), 0.0) == 1
 
 
 def test_a_broken_disk_is_no_full_disk(tmp_path):
@@ -112,7 +113,7 @@ def test_a_broken_disk_is_no_full_disk(tmp_path):
     with Journal(tmp_path / "j", reserve=tmp_path / "reserve.bin", stamp=stamps(), write=fail) as journal:
         for _ in range(2):
             with pytest.raises(EvidenceError, match="Input/output error"):
-                journal.write("note", 0.0)
+                journal.write(event_of("note"), 0.0)
     assert (tmp_path / "reserve.bin").exists()
 
 
@@ -159,8 +160,8 @@ def test_a_real_full_disk_can_be_written_an_end_on(small_disk):
             stream.write(bytes(4096))
     with pytest.raises(EvidenceError, match="disk full"):
         for number in range(10_000):
-            journal.write("note", 6.0, text=str(number), by="")
-    journal.write("stop", 6.0, reason="disk full", urgent=False)
+            journal.write(event_of("note", text=str(number), by=""), 6.0)
+    journal.write(event_of("stop", reason="disk full", urgent=False), 6.0)
     seal(folder, journal, exit_code=1, write_reports=write_report)
     verification = verify(folder)
     assert (verification.state, verification.complete, verification.verdict) == (State.SEALED, False, "ABORTED")
@@ -356,12 +357,22 @@ def test_a_recovery_that_dies_anywhere_is_finished(tmp_path):
     """Whichever step of a recovery was the last one, the next recovery seals the run; its tail and rows are there."""
     for step in range(500):
         folder, journal = unsealed(tmp_path, step)
-        journal.write("case", 6.0, case="test_rest", attempt=2)
+        journal.write(event_of("case", case="test_rest", attempt=2), 6.0)
         channels = [{"name": "x", "unit": "1", "instrument": "psu1", "calibration": "", "uncertainty": None}]
         journal.write(
-            "recording", 6.0, case="test_rest", step="1", recording="002", name="r", channels=channels, rate=1,
-            duration=2, source="hardware",
-        )  # fmt: skip
+            event_of(
+                "recording",
+                case="test_rest",
+                step="1",
+                recording="002",
+                name="r",
+                channels=channels,
+                rate=1,
+                duration=2,
+                source="hardware",
+            ),
+            6.0,
+        )
         Rows(folder / "data/recordings/002.rows", recording="002", channels=[("x", "1")], on_block=print).finish()
         journal.close()
         with (folder / JOURNAL).open("ab") as stream:

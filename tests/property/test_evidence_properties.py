@@ -6,14 +6,12 @@ import shutil
 from pathlib import Path
 
 import pytest
-from evidence_runs import begin, check, sealed_run, stamps, write_report
+from evidence_runs import begin, check, sealed_run, write_report
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.documents.canonical import JsonError, canonical
-from hil.evidence.journal.quick_json import quick_canonical
-from hil.evidence.journal.reader import read_journal
-from hil.evidence.journal.writer import Journal
+from hil.evidence.events.quick_json import quick_canonical
 from hil.evidence.package.sealing import seal
 from hil.evidence.package.verification import State, verify
 
@@ -114,21 +112,3 @@ def test_the_quick_writer_writes_what_the_complete_one_writes(value):
 def test_numbers_look_as_ecmascript_writes_them(number):
     """Where Python's digits are others, the complete writer writes them."""
     assert quick_canonical([number]) == canonical([number])
-
-
-@given(
-    st.lists(st.dictionaries(st.sampled_from("abc"), st.text(max_size=5) | st.integers(0, 9), max_size=3), max_size=8)
-)
-@settings(max_examples=50, deadline=None)
-def test_what_is_written_is_read(tmp_path_factory, bodies):
-    """Whatever the events hold, they come back in order, with an unbroken chain and the same digest."""
-    path = tmp_path_factory.mktemp("journal") / "journal.jsonl"
-    with Journal(path, stamp=stamps()) as journal:
-        for number, body in enumerate(bodies):
-            journal.write("note", float(number), **body)
-        digest = journal.content_digest
-    reading = read_journal(path)
-    assert (reading.findings, reading.torn, reading.content_digest) == ((), b"", digest)
-    assert [dict(event) for event in reading.events] == [
-        {**body, "kind": "note", "seq": number, "t": number} for number, body in enumerate(bodies)
-    ]

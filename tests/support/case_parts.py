@@ -6,8 +6,11 @@ from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
 
+import msgspec
+
 from hil.bench.envelope import Monitor
 from hil.clock.virtual import VirtualClock
+from hil.evidence.events import Event
 from hil.executive.cases.artifacts import Artifacts
 from hil.executive.cases.case_run import CaseRun
 from hil.executive.cases.checks import Checks
@@ -25,6 +28,7 @@ from hil.instruments.sampled import Channel
 from hil.model.bench import CalibratedRange, Calibration, InstrumentSpec, Wire
 from hil.model.envelope import EnvelopeLimit
 from hil.model.figure import Figure
+from hil.model.identity import Source
 from hil.requirements.requirement import Decision, Kind, Limit, Records, Requirement
 from hil.wire.transcript import Transcript
 
@@ -92,9 +96,9 @@ class Written:
     def __init__(self) -> None:
         self.events: list[dict[str, object]] = []
 
-    def __call__(self, kind: str, **fields: object) -> None:
+    def write(self, event: Event, *, beside: object = None) -> None:
         """Take one event."""
-        self.events.append({"kind": kind, **fields})
+        self.events.append(msgspec.to_builtins(event) | ({"beside": beside} if beside else {}))
 
     def of(self, *kinds: str) -> list[dict[str, object]]:
         """Return the events of some kinds."""
@@ -259,12 +263,12 @@ class Case:
             steps=steps,
             effects=effects,
             check=Checks(chosen, steps, self.written, used),
-            record=Recorder(steps, self.scheduler, effects, self.store, "simulated", lambda: next(ids)),
+            record=Recorder(steps, self.scheduler, effects, self.store, Source.SIMULATED, lambda: next(ids)),
             artifact=Artifacts(steps, effects, self.written, folder / "data/attachments", set()),
             operator=Operator(answers or Nobody(), effects, steps, self.written, self.scheduler.point),
             scheduler=self.scheduler,
-            write=self.written,
-            source="simulated",
+            journal=self.written,
+            source=Source.SIMULATED,
             used=used,
         )
         self.instrument = InstrumentSpec(name="psu1", driver="none", calibration=CALIBRATION, dut=dut)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import itertools
 from pathlib import Path
 
+from typed_events import event_of
+
 from hil.clock.wall import WallStamp
 from hil.documents.canonical import canonical, digest
 from hil.evidence.folder import CALIBRATION as CALIBRATION_FILE
@@ -95,11 +97,11 @@ def begin(folder: Path, **changes) -> Journal:
     beside = {path: named.pop(path) for path in OF_THIS_PLACE}
     (folder / TRANSCRIPT).write_bytes(b"hil/transcript/1\n")
     journal = Journal(folder / JOURNAL, reserve=folder / RESERVE, stamp=stamps())
-    journal.write("run", 0.0, **run_fields(**changes))
-    journal.write("frozen", 0.0, files=named, beside={"files": beside})
-    journal.write("planned", 0.0, cases=[planned()])
-    journal.write("gate", 0.0, name="identity", ok=True, detail="as expected")
-    journal.write("armed", 0.0)
+    journal.write(event_of("run", **run_fields(**changes)), 0.0)
+    journal.write(event_of("frozen", files=named), 0.0, beside={"files": beside})
+    journal.write(event_of("planned", cases=[planned()]), 0.0)
+    journal.write(event_of("gate", name="identity", ok=True, detail="as expected"), 0.0)
+    journal.write(event_of("armed"), 0.0)
     return journal
 
 
@@ -107,22 +109,41 @@ def record(folder: Path, journal: Journal, rows: int = 100, *, identifier: str =
     """Record `rows` rows of one channel, and end the recording."""
     channels = [{"name": "x", "unit": "deg/s", "instrument": "psu1", "calibration": "C-1", "uncertainty": None}]
     journal.write(
-        "recording", 1.0, case="test_rest", step="1", recording=identifier, name="rest", channels=channels, rate=100.0,
-        duration=1.0, source="hardware",
-    )  # fmt: skip
+        event_of(
+            "recording",
+            case="test_rest",
+            step="1",
+            recording=identifier,
+            name="rest",
+            channels=channels,
+            rate=100.0,
+            duration=1.0,
+            source="hardware",
+        ),
+        1.0,
+    )
     file = Rows(
         folder / RECORDINGS / f"{identifier}.rows",
         recording=identifier,
         channels=[("x", "deg/s")],
-        on_block=lambda count, digest: journal.write("rows", 1.0, recording=identifier, rows=count, sha256=digest),
+        on_block=lambda count, digest: journal.write(
+            event_of("rows", recording=identifier, rows=count, sha256=digest), 1.0
+        ),
     )
     for index in range(rows):
         file.append((1.0 + index / 100, float("nan") if index == 3 else index / 7))
     end = file.finish()
     journal.write(
-        "recording-end", 2.0, recording=identifier, rows=end.rows, sha256=end.sha256, complete=complete,
-        gaps=end.largest_gap_s,
-    )  # fmt: skip
+        event_of(
+            "recording-end",
+            recording=identifier,
+            rows=end.rows,
+            sha256=end.sha256,
+            complete=complete,
+            gaps=end.largest_gap_s,
+        ),
+        2.0,
+    )
 
 
 def check(journal: Journal, measured: float | None = 0.1, *, of: str = "x", **changes):
@@ -137,7 +158,7 @@ def check(journal: Journal, measured: float | None = 0.1, *, of: str = "x", **ch
         "expanded": judged.expanded, "margin": judged.margin, "tur": judged.tur, "verdict": judged.verdict,
         "reason": judged.reason, "instruments": ["psu1"],
     }  # fmt: skip
-    journal.write("check", 3.0, **(fields | changes))
+    journal.write(event_of("check", **fields | changes), 3.0)
 
 
 def recorded_check(journal: Journal):
@@ -156,20 +177,20 @@ def case_end(journal: Journal, verdict: str = "PASS", **changes):
         "case": "test_rest", "attempt": 1, "verdict": verdict, "reasons": [], "duration": 4.0,
         "requirements": {"GYR-010": "RECORDED", "GYR-030": verdict}, "used": {"psu1": "hardware"},
     }  # fmt: skip
-    journal.write("case-end", 4.0, **(fields | changes))
+    journal.write(event_of("case-end", **fields | changes), 4.0)
 
 
 def whole_case(folder: Path, journal: Journal) -> None:
     """Run the case from its beginning to its end."""
-    journal.write("case", 0.0, case="test_rest", attempt=1)
-    journal.write("step", 0.0, case="test_rest", path=["Hold"], number="1")
+    journal.write(event_of("case", case="test_rest", attempt=1), 0.0)
+    journal.write(event_of("step", case="test_rest", path=["Hold"], number="1"), 0.0)
     record(folder, journal)
     check(journal, of="x")
     check(journal, -0.2, of="y")
     recorded_check(journal)
-    journal.write("step-end", 4.0, case="test_rest", path=["Hold"], number="1", outcome="done", duration=4.0)
+    journal.write(event_of("step-end", case="test_rest", path=["Hold"], number="1", outcome="done", duration=4.0), 4.0)
     case_end(journal)
-    journal.write("safe-end", 5.0, ok=True)
+    journal.write(event_of("safe-end", ok=True), 5.0)
 
 
 def write_report(package: Package) -> None:

@@ -97,7 +97,7 @@ class Cycling:
 
     def events(self) -> tuple[Body, ...]:
         """Return what its journal holds so far."""
-        return read_journal(self.folder / JOURNAL).events
+        return read_journal(self.folder / JOURNAL).bodies
 
     def wait_for(self, turn: int, phase: str, limit_s: float = 300.0) -> None:
         """Wait until the tester is amid such a phase of a turn, by what the run has recorded."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from typed_events import event_of
 
 from hil.clock.wall import WallStamp
 from hil.evidence.journal.writer import Journal
@@ -126,12 +127,12 @@ def build(
     """
     folder = reports / NAME
     journal = begin(folder)
-    journal.write("run", 0.0, **(run_body() | (run or {})))
+    journal.write(event_of("run", **run_body() | (run or {})), 0.0)
     for kind, t, fields in happened() if events is None else events:
         if kind == "samples":
             record(folder, journal, t, rows)
         else:
-            journal.write(kind, t, **fields)
+            journal.write(event_of(kind, **fields), t)
     seal(folder, journal, exit_code=1, write_reports=write_reports)
     return folder
 
@@ -277,9 +278,10 @@ def _rest() -> Iterator[Event]:
     yield "case", 3.0, {"case": case, "attempt": 1}
     begin, end = _step("rest", "1", 3.0, 60.0, "Hold the board at ambient temperature")
     yield begin
-    asked = {"case": case, "step": "1", "name": "operator.confirm", "ordinal": 1, "form": "confirm"}
+    where = {"case": case, "step": "1", "name": "operator.confirm"}
+    asked = where | {"form": "confirm"}
     yield "question", 3.0, asked | {"text": "Is the board free of the table's clamps?", "options": []}
-    yield "answer", 4.0, {"name": "operator.confirm", "ordinal": 1, "value": True, "by": "Ada Molla"}
+    yield "answer", 4.0, where | {"value": True, "by": "Ada Molla"}
     drive = {"case": case, "step": "1", "name": "supply.board.configure", "ordinal": 1, "effect": "drives"}
     yield "effect", 5.0, drive | {"arguments": {"voltage": 5.0, "current": 0.1}, "result": None}
     yield "effect", 6.0, drive | {"name": "supply.board.on", "arguments": {}, "result": None}
@@ -346,7 +348,9 @@ def record(folder: Path, journal: Journal, begin: float, rows: int) -> None:
         {"name": name, "unit": unit, "instrument": "gyro", "calibration": "", "uncertainty": None}
         for name, unit in channels
     ]
-    journal.write("recording", begin, **where, channels=told, rate=10.0, duration=rows / 10.0, source="simulated")
+    journal.write(
+        event_of("recording", **where, channels=told, rate=10.0, duration=rows / 10.0, source="simulated"), begin
+    )
     noise = np.random.default_rng(7).normal([0.1, -0.05, 0.02], 0.05, (rows, 3))
     file = Rows(
         folder / "data/recordings/rest-1.rows",
@@ -359,15 +363,17 @@ def record(folder: Path, journal: Journal, begin: float, rows: int) -> None:
         file.append((begin + index / 10.0, x, y, z, 25.0 + np.sin(index / 900.0)))
     end = file.finish()
     journal.write(
-        "recording-end",
+        event_of(
+            "recording-end",
+            recording="rest-1",
+            rows=end.rows,
+            sha256=end.sha256,
+            complete=True,
+            gaps=round(end.largest_gap_s, 9),
+        ),
         begin + rows / 10.0,
-        recording="rest-1",
-        rows=end.rows,
-        sha256=end.sha256,
-        complete=True,
-        gaps=round(end.largest_gap_s, 9),
     )
 
 
 def _block(journal: Journal, t: float, count: int, digest: str) -> None:
-    journal.write("rows", t, recording="rest-1", rows=count, sha256=digest)
+    journal.write(event_of("rows", recording="rest-1", rows=count, sha256=digest), t)

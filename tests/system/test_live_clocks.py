@@ -135,4 +135,4 @@ def test_a_machine_that_was_started_anew(tmp_path, bench, clocks):
 
 def told(run: LiveRun, kind: str) -> list[int]:
     """Return for how many seconds, rounded, events of a kind tell."""
-    return [round(event["seconds"]) for event in read_journal(run.folder / JOURNAL).events if event["kind"] == kind]
+    return [round(event["seconds"]) for event in read_journal(run.folder / JOURNAL).bodies if event["kind"] == kind]

@@ -124,7 +124,7 @@ def at_a_terminal(workspace, *words):
 def events(workspace, kind):
     """Return the events of a kind of the workspace's only run, as far as it came."""
     (folder,) = workspace.folders()
-    return [event for event in read_journal(folder / JOURNAL).events if event["kind"] == kind]
+    return [event for event in read_journal(folder / JOURNAL).bodies if event["kind"] == kind]
 
 
 def test_an_unattended_run_is_armed_once_somebody_on_call_gave_the_code_back(tmp_path, folder):

@@ -54,7 +54,7 @@ def _tell(folder: Path, how: str, ways: list[str], guardian_s: float, command_s:
             (f"the process of the run {how} before the run was sealed", *_bench(folder, guardian_s), *ways)
         )
         notifier = Notifier(workspace.notify, workspace.root, command_s)
-        notifier.attach(folder.name, lambda *_, **__: None)
+        notifier.attach(folder.name, None)
         became = notifier.send("died", told)
         while became() is None:
             notifier.tick()

@@ -134,7 +134,7 @@ def _began(folder: Path) -> str:
 
 
 def _summary(folder: Path, reading: JournalReading) -> RunSummary:
-    events = reading.events
+    events = reading.bodies
     run = next((event for event in events if event["kind"] == "run"), {})
     planned = {case["case"] for event in events if event["kind"] == "planned" for case in event["cases"]}
     case, step = _current(events)

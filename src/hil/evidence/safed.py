@@ -57,7 +57,7 @@ def is_acknowledged(folder: Path) -> bool:
     if any(message.kind == "ack" and message.sha256 == seen for message in peek(folder)):
         return True
     try:
-        events = read_journal(folder / JOURNAL).events
+        events = read_journal(folder / JOURNAL).bodies
     except EvidenceError:
         return False
     return any(_acknowledges(event, seen) for event in events)

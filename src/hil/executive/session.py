@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from itertools import count
 from pathlib import Path
-from typing import Any
 
 from hil.bench.bound import BoundBench
+from hil.evidence import events
 from hil.evidence.folder import ATTACHMENTS
 from hil.evidence.package.sealing import ReportWriter
 from hil.executive.cases.artifacts import Artifacts
@@ -32,6 +32,7 @@ from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import PlannedCase
 from hil.executive.watching.host import host_of
 from hil.executive.watching.keeper import BenchKeeper
+from hil.model.identity import Source
 from hil.model.verdict import Verdict
 from hil.wire.transcript import Transcript
 
@@ -112,7 +113,7 @@ class Session:
         self._closing.callback(self.bench.close)
         self.record.follow(self.bench, checkpoints=bool(leases))  # nobody resumes a rehearsal
         store, tick = self.record.store, self.record.upkeep.tick
-        self.keeper = BenchKeeper(self.bench, configuration.dut, self.flags, self._events.write, store, tick)
+        self.keeper = BenchKeeper(self.bench, configuration.dut, self.flags, self._events, store, tick)
         self._events.listen(self.keeper.holding)
         self._events.catch_up = self.keeper.scheduler.follow(lambda: self._events.course)
         self.flags.make_safe, self.flags.give_up = self.keeper.safe, self.give_up
@@ -153,33 +154,31 @@ class Session:
         """Begin a case."""
         scheduler = self.keeper.scheduler
         turn = Turn(self.flags, scheduler.catch_up)
-        write = turn.guarded(self._events.write)
+        journal = turn.guarded(self._events)
         self._open_cases.pop(planned.id, None)
         attempt = self._attempts[planned.id] = self._attempts.get(planned.id, 0) + 1
-        write("case", case=planned.id, attempt=attempt)
-        steps = Steps(planned.id, write, self._now, turn.undisturbed)
-        effects = Effects(write, steps, self._replay.recall if self._replay else None, turn.undisturbed)
+        journal.write(events.Case(case=planned.id, attempt=attempt))
+        steps = Steps(planned.id, journal, self._now, turn.undisturbed)
+        effects = Effects(journal, steps, self._replay.recall if self._replay else None, turn.undisturbed)
         requirements = {name: self.configuration.catalogue.requirement(name) for name in planned.requirements}
         self._began_ns = self.bench.clock.now_ns()
         scheduler.deadline_ns = self._began_ns + round(planned.max_duration_s * 1e9)
         scheduler.refused = 0
         if not scheduler.watching:  # the bench was made safe under the case before
             scheduler.watch_from_now()
-        used: dict[str, str] = {}
+        used: dict[str, Source] = {}
         self.current = CaseRun(
             planned=planned,
             requirements=requirements,
             steps=steps,
             effects=effects,
-            check=Checks(requirements, steps, write, used),
-            record=Recorder(
-                steps, scheduler, effects, self.record.store, self.bench.source.value, lambda: next(self._ids)
-            ),
-            operator=Operator(self._answers, effects, steps, write, scheduler.point),
-            artifact=Artifacts(steps, effects, write, self.folder / ATTACHMENTS, self._made),
+            check=Checks(requirements, steps, journal, used),
+            record=Recorder(steps, scheduler, effects, self.record.store, self.bench.source, lambda: next(self._ids)),
+            operator=Operator(self._answers, effects, steps, journal, scheduler.point),
+            artifact=Artifacts(steps, effects, journal, self.folder / ATTACHMENTS, self._made),
             scheduler=scheduler,
-            write=write,
-            source=self.bench.source.value,
+            journal=journal,
+            source=self.bench.source,
             used=used,
         )
         scheduler.monitoring.faulted, scheduler.present.held_up = self.current.fault, self.current.raised
@@ -203,16 +202,16 @@ class Session:
         scheduler = self.keeper.scheduler
         scheduler.deadline_ns = scheduler.monitoring.faulted = None
         outcome = run.outcome()
-        self._events.write(
-            "case-end",
+        ended = events.CaseEnd(
             case=run.planned.id,
             attempt=self._attempts[run.planned.id],
-            verdict=outcome.verdict.value,
-            reasons=list(outcome.reasons),
-            requirements={name: verdict.value for name, verdict in outcome.requirements.items()},
+            verdict=outcome.verdict,
+            reasons=outcome.reasons,
+            requirements=outcome.requirements,
             duration=round((self.bench.clock.now_ns() - self._began_ns) / 1e9, 9),
             used=run.used,
         )
+        self._events.write(ended)
         self._verdicts.append(outcome.verdict)
         self.current = None
         with suppress(OSError):  # a full disk is told by who looks after it
@@ -222,7 +221,7 @@ class Session:
     def not_run(self, case: str, reason: str) -> None:
         """Note that a planned case is not run."""
         self._open_cases.pop(case, None)
-        self._events.write("not-run", case=case, reason=reason)
+        self._events.write(events.NotRun(case=case, reason=reason))
         self._verdicts.append(Verdict.NOT_RUN)
 
     def roles(self, run: CaseRun) -> Mapping[str, Facade | RoleSet]:
@@ -235,9 +234,8 @@ class Session:
         try:
             self._stopped = bool(self.flags.reason)
             if self._stopped:
-                facts: dict[str, Any] = {"reason": self.flags.reason, "urgent": self.flags.urgent}
-                facts |= {"resumable": True} if self.flags.leave_open else {}
-                self._events.write("stop", **facts)
+                flags = self.flags
+                self._events.write(events.Stop(reason=flags.reason, urgent=flags.urgent, resumable=flags.leave_open))
         finally:
             self.keeper.release()
 

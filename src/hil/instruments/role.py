@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 __all__ = ["Argument", "Operation", "Role", "problem_with"]
 
@@ -44,7 +44,7 @@ class Operation:
     signature: inspect.Signature
 
     @property
-    def effect(self) -> str:
+    def effect(self) -> Literal["drives", "reads"]:
         """What the journal calls it: `drives` or `reads`."""
         return "drives" if self.drives else "reads"
 

@@ -33,7 +33,7 @@ def attend(session: Session, notifier: Notifier) -> None:
     answers = answers_of(configuration.request, configuration.workspace.shown)(
         session.bench, pass_by, session.record.upkeep.elsewhere
     )
-    people = People(_on_call(session, notifier), answers, session.keeper.write, idle)
+    people = People(_on_call(session, notifier), answers, session.keeper.journal, idle)
     session.record.events.listen(people)
     outside.people = people.gates
 
@@ -43,7 +43,7 @@ def _on_call(session: Session, notifier: Notifier) -> OnCall | None:
     if not request.unattended:
         return None
     on_call = OnCall(
-        request.on_call, session.folder.name, request.acknowledge_within_s, notifier.send, session.keeper.write
+        request.on_call, session.folder.name, request.acknowledge_within_s, notifier.send, session.keeper.journal
     )
     session.record.upkeep.knows_code = on_call.knows
     return on_call

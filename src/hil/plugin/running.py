@@ -156,7 +156,7 @@ def _open(
     progress.follow(session.folder)
     session.keeper.beside(progress.tick)
     session.keeper.beside(notifier.tick)
-    notifier.attach(session.folder.name, session.keeper.write)
+    notifier.attach(session.folder.name, session.keeper.journal)
     session.keeper.last = notifier.finish
     attend(session, notifier)
     session.record.if_diverged(partial(_leave_as_it_is, session, word))

@@ -7,6 +7,7 @@ import os
 
 import pytest
 from evidence_runs import begin, sealed_run
+from typed_events import event_of
 
 from hil.bench.latching import latch_bench, latches_of
 from hil.bench.lease import Lease
@@ -32,8 +33,10 @@ def reports(tmp_path, monkeypatch):
     (tmp_path / "hil.toml").touch()
     reports = tmp_path / "reports"
     with begin(reports / SAFED) as journal:
-        journal.write("trip", 1.0, limit="cell", text="cell voltage above 4.25 V")
-        journal.write("safe", 1.0, output="supply.charge", state="off", ok=False, detail="no reply", duration=0.5)
+        journal.write(event_of("trip", limit="cell", text="cell voltage above 4.25 V"), 1.0)
+        journal.write(
+            event_of("safe", output="supply.charge", state="off", ok=False, detail="no reply", duration=0.5), 1.0
+        )
     (reports / SAFED / "inbox/files").mkdir(parents=True)
     (reports / SAFED / GUARDIAN).write_text(ACTED)
     sealed_run(reports / SEALED)

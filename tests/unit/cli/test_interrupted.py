@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from typed_events import event_of
 
 from hil.cli.died import ways_on
 from hil.evidence.journal.writer import Journal
@@ -38,7 +39,7 @@ def test_a_resume_is_offered_where_there_is_something_to_go_on_with(tmp_path, ev
     (tmp_path / "data").mkdir()
     with Journal(tmp_path / "data/journal.jsonl") as journal:
         for kind, fields in events.items():
-            journal.write(kind, 0.0, **fields)
+            journal.write(event_of(kind, **fields), 0.0)
     try:
         accepted = bool(find_earlier(tmp_path))
     except HilError:

@@ -9,6 +9,7 @@ import threading
 
 import pytest
 from evidence_runs import stamps
+from typed_events import event_of
 
 from hil.documents.canonical import JsonError, canonical
 from hil.evidence.journal import reader
@@ -25,7 +26,10 @@ def journal_of(path, **options):
 def test_every_line_is_canonical_and_chained(tmp_path):
     """A line is canonical JSON, holds the hash of the line before, and its body holds no wall time."""
     with journal_of(tmp_path) as journal:
-        assert [journal.write("note", 0.5, text="é\n", by="Ada"), journal.write("note", 1.0, text="", by="")] == [0, 1]
+        assert [
+            journal.write(event_of("note", text="é\n", by="Ada"), 0.5),
+            journal.write(event_of("note", text="", by=""), 1.0),
+        ] == [0, 1]
     first, second = (tmp_path / "journal.jsonl").read_bytes().splitlines()
     assert [canonical(json.loads(line)) for line in (first, second)] == [first, second]
     assert json.loads(first)["prev"] == "0" * 64
@@ -39,7 +43,7 @@ def test_equal_runs_have_equal_content_digests(tmp_path):
     digests = []
     for name, day, text in (("a", "2026-11-21", "x"), ("b", "2027-01-01", "x"), ("c", "2026-11-21", "y")):
         with Journal(tmp_path / name, stamp=stamps(day)) as journal:
-            journal.write("note", 1.0, text=text, by="")
+            journal.write(event_of("note", text=text, by=""), 1.0)
             digests.append(journal.content_digest)
         assert read_journal(tmp_path / name).content_digest == digests[-1]
     assert digests[0] == digests[1] != digests[2]
@@ -50,8 +54,8 @@ def test_what_json_does_not_have_is_refused_and_not_written(tmp_path, value):
     """NaN and its like raise, and the journal goes on as if nothing had been asked."""
     with journal_of(tmp_path) as journal:
         with pytest.raises(JsonError):
-            journal.write("note", 0.0, text=value)
-        assert journal.write("note", 0.0, text="fine") == 0
+            journal.write(event_of("note", text=value), 0.0)
+        assert journal.write(event_of("note", text="fine"), 0.0) == 0
     assert not read_journal(tmp_path / "journal.jsonl").findings
 
 
@@ -59,11 +63,11 @@ def test_edges_and_verdicts_are_synced(tmp_path):
     """Steps, checks and safety are on the disk when write returns; effects and notes have left the process only."""
     synced = []
     with journal_of(tmp_path, sync=synced.append) as journal:
-        journal.write("effect", 0.0)
-        journal.write("note", 0.0)
+        journal.write(event_of("effect"), 0.0)
+        journal.write(event_of("note"), 0.0)
         assert not synced
         for kind in ("step", "step-end", "check", "trip", "safe", "safe-end", "case-end", "results", "end"):
-            journal.write(kind, 0.0)
+            journal.write(event_of(kind), 0.0)
             assert synced, kind
             synced.clear()
 
@@ -73,17 +77,17 @@ def test_what_is_not_synced_at_once_is_within_half_a_second(tmp_path):
     synced, now = [], [10.0]
     with journal_of(tmp_path, sync=synced.append, now=lambda: now[0]) as journal:
         journal.tick()
-        journal.write("recording", 0.0)
+        journal.write(event_of("recording"), 0.0)
         now[0] += 0.4
-        journal.write("recording-end", 0.0)
+        journal.write(event_of("recording-end"), 0.0)
         journal.tick()
         assert not synced
         now[0] += 0.1
         journal.tick()
         journal.tick()
         assert len(synced) == 1
-        journal.write("effect", 0.0)
-        journal.write("step-end", 0.0)
+        journal.write(event_of("effect"), 0.0)
+        journal.write(event_of("step-end"), 0.0)
         now[0] += 9.0
         journal.tick()
         assert len(synced) == 2
@@ -92,17 +96,17 @@ def test_what_is_not_synced_at_once_is_within_half_a_second(tmp_path):
 def test_bench_time_is_written_to_the_nanosecond(tmp_path):
     """More digits than nanoseconds would not repeat between machines."""
     with journal_of(tmp_path) as journal:
-        journal.write("note", 0.1234567891234)
-    assert read_journal(tmp_path / "journal.jsonl").events[0]["t"] == 0.123456789
+        journal.write(event_of("note"), 0.1234567891234)
+    assert read_journal(tmp_path / "journal.jsonl").events[0].t == 0.123456789
 
 
 def test_a_journal_that_exists_is_continued(tmp_path):
     """Sequence, chain, digest and time go on where they were."""
     with journal_of(tmp_path) as journal:
-        journal.write("note", 3.0, text="before")
+        journal.write(event_of("note", text="before"), 3.0)
     with journal_of(tmp_path) as journal:
         assert journal.last_t == 3.0
-        assert journal.write("note", 4.0, text="after") == 1
+        assert journal.write(event_of("note", text="after"), 4.0) == 1
         digest = journal.content_digest
     reading = read_journal(tmp_path / "journal.jsonl")
     assert reading.findings == ()
@@ -114,8 +118,8 @@ def test_a_torn_or_changed_journal_is_not_continued(tmp_path, damage):
     """Going on after a damage would hide it."""
     path = tmp_path / "journal.jsonl"
     with journal_of(tmp_path) as journal:
-        journal.write("note", 3.0, text="before")
-        journal.write("note", 3.0, text="last")
+        journal.write(event_of("note", text="before"), 3.0)
+        journal.write(event_of("note", text="last"), 3.0)
     path.write_bytes(damage(path.read_bytes()))
     with pytest.raises(EvidenceError, match="hil verify"):
         journal_of(tmp_path)
@@ -126,7 +130,7 @@ def test_the_reader_names_the_line_where_the_chain_breaks(tmp_path):
     path = tmp_path / "journal.jsonl"
     with journal_of(tmp_path) as journal:
         for number in range(4):
-            journal.write("note", 0.0, text=str(number))
+            journal.write(event_of("note", text=str(number)), 0.0)
     lines = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join([lines[0], lines[1].replace(b'"1"', b'"7"'), *lines[2:]]))
     assert [(found.line, "chain" in found.message) for found in read_journal(path).findings] == [(3, True)]
@@ -144,22 +148,22 @@ def test_a_line_that_is_no_event_is_a_finding(tmp_path, line):
     path.write_bytes(line + b"\n")
     reading = read_journal(path)
     assert [found.line for found in reading.findings] == [1]
-    assert reading.events == ()
+    assert reading.bodies == ()
 
 
 def test_an_endless_line_is_not_held_in_memory(tmp_path, monkeypatch):
     """Its place is a finding, the chain goes on behind it, and the lines around it are read."""
     path = tmp_path / "journal.jsonl"
     with journal_of(tmp_path) as journal:
-        journal.write("note", 0.0, text="before")
-        journal.write("note", 1.0, text="x" * 5_000_000)
-        journal.write("note", 2.0, text="after")
+        journal.write(event_of("note", text="before"), 0.0)
+        journal.write(event_of("note", text="x" * 5_000_000), 1.0)
+        journal.write(event_of("note", text="after"), 2.0)
     monkeypatch.setattr(reader, "LONGEST_LINE", 1_000_000)
     reading = read_journal(path)
-    assert [event["text"] for event in reading.events] == ["before", "after"]
+    assert [event.text for event in reading.events] == ["before", "after"]
     assert [(found.line, found.message) for found in reading.findings] == [(2, "a line of more than 1000000 bytes")]
     path.write_bytes(path.read_bytes()[:2_000_000])
-    assert (len(read_journal(path).events), len(read_journal(path).torn)) == (1, 1_000_000)
+    assert (len(read_journal(path).bodies), len(read_journal(path).torn)) == (1, 1_000_000)
 
 
 @pytest.mark.parametrize("size", [1, 3_000_000])
@@ -167,13 +171,13 @@ def test_a_torn_tail_of_any_length_is_cut(tmp_path, size):
     """What stands behind the last newline is kept, and the lines before it are whole."""
     (tmp_path / "data").mkdir()
     with Journal(tmp_path / "data/journal.jsonl", stamp=stamps()) as journal:
-        journal.write("note", 0.0, text="whole")
+        journal.write(event_of("note", text="whole"), 0.0)
     with (tmp_path / "data/journal.jsonl").open("ab") as stream:
         stream.write(bytes(size))
     assert cut_torn_tail(tmp_path) == size
     assert (tmp_path / "data/journal.torn").read_bytes() == bytes(size)
     assert cut_torn_tail(tmp_path) == 0
-    assert len(read_journal(tmp_path / "data/journal.jsonl").events) == 1
+    assert len(read_journal(tmp_path / "data/journal.jsonl").bodies) == 1
 
 
 @pytest.mark.parametrize(
@@ -198,16 +202,16 @@ def test_another_thread_is_no_writer(tmp_path):
 
     def stray(journal):
         try:
-            journal.write("note", 2.0, text="stray", by="")
+            journal.write(event_of("note", text="stray", by=""), 2.0)
         except Refused as error:
             refusals.append(str(error))
 
     with journal_of(tmp_path) as journal:
-        journal.write("note", 1.0, text="", by="")
+        journal.write(event_of("note", text="", by=""), 1.0)
         thread = threading.Thread(target=stray, args=(journal,))
         thread.start()
         thread.join()
-        journal.write("note", 3.0, text="", by="")
+        journal.write(event_of("note", text="", by=""), 3.0)
     assert len(refusals) == 1
     reading = read_journal(tmp_path / "journal.jsonl")
     assert (reading.findings, [line.body["t"] for line in reading.lines]) == ((), [1.0, 3.0])
@@ -216,14 +220,14 @@ def test_another_thread_is_no_writer(tmp_path):
 def test_a_forked_copy_is_no_writer(tmp_path):
     """It has the descriptor, and may not use it."""
     with journal_of(tmp_path) as journal:
-        journal.write("note", 1.0, text="", by="")
+        journal.write(event_of("note", text="", by=""), 1.0)
         child = os.fork()
         if child == 0:
             try:
-                journal.write("note", 2.0, text="stray", by="")
+                journal.write(event_of("note", text="stray", by=""), 2.0)
             except Refused:
                 os._exit(7)
             os._exit(0)
         assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
-        journal.write("note", 3.0, text="", by="")
+        journal.write(event_of("note", text="", by=""), 3.0)
     assert len(read_journal(tmp_path / "journal.jsonl").lines) == 2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from evidence_runs import LIMIT, REQUIREMENTS, begin, case_end, check, planned, recorded_check, run_fields, whole_case
+from typed_events import event_of
 
 from hil.documents.canonical import canonical
 from hil.evidence.folder import JOURNAL
@@ -225,20 +226,20 @@ def test_calibration_counts_until_its_last_day(tmp_path, calibration, reason):
         whole_case(tmp_path, journal)
     reading = read_journal(tmp_path / JOURNAL)
     facts = Facts(catalogue=entries_of(REQUIREMENTS), calibration={"psu1": calibration}, date="2026-11-21")
-    results = derive(reading.events, facts, content_digest="")
+    results = derive(reading.bodies, facts, content_digest="")
     assert [item["reasons"] for item in results["requirements"]] == 2 * [[reason] if reason else []]
 
 
 def test_one_simulated_instrument_is_enough(tmp_path):
     """The weakest source of what a case used counts, and is named."""
     with begin(tmp_path) as journal:
-        journal.write("case", 0.0, case="test_rest", attempt=1)
+        journal.write(event_of("case", case="test_rest", attempt=1), 0.0)
         check(journal, of="x")
         check(journal, of="y")
         recorded_check(journal)
         case_end(journal, used={"psu1": "hardware", "mag": "simulated", "obc": "simulated"})
-        journal.write("gate", 4.0, name="found-off", ok=False, detail="psu1 was on")
-        journal.write("safe-end", 5.0, ok=True)
+        journal.write(event_of("gate", name="found-off", ok=False, detail="psu1 was on"), 4.0)
+        journal.write(event_of("safe-end", ok=True), 5.0)
     reasons = results_of(tmp_path, read_journal(tmp_path / JOURNAL))["requirements"][0]["reasons"]
     assert reasons == ["SIMULATED: mag, obc", "readiness gate found-off: psu1 was on"]
 

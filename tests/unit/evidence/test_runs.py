@@ -6,6 +6,7 @@ import os
 
 import pytest
 from evidence_runs import begin, record, sealed_run, whole_case
+from typed_events import event_of
 
 from hil.evidence.folder import create, hold
 from hil.evidence.package.contents import Package
@@ -26,14 +27,15 @@ def test_runs_are_found_oldest_first(tmp_path):
 def test_a_run_tells_where_it_is(tmp_path):
     """Plan, device, progress, case and step are those of the newest events."""
     with hold(tmp_path), begin(tmp_path) as journal:
-        journal.write("case", 0.0, case="test_rest", attempt=1)
-        journal.write("step", 0.0, case="test_rest", path=["Outer"], number="1")
-        journal.write("step", 7.0, case="test_rest", path=["Outer", "Inner"], number="1.1")
+        journal.write(event_of("case", case="test_rest", attempt=1), 0.0)
+        journal.write(event_of("step", case="test_rest", path=["Outer"], number="1"), 0.0)
+        journal.write(event_of("step", case="test_rest", path=["Outer", "Inner"], number="1.1"), 7.0)
         run = status(tmp_path)
         assert (run.state, run.plans, run.bench, run.dut) == (State.RUNNING, ("gyro",), "flight", "SN1")
         assert (run.planned, run.ended, run.case, run.step, run.t) == (1, 0, "test_rest", "1.1 Inner", 7.0)
         journal.write(
-            "step-end", 8.0, case="test_rest", path=["Outer", "Inner"], number="1.1", outcome="done", duration=1
+            event_of("step-end", case="test_rest", path=["Outer", "Inner"], number="1.1", outcome="done", duration=1),
+            8.0,
         )
         assert status(tmp_path).step == "1 Outer"
     assert status(tmp_path).state is State.INTERRUPTED
@@ -42,8 +44,8 @@ def test_a_run_tells_where_it_is(tmp_path):
 def test_a_run_tells_what_people_added(tmp_path):
     """Notes, attachments and anomalies are there in order, to acknowledge them."""
     with begin(tmp_path) as journal:
-        journal.write("note", 1.0, text="door opened", by="Ada")
-        journal.write("attachment", 2.0, file="1-photo.jpg", sha256="0" * 64, by="Ada", text="jig")
+        journal.write(event_of("note", text="door opened", by="Ada"), 1.0)
+        journal.write(event_of("attachment", file="1-photo.jpg", sha256="0" * 64, by="Ada", text="jig"), 2.0)
     assert [(event["kind"], event["text"]) for event in status(tmp_path).added] == [
         ("note", "door opened"),
         ("attachment", "jig"),
@@ -54,9 +56,9 @@ def test_a_stopped_run_tells_who_asked_until_it_goes_on(tmp_path):
     """A run that was left to be resumed looks interrupted; nobody has to read its journal to learn by whom."""
     with begin(tmp_path) as journal:
         assert status(tmp_path).stopped == ""
-        journal.write("stop", 1.0, reason="Ada: smell", urgent=False, resumable=True)
+        journal.write(event_of("stop", reason="Ada: smell", urgent=False, resumable=True), 1.0)
         assert status(tmp_path).stopped == "Ada: smell"
-        journal.write("gate", 1.0, name="identity of psu1", ok=True, detail="")
+        journal.write(event_of("gate", name="identity of psu1", ok=True, detail=""), 1.0)
         assert status(tmp_path).stopped == ""
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from evidence_runs import begin, sealed_run
+from typed_events import event_of
 
 from hil.evidence.folder import GUARDIAN, create, hold
 from hil.evidence.inbox import peek, post
@@ -62,7 +63,7 @@ def test_an_acknowledgement_holds_for_what_was_seen(folder):
 def test_a_run_that_went_on_is_not_safed_any_more(folder):
     """The acknowledgement is in its journal by then."""
     with Journal(folder / "data/journal.jsonl") as journal:
-        journal.write("acknowledged", 0.0, by="Ada", text="fuse replaced", guardian=guardian_hash(folder))
+        journal.write(event_of("acknowledged", by="Ada", text="fuse replaced", guardian=guardian_hash(folder)), 0.0)
     assert is_acknowledged(folder)
     assert status(folder).state is State.INTERRUPTED
 
@@ -74,7 +75,7 @@ def test_the_guardians_journal_is_sealed_with_the_run(folder):
     found = verify(folder)
     assert (found.state, found.findings) == (State.SEALED, ())
     assert GUARDIAN in (folder / "manifest-sha256.txt").read_text()
-    (told,) = [event for event in read_journal(folder / "data/journal.jsonl").events if event["kind"] == "acknowledged"]
+    (told,) = [event for event in read_journal(folder / "data/journal.jsonl").bodies if event["kind"] == "acknowledged"]
     assert (told["by"], told["text"], told["guardian"]) == ("Ada", "fuse replaced", guardian_hash(folder))
     (folder / GUARDIAN).chmod(0o644)
     (folder / GUARDIAN).write_bytes(ACTED * 2)

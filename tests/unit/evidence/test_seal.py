@@ -21,6 +21,7 @@ from evidence_runs import (
     whole_case,
     write_report,
 )
+from typed_events import event_of
 
 from hil.documents.canonical import canonical
 from hil.evidence.folder import JOURNAL, create, hold
@@ -84,10 +85,19 @@ def test_a_recording_that_a_resumed_run_began_again_is_sealed(folder):
         journal = begin(folder)
         for _ in range(2):
             journal.write(
-                "recording", 1.0, case=None, step=None, recording="after", name="after", rate=1.0, duration=None,
-                channels=[{"name": "x", "unit": "A", "instrument": "psu1", "calibration": "", "uncertainty": None}],
-                source="hardware",
-            )  # fmt: skip
+                event_of(
+                    "recording",
+                    case=None,
+                    step=None,
+                    recording="after",
+                    name="after",
+                    rate=1.0,
+                    duration=None,
+                    channels=[{"name": "x", "unit": "A", "instrument": "psu1", "calibration": "", "uncertainty": None}],
+                    source="hardware",
+                ),
+                1.0,
+            )
         journal.close()
     recover(folder, write_reports=write_report)
     assert len(list(Package(folder).events("recording-end"))) == 1
@@ -419,12 +429,22 @@ def test_a_run_that_goes_on_is_not_verified(folder):
 def test_an_interrupted_run_is_sealed_as_it_is(folder):
     """Its rows are kept as an incomplete recording, its verdict is ABORTED, and it is called incomplete."""
     journal = begin(folder)
-    journal.write("case", 0.0, case="test_rest", attempt=1)
+    journal.write(event_of("case", case="test_rest", attempt=1), 0.0)
     channels = [{"name": "x", "unit": "deg/s", "instrument": "psu1", "calibration": "", "uncertainty": None}]
     journal.write(
-        "recording", 1.0, case="test_rest", step="1", recording="001", name="rest", channels=channels, rate=1.0,
-        duration=9.0, source="hardware",
-    )  # fmt: skip
+        event_of(
+            "recording",
+            case="test_rest",
+            step="1",
+            recording="001",
+            name="rest",
+            channels=channels,
+            rate=1.0,
+            duration=9.0,
+            source="hardware",
+        ),
+        1.0,
+    )
     from hil.evidence.recordings.rows import Rows  # noqa: PLC0415 - this test alone leaves rows open
 
     rows = Rows(folder / "data/recordings/001.rows", recording="001", channels=[("x", "deg/s")], on_block=print)

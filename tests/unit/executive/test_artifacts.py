@@ -6,6 +6,7 @@ import hashlib
 
 import pytest
 from case_parts import Case
+from typed_events import event_of
 
 from hil.executive.cases.artifacts import Artifacts
 from hil.executive.cases.effects import Recall
@@ -64,7 +65,7 @@ def test_a_replay_has_to_make_the_same_bytes(tmp_path):
     """Other coefficients than those of the record are DIVERGED."""
     case, artifact = artifacts_of(tmp_path / "first")
     artifact("a.txt", "1.0690")
-    recall = Recall(case.written.of("effect"), frozenset())
+    recall = Recall([event_of(**event) for event in case.written.of("effect")], frozenset())
     _, again = artifacts_of(tmp_path / "again", recall=recall)
     with pytest.raises(Diverged):
         again("a.txt", "1.0691")

@@ -171,7 +171,7 @@ def test_iterations_are_steps_that_count_from_one(tmp_path):
     """Each turn is a checkpoint with its number in the title."""
     case = Case(tmp_path)
     assert list(case.run.iterations("cycle", 3)) == [1, 2, 3]
-    assert [step["path"] for step in case.written.of("step")] == [[f"cycle {n} of 3"] for n in (1, 2, 3)]
+    assert [step["path"] for step in case.written.of("step")] == [(f"cycle {n} of 3",) for n in (1, 2, 3)]
 
 
 def test_an_error_of_hil_is_its_sentence(tmp_path):

@@ -117,7 +117,7 @@ def test_an_instrument_adds_its_certificate_in_quadrature(tmp_path):
     case.run.check("T-050", "voltage", volts(5.0, uncertainty=0.01), instrument=case.coil)
     (check,) = case.written.of("check")
     assert check["uncertainty"] == pytest.approx(math.hypot(0.01, 0.026))
-    assert check["instruments"] == ["psu1"]
+    assert check["instruments"] == ("psu1",)
 
 
 def test_require_stops_what_does_not_pass(tmp_path):

@@ -6,6 +6,7 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
+from typed_events import event_of
 
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.journal.standing import Entry, Voided, entries, standing
@@ -21,13 +22,15 @@ TURN = [*CASE, ("step", {"number": "2", "turn": 2}), ("step", {"number": "2.1"})
 ENDED = [*CASE, ("case-end", {"case": "a", "verdict": "PASS"})]
 STOP = [("stop", {"reason": "weekend", "urgent": False, "resumable": True}), ("safe-end", {"ok": True})]
 
+VOID = (Voided(recording="x", first=1, end=2),)
+
 
 def folder_of(tmp_path, *parts):
     """Return a run's folder with these events behind its head."""
     (tmp_path / "data").mkdir()
     with Journal(tmp_path / "data/journal.jsonl") as journal:
         for second, (kind, fields) in enumerate([*HEAD_OF.items(), *(event for part in parts for event in part)]):
-            journal.write(kind, float(second), **fields)
+            journal.write(event_of(kind, **fields), float(second))
     return tmp_path
 
 
@@ -112,13 +115,19 @@ def test_void_events_do_not_stand(tmp_path):
     earlier = find_earlier(folder)
     for number in (1, 2):
         entry = Entry(
-            place=8, boundary=7, void_to=13 + number, operations=5, at=0.0, number=8, rows=(Voided("x", 1, 2),)
+            place=8,
+            boundary=7,
+            void_to=13 + number,
+            operations=5,
+            at=0.0,
+            number=8,
+            rows=VOID,
         )
         with Journal(folder / "data/journal.jsonl") as journal:
             go_on_with(earlier, journal, lambda: 99.0, entry)
     events = read_journal(folder / "data/journal.jsonl").events
-    assert [event["kind"] for event in standing(events)][8:] == ["note", "resumed", "resumed"]
-    assert [entry.rows for entry in entries(events)] == [(Voided("x", 1, 2),)] * 2
+    assert [event.kind() for event in standing(events)][8:] == ["note", "resumed", "resumed"]
+    assert [entry.rows for entry in entries(events)] == [VOID] * 2
     assert {entry.at for entry in entries(events)} == {99.0}
 
 
@@ -128,7 +137,7 @@ def test_a_run_that_somebody_went_on_with_is_not_gone_on_with_twice(tmp_path):
     earlier = find_earlier(folder)
     require_untouched(earlier)
     with Journal(folder / "data/journal.jsonl") as journal:
-        journal.write("note", 100.0, text="of another process")
+        journal.write(event_of("note", text="of another process"), 100.0)
     with pytest.raises(Refused, match="another process went on with it"):
         require_untouched(earlier)
 
@@ -163,7 +172,7 @@ def test_a_run_that_was_killed_is_not_said_to_have_been_stopped(tmp_path, monkey
         with Journal(folder / "data/journal.jsonl") as journal:
             go_on_with(found, journal, lambda: 99.0, entry)
             for kind, fields in behind:
-                journal.write(kind, 99.0, **fields)
-    events = read_journal(folder / "data/journal.jsonl").events
+                journal.write(event_of(kind, **fields), 99.0)
+    events = read_journal(folder / "data/journal.jsonl").bodies
     told = [event["text"].partition(",")[0] for event in events if event["kind"] == "resumed"]
     assert told == ["stopped by weekend", "interrupted"]

@@ -9,6 +9,7 @@ import pytest
 from case_parts import Written
 from hypothesis import given
 from hypothesis import strategies as st
+from typed_events import event_of
 
 from hil.documents.canonical import canonical
 from hil.executive.cases.effects import Effects, Recall
@@ -34,7 +35,7 @@ def recorded():
         effects.perform("supply.voltage", "reads", {}, lambda: Figure(value=5.0, unit="V"))
         effects.perform("supply.voltage", "reads", {}, lambda: Figure(value=5.1, unit="V"))
     effects.perform("operator.jig", "asks", {"text": "Closed?"}, lambda: True)
-    return written.of("effect")
+    return [event_of(**event) for event in written.of("effect")]
 
 
 def test_an_effect_is_keyed_by_case_step_name_and_ordinal():
@@ -102,7 +103,7 @@ def test_the_same_case_agrees_with_its_record():
     effects.end()
     assert performed == [5.0, 5.1]
     assert effects.diverged == ""
-    assert written.of("effect") == recorded()
+    assert [event_of(**event) for event in written.of("effect")] == recorded()
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import pytest
+from case_parts import Written
 
 from hil.clock.virtual import VirtualClock
 from hil.executive.ending.stop import StopFlags, Stopped
@@ -77,9 +78,9 @@ def bench():
 
 def hold(bench, ending=None):
     """Hold the bench until the scheduling point ends it; return the events, the scheduler, and what was raised."""
-    written, raised = [], None
+    written, raised = Written(), None
     scheduler = Scheduler(bench.clock, ending)
-    holding = Holding(bench, StopFlags(), lambda kind, **fields: written.append({"kind": kind, **fields}), scheduler)
+    holding = Holding(bench, StopFlags(), written, scheduler)
     scheduler.holding = holding
     drive = {"kind": "effect", "effect": "drives", "name": "supply.coil.enable", "arguments": {}, "t": 0.0}
     holding(drive)
@@ -88,7 +89,7 @@ def hold(bench, ending=None):
         holding.tick()
     except (Stopped, Tripped, NoReply) as error:
         raised = error
-    return written, scheduler, raised
+    return written.events, scheduler, raised
 
 
 def test_time_on_hold_does_not_count_for_the_case(bench):

@@ -8,6 +8,7 @@ import os
 import sys
 
 import pytest
+from case_parts import Written
 
 from hil.executive.people.notifying import Notifier
 
@@ -28,16 +29,16 @@ def python(code: str) -> list[str]:
 
 def notified(place, command, *events, limit_s=10.0, code=0):
     """Return what was written at the end of a run with these events, and a tick after each."""
-    written = []
+    written = Written()
     notifier = Notifier(command, place, limit_s)
-    notifier.attach("run-1", lambda kind, **fields: written.append({"kind": kind, **fields}))
+    notifier.attach("run-1", written)
     for event in events:
         notifier(event)
         notifier.tick()
     notifier.finish(code)
     with pytest.raises(ChildProcessError):  # nothing is left to be reaped
         os.waitpid(-1, os.WNOHANG)
-    return [(item["kind"], item["event"], item.get("reason")) for item in written]
+    return [(item["kind"], item["event"], item.get("reason")) for item in written.events]
 
 
 def test_the_command_is_told_what_happened(tmp_path):
@@ -88,13 +89,13 @@ def test_a_question_is_told_of_only_while_it_waits(tmp_path):
     question, answer = {"kind": "question", "text": "which way?"}, {"kind": "answer"}
     assert ("notified", "question", None) in notified(tmp_path, ["/bin/true"], question)
     notifier = Notifier(["/nowhere/tell"], tmp_path)
-    written = []
-    notifier.attach("r", lambda _, **fields: written.append(fields["event"]))
+    written = Written()
+    notifier.attach("r", written)
     for event in (question, answer):
         notifier(event)
     notifier.tick()
     notifier.finish(0)
-    assert written == ["end"]
+    assert [event["event"] for event in written.events] == ["end"]
 
 
 def test_a_question_names_the_command_that_answers_it(tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from typed_events import event_of
 
 from hil.clock import wall
 from hil.evidence.journal.reader import read_journal
@@ -24,7 +25,7 @@ def test_a_reboot_is_an_event(tmp_path, monkeypatch, boot_id, kinds):
     path.parent.mkdir()
     with Journal(path, stamp=stamp_of("one")) as journal:
         for kind, fields in EVENTS.items():
-            journal.write(kind, 0.0, **fields)
+            journal.write(event_of(kind, **fields), 0.0)
     monkeypatch.setattr(wall, "stamp", stamp_of(boot_id))
     monkeypatch.setattr(wall, "seconds_since", lambda _: 7200.04)
     earlier = find_earlier(tmp_path)

@@ -29,7 +29,7 @@ def test_steps_are_numbered_as_they_nest():
     assert numbers == ["", "1.1", "1.2", "2.1"]
     assert steps.number == ""
     begun = [(step["number"], step["path"]) for step in written.of("step")]
-    assert begun == [("1", ["A"]), ("1.1", ["A", "B"]), ("1.2", ["A", "C"]), ("2", ["D"]), ("2.1", ["D", "E"])]
+    assert begun == [("1", ("A",)), ("1.1", ("A", "B")), ("1.2", ("A", "C")), ("2", ("D",)), ("2.1", ("D", "E"))]
 
 
 def test_a_step_tells_its_outcome_and_duration():
@@ -65,4 +65,4 @@ def test_a_step_that_is_left_late_does_not_end_another():
     with steps("B"):
         stale.__exit__(None, None, None)
         assert steps.number == "2"
-    assert [end["path"] for end in written.of("step-end")] == [["A"], ["B"]]
+    assert [end["path"] for end in written.of("step-end")] == [("A",), ("B",)]

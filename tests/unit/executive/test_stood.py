@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from typed_events import event_of
 
 from hil.clock import wall
 from hil.evidence.journal.writer import Journal
@@ -22,9 +23,9 @@ def stood(tmp_path, monkeypatch, *moments):
     (tmp_path / "data").mkdir()
     with Journal(tmp_path / "data" / "journal.jsonl", stamp=stamp) as journal:
         for kind, fields in HEAD.items():
-            journal.write(kind, 0.0, **fields)
+            journal.write(event_of(kind, **fields), 0.0)
         for boot[0], t in events:
-            journal.write("case", t, case="a")
+            journal.write(event_of("case", case="a"), t)
     boot[0] = now
     monkeypatch.setattr(wall, "stamp", stamp)
     return find_earlier(tmp_path).stood_s

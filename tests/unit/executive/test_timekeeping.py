@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from case_parts import Written
 
 from hil.clock.wall import Clocks
 from hil.executive.journaling.upkeep import Timekeeping
@@ -10,12 +11,12 @@ from hil.executive.journaling.upkeep import Timekeeping
 
 def events(*moments):
     """Return what is written down over these moments: time of day, time since boot, and the same without suspends."""
-    written = []
     clocks = iter([Clocks(*moment) for moment in moments])
-    timekeeping = Timekeeping(lambda kind, **fields: written.append((kind, fields["seconds"])), lambda: next(clocks))
+    written = Written()
+    timekeeping = Timekeeping(written, lambda: next(clocks))
     for _ in moments[1:]:
         timekeeping.tick()
-    return written
+    return [(event["kind"], event["seconds"]) for event in written.events]
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from evidence_runs import begin, case_end, check, record, recorded_check, sealed_run, write_report
 from scipy.io import loadmat
+from typed_events import event_of
 
 from hil.evidence.folder import JOURNAL, RECORDINGS
 from hil.evidence.package.contents import Package
@@ -155,7 +156,7 @@ def test_an_interrupted_recording_says_so(tmp_path):
     """A run that was sealed as it is gives the rows that are there, and says that they are not all."""
     folder = tmp_path / "run"
     with begin(folder) as journal:
-        journal.write("case", 0.0, case="test_rest", attempt=1)
+        journal.write(event_of("case", case="test_rest", attempt=1), 0.0)
         record(folder, journal, 7, complete=False)
     recover(folder, write_reports=write_report)
     (one,) = exported(folder, tmp_path / "out", **BOTH)
@@ -179,22 +180,20 @@ def test_how_a_stream_went_is_among_the_facts(tmp_path):
     """Losses and the drift of the device's clock come from the effect that took the recording."""
     folder = tmp_path / "run"
     journal = begin(folder)
-    journal.write("case", 0.0, case="test_rest", attempt=1)
+    journal.write(event_of("case", case="test_rest", attempt=1), 0.0)
     record(folder, journal)
     rows = Package(folder).events("recording-end")[0]["sha256"]
     told = {
         "frames": 10, "lost": 1, "lost_samples": 3, "losses_known": False, "drift": 1e-5, "drift_uncertainty": None,
         "time_uncertainty": 0.25,
     }  # fmt: skip
-    journal.write(
-        "effect", 2.0, case="test_rest", step="1", name="record.rest", ordinal=1, effect="records", arguments={},
-        result={"sha256": rows, **told},
-    )  # fmt: skip
+    taken = {"name": "record.rest", "ordinal": 1, "effect": "records", "result": {"sha256": rows, **told}}
+    journal.write(event_of("effect", case="test_rest", step="1", **taken), 2.0)
     check(journal, of="x")
     check(journal, of="y")
     recorded_check(journal)
     case_end(journal)
-    journal.write("safe-end", 5.0, ok=True)
+    journal.write(event_of("safe-end", ok=True), 5.0)
     seal(folder, journal, exit_code=0, write_reports=write_report)
     (one,) = exported(folder, tmp_path / "out", **BOTH)
     assert one.facts["stream"] == told

@@ -6,6 +6,7 @@ import struct
 
 import pytest
 from evidence_runs import begin
+from typed_events import event_of
 
 from hil.evidence.folder import JOURNAL, RECORDINGS
 from hil.evidence.recordings.rows import Rows
@@ -41,7 +42,7 @@ def test_new_events_are_read_once_and_half_a_line_later(tmp_path):
     assert follower.read() == []
     with begin(tmp_path) as journal:
         first = len(follower.read())
-        journal.write("case", 1.0, case="test_rest", attempt=1)
+        journal.write(event_of("case", case="test_rest", attempt=1), 1.0)
         whole = (tmp_path / JOURNAL).read_bytes()
         (tmp_path / JOURNAL).write_bytes(whole[:-5])
         assert first > 0
@@ -66,8 +67,10 @@ def test_what_is_no_event_is_passed_over(tmp_path):
 def recorded(tmp_path):
     """Return the folder of a run with an open recording of a case and one of the envelope, as it grows."""
     with begin(tmp_path) as journal:
-        journal.write("recording", 1.0, **recording("envelope-c", "coil-current", None, ("current", "A")))
-        journal.write("recording", 2.0, **recording("001-rest", "rest", "test_rest", ("x", "deg/s"), ("y", "deg/s")))
+        journal.write(event_of("recording", **recording("envelope-c", "coil-current", None, ("current", "A"))), 1.0)
+        journal.write(
+            event_of("recording", **recording("001-rest", "rest", "test_rest", ("x", "deg/s"), ("y", "deg/s"))), 2.0
+        )
     (tmp_path / "data/bench").mkdir(exist_ok=True)
     (tmp_path / "data/bench/bench.yaml").write_text(LIMITS)
     store(tmp_path, "001-rest", (3.0, 1.0, 2.0), (9.0, 4.0, float("nan")))
@@ -121,11 +124,13 @@ def test_half_a_row_is_not_read(recorded):
 def fed(tmp_path):
     """Return a run whose recording feeds a limit on what it holds, and one on what is computed from it."""
     with begin(tmp_path) as journal:
-        journal.write("recording", 1.0, **recording("envelope-c", "coil-current", None, ("current", "A")))
-        journal.write("recording", 1.0, **recording("envelope-w", "warming", None, ("slope", "K/min")))
-        journal.write("recording", 2.0, **recording("001-rest", "rest", "test_rest", ("x", "V"), ("current", "A")))
-        journal.write("fed", 2.0, limit="coil-current", recording="001-rest")
-        journal.write("fed", 2.0, limit="warming", recording="001-rest")
+        journal.write(event_of("recording", **recording("envelope-c", "coil-current", None, ("current", "A"))), 1.0)
+        journal.write(event_of("recording", **recording("envelope-w", "warming", None, ("slope", "K/min"))), 1.0)
+        journal.write(
+            event_of("recording", **recording("001-rest", "rest", "test_rest", ("x", "V"), ("current", "A"))), 2.0
+        )
+        journal.write(event_of("fed", limit="coil-current", recording="001-rest"), 2.0)
+        journal.write(event_of("fed", limit="warming", recording="001-rest"), 2.0)
     (tmp_path / "data/bench").mkdir(exist_ok=True)
     computed = "- {id: warming, output: cell, quantity: slope, of: temperature, over: 60 s, unit: K/min, max: 2}\n"
     (tmp_path / "data/bench/bench.yaml").write_text(LIMITS + computed)

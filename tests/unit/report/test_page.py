@@ -224,9 +224,7 @@ def test_every_verdict_is_shown_as_itself(tmp_path, verdict):
     assert case.startswith(f"A case. {verdict} ")
 
 
-@pytest.mark.parametrize(
-    ("source", "word"), [("simulated", "SIMULATED"), ("replayed", "REPLAYED"), ("", "SOURCE NOT RECORDED")]
-)
+@pytest.mark.parametrize(("source", "word"), [("simulated", "SIMULATED"), ("replayed", "REPLAYED")])
 def test_what_is_not_hardware_says_so_on_every_page(tmp_path, source, word):
     """The header that printing repeats names the source, the run and the evidence digest."""
     page = page_of(tmp_path, run={"source": source}, events=list(one_case("PASS")))

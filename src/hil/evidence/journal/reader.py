@@ -13,8 +13,10 @@ from typing import Any, BinaryIO
 
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.durable import open_plain, read_plain, sync_file, sync_folder
+from hil.evidence.events import Event, Results
+from hil.evidence.events.codec import decode, encode
+from hil.evidence.events.quick_json import quick_canonical
 from hil.evidence.folder import JOURNAL, TORN
-from hil.evidence.journal.quick_json import quick_canonical
 from hil.model.errors import EvidenceError, Finding
 
 __all__ = [
@@ -59,13 +61,15 @@ class JournalLine:
 
     Attributes:
         number: the line's number, from 1.
-        body: the event.
+        event: the event.
+        body: the same as JSON.
         wall: what is true of this place and moment only: the stamp, and hashes of files that hold such things.
         raw: the body's bytes.
-        rest: the line's bytes behind the body.
+        rest: the line's bytes after the body.
     """
 
     number: int
+    event: Event
     body: Body
     wall: Body
     raw: bytes
@@ -76,7 +80,7 @@ class JournalLine:
         """Whether every byte of the line is as the writer writes it."""
         end = len(_BEFORE_PREVIOUS) + len(FIRST)
         wall = b"%b%b}" % (_AFTER_PREVIOUS, quick_canonical(self.wall))
-        return quick_canonical(self.body) == self.raw and self.rest[end:] == wall
+        return encode(self.event) == self.raw and self.rest[end:] == wall
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,15 +100,20 @@ class JournalReading:
     head: str
 
     @property
-    def events(self) -> tuple[Body, ...]:
-        """The bodies, in order."""
+    def events(self) -> tuple[Event, ...]:
+        """The events, in order."""
+        return tuple(line.event for line in self.lines)
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """The same as JSON."""
         return tuple(line.body for line in self.lines)
 
     @property
     def content_digest(self) -> str:
         """SHA-256 over the bodies before the results, each with a newline."""
         content = hashlib.sha256()
-        for line in takewhile(lambda line: line.body["kind"] != "results", self.lines):
+        for line in takewhile(lambda line: not isinstance(line.event, Results), self.lines):
             content.update(line.raw + b"\n")
         return content.hexdigest()
 
@@ -130,7 +139,7 @@ def require_known_format(reading: JournalReading) -> None:
     Raises:
         UnknownFormat: where it does not.
     """
-    run = next((event for event in reading.events[:1] if event["kind"] == "run"), None)
+    run = next((event for event in reading.bodies[:1] if event["kind"] == "run"), None)
     if run is None or ((found := run.get("format")) == FORMAT and type(found) is int):
         return
     raise UnknownFormat(
@@ -221,7 +230,9 @@ def _line(number: int, raw: bytes, *, whole: bool) -> tuple[JournalLine, str]:
         raise JsonError("a body has a kind, and t in seconds")
     cut = raw.rfind(_BEFORE_PREVIOUS)
     sealed, rest = raw[len(_START) : cut], raw[cut:]
-    return JournalLine(number=number, body=_shared(body), wall=_shared(stamp), raw=sealed, rest=rest), previous
+    shared = _shared(body)
+    line = JournalLine(number=number, event=decode(shared), body=shared, wall=_shared(stamp), raw=sealed, rest=rest)
+    return line, previous
 
 
 def _shared(fields: Mapping[str, Any]) -> dict[str, Any]:

@@ -5,19 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from hil.evidence.journal.past import FROM_OUTSIDE
+from hil.evidence.events import Event, Origin, Resumed, Voided
+from hil.evidence.events.codec import KINDS
 from hil.evidence.journal.reader import Body
 
-__all__ = ["Entry", "Voided", "entries", "standing"]
-
-
-@dataclass(frozen=True, slots=True)
-class Voided:
-    """What a recording held when its run was entered again: the rows from `first` to before `end` are void."""
-
-    recording: str
-    first: int
-    end: int
+__all__ = ["Entry", "entries", "standing", "standing_bodies"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,32 +39,42 @@ class Entry:
     over: bool = False
 
 
-def entries(events: Iterable[Body]) -> tuple[Entry, ...]:
+def entries(events: Iterable[Event]) -> tuple[Entry, ...]:
     """Return where a run was entered again, in order."""
     return tuple(
         Entry(
-            place=event["entry"]["place"],
-            boundary=event["entry"]["boundary"],
-            void_to=event["entry"]["void_to"],
-            operations=event["entry"]["operations"],
-            at=event["t"],
-            number=event["entry"]["number"],
-            rows=tuple(Voided(**each) for each in event["entry"]["rows"]),
-            kept=event["entry"]["kept"],
-            over=event["entry"].get("over", False),
+            place=event.entry.place,
+            boundary=event.entry.boundary,
+            void_to=event.entry.void_to,
+            operations=event.entry.operations,
+            at=event.t,
+            number=event.entry.number,
+            rows=event.entry.rows,
+            kept=event.entry.kept,
+            over=bool(event.entry.over),
         )
         for event in events
-        if event["kind"] == "resumed" and event.get("entry")
+        if isinstance(event, Resumed) and event.entry
     )
 
 
-def standing(events: Sequence[Body]) -> tuple[Body, ...]:
+def standing(events: Sequence[Event]) -> tuple[Event, ...]:
     """Return the events that stand; what came from outside of the run's own course is never void."""
     void = [(entry.boundary, entry.void_to) for entry in entries(events)]
-    if not void:
-        return tuple(events)
     return tuple(
         event
         for event in events
-        if event["kind"] in FROM_OUTSIDE or not any(after < event["seq"] <= last for after, last in void)
+        if event.origin is Origin.OUTSIDE or not any(after < event.seq <= last for after, last in void)
+    )
+
+
+def standing_bodies(events: Sequence[Body]) -> tuple[Body, ...]:
+    """Return the bodies of the events that stand."""
+    told = [event["entry"] for event in events if event["kind"] == "resumed" and event.get("entry")]
+    void = [(entry["boundary"], entry["void_to"]) for entry in told]
+    return tuple(
+        event
+        for event in events
+        if KINDS[event["kind"]].origin is Origin.OUTSIDE
+        or not any(after < event["seq"] <= last for after, last in void)
     )

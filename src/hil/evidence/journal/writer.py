@@ -7,42 +7,19 @@ import os
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import MappingProxyType, TracebackType
+from types import TracebackType
 from typing import Self
 
 from hil.clock import wall
 from hil.evidence.durable import DISK_FULL, sync_folder
+from hil.evidence.events import NOTHING, Anomaly, Event
+from hil.evidence.events.codec import encode, stamped
+from hil.evidence.events.quick_json import quick_canonical
 from hil.evidence.folder import free_reserve
-from hil.evidence.journal.quick_json import quick_canonical
 from hil.evidence.journal.reader import FIRST, read_journal
 from hil.model.errors import EvidenceError, Refused
 
-__all__ = ["SYNCED", "Journal"]
-
-SYNCED = frozenset(
-    {
-        "answer",
-        "armed",
-        "attachment",
-        "case",
-        "case-end",
-        "check",
-        "end",
-        "fault",
-        "planned",
-        "recovered",
-        "results",
-        "run",
-        "safe",
-        "safe-end",
-        "step",
-        "step-end",
-        "stop",
-        "trip",
-    }
-)
-"""Kinds that are on the disk before `write` returns; the others have left the process, and follow with the next of
-these or with `tick`. The rows of a recording come to the disk by themselves."""
+__all__ = ["Journal"]
 
 _OLDEST_S = 0.5
 
@@ -107,19 +84,16 @@ class Journal:
         """Bench time of the newest event."""
         return self._last_t
 
-    def write(
-        self, kind: str, t: float, *, beside: Mapping[str, object] = MappingProxyType({}), **fields: object
-    ) -> int:
+    def write(self, event: Event, t: float, *, beside: Mapping[str, object] = NOTHING) -> int:
         """Write one event down and return its sequence number.
 
         On a full disk the reserve is given back and the event still written; that is told once, by an error. From
         then on events are written as far as space allows, so that making the bench safe is not disturbed again.
 
         Args:
-            kind: the event's kind; kinds of `SYNCED` are on the disk when this returns.
+            event: the event, not stamped yet; a `synced` one is on the disk when this returns.
             t: bench time in seconds.
             beside: what is true of this place and moment only; it goes into the line's wall half, beside the stamp.
-            fields: the rest of the body: JSON values, no wall time, host, pid or path of this machine.
 
         Raises:
             JsonError: for values that have no canonical JSON; nothing is written.
@@ -131,9 +105,9 @@ class Journal:
         try:
             if self._lost:
                 text = f"disk full: {self._lost} events before this one could not be written"
-                self._append("anomaly", t, {"text": text}, {})
+                self._append(Anomaly(text=text), t, NOTHING)
                 self._lost = 0
-            number = self._append(kind, t, fields, beside)
+            number = self._append(event, t, beside)
         except OSError as error:
             if error.errno not in DISK_FULL:
                 raise EvidenceError(f"{self._path}: cannot be written: {error.strerror}", "check the disk") from error
@@ -188,18 +162,18 @@ class Journal:
         self._head = reading.head.encode()
         self._sequence = len(reading.lines)
         self._size = self._path.stat().st_size
-        self._last_t = float(reading.lines[-1].body["t"]) if reading.lines else 0.0
+        self._last_t = reading.lines[-1].event.t if reading.lines else 0.0
 
-    def _append(self, kind: str, t: float, fields: dict[str, object], beside: Mapping[str, object]) -> int:
+    def _append(self, event: Event, t: float, beside: Mapping[str, object]) -> int:
         number = self._sequence
-        body = quick_canonical({**fields, "seq": number, "t": round(t, 9), "kind": kind})
+        body = encode(stamped(event, number, t))
         line = b'{"body":%b,"prev":"%b","wall":%b}' % (body, self._head, self._wall(beside))
         self._put(line + b"\n")
         self._head = hashlib.sha256(line).hexdigest().encode()
         self._content.update(body + b"\n")
         self._sequence += 1
         self._last_t = t
-        if kind in SYNCED:
+        if event.synced:
             self._sync()
         elif self._waits_since is None:
             self._waits_since = self._now()

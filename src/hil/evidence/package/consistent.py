@@ -60,7 +60,7 @@ def _journal_findings(_: Path, reading: JournalReading, __: Hashes) -> Iterator[
     yield from reading.findings
     if reading.torn:
         yield Finding(JOURNAL, 0, 0, f"{len(reading.torn)} bytes at the end are half a line")
-    kinds = [event["kind"] for event in reading.events]
+    kinds = [event["kind"] for event in reading.bodies]
     if kinds[:1] != ["run"] or kinds[-2:] != ["results", "end"] or kinds.count("results") != 1:
         yield Finding(JOURNAL, 0, 0, "a sealed journal begins with run, and ends with results and end, each once")
     for line in reading.lines:
@@ -80,7 +80,7 @@ def _file_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator
 
 
 def _begun_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
-    run = reading.events[0] if reading.events else {}
+    run = reading.bodies[0] if reading.bodies else {}
     for field, path in (("catalogue", CATALOGUE), ("parameters", PARAMETERS), ("calibration", CALIBRATION)):
         if run.get(field) != hashes.get(path):
             yield Finding(path, 0, 0, f"this is not the {field} that the run was begun with")
@@ -112,7 +112,7 @@ def _recording_findings(folder: Path, reading: JournalReading, hashes: Hashes) -
     written = hashes_at_end(reading)
     claims: dict[str, dict[int, str]] = {}
     ended: dict[str, int] = {}
-    for event in reading.events:
+    for event in reading.bodies:
         if event["kind"] == "recording":
             claims.setdefault(event["recording"], {})
         elif event["kind"] in {"rows", "recording-end"}:
@@ -140,7 +140,7 @@ def _row_findings(folder: Path, path: str, claim: Mapping[int, str], rows: int) 
 
 
 def _attachment_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
-    for event in reading.events:
+    for event in reading.bodies:
         if event["kind"] == "attachment":
             path = f"{ATTACHMENTS}/{event['file']}"
             if hashes.get(path) != event["sha256"]:
@@ -157,4 +157,4 @@ def _check_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterato
 
 def results_event(reading: JournalReading) -> Body:
     """Return the body of the `results` event, empty where there is none."""
-    return next((event for event in reading.events if event["kind"] == "results"), {})
+    return next((event for event in reading.bodies if event["kind"] == "results"), {})

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from hil.evidence.durable import read_plain
+from hil.evidence.events import Event
 from hil.evidence.folder import JOURNAL, RECORDINGS, RESULTS, TRANSCRIPT, is_sealed
 from hil.evidence.journal.reader import Body, JournalLine, JournalReading, read_journal, require_known_format
 from hil.evidence.journal.standing import standing
@@ -17,6 +18,8 @@ from hil.evidence.results.facts import Entries, facts_of, read_json
 from hil.model.errors import EvidenceError
 
 __all__ = ["Package"]
+
+_Event = TypeVar("_Event", bound=Event)
 
 
 class Package:
@@ -65,8 +68,13 @@ class Package:
         return reading
 
     @cached_property
-    def _events(self) -> tuple[Body, ...]:
+    def _standing(self) -> tuple[Event, ...]:
         return standing(self._reading.events)
+
+    @cached_property
+    def _events(self) -> tuple[Body, ...]:
+        kept = {event.seq for event in self._standing}
+        return tuple(body for body in self._reading.bodies if body["seq"] in kept)
 
     @cached_property
     def _of_recordings(self) -> tuple[dict[str, Body], dict[str, Body]]:
@@ -83,6 +91,10 @@ class Package:
         if not kinds:
             return self._events
         return tuple(event for event in self._events if event["kind"] in kinds)
+
+    def of(self, kind: type[_Event]) -> tuple[_Event, ...]:
+        """Return the events of one kind that stand, in order."""
+        return tuple(event for event in self._standing if type(event) is kind)
 
     def run(self) -> Body:
         """Return the body of the `run` event, empty where there is none yet."""

@@ -57,7 +57,7 @@ def file_findings(reading: JournalReading, hashes: Mapping[str, str]) -> Iterato
         reading: the journal of a sealed run.
         hashes: path and SHA-256 of every file below `data`, as they are now.
     """
-    if [event["kind"] for event in reading.events[:2]] not in _HEAD:
+    if [event["kind"] for event in reading.bodies[:2]] not in _HEAD:
         yield Finding(JOURNAL, 0, 0, "its second event does not name what was frozen")
     frozen = _frozen(reading)
     for path, digest in frozen.items():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+from hil.evidence import events
 from hil.evidence.durable import read_plain
 from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE, hold, is_sealed
 from hil.evidence.journal.reader import Body, cut_torn_tail, read_journal, require_known_format
@@ -52,28 +53,28 @@ def _seal_as_it_is(folder: Path, write_reports: ReportWriter) -> str:
         raise EvidenceError(f"{folder.name}: {reading.findings[0]}", "a damaged journal is not sealed; keep the folder")
     if not reading.lines:
         raise Refused(f"{folder.name}: nothing was recorded", "the folder can be deleted")
-    kinds = {event["kind"] for event in reading.events}
+    kinds = {event["kind"] for event in reading.bodies}
     if "end" in kinds:
         return finish(folder, write_reports)
     with Journal(folder / JOURNAL, reserve=folder / RESERVE) as journal:
         if "results" in kinds:
-            _write_end(folder, journal, reading.events)
+            _write_end(folder, journal, reading.bodies)
             return finish(folder, write_reports)
         if torn or "recovered" not in kinds:
             text = "the run was interrupted and is sealed as it is"
-            journal.write("recovered", journal.last_t, torn_bytes=torn, text=text)
-        _end_recordings(folder, journal, reading.events)
+            journal.write(events.Recovered(torn_bytes=torn, text=text), journal.last_t)
+        _end_recordings(folder, journal, reading.bodies)
         return seal(folder, journal, exit_code=EXIT_CODE, write_reports=write_reports)
 
 
-def _write_end(folder: Path, journal: Journal, events: tuple[Body, ...]) -> None:
-    verdict = Verdict(next(event["verdict"] for event in events if event["kind"] == "results"))
+def _write_end(folder: Path, journal: Journal, bodies: tuple[Body, ...]) -> None:
+    verdict = Verdict(next(event["verdict"] for event in bodies if event["kind"] == "results"))
     write_end(folder, journal, exit_code=0 if verdict.good else 1)
 
 
-def _end_recordings(folder: Path, journal: Journal, events: tuple[Body, ...]) -> None:
-    ended = {event["recording"] for event in events if event["kind"] == "recording-end"}
-    begun = {event["recording"]: event for event in events if event["kind"] == "recording"}  # again in a resumed run
+def _end_recordings(folder: Path, journal: Journal, bodies: tuple[Body, ...]) -> None:
+    ended = {event["recording"] for event in bodies if event["kind"] == "recording-end"}
+    begun = {event["recording"]: event for event in bodies if event["kind"] == "recording"}  # again in a resumed run
     for recording, event in begun.items():
         if recording not in ended:
             _end_recording(folder, journal, event)
@@ -88,16 +89,11 @@ def _end_recording(folder: Path, journal: Journal, begun: Body) -> None:
         on_block=partial(_write_rows, journal, identifier),
     )
     end = rows.finish()
-    journal.write(
-        "recording-end",
-        journal.last_t,
-        recording=identifier,
-        rows=end.rows,
-        sha256=end.sha256,
-        complete=False,
-        gaps=end.largest_gap_s,
+    ended = events.RecordingEnd(
+        recording=identifier, rows=end.rows, sha256=end.sha256, complete=False, gaps=end.largest_gap_s
     )
+    journal.write(ended, journal.last_t)
 
 
 def _write_rows(journal: Journal, identifier: str, rows: int, sha256: str) -> None:
-    journal.write("rows", journal.last_t, recording=identifier, rows=rows, sha256=sha256)
+    journal.write(events.Rows(recording=identifier, rows=rows, sha256=sha256), journal.last_t)

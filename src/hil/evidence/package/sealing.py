@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.documents.canonical import canonical
+from hil.evidence import events
 from hil.evidence.durable import DISK_FULL, sync_folder, write_whole
 from hil.evidence.folder import CHECKPOINT, INBOX, JOURNAL, RECORDINGS, RESERVE, RESULTS, free_reserve, is_sealed
 from hil.evidence.inbox import Message, poll
@@ -90,25 +91,25 @@ def not_sealed(folder: Path, error: BaseException, then: str) -> EvidenceError:
 def _write_results(folder: Path, journal: Journal) -> None:
     """Empty the inbox, convert the recordings, and derive the results."""
     for message in poll(folder):
-        kind, fields = event_of(message)
-        journal.write(kind, journal.last_t, beside=message.beside, **fields)
+        journal.write(event_of(message), journal.last_t, beside=message.beside)
     reading = read_journal(folder / JOURNAL)
     journal.sync()  # rows are removed below, and their hashes stand in the ends of the recordings
-    if wrong := _convert_all(folder, reading.events):
+    if wrong := _convert_all(folder, reading.bodies):
         for text in wrong:
-            journal.write("anomaly", journal.last_t, text=text)
+            journal.write(events.Anomaly(text=text), journal.last_t)
         reading = read_journal(folder / JOURNAL)
     results = results_of(folder, reading)
     data = canonical(results)
     write_whole(folder / RESULTS, data)
-    journal.write("results", journal.last_t, sha256=hashlib.sha256(data).hexdigest(), verdict=results["verdict"])
+    found = events.Results(sha256=hashlib.sha256(data).hexdigest(), verdict=results["verdict"])
+    journal.write(found, journal.last_t)
 
 
 def write_end(folder: Path, journal: Journal, *, exit_code: int) -> None:
     """Write the journal's last event, which names every file, and close the journal; the results are written."""
     remove_halves(folder)
     wall = {"files": inventory(folder)}
-    journal.write("end", journal.last_t, beside=wall, state="SEALED", exit_code=exit_code)
+    journal.write(events.End(state="SEALED", exit_code=exit_code), journal.last_t, beside=wall)
     journal.close()
 
 
@@ -138,28 +139,28 @@ def info_of(folder: Path, identifier: str, reading: JournalReading) -> bytes:
     )
 
 
-def event_of(message: Message) -> tuple[str, dict[str, Any]]:
-    """Return the event, as kind and fields, that writes down what came through the inbox."""
-    said = {"text": message.text, "by": message.by}
+def event_of(message: Message) -> events.Event:
+    """Return the event that writes down what came through the inbox."""
+    by, text = message.by, message.text
     match message.kind:
         case "attachment":
-            return "attachment", {"file": message.file, "sha256": message.sha256, **said}
+            return events.Attachment(file=message.file, sha256=message.sha256, by=by, text=text)
         case "note":
-            return "note", said
+            return events.Note(by=by, text=text)
         case "ack":
-            return "acknowledged", {**said, "guardian": message.sha256}
+            return events.Acknowledged(by=by, text=text, guardian=message.sha256)
         case "reached":
-            return "reached", {"by": message.by, "ok": False}
+            return events.Reached(by=by, ok=False)
         case "hold" | "release":
-            return "hold-asked", {"release": message.kind == "release", **said}
+            return events.HoldAsked(release=message.kind == "release", by=by, text=text)
         case _:
-            return "anomaly", {"text": f"inbox, {message.kind} by {message.by or 'nobody'}: {message.text}"}
+            return events.Anomaly(text=f"inbox, {message.kind} by {by or 'nobody'}: {text}")
 
 
-def _convert_all(folder: Path, events: Sequence[Body]) -> list[str]:
+def _convert_all(folder: Path, bodies: Sequence[Body]) -> list[str]:
     """Convert every recording; return what is wrong with some, a sentence each."""
-    ends = {event["recording"]: event for event in events if event["kind"] == "recording-end"}
-    begun = {event["recording"]: event for event in events if event["kind"] == "recording"}  # again in a resumed run
+    ends = {event["recording"]: event for event in bodies if event["kind"] == "recording-end"}
+    begun = {event["recording"]: event for event in bodies if event["kind"] == "recording"}  # again in a resumed run
     waiting: list[Path] = []
     wrong = []
     for event in begun.values():

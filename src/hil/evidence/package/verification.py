@@ -114,9 +114,9 @@ def _verify_sealed(folder: Path) -> Verification:
         content_digest=reading.content_digest,
         verdict=str(results_event(reading)["verdict"]),
         run=identifier_of(read_plain(folder / INFO).decode()),
-        source=str(reading.events[0].get("source", "")),
-        deviates=bool(reading.events[0].get("deviations")) or any(each.get("deviation") for each in reading.events),
-        complete=not {"recovered", "stop"} & {event["kind"] for event in standing(reading.events)},
+        source=str(reading.bodies[0].get("source", "")),
+        deviates=bool(reading.bodies[0].get("deviations")) or any(each.get("deviation") for each in reading.bodies),
+        complete=not {"recovered", "stop"} & {event.kind() for event in standing(reading.events)},
     )
 
 
@@ -135,7 +135,7 @@ def _verify_unsealed(folder: Path, state: State) -> Verification:
     except EvidenceError as error:
         unread = (_unsealed(state), *findings, Finding(JOURNAL, 0, 0, error.message))
         return Verification(folder=folder, state=state, findings=unread)
-    if not running and was_safed(folder, reading.events):
+    if not running and was_safed(folder, reading.bodies):
         state = State.SAFED
     findings.insert(0, _unsealed(state))
     findings += reading.findings

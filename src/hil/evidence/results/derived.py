@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.evidence.journal.reader import Body, JournalReading
-from hil.evidence.journal.standing import standing
+from hil.evidence.journal.standing import standing_bodies
 from hil.evidence.results.eligibility import reasons_against
 from hil.evidence.results.facts import Facts, facts_of
 from hil.model.verdict import Verdict, worst
@@ -133,7 +133,7 @@ def results_of(folder: Path, reading: JournalReading, form: int = FORMAT) -> Der
     Raises:
         EvidenceError: where what was frozen cannot be read.
     """
-    return derive(reading.events, facts_of(folder, reading), content_digest=reading.content_digest, form=form)
+    return derive(reading.bodies, facts_of(folder, reading), content_digest=reading.content_digest, form=form)
 
 
 def derive(events: Sequence[Body], facts: Facts, *, content_digest: str, form: int = FORMAT) -> Derived:
@@ -142,7 +142,7 @@ def derive(events: Sequence[Body], facts: Facts, *, content_digest: str, form: i
     A planned case that did not end is ABORTED if it began and NOT_RUN if it did not. A requirement's verdict is the
     worst of all planned cases that carry it. Events from `results` on are not looked at.
     """
-    events = standing(list(takewhile(lambda event: event["kind"] != "results", events)))
+    events = standing_bodies(list(takewhile(lambda event: event["kind"] != "results", events)))
     run = next((event for event in events if event["kind"] == "run"), {})
     kinds = {event["kind"] for event in events}
     safe_ends = [bool(event["ok"]) for event in events if event["kind"] == "safe-end"]

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable
 from itertools import chain, count
 from pathlib import Path
 
+from hil.evidence import events
 from hil.evidence.durable import read_plain, write_whole
+from hil.evidence.events import EventSink
 from hil.executive.cases.effects import Effects
 from hil.executive.cases.steps import Steps, file_part
 from hil.model.errors import Misused
@@ -27,17 +28,15 @@ class Artifacts:
     Args:
         steps: tells the case.
         effects: where it is noted.
-        write: writes an event.
+        journal: where events are written.
         folder: where attachments lie.
         made: the files that cases of this run have made; what is made here is added.
     """
 
-    def __init__(
-        self, steps: Steps, effects: Effects, write: Callable[..., None], folder: Path, made: set[Path]
-    ) -> None:
+    def __init__(self, steps: Steps, effects: Effects, journal: EventSink, folder: Path, made: set[Path]) -> None:
         self._steps = steps
         self._effects = effects
-        self._write = write
+        self._journal = journal
         self._folder = folder
         self._made = made
         self._kept: set[str] = set()
@@ -71,7 +70,8 @@ class Artifacts:
         self._kept.add(name)
         path = self._free(name, data)
         write_whole(path, data)
-        self._write("attachment", file=path.name, sha256=digest, by=self._steps.case, text="made by the case")
+        made = events.Attachment(file=path.name, sha256=digest, by=self._steps.case, text="made by the case")
+        self._journal.write(made)
         return path.name
 
     def _free(self, name: str, data: bytes) -> Path:

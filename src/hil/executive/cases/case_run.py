@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from hil.evidence import events
+from hil.evidence.events import EventSink
 from hil.executive.cases.artifacts import Artifacts
 from hil.executive.cases.checks import CheckFailed, Checks
 from hil.executive.cases.effects import Effects
@@ -18,6 +20,7 @@ from hil.executive.setup.head import PlannedCase
 from hil.executive.watching.scheduler import CaseTimeout, Scheduler
 from hil.model.bench import InstrumentSpec
 from hil.model.errors import DeviceFault, Diverged, HilError, Implausible
+from hil.model.identity import Source
 from hil.model.verdict import NO_CHECK, Verdict, worst
 from hil.requirements.requirement import Kind, Requirement
 
@@ -53,9 +56,9 @@ class CaseRun:
     operator: Operator
     artifact: Artifacts
     scheduler: Scheduler
-    write: Callable[..., None]
-    source: str
-    used: dict[str, str] = field(default_factory=dict)
+    journal: EventSink
+    source: Source
+    used: dict[str, Source] = field(default_factory=dict)
     _bench_faults: list[str] = field(default_factory=list)
     _dut_faults: list[str] = field(default_factory=list)
     _problems: list[str] = field(default_factory=list)
@@ -162,14 +165,15 @@ class CaseRun:
         self._bench_faults.append(str(fault))
 
     def _write_fault(self, fault: DeviceFault, *, dut: bool) -> None:
-        self.write(
-            "fault",
-            case=self.planned.id,
-            device=fault.device,
-            dut=dut,
-            error=type(fault).__name__,
-            message=fault.message,
-            hint=fault.hint,
+        self.journal.write(
+            events.Fault(
+                case=self.planned.id,
+                device=fault.device,
+                dut=dut,
+                error=type(fault).__name__,
+                message=fault.message,
+                hint=fault.hint,
+            )
         )
 
     def _took_too_long(self) -> None:

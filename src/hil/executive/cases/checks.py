@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
 from typing import TypeGuard
 
 from hil.bench.calibration import standard_uncertainty
 from hil.documents.suggest import did_you_mean
+from hil.evidence import events
+from hil.evidence.events import EventSink
 from hil.executive.cases.facade import Facade
 from hil.executive.cases.steps import Steps, one_line
 from hil.model.errors import HilError, Misused
@@ -43,7 +45,7 @@ class Checks:
     Args:
         requirements: the requirements of the case's marker, by id.
         steps: tells case and step.
-        write: writes an event.
+        journal: where events are written.
         used: the instruments that the case has used so far; every one of them may stand behind a figure.
 
     Attributes:
@@ -51,11 +53,11 @@ class Checks:
     """
 
     def __init__(
-        self, requirements: dict[str, Requirement], steps: Steps, write: Callable[..., None], used: Collection[str]
+        self, requirements: dict[str, Requirement], steps: Steps, journal: EventSink, used: Collection[str]
     ) -> None:
         self._requirements = requirements
         self._steps = steps
-        self._write = write
+        self._journal = journal
         self._used = used
         self._evaluated: list[Evaluated] = []
         self.refused: list[HilError] = []
@@ -181,7 +183,7 @@ class Checks:
             judgement = replace(judgement, reason=reason)
         if doubts:
             judgement = replace(judgement, verdict=Verdict.INCONCLUSIVE, reason="; ".join(doubts))
-        self._note(requirement, limit, of, judgement, {"status": status, **({"doubts": doubts} if doubts else {})})
+        self._note(requirement, limit, of, judgement, status, doubts)
 
     def _placed(self, requirement: str, reason: str) -> str:
         """Return a reason with where the requirement stands that asks for so much."""
@@ -189,33 +191,40 @@ class Checks:
         return f"{reason} ({place.path}:{place.line})" if place.path else reason
 
     def _note(
-        self, requirement: str, limit: Limit, of: str | None, judgement: Judgement, source: Mapping[str, object]
+        self,
+        requirement: str,
+        limit: Limit,
+        of: str | None,
+        judgement: Judgement,
+        status: str,
+        doubts: tuple[str, ...],
     ) -> None:
         verdict = judgement.verdict
         if verdict is Verdict.PASS and self._requirements[requirement].kind is Kind.RECORD:
             verdict = Verdict.RECORDED
-        self._write(
-            "check",
+        check = events.Check(
             case=self._steps.case,
             step=self._steps.number,
             requirement=requirement,
             parameter=limit.parameter,
             of=of,
-            value=_told(judgement.value),
+            value=judgement.value if isinstance(judgement.value, str) else _told(judgement.value),
             unit=judgement.unit,
             uncertainty=_told(judgement.uncertainty),
             dof=_told(judgement.dof),
-            **source,
-            limit={"min": limit.minimum, "max": limit.maximum, "equals": limit.equals},
+            status=status,
+            doubts=doubts,
+            limit=events.Bounds(min=limit.minimum, max=limit.maximum, equals=limit.equals),
             limit_unit=limit.unit,
-            decision=judgement.decision.value,
+            decision=judgement.decision,
             expanded=_told(judgement.expanded),
             margin=_told(judgement.margin),
             tur=_told(judgement.tur),
-            verdict=verdict.value,
+            verdict=verdict,
             reason=judgement.reason,
-            instruments=sorted(self._used),
+            instruments=tuple(sorted(self._used)),
         )
+        self._journal.write(check)
         self._evaluated.append(
             Evaluated(
                 requirement=requirement, parameter=limit.parameter, of=of, verdict=verdict, reason=judgement.reason
@@ -247,11 +256,9 @@ def _digits(number: float) -> float:
     return float(f"{number:.12g}")
 
 
-def _told(number: float | str | None) -> float | str | None:
+def _told(number: float | None) -> float | None:
     """Return a number for the journal, None where it is not finite."""
-    if number is None or isinstance(number, str):
-        return number
-    return _digits(number) if math.isfinite(number) else None
+    return None if number is None or not math.isfinite(number) else _digits(number)
 
 
 def given(value: object, limit: Limit, what: str) -> Figure | str:

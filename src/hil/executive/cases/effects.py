@@ -5,12 +5,18 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from typing import Protocol, TypeVar, cast
+from typing import Literal, Protocol, TypeVar, cast
 
+import msgspec
+
+from hil.evidence import events
+from hil.evidence.events import EventSink
 from hil.model.errors import Diverged
 from hil.model.figure import decoded, encoded
 
-__all__ = ["Effects", "Recall", "Where"]
+__all__ = ["Effects", "Kind", "Recall", "Where"]
+
+Kind = Literal["drives", "reads", "waits", "records", "asks"]
 
 _Result = TypeVar("_Result")
 
@@ -33,28 +39,28 @@ class Recall:
     """The effects of an earlier run, which a case that is run again must ask for in the same order.
 
     Args:
-        effects: the bodies of the `effect` events, in order.
+        effects: its effects, in order.
         answered: which kinds are answered from the record instead of being performed again.
     """
 
-    def __init__(self, effects: Sequence[Mapping[str, object]], answered: frozenset[str]) -> None:
-        self._effects: dict[str, list[Mapping[str, object]]] = {}
+    def __init__(self, effects: Sequence[events.Effect], answered: frozenset[str]) -> None:
+        self._effects: dict[str, list[events.Effect]] = {}
         for effect in effects:
-            self._effects.setdefault(str(effect["case"]), []).append(effect)
+            self._effects.setdefault(effect.case, []).append(effect)
         self._answered = answered
 
-    def take(self, key: Mapping[str, object]) -> Mapping[str, object]:
-        """Return the recorded effect of that key.
+    def take(self, asked: events.Effect) -> events.Effect:
+        """Return the recorded effect that a case asks for.
 
         Raises:
             Diverged: if the case did something else here in the record, or had ended.
         """
-        waiting = self._effects.get(str(key["case"]), [])
+        waiting = self._effects.get(asked.case, [])
         if not waiting:
-            raise Diverged(f"{_spoken(key)}, but the record of this case has ended")
+            raise Diverged(f"{_spoken(asked)}, but the record of this case has ended")
         found = waiting.pop(0)
-        if any(found[name] != value for name, value in key.items()):
-            raise Diverged(f"{_spoken(key)}, but the record holds {_spoken(found)}")
+        if _key(found) != _key(asked):
+            raise Diverged(f"{_spoken(asked)}, but the record holds {_spoken(found)}")
         return found
 
     def rest(self, case: str) -> str:
@@ -62,16 +68,16 @@ class Recall:
         waiting = self._effects.get(case, [])
         return _spoken(waiting[0]) if waiting else ""
 
-    def answers(self, effect: Mapping[str, object]) -> bool:
+    def answers(self, effect: events.Effect) -> bool:
         """Return whether the record answers in place of the world; nobody answered where it was declined."""
-        return effect["effect"] in self._answered and "raised" not in effect
+        return effect.effect in self._answered and not effect.raised
 
 
 class Effects:
     """Performs effects, numbers them, and writes them down with arguments and result.
 
     Args:
-        write: writes an event.
+        journal: where events are written.
         where: tells case and step.
         recall: the record that this run has to agree with, or None.
         undisturbed: keeps requests to stop waiting while an effect is performed.
@@ -82,24 +88,24 @@ class Effects:
 
     def __init__(
         self,
-        write: Callable[..., None],
+        journal: EventSink,
         where: Where,
         recall: Recall | None = None,
         undisturbed: Callable[[], AbstractContextManager[None]] = nullcontext,
     ) -> None:
-        self._write = write
+        self._journal = journal
         self._where = where
         self._recall = recall
         self._undisturbed = undisturbed
         self.diverged = ""
         self._ordinals: Counter[tuple[str, str]] = Counter()
 
-    def perform(self, name: str, kind: str, arguments: Mapping[str, object], action: Callable[[], _Result]) -> _Result:
+    def perform(self, name: str, kind: Kind, arguments: Mapping[str, object], action: Callable[[], _Result]) -> _Result:
         """Perform one effect and return its result.
 
         Args:
             name: what is done, such as `supply.coil.configure`.
-            kind: `drives`, `reads`, `waits` or `asks`.
+            kind: what it does to the world or learns of it.
             arguments: JSON values.
             action: does it.
 
@@ -121,36 +127,49 @@ class Effects:
         if rest and not self.diverged:
             self.diverged = f"the case has ended, but its record goes on with {rest}"
 
-    def _perform(self, name: str, kind: str, arguments: Mapping[str, object], action: Callable[[], _Result]) -> _Result:
+    def _perform(
+        self, name: str, kind: Kind, arguments: Mapping[str, object], action: Callable[[], _Result]
+    ) -> _Result:
         number = self._where.number
         self._ordinals[number, name] += 1
-        key = {
-            "case": self._where.case,
-            "step": number,
-            "name": name,
-            "ordinal": self._ordinals[number, name],
-            "effect": kind,
-            "arguments": encoded(arguments),
-        }
-        recorded = self._recall.take(key) if self._recall else None
+        asked = events.Effect(
+            case=self._where.case,
+            step=number,
+            name=name,
+            ordinal=self._ordinals[number, name],
+            effect=kind,
+            arguments=_arguments(arguments),
+            result=None,
+        )
+        recorded = self._recall.take(asked) if self._recall else None
         try:
             if recorded is not None and self._recall and self._recall.answers(recorded):
-                result = cast("_Result", decoded(recorded["result"]))
+                result = cast("_Result", decoded(recorded.result))
             else:
                 result = action()
         except BaseException as error:
-            self._end(key, recorded, None, type(error).__name__)
+            self._end(asked, recorded, None, type(error).__name__)
             raise
-        self._end(key, recorded, encoded(result), "")
+        self._end(asked, recorded, encoded(result), "")
         return result
 
-    def _end(self, key: Mapping[str, object], recorded: Mapping[str, object] | None, told: object, raised: str) -> None:
+    def _end(self, asked: events.Effect, recorded: events.Effect | None, told: object, raised: str) -> None:
         """Compare how an effect ended with the record, and write it down."""
-        if recorded is not None and (told, raised) != (recorded["result"], recorded.get("raised", "")):
-            held = recorded.get("raised") or recorded["result"]
-            raise Diverged(f"{_spoken(key)} gave {raised or told}, but the record holds {held}")
-        self._write("effect", **key, result=told, **({"raised": raised} if raised else {}))
+        if recorded is not None and (told, raised) != (recorded.result, recorded.raised):
+            held = recorded.raised or recorded.result
+            raise Diverged(f"{_spoken(asked)} gave {raised or told}, but the record holds {held}")
+        self._journal.write(msgspec.structs.replace(asked, result=told, raised=raised))
 
 
-def _spoken(key: Mapping[str, object]) -> str:
-    return f"{key['case']}, step {key['step'] or 'none'}: {key['name']} (no. {key['ordinal']}) with {key['arguments']}"
+def _arguments(arguments: Mapping[str, object]) -> dict[str, object]:
+    return {str(name): encoded(value) for name, value in arguments.items()}
+
+
+def _key(effect: events.Effect) -> tuple[object, ...]:
+    """Return what has to be the same in every run of the same case."""
+    return effect.case, effect.step, effect.name, effect.ordinal, effect.effect, effect.arguments
+
+
+def _spoken(effect: events.Effect) -> str:
+    where = f"{effect.case}, step {effect.step or 'none'}"
+    return f"{where}: {effect.name} (no. {effect.ordinal}) with {effect.arguments}"

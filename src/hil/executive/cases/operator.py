@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
+from hil.evidence import events
+from hil.evidence.events import EventSink
 from hil.executive.cases.effects import Effects, Where
 from hil.executive.people.questions import AnswerSource, Declined, Question
 from hil.model.figure import Figure
@@ -19,7 +21,7 @@ class Operator:
         source: who answers.
         effects: where answers are noted and, in a replay, come from.
         where: tells case and step.
-        write: writes an event.
+        journal: where events are written.
         point: the scheduling point.
     """
 
@@ -28,13 +30,13 @@ class Operator:
         source: AnswerSource,
         effects: Effects,
         where: Where,
-        write: Callable[..., None],
+        journal: EventSink,
         point: Callable[[], None],
     ) -> None:
         self._source = source
         self._effects = effects
         self._where = where
-        self._write = write
+        self._journal = journal
         self._point = point
 
     def confirm(self, text: str, *, name: str, safety: bool = False) -> None:
@@ -85,25 +87,28 @@ class Operator:
             "text": question.text,
             "options": list(question.options),
             "unit": question.unit,
-            **_safety(question),
+            **({"safety": True} if question.safety else {}),
         }
         return self._effects.perform(f"operator.{question.name}", "asks", arguments, lambda: self._asked(question))
 
     def _asked(self, question: Question) -> str | float | bool:
-        where = {"case": self._where.case, "step": self._where.number, "name": question.name}
-        asked = {"form": question.form, "text": question.text, "options": list(question.options)}
-        if question.unit:
-            asked["unit"] = question.unit
-        self._write("question", **where, **asked, **_safety(question))
+        case, step = self._where.case, self._where.number
+        asked = events.Question(
+            case=case,
+            step=step,
+            name=question.name,
+            form=question.form,
+            text=question.text,
+            options=question.options,
+            unit=question.unit,
+            safety=question.safety,
+        )
+        self._journal.write(asked)
         answer = self._source.answer(question)
         _check(question, answer.value)
-        self._write("answer", **where, value=answer.value, by=answer.by)
+        told = events.Answer(case=case, step=step, name=question.name, value=answer.value, by=answer.by)
+        self._journal.write(told)
         return answer.value
-
-
-def _safety(question: Question) -> dict[str, bool]:
-    """Return what an event says of it: nothing where it is none, as in all packages before there were any."""
-    return {"safety": True} if question.safety else {}
 
 
 def _check(question: Question, value: str | float | bool) -> None:

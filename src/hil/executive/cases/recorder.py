@@ -21,6 +21,7 @@ from hil.executive.journaling.row_store import RecordedChannel, RecordingFacts, 
 from hil.executive.watching.scheduler import Scheduler
 from hil.instruments.sampled import StreamReport
 from hil.model.errors import Misused
+from hil.model.identity import Source
 
 if TYPE_CHECKING:
     import numpy as np
@@ -47,7 +48,7 @@ class Recorder:
         scheduler: Scheduler,
         effects: Effects,
         store: RowStore,
-        source: str,
+        source: Source,
         ids: Callable[[], int],
     ) -> None:
         self._steps = steps

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, cast
 
-from hil.evidence.journal.standing import Voided
+from hil.evidence.events import Voided
 from hil.evidence.recordings.hdf5 import Recorded
 from hil.executive.journaling.row_store import RecordingFacts
 from hil.instruments.sampled import StreamReport

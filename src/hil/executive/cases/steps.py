@@ -6,6 +6,10 @@ import re
 import unicodedata
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import Literal
+
+from hil.evidence import events
+from hil.evidence.events import EventSink
 
 __all__ = ["Steps", "file_part", "one_line", "writable"]
 
@@ -32,6 +36,9 @@ def _out(character: str) -> str:
     return character.encode("unicode_escape").decode("ascii")
 
 
+Outcome = Literal["done", "raised"]
+
+
 def file_part(text: str) -> str:
     """Return a case's id, or a name that a case gave, as a part of file names."""
     return re.sub(r"[^A-Za-z0-9_]+", "-", text.rpartition("::")[2]).strip("-")[:60]
@@ -42,7 +49,7 @@ class Steps:
 
     Args:
         case: the case's id.
-        write: writes an event.
+        journal: where events are written.
         now: bench time in seconds.
         undisturbed: keeps what looks after the bench amid a case from moving its time while a step begins or ends.
     """
@@ -50,12 +57,12 @@ class Steps:
     def __init__(
         self,
         case: str,
-        write: Callable[..., None],
+        journal: EventSink,
         now: Callable[[], float],
         undisturbed: Callable[[], AbstractContextManager[None]] = nullcontext,
     ) -> None:
         self.case = case
-        self._write = write
+        self._journal = journal
         self._now = now
         self._undisturbed = undisturbed
         self._titles: list[str] = []
@@ -83,9 +90,9 @@ class Steps:
             self._titles.append(one_line(title))
             self._began.append(began)
             self._counts.append(0)
-            self._write("step", **self._facts(), **({} if turn is None else {"turn": turn}))
+            self._journal.write(events.Step(case=self.case, path=tuple(self._titles), number=self.number, turn=turn))
         mine = self._counts[: depth + 1]
-        outcome = "raised"
+        outcome: Outcome = "raised"
         try:
             yield
             outcome = "done"
@@ -97,16 +104,20 @@ class Steps:
         """End every step that is open still: those of a loop that a case was thrown out of and keeps hold of."""
         self._leave(0, "raised")
 
-    def _leave(self, depth: int, outcome: str) -> None:
+    def _leave(self, depth: int, outcome: Outcome) -> None:
         while len(self._titles) > depth:
             self._end(depth, outcome)
 
-    def _end(self, depth: int, outcome: str) -> None:
+    def _end(self, depth: int, outcome: Outcome) -> None:
         with self._undisturbed():
             last = len(self._titles) == depth + 1
             duration = round(self._now() - self._began.pop(), 9)
-            self._write("step-end", **self._facts(), outcome=outcome if last else "raised", duration=duration)
+            ended = events.StepEnd(
+                case=self.case,
+                path=tuple(self._titles),
+                number=self.number,
+                outcome=outcome if last else "raised",
+                duration=duration,
+            )
+            self._journal.write(ended)
             self._titles.pop()
-
-    def _facts(self) -> dict[str, object]:
-        return {"case": self.case, "path": list(self._titles), "number": self.number}

@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import NoReturn
 
 from hil.clock import wall
+from hil.evidence.events import NOTHING, Event, EventSink
 from hil.model.errors import HilError
 
 __all__ = ["Astray", "StopFlags", "Stopped", "Turn", "leave_unsealed"]
@@ -197,24 +198,33 @@ class Turn:
         Raises:
             Astray: if the case has ended, and another one kept hold of what belongs to it.
         """
-        self._require()
+        self.require()
         with self._flags.undisturbed():
             self._first()
             yield
 
-    def guarded(self, write: Callable[..., None]) -> Callable[..., None]:
-        """Return what writes events of this case, as long as it is its turn."""
+    def guarded(self, journal: EventSink) -> EventSink:
+        """Return where events of this case are written, as long as it is its turn."""
+        return _Guarded(journal, self.require)
 
-        def guarded(event: str, **facts: object) -> None:
-            self._require()
-            write(event, **facts)
-
-        return guarded
-
-    def _require(self) -> None:
+    def require(self) -> None:
+        """Turn away whatever belongs to a case that has ended."""
         if self._number != self._flags.turns:
             hint = "let each case ask for its roles, record, check and step itself, and keep none of them for another"
             self._flags.turn_away("what belongs to a case that has ended is used in another case", hint)
+
+
+class _Guarded:
+    """A journal for as long as a case has its turn."""
+
+    def __init__(self, journal: EventSink, require: Callable[[], None]) -> None:
+        self._journal = journal
+        self._require = require
+
+    def write(self, event: Event, *, beside: Mapping[str, object] = NOTHING) -> None:
+        """Write an event down, if it is the case's turn."""
+        self._require()
+        self._journal.write(event, beside=beside)
 
 
 def leave_unsealed() -> None:

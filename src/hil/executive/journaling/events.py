@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from types import MappingProxyType
+
+import msgspec
 
 from hil.clock.port import Clock
-from hil.evidence.journal.past import Past, is_of_course
+from hil.evidence.events import NOTHING, Event
+from hil.evidence.journal.past import Past
 from hil.evidence.journal.writer import Journal
 from hil.executive.ending.stop import StopFlags
 from hil.model.errors import Diverged, EvidenceError
@@ -70,24 +72,24 @@ class Events:
         """Show every further event to `listener`."""
         self._listeners.append(listener)
 
-    def write(self, kind: str, *, beside: Mapping[str, object] = MappingProxyType({}), **fields: object) -> None:
+    def write(self, event: Event, *, beside: Mapping[str, object] = NOTHING) -> None:
         """Write an event down, then show it; a line of the journal is never cut in two by a request to stop.
 
         Args:
-            kind: the event's kind.
+            event: the event, not stamped yet.
             beside: see `Journal.write`.
-            fields: the rest of its body.
         """
         if self._flags.reason:
             self.at_stop()
         with self._flags.undisturbed():  # where bench time came to the present is told by the number of events
             self.catch_up()
             t = self._clock.now() if self._clock else 0.0
-            if not self._comes_again(kind, t, fields):
-                self._append(kind, t, beside, fields)
-            self.show({"kind": kind, "t": t, **fields})
-            self._count += is_of_course(kind)
-        if is_of_course(kind):
+            if not self._comes_again(event, t):
+                self._append(event, t, beside)
+            if self._listeners:
+                self.show({"kind": event.kind(), **msgspec.to_builtins(event), "t": t})
+            self._count += event.recurs
+        if event.recurs:
             self.behind(self._count)
 
     def show(self, body: Mapping[str, object]) -> None:
@@ -116,19 +118,19 @@ class Events:
             self._past = None
             self.at_new()
 
-    def _append(self, kind: str, t: float, beside: Mapping[str, object], fields: Mapping[str, object]) -> None:
+    def _append(self, event: Event, t: float, beside: Mapping[str, object]) -> None:
         with suppress(OSError):  # a full disk is told by who looks after it
             self.ahead()
         try:
-            self._journal.write(kind, t, beside=beside, **fields)
+            self._journal.write(event, t, beside=beside)
         except EvidenceError:
             self._flags.leave_off(DISK_FULL)  # told once, see Journal.write
 
-    def _comes_again(self, kind: str, t: float, fields: Mapping[str, object]) -> bool:
+    def _comes_again(self, event: Event, t: float) -> bool:
         if self._past is None:
             return False
         try:
-            again = self._past.take(kind, t, fields)
+            again = self._past.take(event, t)
         except Diverged as error:
             self.at_divergence(error)
             raise

@@ -72,7 +72,7 @@ class Record:
         self.events = Events(self._journal, flags, past_events, earlier.own_course if earlier else 0)
         for listener in listeners:
             self.events.listen(listener)
-        self.store = RowStore(self.folder, self.events.write, again=earlier is not None)
+        self.store = RowStore(self.folder, self.events, again=earlier is not None)
         past = past_lines(self.folder / TRANSCRIPT) if earlier else None
         self._sink = FileIO(self.folder / TRANSCRIPT, "a" if past else "w")
         self.transcript = Transcript(self._sink, past)
@@ -82,7 +82,7 @@ class Record:
     def begin(self, planned: Sequence[PlannedCase]) -> None:
         """Write the head of a new run; that of an interrupted one stands there already, and is only shown."""
         if self._earlier is None:
-            write_head(self._configuration, planned, self.folder, self.events.write)
+            write_head(self._configuration, planned, self.folder, self.events)
         else:
             for line in self._earlier.head:
                 self.events.show(line.body)

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
+
+from hil.evidence import events
+from hil.evidence.events import EventSink
 from hil.evidence.folder import RECORDINGS, RESERVE
-from hil.evidence.journal.standing import Entry, Voided
+from hil.evidence.journal.standing import Entry
 from hil.evidence.recordings.row_file import NUMBER, read_rows, table
 from hil.evidence.recordings.rows import Rows
 from hil.model.errors import Diverged, EvidenceError
+from hil.model.identity import Source
 
 if TYPE_CHECKING:
     import numpy as np
@@ -46,7 +51,7 @@ class RecordingFacts:
     channels: tuple[RecordedChannel, ...]
     rate: float
     duration: float | None
-    source: str
+    source: Source
     continues: bool = False
 
 
@@ -57,12 +62,12 @@ class OpenRecording:
         self,
         facts: RecordingFacts,
         rows: Rows,
-        write: Callable[..., None],
+        journal: EventSink,
         forget: Callable[[OpenRecording], None],
     ) -> None:
         self.facts = facts
         self.rows = rows
-        self._write = write
+        self._journal = journal
         self._forget = forget
 
     @property
@@ -74,14 +79,14 @@ class OpenRecording:
         """Write the end down and return the hash of all rows."""
         self._forget(self)
         end = self.rows.finish()
-        self._write(
-            "recording-end",
+        ended = events.RecordingEnd(
             recording=self.facts.id,
             rows=end.rows,
             sha256=end.sha256,
             complete=complete,
             gaps=round(end.largest_gap_s, 9),
         )
+        self._journal.write(ended)
         return end.sha256
 
 
@@ -90,7 +95,7 @@ class RowStore:
 
     Args:
         folder: the run's folder.
-        write: writes an event.
+        journal: where events are written.
         again: whether rows that the folder holds already are made again, see `Rows`.
 
     Attributes:
@@ -98,16 +103,16 @@ class RowStore:
         at_void: hears of the void rows of a recording: its id, and what returns them, shape (rows, 1 + channels).
     """
 
-    def __init__(self, folder: Path, write: Callable[..., None], *, again: bool = False) -> None:
+    def __init__(self, folder: Path, journal: EventSink, *, again: bool = False) -> None:
         self._folder = folder
-        self._write = write
+        self._journal = journal
         self._again = again
         self.at_divergence: Callable[[Diverged], object] = lambda _: None
         self.at_void: Callable[[str, Callable[[], NDArray[np.float64]]], object] = lambda *_: None
         self._open: list[OpenRecording] = []
-        self._awaited: dict[str, Voided] = {}
-        self._voids: dict[str, list[Voided]] = {}
-        self._void_rows: Callable[[Voided], NDArray[np.float64]] | None = None
+        self._awaited: dict[str, events.Voided] = {}
+        self._voids: dict[str, list[events.Voided]] = {}
+        self._void_rows: Callable[[events.Voided], NDArray[np.float64]] | None = None
 
     @property
     def comes_again(self) -> bool:
@@ -121,32 +126,32 @@ class RowStore:
 
     def begin(self, facts: RecordingFacts) -> OpenRecording:
         """Write the beginning down and open the row file."""
-        self._write(
-            "recording",
+        begun = events.Recording(
             recording=facts.id,
             name=facts.name,
             case=facts.case,
             step=facts.step,
-            channels=[
-                {
-                    "name": channel.name,
-                    "unit": channel.unit,
-                    "instrument": channel.instrument,
-                    "calibration": channel.calibration,
-                    "uncertainty": channel.uncertainty,
-                }
+            channels=tuple(
+                events.Channel(
+                    name=channel.name,
+                    unit=channel.unit,
+                    instrument=channel.instrument,
+                    calibration=channel.calibration,
+                    uncertainty=channel.uncertainty,
+                )
                 for channel in facts.channels
-            ],
+            ),
             rate=facts.rate,
             duration=facts.duration,
             source=facts.source,
-            **({"continues": True} if facts.continues else {}),
+            continues=facts.continues,
         )
+        self._journal.write(begun)
         rows = self._rows_of(facts)
-        recording = OpenRecording(facts, rows, self._write, self._open.remove)
+        recording = OpenRecording(facts, rows, self._journal, self._open.remove)
         self._open.append(recording)
         if (part := self._awaited.pop(facts.id, None)) is not None:
-            self._take_over(recording, replace(part, first=0))
+            self._take_over(recording, msgspec.structs.replace(part, first=0))
             self._voids[facts.id] = [part]
         return recording
 
@@ -156,7 +161,9 @@ class RowStore:
                 self.recordings / f"{facts.id}.rows",
                 recording=facts.id,
                 channels=[(channel.name, channel.unit) for channel in facts.channels],
-                on_block=lambda count, digest: self._write("rows", recording=facts.id, rows=count, sha256=digest),
+                on_block=lambda count, digest: self._journal.write(
+                    events.Rows(recording=facts.id, rows=count, sha256=digest)
+                ),
                 reserve=self._folder / RESERVE,
                 again=self._again,
             )
@@ -171,21 +178,24 @@ class RowStore:
         """Return whether a recording is open still."""
         return recording in self._open
 
-    def held(self, kept: str, behind: Iterable[str] = ()) -> list[Voided]:
+    def held(self, kept: str, behind: Iterable[str] = ()) -> list[events.Voided]:
         """Return what the folder holds of every open recording, and has not come again.
 
         Args:
             kept: a recording of which nothing is void; empty for none.
             behind: recordings that come again as a whole, if they do, and of which everything is void.
         """
-        void = [Voided(each.facts.id, rows := each.rows.rows, max(rows, each.rows.held)) for each in self._open]
+        void = [
+            events.Voided(recording=each.facts.id, first=each.rows.rows, end=max(each.rows.rows, each.rows.held))
+            for each in self._open
+        ]
         for name in filter(None, (kept, *behind)):
             if (path := self.recordings / f"{name}.rows").exists():
                 rows = read_rows(path).rows
-                void.append(Voided(name, rows if name == kept else 0, rows))
+                void.append(events.Voided(recording=name, first=rows if name == kept else 0, end=rows))
         return void
 
-    def pass_over(self, entry: Entry, void_rows: Callable[[Voided], NDArray[np.float64]] | None = None) -> None:
+    def pass_over(self, entry: Entry, void_rows: Callable[[events.Voided], NDArray[np.float64]] | None = None) -> None:
         """Take over the rows that are not made again.
 
         Args:
@@ -207,11 +217,11 @@ class RowStore:
             if part.recording in still_open:
                 self._voids.setdefault(part.recording, []).append(part)
 
-    def voids(self, recording: str) -> tuple[Voided, ...]:
+    def voids(self, recording: str) -> tuple[events.Voided, ...]:
         """Return the void rows of a recording."""
         return tuple(self._voids.get(recording, ()))
 
-    def _take_over(self, recording: OpenRecording, part: Voided) -> None:
+    def _take_over(self, recording: OpenRecording, part: events.Voided) -> None:
         if self._void_rows is None:
             recording.rows.skip(part.end)
         else:
@@ -221,7 +231,7 @@ class RowStore:
             void_rows = self._void_rows or self._held_rows
             self.at_void(part.recording, lambda: void_rows(part))
 
-    def _held_rows(self, part: Voided) -> NDArray[np.float64]:
+    def _held_rows(self, part: events.Voided) -> NDArray[np.float64]:
         found = read_rows(self.recordings / f"{part.recording}.rows")
         with found.path.open("rb") as stream:
             stream.seek(found.start + part.first * found.width * NUMBER)

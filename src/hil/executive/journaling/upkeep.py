@@ -6,6 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from hil.clock import wall
+from hil.evidence import events
+from hil.evidence.events import EventSink
 from hil.evidence.folder import RESERVE, free_reserve
 from hil.evidence.inbox import Message, asks_for_end, poll, waiting
 from hil.evidence.package.sealing import event_of
@@ -25,12 +27,12 @@ class Timekeeping:
     """Compares three clocks: one that stands while the machine is suspended, one that does not, and the time of day.
 
     Args:
-        write: writes an event.
+        journal: where events are written.
         clocks: tells what they say.
     """
 
-    def __init__(self, write: Callable[..., None], clocks: Callable[[], wall.Clocks] = wall.clocks) -> None:
-        self._write = write
+    def __init__(self, journal: EventSink, clocks: Callable[[], wall.Clocks] = wall.clocks) -> None:
+        self._journal = journal
         self._clocks = clocks
         self._before = clocks()
 
@@ -42,9 +44,9 @@ class Timekeeping:
         suspended = boot - (now.awake - before.awake)
         jumped = (now.day - before.day) - boot
         if suspended > _NOTICED_S:
-            self._write("suspended", text="the machine was suspended", seconds=round(suspended, 1))
+            self._journal.write(events.Suspended(text="the machine was suspended", seconds=round(suspended, 1)))
         if abs(jumped) > _NOTICED_S:
-            self._write("clock-jump", text="the machine's time of day was set", seconds=round(jumped, 1))
+            self._journal.write(events.ClockJump(text="the machine's time of day was set", seconds=round(jumped, 1)))
 
 
 class Upkeep:
@@ -52,7 +54,7 @@ class Upkeep:
 
     Args:
         folder: the run's folder.
-        events: where messages are written, and shown to whoever listens.
+        journal: where messages are written, and shown to whoever listens.
         store: the open recordings.
         transcript: what went over the wire.
         flags: asked to end the run when somebody says so, or the disk is full.
@@ -64,15 +66,17 @@ class Upkeep:
         retraces: tells whether the run still comes to what it came to before; nothing from outside can be taken then.
     """
 
-    def __init__(self, folder: Path, events: Events, store: RowStore, transcript: Transcript, flags: StopFlags) -> None:
+    def __init__(
+        self, folder: Path, journal: Events, store: RowStore, transcript: Transcript, flags: StopFlags
+    ) -> None:
         self.checkpoint: Callable[[], None] = lambda: None
         self.knows_code: Callable[[str], bool] = lambda _: False
         self.elsewhere = Elsewhere()
         self.retraces: Callable[[], bool] = lambda: False
         self._left = waiting(folder)
-        self._timekeeping = Timekeeping(events.write)
+        self._timekeeping = Timekeeping(journal)
         self._folder = folder
-        self._events = events
+        self._events = journal
         self._store = store
         self._transcript = transcript
         self._flags = flags
@@ -99,13 +103,13 @@ class Upkeep:
             self._flags.leave_open = message.kind == "interrupt" and may_stay_open
             self._flags.request(f"{message.by or 'another terminal'}: {message.text}".rstrip(": "))
         elif message.kind == "reached":
-            self._events.write("reached", by=message.by, ok=self.knows_code(message.text))
+            self._events.write(events.Reached(by=message.by, ok=self.knows_code(message.text)))
         elif message.kind == "answer":
             if problem := self.elsewhere.take(message.name, message.text, message.by):
-                self._events.write("anomaly", text=f"inbox, answer by {message.by or 'nobody'}: {problem}")
+                text = f"inbox, answer by {message.by or 'nobody'}: {problem}"
+                self._events.write(events.Anomaly(text=text))
         else:
-            kind, fields = event_of(message)
-            self._events.write(kind, beside=message.beside, **fields)
+            self._events.write(event_of(message), beside=message.beside)
 
     def flush(self) -> None:
         """Bring what waits to the disk."""

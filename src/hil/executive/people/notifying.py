@@ -15,6 +15,8 @@ from typing import Any
 
 from hil.clock import wall
 from hil.documents.canonical import canonical
+from hil.evidence import events
+from hil.evidence.events import EventSink
 from hil.model.verdict import Verdict, worst
 from hil.report.sentences import counted
 
@@ -62,16 +64,16 @@ class Notifier:
         self._place = place
         self._limit_s = limit_s
         self._run = ""
-        self._write: Callable[..., None] | None = None
+        self._journal: EventSink | None = None
         self._sent: list[_Sent] = []
         self._late: set[str] = set()
         self._question = ""
         self._planned = 0
         self._verdicts: dict[str, Verdict] = {}
 
-    def attach(self, run: str, write: Callable[..., None]) -> None:
-        """Begin, for the run of this name, whose events `write` writes."""
-        self._run, self._write = run, write
+    def attach(self, run: str, journal: EventSink | None) -> None:
+        """Begin, for the run of this name, which has this journal, if it is not over."""
+        self._run, self._journal = run, journal
 
     def __call__(self, event: Mapping[str, Any]) -> None:
         """Take one event of the run."""
@@ -125,10 +127,9 @@ class Notifier:
             wall.pause(_LOOK_S)
         for sent in self._sent:
             beside = {"seconds": round(sent.lasted, 3)}
-            if sent.problem:
-                self._tell("notify-failed", event=sent.event, reason=sent.problem, beside=beside)
-            else:
-                self._tell("notified", event=sent.event, beside=beside)
+            failed = events.NotifyFailed(event=sent.event, reason=sent.problem) if sent.problem else None
+            if self._journal is not None:
+                self._journal.write(failed or events.Notified(event=sent.event), beside=beside)
         self._sent.clear()
 
     def _ended(self, code: int) -> str:
@@ -140,13 +141,9 @@ class Notifier:
         cases = ", ".join(f"{counts[verdict]} {verdict}" for verdict in reversed(Verdict) if counts[verdict])
         return f"{worst(counts)}: {told}: of {counted(self._planned, 'case')} {cases}"
 
-    def _tell(self, kind: str, **fields: object) -> None:
-        if self._write is not None:
-            self._write(kind, **fields)
-
     def _send(self, event: str, text: str) -> _Sent | None:
         """Start the command and return what becomes of it; what keeps it from starting is kept, not raised."""
-        if not self._command or self._write is None:
+        if not self._command or not self._run:
             return None
         sent = _Sent(event, wall.monotonic())
         self._sent.append(sent)

@@ -9,6 +9,8 @@ from typing import Any
 from hil.bench.cut_paths import cut_path_shortfall
 from hil.bench.gate import Gate
 from hil.clock import wall
+from hil.evidence import events
+from hil.evidence.events import EventSink
 from hil.executive.people.questions import AnswerSource, Declined, Question
 from hil.executive.setup.configuration import Configuration
 from hil.model.errors import Refused
@@ -68,7 +70,7 @@ class OnCall:
         run: the run's name, for the command that the person types.
         within_s: how long an answer may take in wall time [s].
         notify: sends a notification, given its event and text; returns what tells what became of it.
-        write: writes an event.
+        journal: where events are written.
     """
 
     def __init__(
@@ -77,13 +79,13 @@ class OnCall:
         run: str,
         within_s: float,
         notify: Callable[[str, str], Became],
-        write: Callable[..., None],
+        journal: EventSink,
     ) -> None:
         self.name = name
         self._run = run
         self._within_s = within_s
         self._notify = notify
-        self._write = write
+        self._journal = journal
         self._code = ""
         self._by = ""
 
@@ -109,7 +111,8 @@ class OnCall:
             "test", f"{self.name} is on call. Type: hil ack {self._run} --code {self._code} --by NAME"
         )
         wait = f"{self._within_s / 60:g} min"
-        self._write("called", name=self.name, text=f"{self.name} was sent a code, and has {wait} to give it back")
+        text = f"{self.name} was sent a code, and has {wait} to give it back"
+        self._journal.write(events.Called(name=self.name, text=text))
         until = wall.monotonic() + self._within_s
         try:
             while not self._by:
@@ -133,7 +136,7 @@ class People:
     Args:
         on_call: whoever is to be reached, None for a run that somebody attends.
         answers: asks a person for safety confirmations that were given when the bench was armed before.
-        write: writes an event.
+        journal: where events are written.
         idle: looks after the run while somebody is awaited; returns whether the run may go on.
     """
 
@@ -141,12 +144,12 @@ class People:
         self,
         on_call: OnCall | None,
         answers: AnswerSource,
-        write: Callable[..., None],
+        journal: EventSink,
         idle: Callable[[], bool],
     ) -> None:
         self._on_call = on_call
         self._answers = answers
-        self._write = write
+        self._journal = journal
         self._idle = idle
         self._asked: Question | None = None
         self._confirmed: dict[tuple[str, str], Question] = {}
@@ -174,12 +177,13 @@ class People:
     def _again(self, question: Question) -> Gate:
         """Ask again for what was confirmed when the bench was armed before."""
         name = f"confirmed again: {question.name}"
-        asked = {"name": question.name, "form": question.form, "text": question.text}
-        self._write("asked-again", **asked, options=[], safety=True)
+        asked = events.AskedAgain(name=question.name, form=question.form, text=question.text, options=(), safety=True)
+        self._journal.write(asked)
         try:
             answer = self._answers.answer(question)
         except Declined as error:
             return Gate(name, ok=False, detail=str(error))
-        self._write("confirmed", name=question.name, text=question.text, value=answer.value, by=answer.by)
+        told = events.Confirmed(name=question.name, text=question.text, value=answer.value, by=answer.by)
+        self._journal.write(told)
         said = "yes" if answer.value is True else "no"
         return Gate(name, ok=answer.value is True, detail=f"{question.text} {said}, says {answer.by}")

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from hil.evidence.journal.reader import Body, JournalLine
+from hil.evidence.events import Answer as Given
+from hil.evidence.events import Effect, Event
+from hil.evidence.journal.reader import JournalLine
 from hil.evidence.journal.standing import standing
 from hil.executive.people.answers import SIMULATED_PERSON
 from hil.executive.people.questions import Answer, AnswerSource, Declined, Question
@@ -26,7 +28,7 @@ class Answered:
     """
 
     def __init__(self, lines: Sequence[JournalLine], source: AnswerSource, goes_on: Callable[[], bool]) -> None:
-        self._told = deque(event for event in standing([line.body for line in lines]) if _is_answer(event))
+        self._told = deque(filter(_is_answer, standing([line.event for line in lines])))
         self._source = source
         self._goes_on = goes_on
 
@@ -35,15 +37,15 @@ class Answered:
         if not self._told:
             return self._source.answer(question)
         told = self._told.popleft()
-        if told["kind"] == "effect":
+        if not isinstance(told, Given):
             raise Declined(f"'{question.name}' was declined before the run was interrupted")
-        if told["name"] != question.name:
-            raise Diverged(f"the case asks '{question.name}', but its journal holds an answer to '{told['name']}'")
-        if told["by"] == SIMULATED_PERSON and self._goes_on():
+        if told.name != question.name:
+            raise Diverged(f"the case asks '{question.name}', but its journal holds an answer to '{told.name}'")
+        if told.by == SIMULATED_PERSON and self._goes_on():
             return self._source.answer(question)
-        return Answer(told["value"], str(told["by"]))
+        return Answer(told.value, told.by)
 
 
-def _is_answer(body: Body) -> bool:
-    declined = body["kind"] == "effect" and body["effect"] == "asks" and body.get("raised") == Declined.__name__
-    return declined or body["kind"] == "answer"
+def _is_answer(event: Event) -> bool:
+    declined = isinstance(event, Effect) and event.effect == "asks" and event.raised == Declined.__name__
+    return declined or isinstance(event, Given)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,11 @@ from typing import Any
 from hil.bench.gate import Gate
 from hil.clock import wall
 from hil.clock.port import NANOSECONDS
+from hil.evidence import events
+from hil.evidence.events.codec import KINDS
 from hil.evidence.folder import JOURNAL, hold, is_sealed
-from hil.evidence.journal.past import is_of_course
 from hil.evidence.journal.reader import Body, JournalLine, cut_torn_tail, read_journal, require_known_format
-from hil.evidence.journal.standing import Entry, entries, standing
+from hil.evidence.journal.standing import Entry, entries, standing, standing_bodies
 from hil.evidence.journal.writer import Journal
 from hil.executive.resuming.checkpoints import read_checkpoint
 from hil.executive.watching.keeper import FIRST_ARMING
@@ -76,7 +77,7 @@ class Earlier:
     @property
     def own_course(self) -> int:
         """How many events of the run's own course its head has."""
-        return sum(is_of_course(line.body["kind"]) for line in self.head)
+        return sum(line.event.recurs for line in self.head)
 
     @property
     def come_again(self) -> tuple[JournalLine, ...]:
@@ -87,7 +88,7 @@ class Earlier:
     @property
     def entries(self) -> tuple[Entry, ...]:
         """Where it was entered before."""
-        return entries(line.body for line in self.lines)
+        return entries(line.event for line in self.lines)
 
     @property
     def not_opened(self) -> Mapping[int, Gate]:
@@ -225,13 +226,13 @@ def _boundary(earlier: Earlier) -> Boundary | None:
     entered at the beginning of the recording that was going on, if it continues, else of the turn of a loop, else of
     the case, else at the end of the case before.
     """
-    events = standing([line.body for line in (*earlier.head, *earlier.lines)])
-    stop = next((event for event in events if event["kind"] == "stop"), None)
+    bodies = standing_bodies([line.body for line in (*earlier.head, *earlier.lines)])
+    stop = next((event for event in bodies if event["kind"] == "stop"), None)
     if stop is None and not earlier.live:
         return None
     if stop is not None and not stop.get("resumable"):
         raise Refused(f"{earlier.folder.name}: the run was asked to stop for good", "seal it as it is with hil seal")
-    own = [event for event in events if is_of_course(event["kind"])]
+    own = [event for event in bodies if KINDS[event["kind"]].origin is events.Origin.COURSE]
     ended = {event["recording"] for event in own if event["kind"] == "recording-end" and event["complete"]}
     found = [(place, event) for place, event in enumerate(own, 1) if _can_be_entered(event, ended)]
     if not found:
@@ -270,34 +271,41 @@ def go_on_with(earlier: Earlier, journal: Journal, now: Callable[[], float], ent
     last = earlier.last_wall
     beside, seconds = {"interrupted": last}, round(wall.seconds_since(str(last["utc"])), 1)
     if last["boot_id"] != wall.stamp().boot_id:
-        journal.write("reboot", now(), text="the machine was started anew meanwhile", seconds=seconds, beside=beside)
-    journal.write(
-        "resumed",
-        now(),
+        rebooted = events.Reboot(text="the machine was started anew meanwhile", seconds=seconds)
+        journal.write(rebooted, now(), beside=beside)
+    resumed = events.Resumed(
         number=earlier.resumes + 1,
         checkpoint=earlier.checkpoint.at_ns / NANOSECONDS if earlier.checkpoint else 0.0,
         torn_bytes=earlier.torn,
         deviation=earlier.deviation,
         seconds=seconds,
         text="the run was interrupted, and went on here" if entry is None else _entered(earlier),
-        **({"entry": _told(entry)} if entry else {}),
-        beside=beside,
+        entry=_told(entry) if entry else None,
     )
+    journal.write(resumed, now(), beside=beside)
 
 
 def _entered(earlier: Earlier) -> str:
-    stop = next((event for event in standing([line.body for line in earlier.lines]) if event["kind"] == "stop"), None)
-    how = f"stopped by {stop['reason']}" if stop else "interrupted"
+    told = standing([line.event for line in earlier.lines])
+    stop = next((event for event in told if isinstance(event, events.Stop)), None)
+    how = f"stopped by {stop.reason}" if stop else "interrupted"
     if earlier.boundary and earlier.boundary.over:
         return f"{how} behind its last case; nothing but the way to the safe state is driven, and the end made anew"
     where = "recording" if earlier.boundary and earlier.boundary.kept else "turn or case"
     return f"{how}, and entered again where the last {where} began; what came behind that is void"
 
 
-def _told(entry: Entry) -> Mapping[str, object]:
-    told = asdict(entry)
-    del told["at"]
-    return {**told, "rows": list(told["rows"])}
+def _told(entry: Entry) -> events.Entry:
+    return events.Entry(
+        place=entry.place,
+        boundary=entry.boundary,
+        void_to=entry.void_to,
+        operations=entry.operations,
+        number=entry.number,
+        rows=entry.rows,
+        kept=entry.kept,
+        over=entry.over,
+    )
 
 
 def not_opened(events: Iterable[Mapping[str, Any]]) -> dict[int, Gate]:

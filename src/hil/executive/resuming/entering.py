@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from hil.bench.bound import BoundBench
 from hil.bench.gate import Gate
 from hil.clock.port import NANOSECONDS
-from hil.evidence.journal.standing import Entry, Voided
+from hil.evidence import events
+from hil.evidence.journal.standing import Entry
 from hil.executive.cases.effects import Recall
 from hil.executive.journaling.record import Record
 from hil.executive.watching.keeper import BenchKeeper
@@ -35,7 +36,7 @@ class ReplayOf:
 
     recall: Recall
     entries: Sequence[Entry]
-    void_rows: Callable[[Voided], NDArray[np.float64]]
+    void_rows: Callable[[events.Voided], NDArray[np.float64]]
     not_opened: Mapping[int, Gate]
 
 
@@ -67,7 +68,7 @@ class Entering:
         keeper: BenchKeeper,
         earlier: Sequence[Entry],
         number: Callable[[int], None],
-        void_rows: Callable[[Voided], NDArray[np.float64]] | None = None,
+        void_rows: Callable[[events.Voided], NDArray[np.float64]] | None = None,
     ) -> None:
         self._record = record
         self._bench = bench

@@ -10,7 +10,8 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hil.evidence.journal.standing import Voided, entries
+from hil.evidence import events
+from hil.evidence.journal.standing import entries
 from hil.evidence.package.contents import Package
 from hil.executive.cases.effects import Recall
 from hil.executive.resuming.earlier import not_opened
@@ -99,22 +100,26 @@ def replay_request(package: Package, root: Path, output: Path) -> Request:
 
 def _left_out(package: Package) -> dict[str, str]:
     """Return the cases that plain pytest was not asked for, or did not come to, with why."""
-    events = package.events("not-run")
-    return {str(event["case"]): event["reason"] for event in events if event["reason"] in {DESELECTED, ENDED_BEFORE}}
+    left_out = (each for each in package.of(events.NotRun) if each.reason in {DESELECTED, ENDED_BEFORE})
+    return {each.case: each.reason for each in left_out}
 
 
 def replay_of(package: Package) -> ReplayOf:
     """Return what the replay of a run must agree with."""
 
-    def void_rows(part: Voided) -> NDArray[np.float64]:
+    def void_rows(part: events.Voided) -> NDArray[np.float64]:
         import numpy as np  # noqa: PLC0415 - slow to import
 
         found = package.recording(part.recording)
         columns = [found.time, *found.arrays.values()]
         return np.column_stack([column[part.first : part.end] for column in columns])
 
-    events = package.events()
-    return ReplayOf(Recall(package.events("effect"), _ANSWERED), entries(events), void_rows, not_opened(events))
+    return ReplayOf(
+        Recall(package.of(events.Effect), _ANSWERED),
+        entries(package.of(events.Resumed)),
+        void_rows,
+        not_opened(package.events()),
+    )
 
 
 def differences(recorded: Package, replayed: Package) -> tuple[tuple[str, ...], int]:

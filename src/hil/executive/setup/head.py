@@ -5,12 +5,14 @@ from __future__ import annotations
 import getpass
 import hashlib
 import platform
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from hil.clock import wall
 from hil.documents.canonical import canonical
+from hil.evidence import events
+from hil.evidence.events import EventSink
 from hil.evidence.folder import TRANSCRIPT
 from hil.evidence.package.inventory import inventory
 from hil.evidence.package.listing import shown
@@ -28,8 +30,6 @@ DESELECTED = "deselected"
 
 ENDED_BEFORE = "the run ended before this case"
 """Why a case was not run that pytest did not come to."""
-
-_OF_REGISTER_ONLY = frozenset({"recognised", "simulated"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,30 +51,57 @@ class PlannedCase:
     max_duration_s: float
 
 
-def write_head(
-    configuration: Configuration, planned: Sequence[PlannedCase], folder: Path, write: Callable[..., None]
-) -> None:
+def write_head(configuration: Configuration, planned: Sequence[PlannedCase], folder: Path, journal: EventSink) -> None:
     """Freeze everything into the run's folder and write its first events.
 
     Args:
         configuration: what the run is made of.
         planned: every case, before anything is deselected.
         folder: the run's folder.
-        write: writes an event.
+        journal: where events are written.
     """
     frozen = freeze(configuration, folder)
-    dut = {key: value for key, value in asdict(configuration.dut).items() if key not in _OF_REGISTER_ONLY}
-    twin = configuration.bench.simulated
-    write(
-        "run",
+    journal.write(_run(configuration, frozen))
+    journal.write(events.Frozen(files=frozen.files), beside={"files": frozen.beside})
+    cases = tuple(
+        events.PlannedCase(
+            case=case.id,
+            title=case.title,
+            plan=case.plan,
+            requirements=case.requirements,
+            max_duration=case.max_duration_s,
+        )
+        for case in planned
+    )
+    journal.write(events.Planned(cases=cases))
+    if orphans := tuple(case.id for case in planned if not case.requirements):
+        journal.write(events.Orphan(cases=orphans))
+    for name in configuration.catalogue.ids:
+        requirement = configuration.catalogue.requirement(name)
+        if requirement.anomaly:
+            text = f"{requirement.id}, source {requirement.source}: {requirement.anomaly}"
+            journal.write(events.Anomaly(text=text))
+
+
+def _run(configuration: Configuration, frozen: Frozen) -> events.Run:
+    """Return what the run is asked for."""
+    dut, twin, request = configuration.dut, configuration.bench.simulated, configuration.request
+    return events.Run(
         format=1,
         bench=configuration.bench.name,
         bench_files=frozen.bench,
-        source=configuration.request.source.value,
-        purpose=configuration.request.purpose.value,
-        dut=dut,
-        operator=configuration.request.operator,
-        plans=[plan.name for plan in configuration.plans],
+        source=request.source,
+        purpose=request.purpose,
+        dut=events.DutFacts(
+            serial=dut.serial,
+            part=dut.part,
+            model=dut.model,
+            hardware=dut.hardware,
+            firmware=dut.firmware,
+            title=dut.title,
+        ),
+        operator=request.operator,
+        plans=tuple(plan.name for plan in configuration.plans),
         seed=str(twin.seed) if twin else "",
         epoch=configuration.epoch,
         catalogue=frozen.catalogue,
@@ -82,36 +109,19 @@ def write_head(
         sources=frozen.sources,
         calibration=frozen.calibration,
         version=version(),
-        deviations=list(configuration.deviations),
-        overrides=dict(configuration.request.overrides),
-        skips=dict(configuration.request.skips),
-        **_live(configuration),
-        **({"unattended": True, "on_call": configuration.request.on_call} if configuration.request.unattended else {}),
+        deviations=tuple(configuration.deviations),
+        overrides=dict(request.overrides),
+        skips=dict(request.skips),
+        live=_live(configuration),
+        unattended=request.unattended,
+        on_call=request.on_call if request.unattended else None,
     )
-    write("frozen", files=frozen.files, beside={"files": frozen.beside})
-    cases = [
-        {
-            "case": case.id,
-            "title": case.title,
-            "plan": case.plan,
-            "requirements": list(case.requirements),
-            "max_duration": case.max_duration_s,
-        }
-        for case in planned
-    ]
-    write("planned", cases=cases)
-    if orphans := [case.id for case in planned if not case.requirements]:
-        write("orphan", cases=orphans)
-    for name in configuration.catalogue.ids:
-        requirement = configuration.catalogue.requirement(name)
-        if requirement.anomaly:
-            write("anomaly", text=f"{requirement.id}, source {requirement.source}: {requirement.anomaly}")
 
 
-def _live(configuration: Configuration) -> dict[str, object]:
+def _live(configuration: Configuration) -> events.Live | None:
     """Return what is told of a bench outside of the run's process, and nothing of another."""
     reach = configuration.reach
-    return {"live": {"speed": reach.speed, "served": reach.served is not None}} if reach else {}
+    return events.Live(speed=reach.speed, served=reach.served is not None) if reach else None
 
 
 _OF_THIS_PLACE = frozenset({"data/software.json", "data/place.json"})

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Literal
 
 from hil.bench.bound import BoundBench
 from hil.bench.safe_off import SafeResult, make_safe
 from hil.clock import wall
 from hil.clock.port import NANOSECONDS
+from hil.evidence import events
+from hil.evidence.events import EventSink
 from hil.executive.ending.stop import StopFlags
 from hil.executive.watching.scheduler import Scheduler
 from hil.instruments.registry import role_of, states_of
@@ -99,14 +101,14 @@ class Holding:
     Args:
         bench: the bench.
         flags: stop requests; they end a hold.
-        write: writes an event.
+        journal: where events are written.
         scheduler: the scheduling points to pass meanwhile.
     """
 
-    def __init__(self, bench: BoundBench, flags: StopFlags, write: Callable[..., None], scheduler: Scheduler) -> None:
+    def __init__(self, bench: BoundBench, flags: StopFlags, journal: EventSink, scheduler: Scheduler) -> None:
         self._bench = bench
         self._flags = flags
-        self._write = write
+        self._journal = journal
         self._scheduler = scheduler
         self._driven = Driven()
         self._wanted: Event | None = None
@@ -186,7 +188,7 @@ class Holding:
     def _asked(self, event: Event) -> None:
         problem = self._against(release=event["release"])
         if problem:
-            self._write("hold-refused", by=event["by"], text=problem)
+            self._journal.write(events.HoldRefused(by=event["by"], text=problem))
         elif event["release"]:
             self._released = event
         else:
@@ -206,10 +208,12 @@ class Holding:
     def _hold(self, asked: Event) -> None:
         began_ns, began = self._scheduler.now_ns(), wall.monotonic()
         deadline_ns, self._scheduler.deadline_ns = self._scheduler.deadline_ns, None
-        self._held, how = True, "ended"
+        how: Literal["released", "ended"] = "ended"
+        self._held = True
         try:
             results = self._take()
-            self._write("hold", by=asked["by"], text=asked["text"], outputs=[asdict(each) for each in results])
+            outputs = tuple(events.Brought(**asdict(each)) for each in results)
+            self._journal.write(events.Hold(by=asked["by"], text=asked["text"], outputs=outputs))
             self._end_unless_held(results)
             self._scheduler.watch_from_now()
             while self._released is None:
@@ -223,14 +227,9 @@ class Holding:
             lasted_ns = self._scheduler.now_ns() - began_ns
             released, self._released, self._held = self._released or {"by": "", "text": ""}, None, False
             self._scheduler.deadline_ns = None if deadline_ns is None else deadline_ns + lasted_ns
-            self._write(
-                "hold-end",
-                how=how,
-                by=released["by"],
-                text=released["text"],
-                duration=round(lasted_ns / NANOSECONDS, 9),
-                beside={"held": round(wall.monotonic() - began, 3)},
-            )
+            lasted = round(lasted_ns / NANOSECONDS, 9)
+            ended = events.HoldEnd(how=how, by=released["by"], text=released["text"], duration=lasted)
+            self._journal.write(ended, beside={"held": round(wall.monotonic() - began, 3)})
 
     def _take(self) -> list[SafeResult]:
         """Bring the outputs to their hold state, in the order of the bench file, uninterrupted."""

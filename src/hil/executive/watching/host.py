@@ -11,6 +11,7 @@ from hil.bench.latching import latch_unsafe_end
 from hil.bench.port_identity import port_gates
 from hil.clock import wall
 from hil.clock.live import LiveClock
+from hil.evidence import events
 from hil.executive.ending.signals import LOOK_S
 from hil.executive.journaling.record import Record
 from hil.executive.setup.configuration import Configuration
@@ -118,7 +119,7 @@ class Host:
         try:
             latch_unsafe_end(self._record.leases, bench=self._spec.name, run=self._record.folder, why=why)
         except (OSError, HilError) as error:
-            self._record.events.write("anomaly", text=f"the bench could not be latched: {error}")
+            self._record.events.write(events.Anomaly(text=f"the bench could not be latched: {error}"))
 
     def _awake(self) -> Gate:
         name = "sleep and shutdown held off"

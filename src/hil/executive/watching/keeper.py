@@ -10,6 +10,8 @@ from hil.bench.gate import Gate
 from hil.bench.readiness import energised_gates, unpowered_gates
 from hil.bench.safe_off import SafeResult, make_safe
 from hil.bench.watch_after import EVERY_S, watch_after
+from hil.evidence import events
+from hil.evidence.events import EventSink
 from hil.executive.ending.stop import StopFlags
 from hil.executive.journaling.row_store import OpenRecording, RecordedChannel, RecordingFacts, RowStore
 from hil.executive.watching.holding import Holding
@@ -35,13 +37,13 @@ class BenchKeeper:
         bench: the bench.
         dut: the device under test, compared with what answers.
         flags: stop requests; they wait while the bench is made safe.
-        write: writes an event.
+        journal: where events are written.
         store: opens recordings, one per monitor.
         tick: what else has to be done every fraction of a wall second.
 
     Attributes:
         holding: holds the bench when it is asked for; it has to be shown every event.
-        write: writes an event.
+        journal: where events are written.
         last: gets the exit code of the run before it is sealed.
         over: whether the run was entered again behind its last case, on a bench that is not armed any more.
         outside: what a bench outside of this process needs, None for one that lives in it.
@@ -54,14 +56,14 @@ class BenchKeeper:
         bench: BoundBench,
         dut: Dut,
         flags: StopFlags,
-        write: Callable[..., None],
+        journal: EventSink,
         store: RowStore,
         tick: Callable[[], None],
     ) -> None:
         self._bench = bench
         self._dut = dut
         self._flags = flags
-        self.write = self._write = write
+        self.journal = self._journal = journal
         self.last: Callable[[int, str], None] = lambda *_: None
         self.outside: Outside | None = None
         self.arming = FIRST_ARMING
@@ -71,7 +73,7 @@ class BenchKeeper:
         self.unsafe = self.touched = self.over = False
         self.scheduler = Scheduler(bench, [monitor_of(bench, limit) for limit in bench.spec.envelope], flags, self)
         store.at_void = self.scheduler.feeds.pass_over
-        self.holding = Holding(bench, flags, write, self.scheduler)
+        self.holding = Holding(bench, flags, journal, self.scheduler)
         self._ticks = [tick, self.holding.tick]
         self.scheduler.again = self.holding.again
 
@@ -91,7 +93,7 @@ class BenchKeeper:
         for limit in self._bench.spec.envelope:
             self._watched[limit.id] = self._store.begin(self._facts(limit))
         self.scheduler.watch_from_now()
-        self._write("armed")
+        self._journal.write(events.Armed())
         return ""
 
     def arm_again(self) -> str:
@@ -100,7 +102,7 @@ class BenchKeeper:
         if problem := self._pass_gates():
             return problem
         self.scheduler.watch_from_now()
-        self._write("armed")
+        self._journal.write(events.Armed())
         return ""
 
     def reading(self, limit: str, t: float, figure: Figure) -> None:
@@ -110,18 +112,18 @@ class BenchKeeper:
 
     def fed(self, limit: str, recording: str) -> None:
         """Write down that every row of a recording is judged against a limit."""
-        self._write("fed", limit=limit, recording=recording)
+        self._journal.write(events.Fed(limit=limit, recording=recording))
 
     def late(self, limit: str, seconds: float) -> None:
         """Write down that a monitor came late."""
         period = next(item.period_s for item in self._bench.spec.envelope if item.id == limit)
         text = f"{limit} was read {seconds:.3g} s after it was due; its period is {period:g} s"
-        self._write("monitor-late", limit=limit, late=round(seconds, 9), text=text)
+        self._journal.write(events.MonitorLate(limit=limit, late=round(seconds, 9), text=text))
 
     def trip(self, trip: Trip) -> None:
         """Write the trip down and make the bench safe, before the case learns of it."""
         try:
-            self._write("trip", limit=trip.limit, value=trip.value, unit=trip.unit, text=trip.text)
+            self._journal.write(events.Trip(limit=trip.limit, value=trip.value, unit=trip.unit, text=trip.text))
         finally:
             self.safe()
 
@@ -134,7 +136,7 @@ class BenchKeeper:
         if self.over:
             return "the run was interrupted behind its last case"
         with self._flags.shielded():
-            problems = self._take("rest", self._bench.spec.rest)
+            problems = self._take(events.Rest, self._bench.spec.rest)
         return f"the bench did not reach its rest state: {problems[0]}" if problems else ""
 
     def safe(self) -> None:
@@ -142,8 +144,8 @@ class BenchKeeper:
         with self._flags.shielded():
             self.scheduler.rest()
             self.scheduler.come()  # what a person or a case took of time is not the safe-off's
-            problems = self._take("safe", self._bench.spec.safe_off)
-            self._write("safe-end", ok=not problems)
+            problems = self._take(events.Safe, self._bench.spec.safe_off)
+            self._journal.write(events.SafeEnd(ok=not problems))
             self.unsafe = bool(problems)
 
     def release(self) -> None:
@@ -151,7 +153,7 @@ class BenchKeeper:
         if self.touched:
             self.safe()
         if self.outside is not None and (problems := self.outside.end()):
-            self._write("host-gate", name="guardian", ok=False, detail="; ".join(problems))
+            self._journal.write(events.HostGate(name="guardian", ok=False, detail="; ".join(problems)))
             self.unsafe = True
         goes_on = self._flags.leave_open and not self.unsafe and not self.scheduler.tripped
         if self.touched and not goes_on:  # what is read behind the end belongs to the end of a run
@@ -165,34 +167,34 @@ class BenchKeeper:
     def _watch_afterwards(self) -> None:
         """See that what was made safe behaves like it; whatever its lines have proven, this counts."""
         with self._flags.shielded():
-            if not watch_afterwards(self._bench, self._store, self._taken("safe"), self._ticks[0]):
-                self._write("safe-end", ok=False)
+            if not watch_afterwards(self._bench, self._store, self._taken(events.Safe), self._ticks[0]):
+                self._journal.write(events.SafeEnd(ok=False))
                 self.unsafe = True
 
     def _pass_gates(self) -> str:
         """Take the gates one by one; the first that does not hold ends the arming, and is returned."""
         for kind, gate in self._gates():
             if gate is not self.not_opened.get(self.arming):  # that one stands in the record
-                self._write(kind, name=gate.name, ok=gate.ok, detail=gate.detail)
+                self._journal.write(kind(name=gate.name, ok=gate.ok, detail=gate.detail))
             if not gate.ok:
                 return f"{gate.name}: {gate.detail}"
         return ""
 
-    def _gates(self) -> Iterator[tuple[str, Gate]]:
-        yield from (("gate", gate) for gate in unpowered_gates(self._bench, self._dut))
+    def _gates(self) -> Iterator[tuple[type[events.Gate], Gate]]:
+        yield from ((events.Gate, gate) for gate in unpowered_gates(self._bench, self._dut))
         self.touched = True
         if self._bench.playback is not None:
             if gate := self.not_opened.get(self.arming):
-                yield "host-gate", gate
+                yield events.HostGate, gate
         elif self.outside is not None:
-            yield from (("host-gate", gate) for gate in self.outside.gates())
+            yield from ((events.HostGate, gate) for gate in self.outside.gates())
         self.scheduler.come()
         for gate in energised_gates(self._bench, self._dut):
-            yield "gate", gate
+            yield events.Gate, gate
             if text := self.scheduler.present.in_distress():
-                yield "gate", Gate("bench looked after", ok=False, detail=text)
+                yield events.Gate, Gate("bench looked after", ok=False, detail=text)
 
-    def _take(self, kind: str, steps: Sequence[SafeStep]) -> list[str]:
+    def _take(self, kind: type[events.Rest], steps: Sequence[SafeStep]) -> list[str]:
         problems: list[str] = []
         told = self._taken(kind)
 
@@ -204,15 +206,16 @@ class BenchKeeper:
         make_safe(steps, self._bench.roles, self._bench.clock, tell)
         return problems
 
-    def _taken(self, kind: str) -> Callable[[SafeResult], None]:
+    def _taken(self, kind: type[events.Rest]) -> Callable[[SafeResult], None]:
         """Return what writes a line down that was taken."""
-        return lambda result: self._write(
-            kind,
-            output=result.output,
-            state=result.state,
-            ok=result.ok,
-            detail=result.detail,
-            duration=round(result.seconds, 9),
+        return lambda result: self._journal.write(
+            kind(
+                output=result.output,
+                state=result.state,
+                ok=result.ok,
+                detail=result.detail,
+                duration=round(result.seconds, 9),
+            )
         )
 
     def _facts(self, limit: EnvelopeLimit) -> RecordingFacts:
@@ -231,7 +234,7 @@ class BenchKeeper:
             channels=(channel,),
             rate=1 / limit.period_s,
             duration=None,
-            source=self._bench.source.value,
+            source=self._bench.source,
         )
 
 
@@ -273,5 +276,5 @@ def _watched_facts(bench: BoundBench, watch: WatchAfter) -> RecordingFacts:
         ),
         rate=1 / EVERY_S,
         duration=None,
-        source=bench.source.value,
+        source=bench.source,
     )

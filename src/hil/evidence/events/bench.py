@@ -1,0 +1,209 @@
+"""Events of the bench: readiness, envelope, hold, rest and safe state."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+from hil.evidence.events.event import Event, Origin, Part
+
+__all__ = [
+    "Armed",
+    "Brought",
+    "Fed",
+    "Gate",
+    "Hold",
+    "HoldEnd",
+    "HoldRefused",
+    "HostGate",
+    "MonitorLate",
+    "Rest",
+    "Safe",
+    "SafeEnd",
+    "Trip",
+]
+
+
+class Gate(Event, frozen=True, kw_only=True):
+    """A condition of readiness.
+
+    Attributes:
+        name: its name.
+        ok: whether it holds.
+        detail: what was seen.
+    """
+
+    name: str
+    ok: bool
+    detail: str
+
+
+class HostGate(Gate, frozen=True, kw_only=True):
+    """A condition of readiness that people, the machine or the guardian have to meet.
+
+    Attributes:
+        name: its name.
+        ok: whether it holds.
+        detail: what was seen.
+    """
+
+    origin: ClassVar[Origin] = Origin.OUTSIDE
+
+
+class Armed(Event, frozen=True, kw_only=True):
+    """From here on the bench may be driven."""
+
+    synced: ClassVar[bool] = True
+
+
+class Fed(Event, frozen=True, kw_only=True):
+    """A limit of the envelope is judged on every row of a recording from here on.
+
+    Attributes:
+        limit: the limit's id.
+        recording: the recording's id.
+    """
+
+    limit: str
+    recording: str
+
+
+class MonitorLate(Event, frozen=True, kw_only=True):
+    """A monitor came late.
+
+    Attributes:
+        limit: the limit's id.
+        late: by how many seconds.
+        text: the same in words.
+    """
+
+    limit: str
+    late: float
+    text: str
+
+
+class Trip(Event, frozen=True, kw_only=True):
+    """The envelope was left.
+
+    Attributes:
+        limit: the limit's id.
+        value: what was read, null if nothing was.
+        unit: its unit.
+        text: the same in words.
+    """
+
+    limit: str
+    value: float | None
+    unit: str
+    text: str
+
+    synced: ClassVar[bool] = True
+
+
+class Rest(Event, frozen=True, kw_only=True):
+    """An output was brought to its rest state between cases.
+
+    Attributes:
+        output: the output.
+        state: the state that is due.
+        ok: whether it is proven.
+        detail: what was seen.
+        duration: bench time in s that it took.
+    """
+
+    output: str
+    state: str
+    ok: bool
+    detail: str
+    duration: float
+
+
+class Safe(Rest, frozen=True, kw_only=True):
+    """An output was brought to its safe state.
+
+    Attributes:
+        output: the output.
+        state: the state that is due.
+        ok: whether it is proven.
+        detail: what was seen.
+        duration: bench time in s that it took.
+    """
+
+    synced: ClassVar[bool] = True
+
+
+class SafeEnd(Event, frozen=True, kw_only=True):
+    """The way to the safe state is over.
+
+    Attributes:
+        ok: whether every output is proven safe.
+    """
+
+    ok: bool
+
+    synced: ClassVar[bool] = True
+
+
+class HoldRefused(Event, frozen=True, kw_only=True):
+    """A hold or a release was refused.
+
+    Attributes:
+        by: who asked for it.
+        text: why.
+    """
+
+    by: str
+    text: str
+
+    origin: ClassVar[Origin] = Origin.OUTSIDE
+
+
+class Brought(Part, frozen=True, kw_only=True):
+    """What became of one line of the hold state.
+
+    Attributes:
+        output: the output.
+        state: the state that is due.
+        ok: whether it is proven.
+        detail: what was seen.
+        seconds: bench time that it took.
+    """
+
+    output: str
+    state: str
+    ok: bool
+    detail: str
+    seconds: float
+
+
+class Hold(Event, frozen=True, kw_only=True):
+    """Every output was brought to its hold state.
+
+    Attributes:
+        by: who asked for it.
+        text: why.
+        outputs: what became of each output.
+    """
+
+    by: str
+    text: str
+    outputs: tuple[Brought, ...]
+
+    origin: ClassVar[Origin] = Origin.OUTSIDE
+
+
+class HoldEnd(Event, frozen=True, kw_only=True):
+    """A hold has ended.
+
+    Attributes:
+        how: `released`, or `ended` if the run ended in it.
+        by: who released it.
+        text: what was said.
+        duration: bench time in s that it lasted.
+    """
+
+    how: Literal["released", "ended"]
+    by: str
+    text: str
+    duration: float
+
+    origin: ClassVar[Origin] = Origin.OUTSIDE

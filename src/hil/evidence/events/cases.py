@@ -1,0 +1,350 @@
+"""Events of a case: its attempts and steps, what it did, recorded and checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal
+
+from hil.evidence.events.event import Event, Origin, Part
+from hil.model.identity import Source
+from hil.model.verdict import Verdict
+from hil.requirements.requirement import Decision
+
+__all__ = [
+    "Answer",
+    "Bounds",
+    "Case",
+    "CaseEnd",
+    "Channel",
+    "Check",
+    "Effect",
+    "Fault",
+    "NotRun",
+    "Question",
+    "Recording",
+    "RecordingEnd",
+    "Rows",
+    "Step",
+    "StepEnd",
+]
+
+
+class Case(Event, frozen=True, kw_only=True):
+    """An attempt of a case begins.
+
+    Attributes:
+        case: its id.
+        attempt: which attempt it is, from 1.
+    """
+
+    case: str
+    attempt: int
+
+    synced: ClassVar[bool] = True
+
+
+class CaseEnd(Event, frozen=True, kw_only=True):
+    """An attempt of a case has ended.
+
+    Attributes:
+        case: its id.
+        attempt: which attempt it is, from 1.
+        verdict: the case's verdict.
+        reasons: why, a sentence each.
+        requirements: the verdict on each requirement of the case.
+        duration: bench time in s that it took.
+        used: the instruments that it used, with their source.
+    """
+
+    case: str
+    attempt: int
+    verdict: Verdict
+    reasons: tuple[str, ...]
+    requirements: Mapping[str, Verdict]
+    duration: float
+    used: Mapping[str, Source]
+
+    synced: ClassVar[bool] = True
+
+
+class NotRun(Event, frozen=True, kw_only=True):
+    """A planned case was not run.
+
+    Attributes:
+        case: its id.
+        reason: why.
+    """
+
+    case: str
+    reason: str
+
+
+class Step(Event, frozen=True, kw_only=True):
+    """A step begins.
+
+    Attributes:
+        case: its case.
+        path: the titles of the steps that it is in, the outermost first, its own last.
+        number: its number, such as `1.2`.
+        turn: which turn of a loop it is, from 1, if it is one.
+    """
+
+    case: str
+    path: tuple[str, ...]
+    number: str
+    turn: int | None = None
+
+    synced: ClassVar[bool] = True
+
+
+class StepEnd(Event, frozen=True, kw_only=True):
+    """A step has ended.
+
+    Attributes:
+        case: its case.
+        path: as of its `step`.
+        number: as of its `step`.
+        outcome: `done`, or `raised` if an exception left it.
+        duration: bench time in s that it took.
+    """
+
+    case: str
+    path: tuple[str, ...]
+    number: str
+    outcome: Literal["done", "raised"]
+    duration: float
+
+    synced: ClassVar[bool] = True
+
+
+class Effect(Event, frozen=True, kw_only=True):
+    """A call of a case that reaches the world, keyed so that it can be run again.
+
+    Attributes:
+        case: its case.
+        step: the number of its step, empty outside steps.
+        name: what was called, such as `supply.coil.configure`.
+        ordinal: which call of that name in that step it is, from 1.
+        effect: what the call does: `drives`, `reads`, `waits`, `records` or `asks`.
+        arguments: the arguments as JSON.
+        result: the result as JSON, null if there is none.
+        raised: the exception's name if it raised one.
+    """
+
+    case: str
+    step: str
+    name: str
+    ordinal: int
+    effect: Literal["drives", "reads", "waits", "records", "asks"]
+    arguments: Mapping[str, Any]
+    result: Any
+    raised: str = ""
+
+
+class Question(Event, frozen=True, kw_only=True):
+    """A person is asked.
+
+    Attributes:
+        case: the case that asks.
+        step: the number of its step, empty outside steps.
+        name: the question's name.
+        form: `confirm`, `choose`, `measure` or `attach`.
+        text: what the person reads.
+        options: the possible answers, if they are given.
+        unit: the unit of a number that is asked for.
+        safety: whether somebody's safety depends on the answer.
+    """
+
+    case: str
+    step: str
+    name: str
+    form: str
+    text: str
+    options: tuple[str, ...]
+    unit: str = ""
+    safety: bool = False
+
+    origin: ClassVar[Origin] = Origin.PERSON
+
+
+class Answer(Event, frozen=True, kw_only=True):
+    """What a person answered.
+
+    Attributes:
+        case: the case that asked.
+        step: the number of its step, empty outside steps.
+        name: the question's name.
+        value: the answer.
+        by: who gave it.
+    """
+
+    case: str
+    step: str
+    name: str
+    value: bool | float | str
+    by: str
+
+    origin: ClassVar[Origin] = Origin.PERSON
+    synced: ClassVar[bool] = True
+
+
+class Channel(Part, frozen=True, kw_only=True):
+    """One channel of a recording.
+
+    Attributes:
+        name: its name.
+        unit: the unit of its values.
+        instrument: what measured it.
+        calibration: the instrument's certificate, empty without one.
+        uncertainty: standard uncertainty in its unit, null if unknown.
+    """
+
+    name: str
+    unit: str
+    instrument: str
+    calibration: str
+    uncertainty: float | None
+
+
+class Recording(Event, frozen=True, kw_only=True):
+    """A recording begins.
+
+    Attributes:
+        recording: its id, which names its file.
+        name: its name in the case, or that of the limit of the envelope.
+        case: its case, null for what is recorded beside all cases.
+        step: the number of its step, null beside all cases.
+        channels: the channels, in the order of its columns.
+        rate: rows per second of bench time.
+        duration: bench time in s that it is to last, null if it has no end of its own.
+        source: where its bytes come from.
+        continues: whether a run that was stopped in it goes on in it, with a gap.
+    """
+
+    recording: str
+    name: str
+    case: str | None
+    step: str | None
+    channels: tuple[Channel, ...]
+    rate: float
+    duration: float | None
+    source: Source
+    continues: bool = False
+
+
+class Rows(Event, frozen=True, kw_only=True):
+    """The running hash of a recording, every 65,536 rows.
+
+    Attributes:
+        recording: its id.
+        rows: how many rows it has.
+        sha256: the hash over them.
+    """
+
+    recording: str
+    rows: int
+    sha256: str
+
+
+class RecordingEnd(Event, frozen=True, kw_only=True):
+    """A recording has ended.
+
+    Attributes:
+        recording: its id.
+        rows: how many rows it has.
+        sha256: the hash over them.
+        complete: whether it lasted as long as it was to.
+        gaps: the largest time between two rows in s.
+    """
+
+    recording: str
+    rows: int
+    sha256: str
+    complete: bool
+    gaps: float
+
+
+class Bounds(Part, frozen=True, kw_only=True):
+    """The limit of a check as the catalogue writes it, in `limit_unit`.
+
+    Attributes:
+        min: the least value, null without one.
+        max: the largest value, null without one.
+        equals: the word that is due, null for numbers.
+    """
+
+    min: str | None
+    max: str | None
+    equals: str | None
+
+
+class Check(Event, frozen=True, kw_only=True):
+    """One evaluated criterion.
+
+    Attributes:
+        case: its case.
+        step: the number of its step, empty outside steps.
+        requirement: the requirement.
+        parameter: the parameter of its limit.
+        of: which member of the limit's denominator, null without one.
+        value: a number in `unit`, a word, or null for a number that is not finite.
+        unit: the unit of value and uncertainty.
+        uncertainty: combined standard uncertainty, null if unknown.
+        dof: degrees of freedom of the uncertainty, null if infinite.
+        limit: the limit.
+        limit_unit: the unit of limit, expanded uncertainty and margin.
+        decision: the decision rule.
+        expanded: expanded uncertainty, null if unknown.
+        margin: distance to the nearer limit, negative where guarded acceptance is missed; null without a limit.
+        tur: test uncertainty ratio, null where it has none.
+        verdict: the verdict.
+        reason: why, empty if it is plain.
+        instruments: the instruments that the case had used.
+        status: what the analysis says of the number, empty for a word; not in the oldest packages.
+        doubts: why the data cannot be trusted, a sentence each.
+    """
+
+    case: str
+    step: str
+    requirement: str
+    parameter: str
+    of: str | None
+    value: float | str | None
+    unit: str
+    uncertainty: float | None
+    dof: float | None
+    limit: Bounds
+    limit_unit: str
+    decision: Decision
+    expanded: float | None
+    margin: float | None
+    tur: float | None
+    verdict: Verdict
+    reason: str
+    instruments: tuple[str, ...]
+    status: str | None = None
+    doubts: tuple[str, ...] = ()
+
+    synced: ClassVar[bool] = True
+
+
+class Fault(Event, frozen=True, kw_only=True):
+    """Silence or nonsense of a device.
+
+    Attributes:
+        case: the case that met it.
+        device: the device.
+        dut: whether it belongs to the device under test.
+        error: the kind of fault.
+        message: what was expected and what came.
+        hint: what to do next.
+    """
+
+    case: str
+    device: str
+    dut: bool
+    error: str
+    message: str
+    hint: str
+
+    synced: ClassVar[bool] = True

@@ -1,0 +1,149 @@
+"""Events of people: what they added, asked for and acknowledged."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from hil.evidence.events.event import Event, Origin
+
+__all__ = [
+    "Acknowledged",
+    "AskedAgain",
+    "Attachment",
+    "Called",
+    "Confirmed",
+    "HoldAsked",
+    "Note",
+    "Reached",
+]
+
+
+class Note(Event, frozen=True, kw_only=True):
+    """A note that somebody added.
+
+    Attributes:
+        text: the note.
+        by: who wrote it.
+    """
+
+    text: str
+    by: str
+
+    origin: ClassVar[Origin] = Origin.OUTSIDE
+
+
+class Attachment(Event, frozen=True, kw_only=True):
+    """A file that somebody attached, or that a case made.
+
+    Attributes:
+        file: its name in `data/attachments`.
+        sha256: its hash.
+        text: what it is.
+        by: who attached it, or the case that made it.
+    """
+
+    file: str
+    sha256: str
+    text: str
+    by: str
+
+    origin: ClassVar[Origin] = Origin.OUTSIDE
+    synced: ClassVar[bool] = True
+
+
+class HoldAsked(Event, frozen=True, kw_only=True):
+    """Somebody asked to hold the bench, or to release it.
+
+    Attributes:
+        release: whether it is to be released.
+        text: why.
+        by: who asked for it.
+    """
+
+    release: bool
+    text: str
+    by: str
+
+    origin: ClassVar[Origin] = Origin.OUTSIDE
+
+
+class Called(Event, frozen=True, kw_only=True):
+    """A code was sent to the person on call.
+
+    Attributes:
+        name: who is on call.
+        text: the same in words.
+    """
+
+    name: str
+    text: str
+
+    origin: ClassVar[Origin] = Origin.OUTSIDE
+
+
+class Reached(Event, frozen=True, kw_only=True):
+    """Somebody gave a code back.
+
+    Attributes:
+        by: who did.
+        ok: whether it was the code that was sent.
+    """
+
+    by: str
+    ok: bool
+
+    origin: ClassVar[Origin] = Origin.OUTSIDE
+
+
+class AskedAgain(Event, frozen=True, kw_only=True):
+    """A safety confirmation is asked for again because the bench is armed anew.
+
+    Attributes:
+        name: the question's name.
+        form: its form.
+        text: what the person reads.
+        options: the possible answers, if they are given.
+        safety: whether somebody's safety depends on the answer.
+    """
+
+    name: str
+    form: str
+    text: str
+    options: tuple[str, ...]
+    safety: bool
+
+    origin: ClassVar[Origin] = Origin.OUTSIDE
+
+
+class Confirmed(Event, frozen=True, kw_only=True):
+    """What was answered to a safety confirmation that was asked for again.
+
+    Attributes:
+        name: the question's name.
+        text: what the person read.
+        value: the answer.
+        by: who gave it.
+    """
+
+    name: str
+    text: str
+    value: bool | float | str
+    by: str
+
+    origin: ClassVar[Origin] = Origin.OUTSIDE
+
+
+class Acknowledged(Event, frozen=True, kw_only=True):
+    """A named person looked at what the guardian did.
+
+    Attributes:
+        text: what was seen.
+        by: who looked.
+        guardian: the SHA-256 of the guardian's journal as it was then.
+    """
+
+    text: str
+    by: str
+    guardian: str
+
+    origin: ClassVar[Origin] = Origin.OUTSIDE

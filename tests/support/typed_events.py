@@ -1,0 +1,55 @@
+"""Events for tests: what a test does not care about is blank."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Mapping
+from enum import Enum
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import msgspec
+
+from hil.evidence.events import Event, Part
+from hil.evidence.events.codec import KINDS, decode
+
+__all__ = ["event_of"]
+
+
+def event_of(kind: str, **fields: Any) -> Event:
+    """Return an event; fields are JSON values, and those that are missing, inner ones too, are blank."""
+    return decode({**_filled(KINDS[kind], fields), "kind": kind})
+
+
+def _filled(kind: type[Part], fields: Mapping[str, Any]) -> dict[str, Any]:
+    hints = get_type_hints(kind)
+    known = {name: _fill(hints[name], value) if name in hints else value for name, value in fields.items()}
+    blank = {each.name: _blank(hints[each.name]) for each in msgspec.structs.fields(kind) if each.required}
+    return {**blank, **known}
+
+
+def _fill(hint: Any, value: Any) -> Any:
+    for each in (hint, *get_args(hint)):
+        if isinstance(each, type) and issubclass(each, Part):
+            if isinstance(value, list | tuple):
+                return [_filled(each, item) if isinstance(item, Mapping) else item for item in value]
+            return _filled(each, value) if isinstance(value, Mapping) else value
+    return value
+
+
+def _blank(hint: Any) -> Any:  # noqa: PLR0911 - one return per kind of type
+    origin = get_origin(hint)
+    if origin in {Union, types.UnionType}:
+        return None if type(None) in get_args(hint) else _blank(get_args(hint)[0])
+    if origin is Literal:
+        return get_args(hint)[0]
+    if origin is tuple:
+        return []
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return {}
+    if hint is Any:
+        return None
+    if issubclass(hint, Part):
+        return _filled(hint, {})
+    if issubclass(hint, Enum):
+        return next(iter(hint)).value
+    return hint()
