@@ -2,16 +2,29 @@ from __future__ import annotations
 
 import contextlib
 import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.documents.canonical import JsonError, canonical, parse_strict
+from hil.documents.declared import read_document, validated
 from hil.documents.findings import Findings
-from hil.documents.reader import MappingReader
 from hil.documents.strict_yaml import parse_yaml
+from hil.model.notation import DecimalText, Number, Plain
 from hil.requirements.units import UnitError, check_unit, convert
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Anything:
+    """A model of a few notations."""
+
+    text: DecimalText = "0"
+    numbers: tuple[Number, ...] = ()
+    rest: Mapping[str, Plain] = field(default_factory=dict)
+
 
 steady = settings(derandomize=True, deadline=None)
 
@@ -42,12 +55,17 @@ def test_any_bytes_are_a_document_or_findings(data):
     findings = Findings()
     node = parse_yaml(data, "any.yaml", findings)
     assert node is not None or len(findings) > 0
-    if node is not None:
-        reader = MappingReader(node, findings, "anything")
-        for key in reader.keys():  # noqa: SIM118 - a reader is no dictionary
-            reader.number(key)
-            reader.plain(key)
-        reader.done()
+
+
+@steady
+@given(st.binary(max_size=200))
+def test_any_document_is_a_model_or_findings(tmp_path_factory, data):
+    """Whatever a file says is read into the model, or told, and nothing else happens."""
+    file = tmp_path_factory.getbasetemp() / "any.yaml"
+    file.write_bytes(b"schema: hil/any/1\nnumbers: " + data)
+    findings = Findings()
+    document = read_document(file, "any.yaml", findings, Anything, schema="hil/any/1")
+    assert document is not None or len(findings) > 0
 
 
 @steady
@@ -71,13 +89,9 @@ def test_any_bytes_are_json_or_one_error(data):
 @given(st.decimals(allow_nan=False, allow_infinity=False, places=6, min_value=-(10**9), max_value=10**9))
 def test_quoted_decimals_come_back_as_written(number):
     """The text is kept, and the float is the nearest one."""
-    findings = Findings()
-    node = parse_yaml(f"value: '{number}'\n".encode(), "any.yaml", findings)
-    assert node is not None
-    reader = MappingReader(node, findings, "limit")
-    assert reader.decimal("value") == str(number)
-    assert reader.number("value") == float(number)
-    assert len(findings) == 0
+    found = validated(Anything, {"text": str(number), "numbers": [str(number)]}, "limit")
+    assert found.text == str(number)
+    assert found.numbers == (float(number),)
 
 
 @steady

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from hil.model.notation import NAMED, UNREADABLE, Path
+from hil.model.notation import UNREADABLE, UNWRITTEN, Path
 
 __all__ = ["Declaration"]
 
@@ -77,5 +77,4 @@ def _fields(schema: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     fields = schema.get("fields", ())
     named = fields.items() if isinstance(fields, Mapping) else ((each["name"], each) for each in fields)
     keyed = {str(each.get("validation_alias", name)): each["schema"] for name, each in named}
-    keyed.pop(NAMED["alias"], None)
-    return keyed
+    return {key: inner for key, inner in keyed.items() if not key.startswith(UNWRITTEN["alias"])}

@@ -24,7 +24,7 @@ from hil.documents.suggest import did_you_mean
 from hil.model.errors import HilError
 from hil.model.notation import Complaint, Path
 
-__all__ = ["Document", "Invalid", "Problem", "read_document", "validated"]
+__all__ = ["Document", "Invalid", "Problem", "read_document", "read_json", "validated"]
 
 _MOST_KEYS = 100
 _MOST_DIGITS = 19
@@ -61,10 +61,19 @@ class Problem:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Document(Generic[_Model]):
-    """A document that was read: its model, and where in the file each part of it stands."""
+    """A document that was read: its model, where in the file each part of it stands, and at which paths it is wrong."""
 
     model: _Model
     root: Node
+    wrong: tuple[Path, ...] = ()
+
+    def has(self, path: Path) -> bool:
+        """Return whether the file gives the value at a path; where it does not, the model has a default."""
+        return node_at(self.root, path) is not None
+
+    def is_sound(self, path: Path) -> bool:
+        """Return whether everything at and below a path was read as it is declared."""
+        return all(wrong[: len(path)] != path for wrong in self.wrong)
 
     def place(self, path: Path) -> Place:
         """Return the place of the value at a path, of the name of an entry, or of the nearest parent that is there."""
@@ -116,10 +125,12 @@ def read_document(
     entries = tuple(entry for entry in root.entries if entry[1] is not head)
     body = MappingNode(path=root.path, line=root.line, column=root.column, entries=entries)
     reading = _Reading(model, body, what, besides=() if head else ("schema",))
-    for problem in reading.problems():
+    problems = tuple(reading.problems())
+    for problem in problems:
         findings.add(place_at(body, problem.path, of_key=problem.of_key), problem.message)
     found = reading.repaired()
-    return None if found is None else Document(model=found, root=root)
+    wrong = tuple(problem.path for problem in problems)
+    return None if found is None else Document(model=found, root=root, wrong=wrong)
 
 
 def validated(model: type[_Model], values: Mapping[str, object], what: str, path: Path = ()) -> _Model:
@@ -140,6 +151,21 @@ def validated(model: type[_Model], values: Mapping[str, object], what: str, path
     if problems or reading.model is None:
         raise Invalid(problems)
     return reading.model
+
+
+def read_json(data: bytes, model: type[_Model]) -> _Model:
+    """Return the model of a JSON file that the product itself has written.
+
+    Raises:
+        Invalid: with everything that is wrong, at paths of the file, in the words of the library.
+    """
+    adapter, _ = _declared(model)  # type: ignore[arg-type]  # a class is hashable
+    try:
+        found: _Model = adapter.validate_json(data, strict=True, extra="forbid")
+    except ValidationError as error:
+        problems = (Problem(path=each["loc"], message=each["msg"]) for each in error.errors(include_url=False))
+        raise Invalid(tuple(problems)) from error
+    return found
 
 
 class _Reading(Generic[_Model]):

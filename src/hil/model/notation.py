@@ -24,6 +24,7 @@ from typing import Annotated, Any, TypeVar, get_args
 __all__ = [
     "NAMED",
     "UNREADABLE",
+    "UNWRITTEN",
     "AnyText",
     "ByName",
     "Complaint",
@@ -39,6 +40,7 @@ __all__ = [
     "matching",
     "number",
     "one_of",
+    "read_number",
     "whole",
 ]
 
@@ -48,8 +50,11 @@ Path = tuple[str | int, ...]
 UNREADABLE = "\0"
 """Stands for a value that cannot be read; no file can hold it. Every notation reads it as its blank value."""
 
-NAMED = {"alias": "\0"}
+NAMED = {"alias": "\0name"}
 """Metadata of the field that holds the name of an entry, for `ByName`: the name stands before the entry, not in it."""
+
+UNWRITTEN = {"alias": "\0"}
+"""Metadata of a field that no file gives: whoever reads the file fills it."""
 
 _Real = TypeVar("_Real", int, float)
 
@@ -147,14 +152,14 @@ def matching(pattern: str) -> Notation:
     return Notation(partial(_text, pattern=pattern), "")
 
 
-def one_of(*choices: str) -> Notation:
-    """Return the notation of a text that is one of a few."""
-    return Notation(partial(_text, choices=choices), "")
+def one_of(*choices: str, blank: str = "") -> Notation:
+    """Return the notation of a text that is one of a few, such as some members of an enumeration of words."""
+    return Notation(partial(_text, choices=choices), blank)
 
 
 def number(minimum: float = -math.inf, maximum: float = math.inf, *, above: float = -math.inf) -> Notation:
     """Return the notation of a decimal number in quotes within bounds, in the unit of its field."""
-    return Notation(partial(_number, minimum=minimum, maximum=maximum, above=above), max(0.0, minimum))
+    return Notation(partial(read_number, minimum=minimum, maximum=maximum, above=above), max(0.0, minimum))
 
 
 def whole(minimum: int | None = None, maximum: int | None = None) -> Notation:
@@ -169,7 +174,7 @@ def _text(value: object, pattern: str = "", choices: Sequence[str] = ()) -> str:
         raise Complaint(f"must be one of {', '.join(choices)}", known=choices)
     if pattern and not re.fullmatch(pattern, value):
         raise Complaint(f"must look like {pattern}")
-    return value
+    return next((choice for choice in choices if choice == value), value)
 
 
 def _filled_text(value: object) -> str:
@@ -189,7 +194,14 @@ def _decimal(value: object) -> str:
     return value
 
 
-def _number(value: object, minimum: float = -math.inf, maximum: float = math.inf, above: float = -math.inf) -> float:
+def read_number(
+    value: object, minimum: float = -math.inf, maximum: float = math.inf, above: float = -math.inf
+) -> float:
+    """Return the value of a decimal number that was written in quotes.
+
+    Raises:
+        Complaint: where it is none, or outside of the bounds.
+    """
     return _within(float(_decimal(value)), minimum, maximum, above)
 
 
@@ -268,7 +280,7 @@ Text = Annotated[str, Notation(_filled_text, "")]
 AnyText = Annotated[str, Notation(_text, "")]
 """A text, which may be empty."""
 
-Number = Annotated[float, Notation(_number, 0.0)]
+Number = Annotated[float, Notation(read_number, 0.0)]
 """The value of a decimal number in quotes."""
 
 DecimalText = Annotated[str, Notation(_decimal, "0")]

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Annotated
 
-from hil.documents.reader import MappingReader
+from hil.model.notation import Flag, Number, whole
 
-__all__ = ["Allowed", "read_allowed"]
+__all__ = ["Allowed"]
 
-_KEYS = ("min", "max", "whole", "rising", "count")
+_COUNT = whole(1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,11 +27,11 @@ class Allowed:
         count: how many a list holds; any number of them where None.
     """
 
-    minimum: float | None = None
-    maximum: float | None = None
-    whole: bool = False
-    rising: bool = False
-    count: int | None = None
+    minimum: Number | None = field(default=None, metadata={"alias": "min"})
+    maximum: Number | None = field(default=None, metadata={"alias": "max"})
+    whole: Flag = False
+    rising: Flag = False
+    count: Annotated[int, _COUNT] | None = None
 
     def holds(self, numbers: Sequence[float]) -> bool:
         """Return whether these numbers are allowed, in the parameter's unit."""
@@ -54,28 +55,3 @@ class Allowed:
             return f"{what} from {low} to {high}{order}"
         bounds = [text for text in (low and f"at least {low}", high and f"at most {high}") if text]
         return " ".join([what, *(f"of {text}" for text in bounds)]) + order
-
-
-def read_allowed(entry: MappingReader, *, number: bool) -> Allowed:
-    """Return what a parameter's entry allows.
-
-    Args:
-        entry: of `parameters.yaml`; everything that is wrong becomes a finding.
-        number: whether the parameter is a number, or a list of them.
-    """
-    given = [key for key in _KEYS if entry.has(key)]
-    found = Allowed(
-        minimum=entry.number("min", None),
-        maximum=entry.number("max", None),
-        whole=entry.flag("whole", False),
-        rising=entry.flag("rising", False),
-        count=entry.integer("count", None, minimum=1),
-    )
-    if given and not number:
-        entry.findings.add(entry.place(given[0]), f"a text has no '{given[0]}', only a number with a unit has")
-    for key in ("rising", "count"):
-        if key in given and not entry.has("values"):
-            entry.findings.add(entry.place(key), f"'{key}' is of a list, and this parameter has no values")
-    if found.minimum is not None and found.maximum is not None and found.minimum > found.maximum:
-        entry.findings.add(entry.place("min"), f"min {found.minimum:.15g} is above max {found.maximum:.15g}")
-    return found

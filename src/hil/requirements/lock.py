@@ -12,8 +12,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
+from typing import Literal
 
 from hil.documents.canonical import JsonError, digest, parse_strict
+from hil.documents.declared import Invalid, read_json
 from hil.documents.findings import Findings
 from hil.documents.node import Place
 from hil.requirements.layout import LOCK
@@ -49,6 +51,14 @@ class Locked:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class _Lock:
+    """`requirements.lock.json`."""
+
+    format: Literal[1]
+    requirements: dict[str, Locked]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
     """One difference between a plan and its lock; `fields` are sentences, one per field: which, old, new."""
 
@@ -65,12 +75,17 @@ def read_lock(plan: Path, shown: str, findings: Findings) -> dict[str, Locked] |
     if not file.exists():
         return None
     try:
-        locked = _parse(parse_strict(file.read_bytes()))
+        parse_strict(data := file.read_bytes())
+        locked = read_json(data, _Lock).requirements
     except (JsonError, OSError) as error:
         findings.add(place, f"cannot be read: {error}; {_TAKE_BACK}")
         return None
-    if locked is None:
+    except Invalid:
+        locked = None
+    # A meaning has the fingerprint beside it: nobody can have written anything else.
+    if locked is None or any(each.meaning and digest(each.meaning) != each.fingerprint for each in locked.values()):
         findings.add(place, f"is not a lock of format {_FORMAT} as it was written; {_TAKE_BACK}")
+        return None
     return locked
 
 
@@ -214,28 +229,3 @@ def _shortened(text: str) -> str:
 
 def _rerun(shown: str) -> str:
     return f"run `hil requirements lock {shown}`"
-
-
-def _parse(document: object) -> dict[str, Locked] | None:
-    if not isinstance(document, dict) or document.get("format") != _FORMAT:
-        return None
-    entries = document.get("requirements")
-    if not isinstance(entries, dict):
-        return None
-    locked = {id_: _locked(entry) for id_, entry in entries.items()}
-    return {id_: entry for id_, entry in locked.items() if entry} if all(locked.values()) else None
-
-
-def _locked(entry: object) -> Locked | None:
-    """Return one entry, or None where nobody can have written it: a meaning has the fingerprint beside it."""
-    if not isinstance(entry, dict):
-        return None
-    rev, fingerprint, wording = entry.get("rev"), entry.get("fingerprint"), entry.get("wording", "")
-    meaning, explanation = entry.get("meaning", {}), entry.get("explanation", {})
-    if not (type(rev) is int and isinstance(fingerprint, str) and isinstance(wording, str)):
-        return None
-    if not (isinstance(meaning, dict) and isinstance(explanation, dict)) or (
-        meaning and digest(meaning) != fingerprint
-    ):
-        return None
-    return Locked(rev=rev, fingerprint=fingerprint, wording=wording, meaning=meaning, explanation=explanation)

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import keyword
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path as File
 from types import MappingProxyType
+from typing import Annotated
 
 from hil.documents.canonical import digest
+from hil.documents.declared import Document, read_document
 from hil.documents.findings import Findings
-from hil.documents.reader import MappingReader, read_document
 from hil.documents.suggest import did_you_mean
 from hil.model.errors import HilError, Refused
-from hil.requirements.allowed import Allowed, read_allowed
+from hil.model.notation import AnyText, Complaint, Path, Text, matching, read_number
+from hil.requirements.allowed import Allowed
 from hil.requirements.layout import PARAMETERS, shown
 from hil.requirements.units import UnitError, check_unit, compatible, convert, is_plain
 
@@ -177,7 +179,7 @@ class Parameters:
         return self._parameters[name]
 
 
-def load_parameters(root: Path, plan: Path) -> Parameters:
+def load_parameters(root: File, plan: File) -> Parameters:
     """Return the parameters of a plan; none where it has no `parameters.yaml`.
 
     Raises:
@@ -187,57 +189,83 @@ def load_parameters(root: Path, plan: Path) -> Parameters:
     if not file.exists():
         return Parameters()
     findings = Findings()
-    reader = read_document(file, shown(file, root), findings, schema=_SCHEMA)
+    document = read_document(file, shown(file, root), findings, _File, schema=_SCHEMA)
     found: dict[str, Parameter] = {}
-    if reader is not None:
-        for entry in reader.children("parameters", required=True):
-            parameter = _read(entry)
-            if parameter.name in found:
-                findings.add(entry.place("name"), f"duplicate parameter '{parameter.name}'")
-            found[parameter.name] = parameter
-        reader.done()
+    for index, entry in enumerate(document.model.parameters if document else ()):
+        if document is not None:
+            parameter = _parameter(document, ("parameters", index), entry, findings)
+            if entry.name in found:
+                findings.add(document.place(("parameters", index, "name")), f"duplicate parameter '{entry.name}'")
+            found[entry.name] = parameter
     findings.raise_if_any()
     return Parameters(tuple(found.values()))
 
 
-def _read(entry: MappingReader) -> Parameter:
-    before = len(entry.findings)
-    name = entry.text("name", pattern="[a-z][a-z0-9_]*")
-    if hasattr(Parameters, name) or keyword.iskeyword(name):
-        entry.findings.add(entry.place("name"), f"'{name}' cannot be the name of a parameter, choose another")
-    unit = entry.text("unit", "")
-    wrong = check_unit(unit) if unit else None
-    if wrong:
-        entry.findings.add(entry.place("unit"), wrong)
-    if entry.has("value") == entry.has("values"):
-        entry.findings.add(entry.node, f"parameter '{name}' needs either value or values")
-    value: _Single | tuple[_Single, ...]
-    if entry.has("values"):
-        value = _list(entry, number=bool(unit))
-    else:
-        value = entry.number("value", 0.0) if unit else entry.text("value", "")
-    found = Parameter(
-        name=name,
-        value=value,
-        unit=unit,
-        text=entry.text("text", ""),
-        allowed=read_allowed(entry, number=bool(unit)),
-    )
-    if len(entry.findings) == before and found.problem:
-        entry.findings.add(entry.place("values" if entry.has("values") else "value"), found.problem)
-    entry.done()
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Entry(Allowed):
+    """One entry of `parameters.yaml`: either a value or values, and what the plan allows them to be."""
+
+    name: Annotated[str, matching("[a-z][a-z0-9_]*")]
+    value: AnyText | None = None
+    values: tuple[Text, ...] | None = None
+    unit: AnyText = ""
+    text: AnyText = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _File:
+    """`parameters.yaml`."""
+
+    parameters: tuple[_Entry, ...]
+
+
+def _parameter(document: Document[_File], at: Path, entry: _Entry, findings: Findings) -> Parameter:
+    """Return a parameter, and note what is wrong between the keys of its entry."""
+    before = len(findings)
+    for key, message in _problems(document, at, entry):
+        findings.add(document.place((*at, key) if key else at), message)
+    key, value = "value" if entry.values is None else "values", _value(entry)
+    if isinstance(value, Complaint):
+        findings.add(document.place((*at, key)), f"parameters: {value}")
+        value = 0.0
+    allowed = Allowed(**{field.name: getattr(entry, field.name) for field in fields(Allowed)})
+    found = Parameter(name=entry.name, value=value, unit=entry.unit, text=entry.text, allowed=allowed)
+    if len(findings) == before and document.is_sound(at) and found.problem:
+        findings.add(document.place((*at, key)), found.problem)
     return found
 
 
-def _list(entry: MappingReader, *, number: bool) -> tuple[_Single, ...]:
-    texts = entry.texts("values")
-    if not number:
-        return texts
+def _problems(document: Document[_File], at: Path, entry: _Entry) -> Iterator[tuple[str, str]]:
+    """Give what is wrong between the keys of an entry: the key at which that is, and a sentence."""
+    given = [key for key in ("min", "max", "whole", "rising", "count") if document.has((*at, key))]
+    if hasattr(Parameters, entry.name) or keyword.iskeyword(entry.name):
+        yield "name", f"'{entry.name}' cannot be the name of a parameter, choose another"
+    wrong = check_unit(entry.unit) if entry.unit else None
+    if wrong:
+        yield "unit", wrong
+    if document.has((*at, "value")) == document.has((*at, "values")):
+        yield "", f"parameter '{entry.name}' needs either value or values"
+    if given and not entry.unit:
+        yield given[0], f"a text has no '{given[0]}', only a number with a unit has"
+    for key in ("rising", "count"):
+        if key in given and not document.has((*at, "values")):
+            yield key, f"'{key}' is of a list, and this parameter has no values"
+    if entry.minimum is not None and entry.maximum is not None and entry.minimum > entry.maximum:
+        yield "min", f"min {entry.minimum:.15g} is above max {entry.maximum:.15g}"
+
+
+def _value(entry: _Entry) -> _Single | tuple[_Single, ...] | Complaint:
+    """Return the value, or the values, in the unit where there is one."""
+    if not entry.unit:
+        return (entry.value or "") if entry.values is None else entry.values
     try:
-        return tuple(_number(text) for text in texts)
+        if entry.values is None:
+            return read_number(entry.value or "0")
+        return tuple(_number(text) for text in entry.values)
+    except Complaint as complaint:
+        return Complaint(f"'value' {complaint}, found '{entry.value}'")
     except ValueError:
-        entry.findings.add(entry.place("values"), "values with a unit must be decimal numbers in quotes")
-        return ()
+        return Complaint("'values' with a unit must be decimal numbers in quotes")
 
 
 def _value_of(before: Parameter, text: str) -> _Single | tuple[_Single, ...]:

@@ -6,11 +6,29 @@ import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Annotated
 
 from hil.documents.canonical import digest
 from hil.documents.node import Place
+from hil.model.notation import (
+    UNWRITTEN,
+    AnyText,
+    DecimalText,
+    Flag,
+    Hertz,
+    Seconds,
+    Text,
+    matching,
+    one_of,
+    whole,
+)
 
-__all__ = ["Decision", "Document", "Kind", "Limit", "Method", "Records", "Requirement"]
+__all__ = ["Decision", "Document", "Kind", "Limit", "Method", "PlannedRequirement", "Records", "Requirement"]
+
+_ID = matching("[A-Z][A-Z0-9]*(-[A-Z0-9]+)*-[0-9]{2,5}")
+_NAME = matching("[A-Za-z_][A-Za-z0-9_]*")
+_LEVEL = one_of("part", "equipment", "subsystem", "element", "segment", "system")
+_STAGE = one_of("qualification", "acceptance", "pre-launch", "in-orbit", "post-landing")
 
 
 class Kind(StrEnum):
@@ -43,9 +61,9 @@ class Decision(StrEnum):
 class Document:
     """The document that one `requirements.yaml` stands for."""
 
-    id: str = ""
-    issue: str = ""
-    title: str = ""
+    id: Text
+    issue: AnyText = ""
+    title: AnyText = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,14 +81,14 @@ class Limit:
         min_tur: lowest test uncertainty ratio that can pass, as a decimal string, or None.
     """
 
-    parameter: str
-    of: tuple[str, ...] = ()
-    unit: str = ""
-    minimum: str | None = None
-    maximum: str | None = None
-    equals: str | None = None
-    decision: Decision = Decision.GUARDED
-    min_tur: str | None = None
+    parameter: Annotated[str, _NAME]
+    of: tuple[Text, ...] = ()
+    unit: AnyText = ""
+    minimum: DecimalText | None = field(default=None, metadata={"alias": "min"})
+    maximum: DecimalText | None = field(default=None, metadata={"alias": "max"})
+    equals: AnyText | None = None
+    decision: Annotated[Decision, one_of(*Decision, blank=Decision.GUARDED)] = Decision.GUARDED
+    min_tur: DecimalText | None = None
 
     @property
     def bounded(self) -> bool:
@@ -90,11 +108,11 @@ class Records:
         max_gap_s: longest time without a row, or None.
     """
 
-    recording: str
-    channels: tuple[str, ...]
-    rate_hz: float | None = None
-    duration_s: float | None = None
-    max_gap_s: float | None = None
+    recording: Annotated[str, _NAME]
+    channels: tuple[Text, ...]
+    rate_hz: Hertz | None = field(default=None, metadata={"alias": "rate"})
+    duration_s: Seconds | None = field(default=None, metadata={"alias": "duration"})
+    max_gap_s: Seconds | None = field(default=None, metadata={"alias": "max_gap"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,23 +130,23 @@ class Requirement:
         place: where it is written.
     """
 
-    id: str
-    rev: int
-    text: str
-    kind: Kind
-    method: Method = Method.TEST
-    plan: str = ""
-    source: str = ""
-    parents: tuple[str, ...] = ()
-    level: str = ""
-    stage: str = ""
+    id: Annotated[str, _ID]
+    rev: Annotated[int, whole(1)]
+    text: Text
+    kind: Annotated[Kind, one_of(*Kind, blank=Kind.PARENT)] = Kind.PARENT
+    method: Annotated[Method, one_of(*Method, blank=Method.TEST)] = Method.TEST
+    plan: str = field(default="", metadata=UNWRITTEN)
+    source: AnyText = ""
+    parents: tuple[Text, ...] = ()
+    level: Annotated[str, _LEVEL] = ""
+    stage: Annotated[str, _STAGE] = ""
     limits: tuple[Limit, ...] = ()
     records: Records | None = None
-    over: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    withdrawn: bool = False
-    anomaly: str = ""
-    rationale: str = ""
-    place: Place = field(default_factory=lambda: Place(path=""), compare=False)
+    over: Mapping[str, tuple[Text, ...]] = field(default_factory=dict)
+    withdrawn: Flag = False
+    anomaly: AnyText = ""
+    rationale: AnyText = ""
+    place: Place = field(default_factory=lambda: Place(path=""), compare=False, metadata=UNWRITTEN)
 
     @property
     def meaning(self) -> dict[str, object]:
@@ -165,6 +183,14 @@ class Requirement:
     def wording(self) -> str:
         """SHA-256 of what may change without a new revision: explanations, and the spacing of the text."""
         return digest({"text": self.text, **self.explanation})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedRequirement(Requirement):
+    """An entry of a plan's catalogue, which says its kind and method; only the workspace's own may be parents."""
+
+    kind: Annotated[Kind, one_of(Kind.LIMIT, Kind.RECORD, Kind.CHARACTERISE, blank=Kind.PARENT)]
+    method: Annotated[Method, one_of(*Method, blank=Method.TEST)]
 
 
 def _collapsed(text: str) -> str:

@@ -186,10 +186,10 @@ def test_a_plan_may_have_no_parameters(tmp_path):
     ("entry", "expected"),
     [
         ('{name: a, value: "x", unit: s}', "'value' must be a decimal number in quotes"),
-        ("{name: a, value: 5, unit: s}", "'value' must be a number in quotes"),
+        ("{name: a, value: 5, unit: s}", "'value' must be text, found `5`, write it in quotes: \"5\""),
         ("{name: a, value: 5}", "'value' must be text"),
         ('{name: a, value: "5", unit: furlong}', "'furlong' is not a known unit"),
-        ('{name: a, values: ["1", x], unit: s}', "values with a unit must be decimal numbers"),
+        ('{name: a, values: ["1", x], unit: s}', "'values' with a unit must be decimal numbers in quotes"),
         ("{name: a, unit: s}", "parameter 'a' needs either value or values"),
         ("{name: a, value: b, values: [c]}", "parameter 'a' needs either value or values"),
         ("{name: digest, value: b}", "'digest' cannot be the name of a parameter"),

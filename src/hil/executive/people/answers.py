@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 from hil.bench.bound import BoundBench
+from hil.documents.declared import read_document
 from hil.documents.findings import Findings
-from hil.documents.reader import read_document
 from hil.documents.suggest import did_you_mean, nearest
 from hil.executive.people.questions import Answer, AnswerSource, Declined, Elsewhere, Question, form, spoken, understood
+from hil.model.notation import Text
 
 __all__ = [
     "SIMULATED_PERSON",
@@ -217,6 +219,13 @@ class FirstOf:
         return (self._first if question.name in self._known or meant else self._last).answer(question)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _File:
+    """An answers file."""
+
+    answers: Mapping[str, Text]
+
+
 def load_answers(path: Path, shown: str) -> Mapping[str, str]:
     """Read an answers file.
 
@@ -224,11 +233,6 @@ def load_answers(path: Path, shown: str) -> Mapping[str, str]:
         ConfigurationError: with everything that is wrong with it.
     """
     findings = Findings()
-    document = read_document(path, shown, findings, schema=_SCHEMA)
-    answers: dict[str, str] = {}
-    if document:
-        inner = document.child("answers", required=True)
-        answers = {key: inner.text(key) for key in inner.keys()} if inner else {}  # noqa: SIM118 - a reader
-        document.done()
+    document = read_document(path, shown, findings, _File, schema=_SCHEMA)
     findings.raise_if_any()
-    return answers
+    return document.model.answers if document else {}
