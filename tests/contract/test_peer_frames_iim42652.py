@@ -393,21 +393,6 @@ def test_samples_do_not_depend_on_who_reads_and_when():
     assert streams[0] == streams[1] == streams[2]
 
 
-def test_a_sampling_that_starts_anew_has_other_noise():
-    """Off and on again is not the same record again."""
-    bench = Bench(truth={"white": ["1", "1", "1"]})
-    bench.stream()
-    records = []
-    for _ in range(2):
-        bench.start()
-        bench.wait(SECOND)
-        records.append(bench.packets()["gyro"][30:])
-        bench.write(0x4E, 0x00)
-        bench.wait(SECOND)
-    assert not np.array_equal(*records)
-    assert len(records[0]) == len(records[1]) == 70
-
-
 def test_power():
     """Below 1.71 V there is nobody; power brings the reset values after the boot time."""
     bench = Bench(connects={"power": "table.supply"}, truth={"boot_time": "0.01"})

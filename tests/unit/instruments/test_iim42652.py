@@ -132,21 +132,12 @@ def test_what_the_wiring_says_about_numbers():
         ({"bandwidth": "30"}, "bandwidth 30 Hz does not exist.*10, 20, 25, 40, 50, 80, 100"),
         ({"line": "-1"}, "line -1 does not exist"),
         ({"line": "0.5"}, "line 0.5 does not exist"),
-        ({"odr": "100"}, "unknown setting 'odr'"),
-        ({"role": "magnetometer"}, "does not fill the role magnetometer"),
-        ({"channel": 1}, "has no channels"),
     ],
 )
 def test_wiring_that_cannot_be(settings, message):
     """Each is refused with what there is."""
     with pytest.raises(Refused, match=message):
         gyroscope([], **settings)
-
-
-def test_it_needs_a_bus():
-    """A port leads nowhere."""
-    with pytest.raises(Refused, match="I2C bus"):
-        Iim42652(Connection(device="gyro", clock=VirtualClock(), clamps=Clamps()))
 
 
 def test_nothing_streams_before_begin():

@@ -11,10 +11,8 @@ from scripted import ScriptedBus
 from hil.clock.virtual import VirtualClock
 from hil.instruments.driver import Clamps, Connection
 from hil.instruments.lis3mdl import Lis3mdl
-from hil.instruments.sampled import Channel
 from hil.model.bench import Wire
-from hil.model.errors import Garbled, NoReply, Refused, Rejected, WrongIdentity
-from hil.model.identity import Identity
+from hil.model.errors import Garbled, NoReply, Refused, Rejected
 
 IDENTITY = (b"\x0f", b"\x3d")
 NEW, OLD = (b"\x27", b"\x08"), (b"\x27", b"\x00")
@@ -124,35 +122,6 @@ def test_a_sensor_that_stands_still_is_no_reply():
     assert clock.now() == pytest.approx(0.125, abs=0.002)
 
 
-def test_a_sensor_that_repeats_itself_is_no_reply():
-    """New samples with the same numbers are no measurement; the sixteenth in a row says so."""
-    sensor, bus, _ = magnetometer([*starting(), NEW, *sampling(1, 2, 3, 0) * 16])
-    sensor.start()
-    for _ in range(15):
-        sensor.sample()
-    with pytest.raises(NoReply, match="16 samples in a row are equal"):
-        sensor.sample()
-    assert bus.done
-
-
-def test_equal_samples_are_counted_in_a_row_only():
-    """One other sample begins the count anew, and full saturation is not counted at all."""
-    moving = (sampling(1, 2, 3, 0) * 15 + sampling(1, 2, 4, 0)) * 2 + sampling(32767, -32768, 32767, 0) * 40
-    sensor, bus, _ = magnetometer([*starting(), NEW, *moving])
-    sensor.start()
-    for _ in range(72):
-        sensor.sample()
-    assert bus.done
-
-
-def test_a_sensor_that_is_gone_is_no_reply():
-    """A missing acknowledge names the address."""
-    clock = VirtualClock()
-    driver = Lis3mdl(Connection(device="mag", clock=clock, clamps=Clamps(), bus=ScriptedBus(0x1C), address=0x1E))
-    with pytest.raises(NoReply, match="no acknowledge at address 0x1e: Remote I/O error"):
-        driver.identify()
-
-
 def test_a_bus_that_reads_only_ones_is_garbled():
     """A sensor that does not know its name any more did not measure -1."""
     ones = [(b"\x27", b"\xff"), (XYZ, b"\xff" * 6), (TEMPERATURE, b"\xff" * 2)]
@@ -168,14 +137,6 @@ def test_a_true_minus_one_everywhere_is_a_sample():
     sensor, _, _ = magnetometer([*starting(), NEW, *sampling(-1, -1, -1, -1), IDENTITY])
     sensor.start()
     assert sensor.sample()[3] == 24.875
-
-
-def test_start_refuses_another_device():
-    """Nothing is written to a device with another name."""
-    sensor, bus, _ = magnetometer([(b"\x0f", b"\x68")])
-    with pytest.raises(WrongIdentity, match="WHO_AM_I is 0x68, the LIS3MDL has 0x3d"):
-        sensor.start()
-    assert bus.done
 
 
 def test_start_refuses_settings_that_read_back_otherwise():
@@ -197,51 +158,3 @@ def test_stop_is_power_down_and_read_back():
     assert bus.done
     with pytest.raises(Refused, match="has not been started"):
         sensor.sample()
-
-
-def test_channels_have_units():
-    """Three axes and the die's temperature."""
-    sensor, _, _ = magnetometer([])
-    assert sensor.channels() == (
-        Channel("x", "uT"),
-        Channel("y", "uT"),
-        Channel("z", "uT"),
-        Channel("temperature", "degC"),
-    )
-
-
-@pytest.mark.parametrize(("name", "model"), [(b"\x3d", "LIS3MDL"), (b"\x68", "WHO_AM_I 0x68")])
-def test_it_is_identified_by_who_am_i(name, model):
-    """Another device's name is shown as it is."""
-    bus = ScriptedBus(0x1C, [(b"\x0f", name)])
-    driver = Lis3mdl(Connection(device="mag", clock=VirtualClock(), clamps=Clamps(), bus=bus, address=0x1C))
-    assert driver.identify() == Identity(model=model)
-    assert driver.outlets() == ()
-
-
-@pytest.mark.parametrize(
-    ("wire", "sentence"),
-    [
-        (Wire(role="supply", instance="", instrument="mag"), "does not fill the role supply"),
-        (Wire(role="magnetometer", instance="", instrument="mag", channel=1), "has no channels"),
-        (
-            Wire(role="magnetometer", instance="", instrument="mag", settings={"range": "5 gauss"}),
-            "range 5 gauss does not exist; choose one of 4, 8, 12, 16 gauss",
-        ),
-        (Wire(role="magnetometer", instance="", instrument="mag", settings={"rate": "100 Hz"}), "rate 100 Hz does not"),
-        (Wire(role="magnetometer", instance="", instrument="mag", settings={"rate": "fast"}), "rate is 'fast'"),
-        (Wire(role="magnetometer", instance="", instrument="mag", settings={"odr": "80"}), "unknown setting 'odr'"),
-    ],
-)
-def test_wires_that_it_cannot_serve_are_refused(wire, sentence):
-    """The sentence says what is wrong with the wire."""
-    bus = ScriptedBus(0x1C)
-    driver = Lis3mdl(Connection(device="mag", clock=VirtualClock(), clamps=Clamps(), bus=bus, address=0x1C))
-    with pytest.raises(Refused, match=sentence):
-        driver.role(wire)
-
-
-def test_it_is_reached_by_a_bus():
-    """A bench file that gives it a port is refused."""
-    with pytest.raises(Refused, match="needs an I2C bus"):
-        Lis3mdl(Connection(device="mag", clock=VirtualClock(), clamps=Clamps()))

@@ -159,18 +159,6 @@ def test_noise_level_by_mode_and_independence_of_axes():
     assert best.mean(axis=0) == pytest.approx([22, 5, -38], abs=0.05)
 
 
-def test_restarted_conversions_have_new_noise():
-    """Starting again does not repeat the noise, or differences of two recordings would cancel it."""
-    twin = Twin()
-    twin.wake_sensor()
-    twin.clock.sleep(0.1)
-    first = twin.field()
-    twin.write(0x22, 0x03)
-    twin.write(0x22, 0x00)
-    twin.clock.sleep(0.1)
-    assert twin.field() != first
-
-
 def test_power_down_holds_the_last_sample(twin):
     """Asleep, the data registers keep still and no new data is told."""
     twin.wake_sensor()

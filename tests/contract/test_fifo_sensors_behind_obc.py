@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from gyroscope_bench import Bench
+from sensor_bench import IIM42652, Bench
 
 from hil.instruments.driver import Clamps, Connection
 from hil.instruments.obc_link.driver import ObcLink
@@ -21,11 +21,11 @@ BIASES = {"bias_x": ["1.5", "0", "0"], "bias_y": ["-20", "0", "0"], "bias_z": ["
 
 
 class BehindObc(Bench):
-    """A gyroscope on the bus of an OBC."""
+    """A sensor on the bus of an OBC."""
 
     def __init__(self, *, obc=None, obc_faults=(), **sensor) -> None:
         self.obc, self.obc_faults = obc, obc_faults
-        super().__init__(**sensor)
+        super().__init__(IIM42652, **sensor)
 
     def make_bus(self, board):
         """Put the sensor behind a board."""
@@ -48,7 +48,7 @@ def _withdrawn():
 
 def test_the_same_samples_as_over_the_hosts_own_bus():
     """One sensor, one seed: one series of numbers, at the same times within a sample."""
-    own = Bench(truth=BIASES).streaming().rows(10)
+    own = Bench(IIM42652, truth=BIASES).streaming().rows(10)
     behind = BehindObc(truth=BIASES).streaming().rows(10)
     count = min(len(own), len(behind))
     assert count > 880
@@ -60,9 +60,9 @@ def test_the_same_samples_as_over_the_hosts_own_bus():
 def test_one_sample_is_the_same_number():
     """A polled read comes through the link unchanged."""
     samples = []
-    for bench in (Bench(truth=BIASES | {"white": ["0"] * 3, "flicker": ["0"] * 3}), BehindObc(truth=BIASES)):
-        bench.gyro.start()
-        samples.append(bench.gyro.sample())
+    for bench in (Bench(IIM42652, truth=BIASES | {"white": ["0"] * 3, "flicker": ["0"] * 3}), BehindObc(truth=BIASES)):
+        bench.sensor.start()
+        samples.append(bench.sensor.sample())
     assert samples[0] == pytest.approx(samples[1], abs=0.1)
 
 
@@ -71,10 +71,10 @@ def test_times_are_those_of_the_boards_clock(rate):
     """A board 200 ppm fast says so in times and in the report; none is put right in silence."""
     bench = BehindObc(obc={"clock_drift": "0.0002"}, settings={"rate": str(rate)}, truth={"odr_error": "-0.01"})
     bench.streaming(rate)
-    rows = bench.rows(60, bench.gyro.longest_pause)
+    rows = bench.rows(60, bench.sensor.longest_pause)
     period = 1.0002 / (0.99 * rate)
     assert rows[:, 0] == pytest.approx(period * np.arange(1, len(rows) + 1), abs=5e-6)
-    report = bench.gyro.end()
+    report = bench.sensor.end()
     assert report.lost == report.lost_samples == 0
     assert report.drift == pytest.approx(2e-4, abs=1e-6)
 
@@ -87,7 +87,7 @@ def test_frames_that_are_lost_leave_their_time_empty():
     steps = np.diff(rows[:, 0])
     assert np.isclose(steps, 0.01, atol=1e-5).sum() == len(steps) - 1
     assert steps.max() == pytest.approx(3.01, abs=1e-5)
-    assert bench.gyro.end().lost == 3
+    assert bench.sensor.end().lost == 3
 
 
 def test_no_acknowledge_is_the_sensors():
@@ -95,7 +95,7 @@ def test_no_acknowledge_is_the_sensors():
     bench = BehindObc(faults=[{"kind": "dead", "from": "4 s"}]).streaming()
     with pytest.raises(NoReply) as caught:
         bench.rows(12)
-    assert caught.value.device == "gyro"
+    assert caught.value.device == "sensor"
     assert bench.clock.now() < 8.5
 
 
@@ -112,7 +112,7 @@ def test_a_sensor_asleep_is_the_sensors():
     bench = BehindObc(faults=[{"kind": "asleep", "from": "4 s"}]).streaming()
     with pytest.raises(NoReply, match="lost its settings") as caught:
         bench.rows(12)
-    assert caught.value.device == "gyro"
+    assert caught.value.device == "sensor"
 
 
 @pytest.mark.parametrize("fault", ["dead", "reset"])
@@ -123,14 +123,14 @@ def test_a_link_that_fails_is_the_boards(fault):
         bench.rows(12)
     assert caught.value.device == "obc"
     with pytest.raises(DeviceFault):
-        bench.gyro.end()
+        bench.sensor.end()
 
 
 def test_stop_and_stream_again():
     """A second stream counts from its own beginning."""
     bench = BehindObc().streaming()
     bench.rows(3)
-    bench.gyro.stop()
+    bench.sensor.stop()
     rows = bench.streaming().rows(3)
     assert rows[:, 0] == pytest.approx(0.01 * np.arange(1, len(rows) + 1), abs=5e-6)
-    assert bench.gyro.end().lost == 0
+    assert bench.sensor.end().lost == 0

@@ -1,0 +1,186 @@
+"""A sensor behind its driver: on the host's own bus, or on one that streams; and what is known of each chip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from board_bus import BoardBus
+
+from hil.clock.virtual import VirtualClock
+from hil.instruments.driver import Clamps, Connection
+from hil.instruments.iim42652 import Iim42652
+from hil.instruments.lis3mdl import Lis3mdl
+from hil.instruments.sensors.sensor import SensorDriver
+from hil.model.bench import InstrumentSpec, Wire
+from hil.simulation.faults import BUS_FAULTS, SERIAL_FAULTS, read_faults
+from hil.simulation.peers import iim42652, lis3mdl
+from hil.simulation.peers.faulty import FaultyBusPeer, FaultySerialPeer
+from hil.simulation.peers.model import Connections, PeerModel, PeerSetup
+from hil.simulation.plants.plant import Plant
+from hil.simulation.seeds import Seeds
+from hil.simulation.truth import Truth
+from hil.wire.simulated_bus import SimulatedBus
+
+__all__ = ["CHIPS", "FIFO_CHIPS", "IIM42652", "LIS3MDL", "Bench", "SensorChip"]
+
+_SECOND = 1_000_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorChip:
+    """One chip: its two sides, and numbers of its data sheet that neither of them is asked for.
+
+    Attributes:
+        role, unit: what it fills, and the unit of its axes.
+        named: what it is identified as.
+        address, strapped: its usual address, and the other one.
+        power_on: a register, as it is sent, and what is read from there on after power-on.
+        ranges, rates: as a wire names them; `narrow` is the first of them in the axes' unit.
+        truth, expected: a truth section, and the axes and temperature that come of it.
+        close: how near to that a sample is.
+        noisy: a truth section with noise that no two samples share.
+        sleep: a register, as it is sent, and what is read there of a sensor that was stopped.
+        capacity: packets that its FIFO holds, 0 for a chip without one; `fifo_off` is as `sleep`.
+    """
+
+    driver: type[SensorDriver]
+    model: PeerModel
+    role: str
+    unit: str
+    named: str
+    address: int
+    strapped: int
+    power_on: tuple[int, bytes]
+    ranges: tuple[str, ...]
+    rates: tuple[str, ...]
+    narrow: float
+    truth: dict[str, object]
+    expected: tuple[float, ...]
+    close: float
+    noisy: dict[str, object] = field(default_factory=dict)
+    sleep: tuple[int, int]
+    capacity: int = 0
+    fifo_off: tuple[int, int] = (0, 0)
+
+
+LIS3MDL = SensorChip(
+    driver=Lis3mdl,
+    model=lis3mdl.MODEL,
+    role="magnetometer",
+    unit="uT",
+    named="LIS3MDL",
+    address=0x1C,
+    strapped=0x1E,
+    power_on=(0xA0, bytes.fromhex("1000030000")),
+    ranges=("4 gauss", "8 gauss", "12 gauss", "16 gauss"),
+    rates=("0.625 Hz", "5 Hz", "80 Hz", "155 Hz"),
+    narrow=400.0,
+    truth={"offset": ["48.0", "-22.5", "150.0"], "noise": ["0.02"] * 3, "temperature": "40.0"},
+    expected=(48.0, -22.5, 150.0, 40.0),
+    close=0.2,
+    sleep=(0x22, 0x03),
+)
+
+IIM42652 = SensorChip(
+    driver=Iim42652,
+    model=iim42652.MODEL,
+    role="gyroscope",
+    unit="deg/s",
+    named="IIM-42652",
+    address=0x68,
+    strapped=0x69,
+    power_on=(0x4C, bytes.fromhex("30910006061611")),
+    ranges=("31.25", "62.5", "125", "250", "500", "1000", "2000"),
+    rates=("12.5", "25", "50", "100", "200", "500", "1000"),
+    narrow=31.25,
+    truth={
+        "bias_x": ["1.5", "0", "0"],
+        "bias_y": ["-20", "0", "0"],
+        "bias_z": ["0.25", "0", "0"],
+        "temperature": "-16",
+        "temperature_offset": "0.5",
+    },
+    expected=(1.5, -20, 0.25, -15.5),
+    close=0.3,
+    noisy={"white": ["1", "1", "1"]},
+    sleep=(0x4E, 0x00),
+    capacity=256,
+    fifo_off=(0x16, 0x00),
+)
+
+CHIPS = (IIM42652, LIS3MDL)
+"""Every chip; a new one is added here, and has all tests of the family."""
+
+FIFO_CHIPS = tuple(chip for chip in CHIPS if chip.capacity)
+"""Those that can stream."""
+
+
+class Table(Plant):
+    """A supply that can be cut."""
+
+    def __init__(self) -> None:
+        super().__init__("table", _SECOND // 10, (0.0,), {"volts": 3.3}, frozenset({"supply"}))
+
+    def step(self, state, inputs, dt):
+        """Do nothing."""
+        return state
+
+    def signal(self, name, state, inputs, at):
+        """Return the supply voltage."""
+        return inputs["volts"]
+
+
+class Bench:
+    """A sensor, its bus, clock and supply; `sensor` is the role."""
+
+    def __init__(self, chip, *, board=False, truth=None, faults=(), settings=None) -> None:
+        self.chip = chip
+        self.clock = VirtualClock()
+        self.supply = Table()
+        self.clock.advance_first(self.supply.advance)
+        self.seeds = Seeds(5)
+        self.peer = self.build("sensor", chip.model, truth, faults)
+        self.peer.attach(self.clock)
+        self.bus = self.make_bus(board)
+        connection = Connection(device="sensor", clock=self.clock, clamps=Clamps(), bus=self.bus, address=chip.address)
+        self.driver = chip.driver(connection)
+        self.sensor = self.driver.role(Wire(role=chip.role, instance="", instrument="sensor", settings=settings or {}))
+        self.clock.sleep(0.01)
+
+    def build(self, name, model, truth, faults):
+        """Return a peer, with its faults around it."""
+        bus = model.link == "bus"
+        wrong = read_faults(faults, ("faults",), (*(BUS_FAULTS if bus else SERIAL_FAULTS), *model.fault_kinds))
+        plugs = {"power": "table.supply"} if bus else {}
+        setup = PeerSetup(
+            instrument=InstrumentSpec(name=name, driver="any", address=self.chip.address if bus else 0),
+            truth=Truth(truth or {}, ("truth",)),
+            connections=Connections(plugs, {"table": self.supply}, set(), ("connects",)),
+            faults=wrong,
+            seeds=self.seeds,
+        )
+        faulty = FaultyBusPeer if bus else FaultySerialPeer
+        return faulty(model.build(setup), wrong, self.seeds.stream(name, "faults"))
+
+    def make_bus(self, board):
+        """Return the bus of the sensor."""
+        return BoardBus(self.clock, self.peer) if board else SimulatedBus(self.clock, 400_000, [self.peer])
+
+    def streaming(self, rate=100.0):
+        """Return the bench with its sensor streaming."""
+        self.sensor.start()
+        self.sensor.begin(rate)
+        return self
+
+    def read(self, register, count=1):
+        """Return registers; the number is as it is sent."""
+        return bytes(self.bus.read_i2c_block_data(self.chip.address, register, count))
+
+    def rows(self, seconds, pause=1.0):
+        """Drain for some time."""
+        blocks = []
+        for _ in range(round(seconds / pause)):
+            self.clock.sleep(pause)
+            blocks.append(self.sensor.drain())
+        return np.concatenate(blocks)
