@@ -151,9 +151,9 @@ def test_a_program_asks_a_computing_case_only_once(tmp_path):
 @pytest.mark.parametrize(
     ("ending", "how"),
     [
-        ("import os; os._exit(0)", "left with exit code 0"),
+        ("import os; os._exit(0)", "ended with exit code 0"),
         ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "was ended by SIGSEGV"),
-        ("import os; os.closerange(3, 1000); os._exit(0)", "left with exit code 0"),
+        ("import os; os.closerange(3, 1000); os._exit(0)", "ended with exit code 0"),
     ],
 )
 def test_a_process_that_vanishes_is_no_pass(tmp_path, ending, how):
@@ -179,7 +179,7 @@ def test_a_run_that_cannot_be_sealed_is_notified_of(tmp_path):
     told = [json.loads(line) for line in (workspace.root / "told.json").read_text(encoding="utf-8").splitlines()]
     assert ended.code == 3
     assert [each["event"] for each in told] == ["end", "died"]
-    assert "left with exit code 3 before the run was sealed" in told[1]["text"]
+    assert "ended with exit code 3 before the run was sealed" in told[1]["text"]
 
 
 def test_sys_exit_where_modules_load_is_no_pass(tmp_path):

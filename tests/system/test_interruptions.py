@@ -225,7 +225,7 @@ def test_hil_seals_and_verifies_a_killed_run(tmp_path):
     finish(process)
     name = package_of(workspace).name
     before = workspace.hil("verify", name)
-    assert (before.code, before.out.splitlines()[0]) == (1, f"{name}: INTERRUPTED, the run did not go to its own end")
+    assert (before.code, before.out.splitlines()[0]) == (1, f"{name}: INTERRUPTED, the run is incomplete")
     assert "INTERRUPTED" in workspace.hil("runs").out
     refused = workspace.hil("stop", name)
     assert refused.code == 4
@@ -234,7 +234,7 @@ def test_hil_seals_and_verifies_a_killed_run(tmp_path):
     assert (sealed.code, sealed.last_line) == (0, f"reports/{name}")
     after = workspace.hil("verify", name)
     assert (after.code, after.err) == (1, "")
-    assert after.out.splitlines()[0] == f"{name}: SEALED, the run did not go to its own end"
+    assert after.out.splitlines()[0] == f"{name}: SEALED, the run is incomplete"
     assert "verdict     ABORTED" in workspace.hil("status", name).out
 
 
@@ -277,8 +277,8 @@ def test_what_other_terminals_say_becomes_evidence(tmp_path):
     assert verify(package.folder).findings == ()
     assert workspace.hil("note", name, "too late").code == 4
     assert workspace.hil("replay", name).out.splitlines() == [
-        "no case of the record came to its end, so none could be compared",
-        "not compared: 2 cases (1 broken off, 1 never run)",
+        "no recorded case ran to its end, so none could be compared",
+        "not compared: 2 cases (1 cut short, 1 never run)",
     ]
 
 

@@ -260,7 +260,7 @@ def test_after_the_guardian_acted_a_named_person_comes_first(tmp_path, folder):
         try:
             seconds_until(lambda: "SAFED" in workspace.hil("status", "latest").out, 20, "SAFED")
             status = workspace.hil("status", "latest").out
-            assert f"latched, waits for hil ack {run.name}" in status
+            assert f"latched until hil ack {run.name}" in status
             with started(workspace, folder) as again:
                 refused = finish(again)
             assert refused.code == 4
@@ -278,7 +278,7 @@ def test_after_the_guardian_acted_a_named_person_comes_first(tmp_path, folder):
     assert workspace.hil("seal", "latest").code == 0
     (said,) = events(workspace, "acknowledged")
     assert (said["by"], said["text"]) == ("Ada", "cold")
-    assert workspace.hil("verify", "latest").out.splitlines()[0].endswith("SEALED, the run did not go to its own end")
+    assert workspace.hil("verify", "latest").out.splitlines()[0].endswith("SEALED, the run is incomplete")
 
 
 def test_whoever_is_notified_of_a_death_learns_what_the_guardian_did(tmp_path_factory):

@@ -133,7 +133,7 @@ def test_a_run_that_does_not_come_to_the_same_is_left_as_it_is(workspace, interr
     transcript.write_text("".join(lines), encoding="ascii")
     ended = workspace.hil("resume", "latest")
     assert ended.code == 3
-    assert "cannot be gone on with" in ended.err
+    assert "cannot be resumed" in ended.err
     assert journal.read_bytes() == before
     assert workspace.hil("seal", "latest").code == 0
 

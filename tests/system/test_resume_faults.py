@@ -211,6 +211,6 @@ def test_a_record_that_is_damaged_at_its_end_is_left_as_it_is(workspace, interru
     data[-60] ^= 0x81
     path.write_bytes(data)
     ended = workspace.hil("resume", interrupted.name)
-    assert (ended.code, "cannot be gone on with" in ended.err) == (3, True)
+    assert (ended.code, "cannot be resumed" in ended.err) == (3, True)
     assert journal.read_bytes().count(b"case-end") == before.count(b"case-end")
     assert not (interrupted / "bagit.txt").exists()

@@ -108,16 +108,16 @@ def ways_on(folder: Path) -> Iterator[str]:
     Args:
         folder: the run's folder, whose process has ended.
     """
-    yield f"look after the bench first; then see how far it came with: hil status {folder.name}"
-    seal = f"seal it as it is with: hil seal {folder}"
+    yield f"check the bench first; then see how far the run got: hil status {folder.name}"
+    seal = f"seal it as it is: hil seal {folder}"
     try:
         why_not = _why_not_resumed(folder / JOURNAL)
     except OSError:
-        why_not = "its journal cannot be read"
+        why_not = "because its journal cannot be read"
     if why_not:
-        yield f"it cannot be gone on with, {why_not}; {seal}"
+        yield f"it cannot be resumed, {why_not}; {seal}"
     else:
-        yield f"go on with it with: hil resume {folder}"
+        yield f"resume it: hil resume {folder}"
         yield f"or {seal}"
 
 

@@ -134,10 +134,10 @@ def _end(follower: Follower) -> Iterator[str]:
         try:
             yield from closing_lines(read_json(follower.folder / RESULTS))
         except (EvidenceError, LookupError, TypeError, ValueError):
-            yield f"{name} is sealed, but its results cannot be read; hil verify tells why"
+            yield f"{name} is sealed, but its results cannot be read; hil verify shows why"
         return
     since = follower.last_utc or "its beginning"
-    yield f"{name} is not going on since {since}, and is not sealed"
+    yield f"{name} has not been running since {since}, and is not sealed"
     if latch := latch_word(follower.folder):
         yield f"  {latch}"
-    yield f"  hil resume {name} goes on with it, hil seal {name} seals it as it is"
+    yield f"  hil resume {name} continues it, hil seal {name} seals it as it is"

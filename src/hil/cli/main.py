@@ -22,23 +22,23 @@ __all__ = ["COMMANDS", "cli", "main"]
 COMMANDS: Mapping[str, str] = {
     "ack": "Acknowledge what the guardian did to a bench.",
     "analyse": "Characterise an existing log.",
-    "answer": "Answer a question of a run that is going on.",
-    "attach": "Attach a file to a run that is going on.",
+    "answer": "Answer a question that a run has asked.",
+    "attach": "Attach a file to a run in progress.",
     "bench": "Check a bench, or make it safe.",
-    "export": "Write the recordings of a package for other programs.",
-    "hold": "Hold a run where it is, and let it go on.",
-    "note": "Write a note into a run that is going on.",
-    "plan": "Print the procedure of plans: what they do, drive and take.",
+    "export": "Export the recordings of a package as CSV or MATLAB files.",
+    "hold": "Hold a run in progress, or release it.",
+    "note": "Add a note to a run in progress.",
+    "plan": "Print what plans do, drive and record, and how long they take.",
     "replay": "Run the cases of a package again on its recorded bytes.",
-    "report": "Derive the report of a package again.",
-    "requirements": "Lock requirements, and compare them with their lock.",
-    "resume": "Go on with a run that was interrupted.",
+    "report": "Derive the report of a package again, and compare it.",
+    "requirements": "Lock requirements, or show what changed since.",
+    "resume": "Resume a run that was interrupted.",
     "run": "Run plans on a bench and seal the evidence.",
     "runs": "List the runs of the workspace.",
     "seal": "Seal an interrupted run as it is.",
     "simulate": "Serve a simulated bench to other programs.",
-    "status": "Say how a run stands.",
-    "stop": "Ask a run to stop and leave the bench safe.",
+    "status": "Show the status of a run.",
+    "stop": "Stop a run and leave the bench safe.",
     "verify": "Verify a package.",
 }
 """Every command with its help line, so that `hil --help` loads none of them."""
@@ -85,7 +85,7 @@ def cli() -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run a command and exit with its code; errors that a person can mend are sentences and exit code 4."""
+    """Run a command and exit with its code; errors that a person can correct are sentences and exit code 4."""
     open_standard_streams()
     word = Word.given()
     given = tuple(sys.argv[1:] if arguments is None else arguments)
@@ -106,7 +106,7 @@ def _code(invocation: Invocation) -> int:
         code = cli.main(args=invocation.arguments, prog_name="hil", standalone_mode=False, obj=invocation) or 0
     except ConfigurationError as error:
         count = len(error.findings)
-        _say(str(error), f"{count} {'thing is' if count == 1 else 'things are'} to be mended")
+        _say(str(error), f"{count} error{'' if count == 1 else 's'}")
         code = _USAGE
     except HilError as error:
         _say(f"hil: {error.message}", *([f"     {error.hint}"] if error.hint else []))
@@ -118,11 +118,11 @@ def _code(invocation: Invocation) -> int:
     except (click.Abort, KeyboardInterrupt):
         code = _INTERRUPTED
     except MemoryError:
-        _say("hil: out of memory", "     nothing recorded is lost; hil runs lists what there is")
+        _say("hil: out of memory", "     nothing that was recorded is lost; hil runs lists the runs")
     except BrokenPipeError:
         sys.stderr.close()
         code = 141
-    except Exception as error:  # noqa: BLE001 - an error of ours: whoever mends it needs the traceback
+    except Exception as error:  # noqa: BLE001 - a bug of ours: whoever fixes it needs the traceback
         code = _of_file(error) if isinstance(error, OSError) and error.filename is not None else _internal()
     finally:
         if silent and invocation.word is None:  # all is said: Ctrl-C ends what is left without a traceback
@@ -134,12 +134,12 @@ def _of_file(error: OSError) -> int:
     """Name the file that could not be used."""
     name = str(error.filename)
     shown = name if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]}... ({len(name)} characters)"
-    _say(f"hil: {shown}: {error.strerror}", "     check the path, and who may read and write it")
+    _say(f"hil: {shown}: {error.strerror}", "     check the path and its permissions")
     return _USAGE
 
 
 def _internal() -> int:
-    _say(traceback.format_exc().rstrip(), "hil: this is an error of hil itself; please report it with the lines above")
+    _say(traceback.format_exc().rstrip(), "hil: this is a bug in hil; please report it with the lines above")
     return _INTERNAL
 
 

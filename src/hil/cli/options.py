@@ -26,22 +26,24 @@ SERVED = click.option(
     "--served",
     type=click.Path(path_type=Path),
     metavar="FOLDER",
-    help="Where hil simulate serves the bench.",
+    help="The folder in which hil simulate serves the bench.",
 )
 ACKNOWLEDGE_WITHIN = click.option(
     "--acknowledge-within",
     type=click.FloatRange(min=0, min_open=True, max=24 * 60),
     default=10.0,
     metavar="MINUTES",
-    help="How long that person may take to answer the first notification; 10 by default.",
+    help="How long the person on call has to answer the first notification; 10 by default.",
 )
 
 
 def attendance_options(command: _Command) -> _Command:
     """Give a command `--unattended`, `--on-call` and `--acknowledge-within`, the last in min."""
     options = (
-        click.option("--unattended", is_flag=True, help="Nobody stays with it; the bench has to be fit for that."),
-        click.option("--on-call", default="", metavar="NAME", help="Who comes if something happens then."),
+        click.option("--unattended", is_flag=True, help="Nobody attends the run; the bench must allow that."),
+        click.option(
+            "--on-call", default="", metavar="NAME", help="Whom to call if something happens during an unattended run."
+        ),
         ACKNOWLEDGE_WITHIN,
     )
     for option in reversed(options):
@@ -66,11 +68,15 @@ def attendance_of(options: Mapping[str, Any], *, left_alone: bool) -> dict[str, 
 def deviation_options(command: _Command) -> _Command:
     """Give a command the options `--skip`, `--reason` and `--parameter`, as `skips`, `reasons` and `overrides`."""
     options = (
+        click.option("--skip", "skips", multiple=True, metavar="CASE", help="Skip a case; give its --reason as well."),
+        click.option("--reason", "reasons", multiple=True, metavar="TEXT", help="Why the case is skipped."),
         click.option(
-            "--skip", "skips", multiple=True, metavar="CASE", help="Leave a case out; give its --reason next."
+            "--parameter",
+            "overrides",
+            multiple=True,
+            metavar="NAME=VALUE",
+            help="Change a parameter; the run then deviates from its plan.",
         ),
-        click.option("--reason", "reasons", multiple=True, metavar="TEXT", help="Why the case is left out."),
-        click.option("--parameter", "overrides", multiple=True, metavar="NAME=VALUE", help="Change a parameter."),
     )
     for option in reversed(options):
         command = option(command)
@@ -84,11 +90,13 @@ def skips_of(cases: Sequence[str], reasons: Sequence[str]) -> dict[str, str]:
         Refused: where a case has no reason, nothing is named, or a case is named twice.
     """
     if len(cases) != len(reasons):
-        raise Refused(f"{len(cases)} --skip and {len(reasons)} --reason were given", "every skipped case has a reason")
+        raise Refused(
+            f"{len(cases)} --skip and {len(reasons)} --reason were given", "give each --skip its own --reason"
+        )
     for case, reason in zip(cases, reasons, strict=True):
         if not case.strip() or not reason.strip():
             raise Refused(
-                f"--skip '{case}' --reason '{reason}' says nothing", "name the case, and say why it is skipped"
+                f"--skip '{case}' --reason '{reason}': one of them is empty", "name the case, and say why it is skipped"
             )
         if cases.count(case) > 1:
             raise Refused(f"--skip {case} is given {cases.count(case)} times", "give every skipped case one reason")

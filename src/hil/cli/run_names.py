@@ -34,7 +34,7 @@ def shown(path: Path) -> str:
 
 
 def find_running(asked: str) -> Path:
-    """Return the folder of a run that is going on, to which something can be said.
+    """Return the folder of a run in progress, to which something can be said.
 
     Raises:
         Refused: if there is none, or nobody would listen any more.
@@ -43,9 +43,11 @@ def find_running(asked: str) -> Path:
 
     folder = find_run(asked)
     if is_sealed(folder):
-        raise Refused(f"{folder.name} is sealed", "a sealed run takes nothing any more")
+        raise Refused(f"{folder.name} is sealed", "a sealed run accepts nothing more")
     if not is_held(folder):
-        raise Refused(f"{folder.name} is not going on, it was interrupted", "hil seal seals it as it is")
+        raise Refused(
+            f"{folder.name} is not running; it was interrupted", "hil resume continues it, hil seal seals it as it is"
+        )
     return folder
 
 
@@ -67,22 +69,22 @@ def find_run(asked: str) -> Path:
     folders = run_folders(reports_folder())
     if asked == LATEST:
         if not folders:
-            raise Refused("there is no run yet", "hil run makes one")
+            raise Refused("there is no run yet", "hil run starts one")
         return folders[-1]
     found = _meant(asked.rstrip("/"), folders)
     if len(found) == 1:
         return found[0]
     names = [printable(folder.name) for folder in found or folders]
     if found:
-        raise Refused(f"'{told}' could be {', '.join(sorted(names))}", "name more of it")
-    raise Refused(f"there is no run '{told}'{did_you_mean(asked, names)}", "hil runs lists what there is")
+        raise Refused(f"'{told}' could be {', '.join(sorted(names))}", "type more of the name")
+    raise Refused(f"there is no run '{told}'{did_you_mean(asked, names)}", "hil runs lists the runs")
 
 
 def latch_word(folder: Path) -> str:
-    """Return what a run waits for that left its bench by force; nothing for any other."""
+    """Return what a run waits for whose bench is latched; nothing for any other."""
     from hil.executive.ending.acknowledging import waits_for_ack  # noqa: PLC0415 - heavy
 
-    return f"latched, waits for hil ack {folder.name}" if waits_for_ack(folder) else ""
+    return f"latched until hil ack {folder.name}" if waits_for_ack(folder) else ""
 
 
 def answer_of(follower: Follower, awaited: Collection[str]) -> Mapping[str, Any] | None:
@@ -110,4 +112,4 @@ def _absolute(path: Path) -> Path:
     try:
         return path.resolve(strict=True)
     except (OSError, RuntimeError) as error:
-        raise Refused(f"{path}: cannot be opened: {error}", "hil runs lists what there is") from error
+        raise Refused(f"{path}: cannot be opened: {error}", "hil runs lists the runs") from error

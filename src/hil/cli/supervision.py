@@ -190,7 +190,7 @@ def _believed(status: int, words: Mapping[str, tuple[int, str]]) -> int:
     if "begun" in words:
         _notify(Path(words["begun"][1]), how, _say)
     else:
-        _say("     no case had begun and nothing was driven; hil runs lists what it may have left")
+        _say("     no case had begun and nothing was driven; hil runs shows whether it left a folder")
     return _INTERNAL
 
 
@@ -206,7 +206,7 @@ def _notify(run: Path, how: str, say: Callable[[str], None] = lambda _: None) ->
 
 def _manner(code: int) -> str:
     if code >= 0:
-        return f"left with exit code {code}"
+        return f"ended with exit code {code}"
     try:
         return f"was ended by {signal.Signals(-code).name}"
     except ValueError:

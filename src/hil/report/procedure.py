@@ -66,8 +66,8 @@ def _not_passed(run: Body, events: Sequence[Body]) -> Iterator[tuple[str, str]]:
 def _not_covered(requirements: Mapping[str, Body], named: Container[str]) -> Iterator[tuple[str, str]]:
     """Give the requirements that no case carries; those that no case verifies by their method are told with it."""
     left = unspoken(requirements, named)
-    yield "without case", ", ".join(name for name, why in left if why in BY_CASES)
-    yield "not by cases", ", ".join(f"{name} ({why})" for name, why in left if why not in BY_CASES)
+    yield "no case", ", ".join(name for name, why in left if why in BY_CASES)
+    yield "other methods", ", ".join(f"{name} ({why})" for name, why in left if why not in BY_CASES)
 
 
 def _requirement(name: str, entry: Body) -> Iterator[str]:
@@ -88,7 +88,7 @@ def _case(place: str, case: Body, events: Sequence[Body]) -> Iterator[str]:
     longest = duration(case.get("max_duration"))
     bad = [event for event in ends if event["counted"] and not verdict(event).good]
     facts = (
-        ("requirements", ", ".join(texts(case, "requirements")) or "none: an orphan"),
+        ("requirements", ", ".join(texts(case, "requirements")) or "none (orphan)"),
         ("duration", took + (f", at most {longest}" if longest else "")),
         *(("verdict", "; ".join((verdict(end).value, *texts(end, "reasons")))) for end in bad),
     )
@@ -107,7 +107,7 @@ def _outside(stretch: Sequence[Body]) -> Iterator[str]:
     """Give what happens outside steps under a heading of its own; fixtures that set up often only read."""
     actions = list(_actions(stretch))
     if actions:
-        yield f"{_INDENT * 2}-  {bench_time(stretch[0].get('t'))}  Outside steps"
+        yield f"{_INDENT * 2}-  {bench_time(stretch[0].get('t'))}  Outside any step"
         yield from (f"{_INDENT * 4}{line}" for line in actions)
 
 

@@ -26,7 +26,7 @@ __all__ = [
 ]
 
 _FEW = 3  # requirements without a check that are told one by one
-_CAN = "the verdict is good, and nothing in this run speaks against its evidence"
+_CAN = "the verdict is good, and nothing in this run weakens the evidence"
 _TOLD = {
     Verdict.PASS: "passed",
     Verdict.RECORDED: "recorded",
@@ -79,14 +79,14 @@ def warnings(results: Body) -> tuple[tuple[str, str], ...]:
 
 def _warnings(results: Body) -> Iterable[tuple[bool, str, str]]:
     source = source_word(results)
-    why = "the instruments were simulated" if source == "SIMULATED" else "no hardware was talked to"
-    yield bool(source), source, f"{why}; nothing on this page is evidence about hardware."
-    yield flag(results, "interrupted"), "INTERRUPTED", "the run did not come to its planned end."
+    why = "the instruments were simulated" if source == "SIMULATED" else "no hardware was driven"
+    yield bool(source), source, f"{why}; this run is no evidence about hardware."
+    yield flag(results, "interrupted"), "INTERRUPTED", "the run did not reach its planned end."
     yield flag(results, "tripped"), "TRIPPED", "the bench left its envelope and was made safe."
     unsafe = results.get("safe") is False
     yield unsafe, "NOT SAFE", "at least one output could not be proven in its safe state."
     unknown = results.get("safe") is None
-    yield unknown, "SAFE STATE UNKNOWN", "no proof that the bench was left safe is on record."
+    yield unknown, "SAFE STATE UNKNOWN", "the evidence holds no proof that the bench was left safe."
     deviates = bool(texts(inner(results, "run"), "deviations"))
     yield deviates, "DEVIATION", "the run deviates from its plan; the report says how."
     entries = inners(results, "requirements")
@@ -136,12 +136,12 @@ def closing_sentence(results: Body) -> str:
     entries = inners(results, "requirements")
     able, total = sum(_closes(entry) for entry in entries), len(entries)
     if not total:
-        return "This run speaks of no requirement."
+        return "This run covers no requirement."
     if able == total:
         return f"This run can close {'its requirement' if total == 1 else f'all {total} requirements'}."
     if total == 1:
         return "This run cannot close its requirement."
-    return f"This run can close {able or 'none'} of {total} requirements."
+    return f"This run can close {able or 'none'} of its {total} requirements."
 
 
 def _closes(requirement: Body) -> bool:

@@ -76,8 +76,8 @@ def test_the_acknowledgement_of_an_open_run_waits_in_its_inbox(reports, capsys):
     """The executive is the journal's only writer; the latches of this run go, and no other's."""
     code, out, _ = said(capsys, "ack", "cd60b0", "--by", "Ada", "--text", TEXT)
     assert code == 0
-    assert "takes it into its journal when it is resumed or sealed" in out
-    assert "bench battery is not latched any more" in out
+    assert "it goes into the journal when the run is resumed or sealed" in out
+    assert "bench battery is no longer latched" in out
     (message,) = peek(reports / SAFED)
     assert (message.kind, message.by, message.text, len(message.sha256)) == ("ack", "Ada", TEXT, 64)
     assert not latches_of(SAFED)
@@ -91,7 +91,7 @@ def test_the_acknowledgement_of_a_sealed_run_is_in_the_ledger(reports, capsys):
     assert code == 0
     (entry,) = (reports / ".ledger/acknowledgements").iterdir()
     told = json.loads(entry.read_text())
-    assert f"written into reports/.ledger/acknowledgements/{entry.name}" in out
+    assert f"written to reports/.ledger/acknowledgements/{entry.name}" in out
     assert {key: told[key] for key in ("format", "run", "by", "text", "why")} == {
         "format": 1,
         "run": SEALED,
@@ -141,10 +141,10 @@ def test_a_ledger_that_cannot_be_written_leaves_the_latch(capsys, monkeypatch):
 @pytest.mark.usefixtures("reports")
 def test_a_latched_run_is_told_wherever_runs_are_told(capsys):
     """With its state, until it is acknowledged."""
-    assert f"latched, waits for hil ack {SAFED}" in said(capsys, "runs")[1]
+    assert f"latched until hil ack {SAFED}" in said(capsys, "runs")[1]
     out = said(capsys, "status", SAFED)[1]
     assert "state       SAFED" in out
-    assert f"latch       latched, waits for hil ack {SAFED}" in out
+    assert f"latch       latched until hil ack {SAFED}" in out
     assert json.loads(said(capsys, "status", SAFED, "--json")[1])["latched"] is True
     said(capsys, "ack", SAFED, "--by", "Ada", "--text", TEXT)
     out = said(capsys, "status", SAFED)[1]
@@ -168,9 +168,9 @@ def test_a_safed_run_is_not_resumed_before_it_is_acknowledged(reports):
 @pytest.mark.parametrize(
     ("answer", "code", "told"),
     [
-        ({"kind": "reached", "ok": True}, 0, "the code is right, and the bench will be armed"),
-        ({"kind": "reached", "ok": False}, 1, "refused: this is not the code that the run waits for"),
-        (None, 0, "the run has not looked at the code yet"),
+        ({"kind": "reached", "ok": True}, 0, "the code is right; the run now arms the bench"),
+        ({"kind": "reached", "ok": False}, 1, "refused: this is not the code that the run is waiting for"),
+        (None, 0, "the run has not read the code yet"),
     ],
 )
 def test_the_run_answers_whether_the_code_is_right(reports, capsys, monkeypatch, answer, code, told):
@@ -187,5 +187,5 @@ def test_the_run_answers_whether_the_code_is_right(reports, capsys, monkeypatch,
 @pytest.mark.usefixtures("reports")
 def test_being_reached_needs_a_name_and_a_run_that_waits(capsys):
     """Nobody is reached by a run that is not going on."""
-    assert "gives a name" in said(capsys, "ack", SAFED, "--code", "K7")[2]
+    assert "--code needs the name" in said(capsys, "ack", SAFED, "--code", "K7")[2]
     assert "it was interrupted" in said(capsys, "ack", SAFED, "--code", "K7", "--by", "Ada")[2]

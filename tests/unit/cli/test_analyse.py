@@ -94,7 +94,7 @@ def test_timestamps_may_count_milliseconds_and_have_gaps(tmp_path):
     text = run(str(log), "--time", "1", "--time-unit", "ms", "--unit", "deg/s").stdout
     assert "sampling: 100 Hz" in text
     assert "1 gap (longest 0.21 s, about 20 samples missing)" in text
-    assert "note: 20 samples are missing; averages that miss more than 5 % of theirs are left out" in text
+    assert "note: 20 samples are missing; averages that miss more than 5 % of their samples are left out" in text
 
 
 def test_no_number_stands_beside_a_rejected_model():
@@ -128,7 +128,7 @@ def test_jitter_below_a_nanosecond_is_none(tmp_path):
     """Rounding errors of even timestamps are not printed as jitter."""
     log = tmp_path / "log.txt"
     np.savetxt(log, np.column_stack([np.arange(200) * 0.01, np.random.default_rng(0).standard_normal(200)]))
-    assert "jitter 0 us rms, 0 us at most" in run(str(log), "--time", "1", "--unit", "deg/s").stdout
+    assert "jitter 0 us rms, 0 us peak" in run(str(log), "--time", "1", "--unit", "deg/s").stdout
 
 
 def test_a_stuck_column_is_not_observable(tmp_path):
@@ -164,7 +164,7 @@ def test_the_plot_has_the_same_bytes_each_time(tmp_path, ending):
         (("--unit", "LSB", "--time", "1", "--from", "9", "--to", "8"), "no sample lies within --from 9 --to 8"),
         (("--unit", "LSB", "--time", "1", "--scale", "2"), "--scale and --scaled-unit belong together"),
         (("--unit", "LSB", "--time", "1", "--confidence", "68"), "between 0 and 1"),
-        (("--unit", "LSB", "--time", "1", "--plot", "plot.gif"), r"a plot is \.svg or \.png"),
+        (("--unit", "LSB", "--time", "1", "--plot", "plot.gif"), r"a plot is written as \.svg or \.png"),
         (("--unit", "LSB", "--time", "1", "--plot", "/nowhere/plot.svg"), "No such file or directory"),
     ],
 )
@@ -276,6 +276,6 @@ def test_cells_that_are_nan_are_missing_samples_and_told(tmp_path):
     log = tmp_path / "log.txt"
     np.savetxt(log, values)
     text = run(str(log), "--rate", "10", "--unit", "deg/s").stdout
-    assert "note: column 1: 2 samples are NaN, and taken as missing" in text
+    assert "note: column 1: 2 samples are NaN and count as missing" in text
     axis = json.loads(run(str(log), "--rate", "10", "--unit", "deg/s", "--json").stdout)["axes"][0]
     assert (axis["samples"], axis["missing"]) == (2000, 2)

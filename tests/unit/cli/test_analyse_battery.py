@@ -44,7 +44,7 @@ def test_a_novonix_file_needs_no_option():
     assert "\n1      charge  1.70653  6.84854  4.0131" in text
     assert "rest to charge: 0.01844 ohm within 1.28 s" in text
     assert "equivalent full cycles: 0.1707 of 5 Ah" in text
-    assert "not a whole cycle" in text
+    assert "incomplete cycle" in text
     assert "unknown  coulombic_efficiency" in text
 
 
@@ -107,8 +107,8 @@ def test_what_is_left_out_or_not_there_is_told(tmp_path):
     path.write_text("t,U,I\n" + "".join(f"{5 * n},{'nan' if n == 2 else 3.7},0\n" for n in range(6)), encoding="utf-8")
     text = run(str(path), *COLUMNS).stdout
     assert "note: 1 row without a time, voltage, current or cycle is left out" in text
-    assert "note: the current never leaves rest" in text
-    assert "no fade: 0 cycles of 0 whole" in text
+    assert "note: the current never rises above rest" in text
+    assert "no fade: 0 of 0 cycles complete" in text
 
 
 def test_impossible_options_are_refused(table):

@@ -29,7 +29,7 @@ def test_a_table_becomes_a_calibration():
     assert text.startswith(f"{TABLE}: 24 readings of x, y, z in deg/s")
     assert "x: bias(T), degree 1 about 25 degC" in text
     assert "z: scale(T), degree 1 about 25 degC" in text
-    assert "self-check: the exported numbers give back the table they came from" in text
+    assert "self-check: the exported numbers reproduce the table" in text
     assert "alignment, sensor to table axes" in text
 
 
@@ -80,9 +80,9 @@ def test_the_plot_has_the_same_bytes_each_time(tmp_path, ending):
         ((*ALL, "--uncertainty", "1"), "--uncertainties and --uncertainty say the same"),
         ((*REST, "--uncertainty", "0"), "an uncertainty is not above zero"),
         ((*REST, "--rates", "rate_x"), "--rates names 1 columns for 3 axes"),
-        ((*REST, "--axes", "x,x,z"), "two axes have one name"),
+        ((*REST, "--axes", "x,x,z"), "two axes have the same name"),
         ((*REST[:-1], "x,y,w"), "no column 'w'"),
-        ((*ALL, "--plot", "plot.gif"), r"a plot is \.svg or \.png"),
+        ((*ALL, "--plot", "plot.gif"), r"a plot is written as \.svg or \.png"),
         ((*ALL, "--export", "/nowhere/c.json"), "No such file or directory"),
         ((*ALL, "--c-header", "/nowhere/c.h"), "No such file or directory"),
     ],

@@ -49,11 +49,11 @@ def test_a_question_that_was_answered_meanwhile_gets_no_answer(told, next_one, c
     """Nor does the next one of the same name, which nobody at this terminal has seen."""
     assert told(ANSWER, *next_one) == 1
     assert told.posted() == []
-    assert capsys.readouterr().err == "not taken: 'fuse' is not asked any more\n"
+    assert capsys.readouterr().err == "not taken: 'fuse' is no longer asked\n"
 
 
 def test_what_came_before_an_answer_says_nothing_of_it(told, capsys):
     """An anomaly while the person types is not the run's word on what was typed."""
     assert told(ANOMALY) == 0
     assert told.posted() == [("fuse", "yes", "Ada")]
-    assert "the run has not looked at the answer yet" in capsys.readouterr().out
+    assert "the run has not read the answer yet" in capsys.readouterr().out

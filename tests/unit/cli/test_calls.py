@@ -24,9 +24,9 @@ def ended(capsys, *arguments):
     ("arguments", "message"),
     [
         (("--output", ""), "no folder is named"),
-        (("--operator", "Ad\udce9"), "--operator holds bytes that are no text"),
-        (("--skip", "x", "--reason", " "), "says nothing"),
-        (("--skip", "", "--reason", "y"), "says nothing"),
+        (("--operator", "Ad\udce9"), "--operator is not text"),
+        (("--skip", "x", "--reason", " "), "one of them is empty"),
+        (("--skip", "", "--reason", "y"), "one of them is empty"),
         (("--skip", "x", "--reason", "y", "--skip", "x", "--reason", "z"), "--skip x is given 2 times"),
     ],
 )

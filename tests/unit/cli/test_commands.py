@@ -132,7 +132,7 @@ def inside(ran, monkeypatch):
 def test_a_run_that_does_not_exist_is_told(capsys, arguments):
     """Every command that names a run says where the runs are listed."""
     code, _, err = said(capsys, *arguments)
-    assert (code, err) == (4, "hil: there is no run 'nothing'\n     hil runs lists what there is\n")
+    assert (code, err) == (4, "hil: there is no run 'nothing'\n     hil runs lists the runs\n")
 
 
 def test_outside_of_a_workspace_there_is_a_way_in(capsys, tmp_path, monkeypatch):
@@ -174,7 +174,7 @@ def test_report_derives_the_same_bytes(capsys, inside):
     """The reports in the package are those that its data give."""
     code, out, _ = said(capsys, "report", inside)
     assert code == 0
-    assert out.count("the same bytes as in the package") == 2
+    assert out.count("identical to the one in the package") == 2
 
 
 def test_a_sealed_run_takes_nothing(capsys, inside, tmp_path):
@@ -242,7 +242,7 @@ def test_plan_leaves_cases_out_as_a_run_does(ran):
     case = next(line.split()[-1] for line in workspace.hil("plan", *SMALL).out.splitlines() if line.startswith("[1/"))
     ended = workspace.hil("plan", *SMALL, "--skip", case, "--reason", "no board today")
     assert (ended.code, ended.err) == (0, "")
-    assert f"deviation     case {case} is skipped: no board today" in ended.out
+    assert f"deviation      case {case} is skipped: no board today" in ended.out
     assert "not run: " in ended.out
     assert "Look at the voltage" not in ended.out.split("[1/")[1].split("\n", 2)[2]
     assert [folder.name for folder in workspace.folders()] == [name]
@@ -252,7 +252,7 @@ def test_replay_says_how_much_it_compared(ran):
     """A package that is whole replays to the same."""
     workspace, name = ran
     ended = workspace.hil("replay", name)
-    assert (ended.code, ended.out) == (0, "1 case with 1 check replayed from their bytes: the same\n")
+    assert (ended.code, ended.out) == (0, "1 case with 1 check replayed from their bytes: no difference\n")
 
 
 def test_ctrl_c_before_the_first_word_leaves_no_traceback(capsys, monkeypatch):
@@ -289,4 +289,4 @@ def test_an_error_of_hil_is_told_apart(capsys, monkeypatch):
     assert left.value.code == 3
     err = capsys.readouterr().err
     assert "ZeroDivisionError" in err
-    assert "this is an error of hil itself" in err
+    assert "this is a bug in hil" in err

@@ -71,7 +71,9 @@ def test_a_process_that_leaves_its_run_unsealed_by_an_error_is_told_of_as_well(p
     assert supervision._believed(code << 8, {"begun": (0, str(folder)), **others, "ended": (code, "")}) == code
     assert (place / "told.json").exists() is notified
     if notified:
-        assert told(place)["text"].startswith("the process of the run left with exit code 3 before the run was sealed;")
+        assert told(place)["text"].startswith(
+            "the process of the run ended with exit code 3 before the run was sealed;"
+        )
     assert capsys.readouterr().err == ""
 
 

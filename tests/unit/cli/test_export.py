@@ -69,7 +69,7 @@ def test_tabs_are_named_by_a_word(capsys, place):
         (("--csv", "--recording", "bad\nname"), "there is no recording 'bad\\nname'"),
         (("--csv", "--case", "test_backgroud"), "did you mean 'test_background'?"),
         (("--csv", "--separator", "|"), "'tab'"),
-        (("--csv", "--output", REFERENCE), "inside of the sealed package"),
+        (("--csv", "--output", REFERENCE), "inside the sealed package"),
     ],
 )
 def test_a_call_that_cannot_be_met_is_refused(capsys, place, arguments, message):
@@ -84,4 +84,4 @@ def test_a_second_export_overwrites_nothing(capsys):
     """The first one stays as it is."""
     assert said(capsys, "--csv")[0] == 0
     code, _, err = said(capsys, "--csv")
-    assert (code, "is there already" in err) == (4, True)
+    assert (code, "exists already" in err) == (4, True)

@@ -54,4 +54,4 @@ def test_a_resume_is_offered_where_there_is_something_to_go_on_with(tmp_path, ev
 def test_a_run_without_a_journal_is_not_resumed(tmp_path):
     """Its folder is all that it came to."""
     told = "\n".join(ways_on(tmp_path))
-    assert "its journal cannot be read" in told
+    assert "because its journal cannot be read" in told

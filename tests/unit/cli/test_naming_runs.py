@@ -102,7 +102,7 @@ def test_latest_without_runs_says_how_to_get_one(capsys, tmp_path, monkeypatch):
     (tmp_path / "hil.toml").write_text("")
     monkeypatch.chdir(tmp_path)
     code, _, err = said(capsys, "status", "latest")
-    assert (code, err) == (4, "hil: there is no run yet\n     hil run makes one\n")
+    assert (code, err) == (4, "hil: there is no run yet\n     hil run starts one\n")
 
 
 def test_a_run_that_cannot_be_read_is_listed_with_the_others(capsys, inside):
@@ -157,7 +157,7 @@ def test_a_verdict_that_there_is_not_is_refused(capsys):
 def test_a_choice_that_no_run_meets_says_what_there_is(capsys):
     """Benches, articles and plans of the runs are listed for the choice that found none."""
     _, out, _ = said(capsys, "runs", "--bench", "adsc", "--dut", "SN2")
-    assert out == "no such runs\n  no run has --bench adsc; there are adcs, flight\n"
+    assert out == "no matching runs\n  no run has --bench adsc; known: adcs, flight\n"
 
 
 @pytest.mark.usefixtures("inside")
@@ -167,7 +167,7 @@ def test_sealing_twice_changes_nothing_and_says_so(capsys):
     lines = out.splitlines()
     assert (code, lines[0], lines[-1]) == (
         0,
-        f"{FIRST} is sealed already; nothing of it is changed",
+        f"{FIRST} is already sealed, and stays as it is",
         f"reports/{FIRST}",
     )
 

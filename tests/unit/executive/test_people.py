@@ -1,4 +1,4 @@
-"""The people that an armed bench needs: somebody on call, and whoever confirmed what is safe."""
+"""The people that an armed bench needs: somebody on call, and whoever gave safety confirmations."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ def shown(*events):
     ("event", "line"),
     [
         ({"kind": "note", "text": "door opened", "by": "Ada"}, "note: door opened (Ada)"),
-        ({"kind": "note", "text": "door opened", "by": ""}, "note: door opened (not recorded by whom)"),
+        ({"kind": "note", "text": "door opened", "by": ""}, "note: door opened (by whom is not recorded)"),
         (
             {"kind": "attachment", "file": "1-nc-photo.txt", "text": "a photo", "by": "Ada", "sha256": "00"},
             "attachment: 1-nc-photo.txt: a photo (Ada)",

@@ -247,7 +247,7 @@ def test_nothing_is_overwritten(sealed, tmp_path):
     """A file that is there stays, and no other one is written; another format beside it is."""
     folder, _ = sealed
     (tmp_path / "001-rest.mat").write_text("mine", encoding="ascii")
-    with pytest.raises(Refused, match=r"001-rest\.mat is there already"):
+    with pytest.raises(Refused, match=r"001-rest\.mat exists already"):
         exported(folder, tmp_path, **BOTH)
     assert [path.name for path in tmp_path.iterdir()] == ["001-rest.mat"]
     exported(folder, tmp_path, table=TableFormat())
@@ -258,7 +258,7 @@ def test_nothing_is_written_into_a_package(sealed):
     """However deep inside, and whoever may write there."""
     folder, _ = sealed
     for place in (folder, folder / "data/recordings/out"):
-        with pytest.raises(Refused, match="inside of the sealed package run"):
+        with pytest.raises(Refused, match="inside the sealed package run"):
             exported(folder, place, **BOTH)
 
 

@@ -94,7 +94,7 @@ def test_each_verdict_has_its_element(verdict, element):
 def test_interrupted_run_is_visible():
     """An interrupted run says so, even if every case that ended passed."""
     root = parsed(results_with("PASS", interrupted=True, tripped=True, safe=None))
-    assert "INTERRUPTED: the run did not come to its planned end." in root.findtext("testsuite/system-err")
+    assert "INTERRUPTED: the run did not reach its planned end." in root.findtext("testsuite/system-err")
     facts = dict(properties(root.find("testsuite")))
     assert facts["interrupted"] == "true"
     assert facts["tripped"] == "true"

@@ -177,14 +177,14 @@ def test_holds_what_a_reader_asks_for(html):
         "SUB-GYR-3",
         "Clean room 2, table B",
         "5 cases: 1 failed, 1 not run, 3 passed.",
-        "This run can close none of 4 requirements.",
+        "This run can close none of its 4 requirements.",
         "The calibrated rate shall differ from the true rate by less than 0.5 deg/s from 10 to 45 degC.",
-        "Anomaly of the source: The source gives the equation of axis x with the wrong sign.",
+        "Anomaly in the source: The source gives the equation of axis x with the wrong sign.",
         "(-0.712 ± 0.098) deg/s -0.5 to 0.5 deg/s -0.31 deg/s 5.1 guarded FAIL",
         "outside the limit by more than the expanded uncertainty",
         "1.1 50 deg/s 0:11:03.0 57 s done rotation_table.turn(",
         "confirm: Is the board free of the table's clamps? yes by Ada Molla",
-        "reduced-level supply.board held 1.000 V set, 0.9997 V read, positive",
+        "reduced-level supply.board passed 1.000 V set, 0.9997 V read, positive",
         "supply.board off proven current 0.0001 A, below 0.005 A 0.4 s",
         "K-2026-0418 2027-04-18 current 0 to 2 A: U = 0.0004 A + 0.0005 of the reading (k = 2)",
         "5 V, fuse 500 mA, red to J1.1",
@@ -250,7 +250,7 @@ def test_hardware_is_not_called_simulated(tmp_path):
     words = Page(page_of(tmp_path, run=run, events=list(one_case("PASS", instruments=["psu1"])))).words
     assert "SIMULATED" not in words
     assert "This run can close 1 of " in words
-    assert "can close the verdict is good, and nothing in this run speaks against its evidence ADCS-GYR-040" in words
+    assert "can close the verdict is good, and nothing in this run weakens the evidence ADCS-GYR-040" in words
 
 
 @pytest.mark.parametrize(
@@ -360,11 +360,11 @@ def test_what_keeps_every_requirement_open_is_told_once(html):
     """The badge stands once, with `all 4`; the requirements below name their own reasons and point to the chapter."""
     words = Page(html).words
     assert words.count("cannot close Why") + words.count(" cannot close SIMULATED: the run's source all 4") == 1
-    assert html.count("<p>This run can close none of 4 requirements.</p>") == 1
+    assert html.count("<p>This run can close none of its 4 requirements.</p>") == 1
     chapter = words[words.index("Kind, method") :]
     assert "SIMULATED: the run's source" not in chapter
     assert "This run cannot close it: its verdict is FAIL" in chapter
-    assert "and what concerns all 4" in chapter
+    assert "and the reasons that apply to all 4" in chapter
 
 
 def test_a_case_that_never_began_is_one_line(html):
@@ -404,8 +404,8 @@ def test_limits_that_rows_fed_have_no_gap_and_one_sentence():
     assert [row.gap for row in watched_rows(events)] == ["judged on rows", "judged on rows", "80 h 33 min"]
     (sentence,) = fed_limits(events)
     assert sentence == (
-        "cell-voltage, polarity were judged on every row of recording 001-c-test; no readings of their own were taken"
-        " while rows came in time."
+        "cell-voltage, polarity were judged on every row of recording 001-c-test; they were not read"
+        " separately while rows arrived in time."
     )
 
 
@@ -474,7 +474,7 @@ def test_incidents_are_told(tmp_path):
         "fault psu1 (the bench): NoReply: silent; look",
         "supply.board off not proven 0.2 A 2 s",
         "rest state relays not released: still closed",
-        "recovery sealed as it is (12 torn bytes were cut and kept)",
+        "recovery sealed as it is (12 torn bytes were cut off and kept)",
     ):
         assert expected in words
     assert "fan not off" not in words
@@ -587,7 +587,7 @@ def test_readiness_gates_are_told_per_arming(tmp_path):
     again = [(kind, t + 60.0, fields) for kind, t, fields in armed]
     words = Page(page_of(tmp_path, events=[*armed, resumed, *again, *one_case("PASS")])).words
     assert "Arming, at 0:00:01.0 of bench time" in words
-    assert "Armed again, at 0:01:01.0 of bench time Gate Held Detail identity psu1 held X" in words
+    assert "Armed again, at 0:01:01.0 of bench time Gate Result Detail identity psu1 passed X" in words
     assert "cut path of cycler: fuse not tried within 1 s" in words
 
 

@@ -46,7 +46,7 @@ def test_specimen_as_a_procedure(folder):
     assert "      1.1  0:11:03.0  50 deg/s  (57 s)" in lines
     assert "          drives   rotation_table.turn(rate=50)" in lines
     assert "    duration      not run: skipped: the chamber is away (--skip), at most 1 h" in lines
-    assert "    requirements  none: an orphan" in lines
+    assert "    requirements  none (orphan)" in lines
 
 
 def test_limits_and_what_is_driven_stand_first(folder):
@@ -110,7 +110,7 @@ def test_what_is_done_outside_steps_has_a_heading():
     check = {"kind": "check", "t": 5.0, "case": "a", "requirement": "A-1", "parameter": "u", "limit": {"max": "1"}}
     events = planned()
     lines = procedure_lines([*events[:-1], check, events[-1]], {})
-    place = lines.index("    -  0:00:05.0  Outside steps")
+    place = lines.index("    -  0:00:05.0  Outside any step")
     assert lines[place + 1].startswith("        checks   A-1 u  (≤ 1")
 
 
@@ -133,5 +133,5 @@ def test_a_procedure_names_what_no_case_verifies():
         "A-030": {"id": "A-030", "method": "test", "withdrawn": "true"},
     }
     lines = procedure_lines(planned(drive(1)), entries)
-    assert "without case  A-010" in lines
-    assert "not by cases  A-020 (review), A-030 (withdrawn)" in lines
+    assert "no case        A-010" in lines
+    assert "other methods  A-020 (review), A-030 (withdrawn)" in lines

@@ -11,7 +11,7 @@ def test_closing_block_of_a_failed_run(folder):
     lines = closing_lines(Package(folder).results())
     assert lines[:3] == [
         "FAIL  5 cases: 1 failed, 1 not run, 3 passed.",
-        "  SIMULATED: the instruments were simulated; nothing on this page is evidence about hardware.",
+        "  SIMULATED: the instruments were simulated; this run is no evidence about hardware.",
         "  DEVIATION: the run deviates from its plan; the report says how.",
     ]
     start = lines.index("  FAIL ADCS-GYR-030 rate_error [z]")
@@ -27,7 +27,7 @@ def test_closing_block_of_a_failed_run(folder):
     assert not any("[x]" in line for line in lines)
     place = lines.index(f"NOT_RUN {specimen_run.CASES['cold']}")
     assert lines[place + 1] == "  skipped: the chamber is away (--skip)"
-    assert "This run can close none of 4 requirements. SIMULATED." in lines
+    assert "This run can close none of its 4 requirements. SIMULATED." in lines
     assert "  SIMULATED: the run's source (all 4)" in lines
     assert "  its verdict is FAIL (ADCS-GYR-030)" in lines
     assert lines[-1] == "  table1 has no calibration record (ADCS-GYR-030)"
@@ -125,7 +125,7 @@ def test_many_requirements_are_counted():
     ]
     lines = closing_lines({"verdict": "PASS", "run": {"source": "hardware"}, "requirements": entries})
     assert lines[-2:] == [
-        "This run can close 1 of 9 requirements.",
+        "This run can close 1 of its 9 requirements.",
         "  late (A-1, A-2, A-3, A-4, A-5, A-6 and 2 more)",
     ]
 

@@ -51,25 +51,33 @@ class _Samples:
 @click.command("allan")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--time", metavar="COLUMN", help="Column of timestamps, by number or name.")
-@click.option("--time-unit", type=click.Choice(list(_TIME_UNITS)), default="s", show_default=True)
-@click.option("--rate", type=float, metavar="HZ", help="Samples per second, where the log has no timestamps.")
+@click.option(
+    "--time-unit", type=click.Choice(list(_TIME_UNITS)), default="s", show_default=True, help="Of the timestamps."
+)
+@click.option("--rate", type=float, metavar="HZ", help="Samples per second, if the log has no timestamps.")
 @click.option("--columns", metavar="A,B,C", help="Columns of rates, by number or name; all but the time by default.")
 @click.option("--unit", required=True, help="Unit of the numbers in the file, such as deg/s or LSB.")
-@click.option("--scale", type=float, metavar="FACTOR", help="What one --unit is worth in --scaled-unit.")
+@click.option("--scale", type=float, metavar="FACTOR", help="How many --scaled-unit one --unit is.")
 @click.option("--scaled-unit", metavar="UNIT", help="Unit after scaling, such as deg/s.")
-@click.option("--from", "begin", type=float, default=0.0, metavar="S", help="Begin this long after the first sample.")
-@click.option("--to", "end", type=float, metavar="S", help="End this long after the first sample.")
+@click.option(
+    "--from", "begin", type=float, default=0.0, metavar="S", help="Start this many seconds after the first sample."
+)
+@click.option("--to", "end", type=float, metavar="S", help="Stop this many seconds after the first sample.")
 @click.option(
     "--estimator",
     type=click.Choice(["overlapping", "modified", "hadamard", "total"]),
     default="overlapping",
     show_default=True,
-    help="Of the deviations in table and plot.",
+    help="Which deviation the table and the plot show.",
 )
 @click.option(
-    "--taus", default="octave", show_default=True, metavar="TAUS", help="octave, dense, or seconds: 1,10,100."
+    "--taus",
+    default="octave",
+    show_default=True,
+    metavar="TAUS",
+    help="Averaging times: octave, dense, or seconds such as 1,10,100.",
 )
-@click.option("--confidence", type=float, default=0.68, show_default=True, help="Of the intervals.")
+@click.option("--confidence", type=float, default=0.68, show_default=True, help="Confidence level of the intervals.")
 @click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the deviations: .svg or .png.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
 def allan(  # noqa: PLR0913 - one argument per option
@@ -90,12 +98,12 @@ def allan(  # noqa: PLR0913 - one argument per option
     plot: Path | None,
     as_json: bool,
 ) -> None:
-    """Allan deviation and noise coefficients of the rates in FILE, recorded at rest.
+    """Compute Allan deviation and noise coefficients of the rates in FILE, recorded at rest.
 
     FILE is a text table with or without a header. For every chosen column: a deviation of the Allan
     family with its confidence interval, and white noise (angle random walk), flicker (bias
     instability) and random walk of the rate with their uncertainties, which always come from the
-    overlapping Allan deviation. Samples that are missing are left out of the overlapping one.
+    overlapping Allan deviation. Missing samples are left out of the overlapping one.
 
     \b
     Examples:
@@ -142,7 +150,7 @@ def _samples(choice: _Choice) -> _Samples:
     table = read(choice.path, choice.columns, first=choice.time or "")
     timed = int(choice.rate is None)
     if len(table.names) == timed:
-        raise Refused(f"{choice.path}: there is no column beside the time", "choose another with --columns")
+        raise Refused(f"{choice.path}: there is no column besides the time", "choose another with --columns")
     if choice.rate is None:
         times = table.values[:, 0] * _TIME_UNITS[choice.time_unit]
     else:
@@ -163,7 +171,7 @@ def _samples(choice: _Choice) -> _Samples:
 
 def _no_numbers(rates: dict[str, NDArray[np.float64]]) -> list[str]:
     counts = {name: int((values != values).sum()) for name, values in rates.items()}  # noqa: PLR0124 - NaN alone differs
-    return [f"column {name}: {count} samples are NaN, and taken as missing" for name, count in counts.items() if count]
+    return [f"column {name}: {count} samples are NaN and count as missing" for name, count in counts.items() if count]
 
 
 def _clocks(rates: dict[str, NDArray[np.float64]]) -> list[str]:
@@ -200,11 +208,11 @@ def _judged(times: NDArray[np.float64], rates: dict[str, NDArray[np.float64]], r
 
     sampling = assess(times)
     if sampling.duplicates or sampling.reversals:
-        told = "timestamps repeat or go back; the samples are taken as even, so trust only short averaging times"
+        told = "timestamps repeat or run backwards; samples are taken as evenly spaced, so trust only short times"
         remarks = (*remarks, told)
     elif sampling.gaps:
         rates = {name: with_holes(times, values, sampling.rate) for name, values in rates.items()}
-        told = f"{sampling.missing} samples are missing; averages that miss more than 5 % of theirs are left out"
+        told = f"{sampling.missing} samples are missing; averages that miss more than 5 % of their samples are left out"
         remarks = (*remarks, told)
     return _Samples(rate=sampling.rate, sampling=sampling, rates=rates, remarks=remarks)
 

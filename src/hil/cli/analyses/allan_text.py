@@ -123,7 +123,7 @@ def _heading(result: Result) -> str:
     sampling = result.sampling
     if sampling is None:
         curve = result.axes[0].curve
-        return f"{result.file}: {curve.samples} samples at {curve.rate:g} Hz, as given"
+        return f"{result.file}: {curve.samples} samples at {curve.rate:g} Hz, the rate that was given"
     gaps = "no gaps"
     if sampling.gaps:
         count = f"{sampling.gaps} gap{'' if sampling.gaps == 1 else 's'}"
@@ -131,7 +131,7 @@ def _heading(result: Result) -> str:
     return (
         f"{result.file}: {sampling.samples} samples in {sampling.duration:.6g} s\n"
         f"sampling: {sampling.rate:.6g} Hz, jitter {_microseconds(sampling.jitter_rms)} us rms, "
-        f"{_microseconds(sampling.jitter_max)} us at most, {gaps}, {sampling.duplicates} repeated and "
+        f"{_microseconds(sampling.jitter_max)} us peak, {gaps}, {sampling.duplicates} repeated and "
         f"{sampling.reversals} reversed timestamps"
     )
 

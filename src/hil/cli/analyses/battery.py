@@ -39,24 +39,54 @@ class _Mapping(NamedTuple):
     "--format", "form", type=click.Choice(["auto", "novonix", "cycler", "table"]), default="auto", show_default=True,
     help="Who wrote the log.",
 )  # fmt: skip
-@click.option("--time", metavar="COLUMN", help="Of a table: column of the time since the test began.")
-@click.option("--time-unit", type=click.Choice(list(_TIME_UNITS)), default="s", show_default=True)
-@click.option("--voltage", metavar="COLUMN", help="Of a table: column of the voltage in V.")
-@click.option("--current", metavar="COLUMN", help="Of a table: column of the current in A.")
-@click.option("--temperature", metavar="COLUMN", help="Of a table: column of the temperature in degC.")
-@click.option("--cycle", metavar="COLUMN", help="Of a table: column of the cycle's number.")
-@click.option("--discharge-positive", is_flag=True, help="The current is above zero while the cell discharges.")
-@click.option("--interval", type=float, default=5.0, show_default=True, metavar="S", help="Of the cycler's rows.")
-@click.option("--upper", type=float, default=4.2, show_default=True, metavar="V", help="End of charge.")
-@click.option("--lower", type=float, default=2.7, show_default=True, metavar="V", help="End of discharge.")
+@click.option("--time", metavar="COLUMN", help="Column of the time since the test began, in a table.")
+@click.option(
+    "--time-unit", type=click.Choice(list(_TIME_UNITS)), default="s", show_default=True, help="Of the time column."
+)
+@click.option("--voltage", metavar="COLUMN", help="Column of the voltage in V, in a table.")
+@click.option("--current", metavar="COLUMN", help="Column of the current in A, in a table.")
+@click.option("--temperature", metavar="COLUMN", help="Column of the temperature in degC, in a table.")
+@click.option("--cycle", metavar="COLUMN", help="Column of the cycle number, in a table.")
+@click.option("--discharge-positive", is_flag=True, help="The log counts discharge current as positive.")
+@click.option(
+    "--interval", type=float, default=5.0, show_default=True, metavar="S", help="Between two rows of a cycler's log."
+)
+@click.option(
+    "--upper", type=float, default=4.2, show_default=True, metavar="V", help="Voltage at which a charge ends."
+)
+@click.option(
+    "--lower", type=float, default=2.7, show_default=True, metavar="V", help="Voltage at which a discharge ends."
+)
 @click.option("--cut-off", type=float, default=0.05, show_default=True, metavar="A", help="Current that ends a charge.")
 @click.option("--capacity", type=float, metavar="AH", help="Nominal capacity.")
 @click.option("--energy", type=float, metavar="WH", help="Nominal energy.")
-@click.option("--mean-voltage", default="3.4,3.95", show_default=True, metavar="V,V", help="Range of the chemistry.")
-@click.option("--rest-current", type=float, metavar="A", help="It rests below; else 1 % of the largest usual current.")
-@click.option("--counted", type=int, metavar="N", help="Cycles that somebody counted, to hold against the time.")
-@click.option("--skip", type=int, default=0, show_default=True, metavar="N", help="First cycles the fade leaves out.")
-@click.option("--remaining", type=float, default=0.8, show_default=True, metavar="PART", help="Left at end of life.")
+@click.option(
+    "--mean-voltage",
+    default="3.4,3.95",
+    show_default=True,
+    metavar="V,V",
+    help="Range in which this chemistry's mean voltage lies.",
+)
+@click.option(
+    "--rest-current",
+    type=float,
+    metavar="A",
+    help="Below it the cell rests; default: 1 % of the largest usual current.",
+)
+@click.option(
+    "--counted", type=int, metavar="N", help="Cycles that somebody counted, checked against the elapsed time."
+)
+@click.option(
+    "--skip", type=int, default=0, show_default=True, metavar="N", help="Leave the first N cycles out of the fade."
+)
+@click.option(
+    "--remaining",
+    type=float,
+    default=0.8,
+    show_default=True,
+    metavar="PART",
+    help="Part of the capacity that is left at end of life.",
+)
 @click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the test: .svg or .png.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
 def battery(  # noqa: PLR0913 - one argument per option
@@ -84,10 +114,10 @@ def battery(  # noqa: PLR0913 - one argument per option
     plot: Path | None,
     as_json: bool,
 ) -> None:
-    """Capacity, energy, efficiency and fade of a cell from the log of its cycles in FILE.
+    """Compute capacity, energy, efficiency and fade of a cell from the log of its cycles in FILE.
 
     Novonix files and terminal logs of a cycler (voltage;current;energy;temperature) are recognised; any
-    other table needs its columns named. Gates tell what speaks against the numbers.
+    other table needs its columns named. Gates show what casts doubt on the numbers.
 
     \b
     Examples:

@@ -112,7 +112,9 @@ def as_text(result: Result) -> str:
         lines += ["", *_fade(name, each)]
     if not result.summary.fades:
         whole = sum(cycle.complete for cycle in made)
-        lines.append(f"no fade: {_count(whole)} of {len(made)} whole, three behind those of --skip are needed")
+        lines.append(
+            f"no fade: {whole} of {_count(len(made))} complete; it needs three after those that --skip leaves out"
+        )
     lines += ["", *_gates(result.summary)]
     return "\n".join(lines)
 
@@ -126,9 +128,9 @@ def _remarks(result: Result) -> list[str]:
         remarks.append(f"{rows} {without} {'is' if left_out == 1 else 'are'} left out")
     tests = 0 if result.data.test is None else int(np.unique(result.data.test).size)
     if tests > 1:
-        remarks.append(f"{tests} tests in the log: their cycles are numbered on in the order of the log")
+        remarks.append(f"{tests} tests in the log: their cycles are numbered consecutively, in the order of the log")
     if not result.summary.cycles:
-        remarks.append("the current never leaves rest: are its column, its unit and --rest-current right?")
+        remarks.append("the current never rises above rest: check its column, its unit and --rest-current")
     return remarks
 
 
@@ -157,7 +159,7 @@ def _remarks_of(cycle: Cycle) -> Iterator[str]:
         told = f"coulombic {_cell(cycle.coulombic_efficiency, 5)}, energy {_cell(cycle.energy_efficiency, 5)}"
         yield f"efficiency: {told}"
     if not cycle.complete:
-        yield "not a whole cycle: in no fade and no median"
+        yield "incomplete cycle: left out of fade and medians"
     bridged = sum(half.gaps for half in (cycle.charge, cycle.discharge) if half is not None)
     if bridged:
         yield f"{bridged} {'gap' if bridged == 1 else 'gaps'} in the rows"

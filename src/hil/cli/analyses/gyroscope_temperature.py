@@ -34,7 +34,7 @@ class _Columns:
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--temperature", required=True, metavar="COLUMN", help="Column of temperatures in degC.")
 @click.option("--means", required=True, metavar="A,B,C", help="Columns of mean readings, one for each axis.")
-@click.option("--axes", default="x,y,z", show_default=True, metavar="A,B,C", help="What the axes are called.")
+@click.option("--axes", default="x,y,z", show_default=True, metavar="A,B,C", help="Names of the axes.")
 @click.option("--rates", metavar="A,B,C", help="Columns of true rates about each axis; rows with zeros are at rest.")
 @click.option("--uncertainties", metavar="A,B,C", help="Columns of standard uncertainties of the means.")
 @click.option("--uncertainty", type=float, metavar="U", help="One standard uncertainty for all means.")
@@ -45,13 +45,19 @@ class _Columns:
     default=25.0,
     show_default=True,
     metavar="DEGC",
-    help="The powers are of the difference from it.",
+    help="Temperature about which the polynomials are expanded.",
 )
-@click.option("--rate-uncertainty", type=float, default=0.0, metavar="U", help="Of the table's rates, relative.")
-@click.option("--margin", type=float, default=0.0, metavar="K", help="Valid so far beyond what was measured.")
+@click.option(
+    "--rate-uncertainty", type=float, default=0.0, metavar="U", help="Relative uncertainty of the table's rates."
+)
+@click.option(
+    "--margin", type=float, default=0.0, metavar="K", help="How far beyond the measured temperatures it is valid."
+)
 @click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the fits: .svg or .png.")
 @click.option("--export", type=click.Path(path_type=Path), metavar="FILE", help="Write the calibration as JSON.")
-@click.option("--c-header", type=click.Path(path_type=Path), metavar="FILE", help="Write the calibration as C header.")
+@click.option(
+    "--c-header", type=click.Path(path_type=Path), metavar="FILE", help="Write the calibration as a C header."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
 def gyroscope_temperature(  # noqa: PLR0913 - one argument per option
     *,
@@ -74,8 +80,8 @@ def gyroscope_temperature(  # noqa: PLR0913 - one argument per option
     """Calibrate bias, scale and alignment over temperature from the table of means in FILE.
 
     Each row is the mean reading of all axes at one temperature, at rest or at one true rate about one
-    axis. Bias and scale become polynomials of temperature whose degree the evidence chooses:
-    rate = scale(T) * (measured - bias(T)). What is exported is read back and must give the table again.
+    axis. Bias and scale become polynomials of temperature whose degree the data choose:
+    rate = scale(T) * (measured - bias(T)). What is exported is read back, and must reproduce the table.
 
     \b
     Example:
@@ -117,7 +123,7 @@ def _readings(file: Path, columns: _Columns, names: tuple[str, ...], unit: str) 
 
     count = len(names)
     if len(set(names)) != count:
-        raise Refused("two axes have one name", "give each axis its own with --axes")
+        raise Refused("two axes have the same name", "give each axis its own with --axes")
     for option, given in (
         ("--means", columns.means), ("--rates", columns.rates), ("--uncertainties", columns.uncertainties),
     ):  # fmt: skip
@@ -141,7 +147,7 @@ def _readings(file: Path, columns: _Columns, names: tuple[str, ...], unit: str) 
 
 def _figures(values: Sequence[float], spread: Sequence[float | None], unit: str) -> list[Figure]:
     if any(each is not None and not each > 0.0 for each in spread):
-        raise Refused("an uncertainty is not above zero", "mend the table, or leave the uncertainties out")
+        raise Refused("an uncertainty is not above zero", "correct the table, or leave the uncertainties out")
     return [Figure(value=value, unit=unit, uncertainty=each) for value, each in zip(values, spread, strict=True)]
 
 

@@ -64,7 +64,7 @@ def as_text(file: str, readings: int, report: CalibrationReport) -> str:
                 lines += ["", *_part(f"{axis}: {what}(T)", fits[axis])]
     lines += ["", *_alignment(calibration)]
     lines.append(f"valid from {calibration.low:g} to {calibration.high:g} degC, refused outside")
-    lines.append("self-check: the exported numbers give back the table they came from")
+    lines.append("self-check: the exported numbers reproduce the table")
     lines.append(f"fingerprint {fingerprint(calibration)}")
     return "\n".join(lines)
 

@@ -198,7 +198,7 @@ def _save(path: Path, make: Callable[[], Figure]) -> None:
     """
     form = path.suffix.lower().lstrip(".")
     if form not in {"svg", "png"}:
-        raise Refused(f"{path}: a plot is .svg or .png", "choose one of these endings")
+        raise Refused(f"{path}: a plot is written as .svg or .png", "choose one of these endings")
     with mpl.rc_context({"svg.hashsalt": "hil", "svg.fonttype": "path", "path.simplify": False}):
         figure = make()
         canvas = FigureCanvasSVG(figure) if form == "svg" else FigureCanvasAgg(figure)

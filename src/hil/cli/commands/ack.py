@@ -1,4 +1,4 @@
-"""`hil ack`: acknowledge what was done to a bench by force, or that the person on call was reached."""
+"""`hil ack`: acknowledge what the guardian did to a bench, or that the person on call was reached."""
 
 from __future__ import annotations
 
@@ -25,13 +25,12 @@ _OF_BENCH = frozenset({"safe", "stop", "trip"})
 @click.argument("run", metavar="RUN")
 @click.option("--by", default="", metavar="NAME", help="Who acknowledges.")
 @click.option("--text", default="", metavar="TEXT", help="What was seen and done.")
-@click.option("--code", default="", metavar="CODE", help="The code that the person on call was sent.")
+@click.option("--code", default="", metavar="CODE", help="The code that was sent to the person on call.")
 def command(run: str, by: str, text: str, code: str) -> int:
-    """Tell what the guardian did to the bench of a run, and acknowledge it by name.
+    """Show what the guardian did to the bench of a run, and acknowledge it by name.
 
-    Until then the bench is latched: it is driven by no run and no check. With --code it says instead that whoever is
-    on call was reached by an unattended run that waits for it. Exit codes: 0, and 1 for a code that is not the one
-    that the run waits for.
+    Until then the bench is latched: no run and no check drives it. With --code, confirm instead that the person on
+    call received the code that an unattended run is waiting for. Exit codes: 0, or 1 if the code is wrong.
     """
     if code.strip():
         return _reached(run, by, code)
@@ -42,11 +41,11 @@ def command(run: str, by: str, text: str, code: str) -> int:
     _tell(folder)
     done = acknowledge(folder, reports_folder(), by=by, text=text)
     if done.entry is not None:
-        click.echo(f"written into {shown(done.entry)}")
+        click.echo(f"written to {shown(done.entry)}")
     else:
-        click.echo("the run takes it into its journal when it is resumed or sealed")
+        click.echo("it goes into the journal when the run is resumed or sealed")
     for bench in done.benches:
-        click.echo(f"bench {printable(bench)} is not latched any more")
+        click.echo(f"bench {printable(bench)} is no longer latched")
     return 0
 
 
@@ -112,17 +111,17 @@ def _reached(run: str, by: str, code: str) -> int:
     from hil.report.live.following import Follower  # noqa: PLC0415 - only when it is used
 
     if not by.strip():
-        raise Refused("whoever was reached gives a name", "say it with --by NAME")
+        raise Refused("--code needs the name of the person who was reached", "add --by NAME")
     folder = find_running(run)
     follower = Follower(folder)
     follower.read()
     post(folder, "reached", by=by.strip(), text=code.strip())
     answer = answer_of(follower, {"reached"})
     if answer is None:
-        click.echo("the run has not looked at the code yet; hil status tells whether it goes on")
+        click.echo("the run has not read the code yet; hil status shows whether it is still running")
         return 0
     if not answer["ok"]:
-        click.echo("refused: this is not the code that the run waits for", err=True)
+        click.echo("refused: this is not the code that the run is waiting for", err=True)
         return 1
-    click.echo("the code is right, and the bench will be armed")
+    click.echo("the code is right; the run now arms the bench")
     return 0

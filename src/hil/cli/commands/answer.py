@@ -20,12 +20,12 @@ __all__ = ["command"]
 @click.command(name="answer", epilog='Example: hil answer latest --by "A. Engineer"')
 @click.argument("run", metavar="RUN")
 @click.argument("answer", metavar="[ANSWER]", default="")
-@click.option("--by", default="", metavar="NAME", help="Who answers; asked for where it is not given.")
+@click.option("--by", default="", metavar="NAME", help="Who answers; asked for if left out.")
 def command(run: str, answer: str, by: str) -> int:
-    """Answer the question that a run waits with, such as one that was started with --detach.
+    """Answer the question that a run is waiting on, such as a run that was started with --detach.
 
-    Without ANSWER the question is shown here, and the answer read from this terminal. A safety confirmation is always
-    given so. Exit codes: 0, and 1 where the run does not take the answer.
+    Without ANSWER, show the question and read the answer from this terminal; a safety confirmation is always given
+    this way. Exit codes: 0, or 1 if the run does not take the answer.
     """
     from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
     from hil.report.live.following import Follower  # noqa: PLC0415 - only when it is used
@@ -40,12 +40,12 @@ def command(run: str, answer: str, by: str) -> int:
     name = by.strip() or _line("Your name")
     follower.read()
     if follower.outlook.asked is not asked:  # a person took time; another question may have the same name
-        click.echo(f"not taken: '{question.name}' is not asked any more", err=True)
+        click.echo(f"not taken: '{question.name}' is no longer asked", err=True)
         return 1
     post(folder, "answer", text=said, by=name, question=question.name)
     told = answer_of(follower, {"answer", "anomaly"})
     if told is None:
-        click.echo("the run has not looked at the answer yet; hil status tells whether it goes on")
+        click.echo("the run has not read the answer yet; hil status shows whether it is still running")
         return 0
     if told["kind"] == "anomaly":
         click.echo(f"not taken: {told['text']}", err=True)
@@ -58,7 +58,7 @@ def _asked(run: str, asked: Mapping[str, Any] | None) -> Question:
     from hil.executive.people.questions import Question  # noqa: PLC0415 - heavy
 
     if asked is None:
-        raise Refused(f"{run} asks nothing", "hil status tells where it is")
+        raise Refused(f"{run} is not asking anything", "hil status shows what it is doing")
     return Question(
         name=str(asked["name"]),
         form=str(asked["form"]),
@@ -75,7 +75,8 @@ def _given(question: Question, answer: str) -> str:
 
     if question.safety:
         raise Refused(
-            f"'{question.text}' is a safety confirmation: a person gives it live", "leave the answer out, and type it"
+            f"'{question.text}' is a safety confirmation: a person gives it live",
+            "leave the answer out, and type it when asked",
         )
     if understood(question, answer) is None:
         raise Refused(f"'{answer}' does not answer '{question.text}'", f"answer {form(question)}")
@@ -107,4 +108,4 @@ def _line(text: str) -> str:
 
 def _require_terminal(text: str) -> None:
     if not sys.stdin.isatty():
-        raise Refused(f"'{text}' needs a person at this terminal", "call it from one, and without a pipe")
+        raise Refused(f"'{text}' needs a person at this terminal", "run it in a terminal, not in a pipe")

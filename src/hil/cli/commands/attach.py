@@ -1,4 +1,4 @@
-"""`hil attach`: attach a file to a run that is going on."""
+"""`hil attach`: attach a file to a run in progress."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["command"]
 @click.option("--text", default="", metavar="TEXT", help="What it shows.")
 @click.option("--by", default="", metavar="NAME", help="Who attaches it.")
 def command(run: str, file: Path, text: str, by: str) -> int:
-    """Attach a file to a run that is going on; it becomes part of the evidence, with its hash."""
+    """Attach a file to a run in progress; it becomes part of the evidence, with its hash."""
     from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
 
     post(find_running(run), "attachment", by=by, text=text, attach=file)

@@ -21,13 +21,13 @@ def command() -> None:
 
 @command.command(epilog="Example: hil bench check adcs --source simulated")
 @click.argument("name")
-@click.option("--source", type=_SOURCES, default="hardware")
+@click.option("--source", type=_SOURCES, default="hardware", show_default=True, help="What stands behind the bench.")
 @SERVED
-@click.option("--energise", is_flag=True, help="Also try every output at its reduced level.")
+@click.option("--energise", is_flag=True, help="Also test every output at its reduced level.")
 def check(name: str, source: str, served: Path | None, *, energise: bool) -> int:
-    """Read the bench file, look at every instrument without driving it, and say what is ready.
+    """Read the bench file, identify every instrument without driving it, and show what is ready.
 
-    Exit code 0 if every gate holds, 1 otherwise.
+    Exit code 0 if every gate passes, 1 otherwise.
     """
     from hil.executive.setup.bench_visit import check_bench  # noqa: PLC0415 - heavy
 
@@ -41,13 +41,13 @@ def check(name: str, source: str, served: Path | None, *, energise: bool) -> int
 
 @command.command(epilog="Example: hil bench safe adcs --source simulated")
 @click.argument("name")
-@click.option("--source", type=_SOURCES, default="hardware")
+@click.option("--source", type=_SOURCES, default="hardware", show_default=True, help="What stands behind the bench.")
 @SERVED
 def safe(name: str, source: str, served: Path | None) -> int:
     """Bring every output to its safe state, in order, and prove it.
 
-    Another process that has the bench does not keep it from that, nor does an instrument that cannot be reached.
-    Exit code 0 if every line is proven, 7 otherwise.
+    It works while another process has the bench, and continues past an instrument that cannot be reached.
+    Exit code 0 if every output is proven safe, 7 otherwise.
     """
     from hil.executive.setup.bench_visit import safe_bench  # noqa: PLC0415 - heavy
 
@@ -60,4 +60,4 @@ def safe(name: str, source: str, served: Path | None) -> int:
 
 def _tell_beside(who: str) -> None:
     click.echo(f"hil: {who}", err=True)
-    click.echo("     it is made safe all the same; an instrument on a network may answer that process only", err=True)
+    click.echo("     making it safe anyway; a network instrument may answer only that process", err=True)

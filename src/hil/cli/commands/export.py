@@ -1,4 +1,4 @@
-"""`hil export`: write the recordings of a package for other programs."""
+"""`hil export`: export the recordings of a package for other programs."""
 
 from __future__ import annotations
 
@@ -25,9 +25,13 @@ _SEPARATORS = {",": ",", ";": ";", "tab": "\t"}
 @click.option("--mat", "as_mat", is_flag=True, help="Write MATLAB 5 files.")
 @click.option("--recording", "recordings", metavar="NAME", multiple=True, help="By name or id; can be repeated.")
 @click.option("--case", "cases", metavar="CASE", multiple=True, help="Only recordings of this case; can be repeated.")
-@click.option("--separator", type=click.Choice([*_SEPARATORS]), help="Between columns of a table; ',' by default.")
+@click.option("--separator", type=click.Choice([*_SEPARATORS]), help="Column separator of a table; ',' by default.")
 @click.option("--decimal", type=click.Choice([".", ","]), help="Decimal mark of a table; '.' by default.")
-@click.option("--facts", type=click.Choice(["beside", "above"]), help="Facts in a JSON file beside, or in # lines.")
+@click.option(
+    "--facts",
+    type=click.Choice(["beside", "above"]),
+    help="Facts in a JSON file beside the table, or above it in # lines.",
+)
 @click.option("--compress", is_flag=True, help="Compress MATLAB files.")
 @click.option("--output", type=click.Path(path_type=Path), help="The folder to write to; ./RUN-export by default.")
 def command(  # noqa: PLR0913, PLR0917 - one argument per option
@@ -52,9 +56,9 @@ def command(  # noqa: PLR0913, PLR0917 - one argument per option
     if not (as_csv or as_mat):
         raise Refused("no format is named", "add --csv or --mat")
     if not as_csv and (separator or decimal or facts):
-        raise Refused("--separator, --decimal and --facts are about text tables", "add --csv, or leave them out")
+        raise Refused("--separator, --decimal and --facts apply to text tables only", "add --csv, or leave them out")
     if compress and not as_mat:
-        raise Refused("--compress is about MATLAB files", "add --mat, or leave it out")
+        raise Refused("--compress applies to MATLAB files only", "add --mat, or leave it out")
     if output is not None and not output.name:
         raise Refused("--output names no folder of its own", "name a new one")
     folder = find_run(run)

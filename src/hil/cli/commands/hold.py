@@ -1,4 +1,4 @@
-"""`hil hold`: bring the bench of a run to its hold state, and let it go on."""
+"""`hil hold`: bring the bench of a run to its hold state, or release it."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ __all__ = ["command"]
 
 @click.command(name="hold", epilog='Example: hil hold 20261121T093100Z --reason "open the door" --by "A. Engineer"')
 @click.argument("run", metavar="RUN")
-@click.option("--release", is_flag=True, help="Bring back what was, and go on.")
+@click.option("--release", is_flag=True, help="Restore the bench and continue the run.")
 @click.option("--reason", default="", metavar="TEXT", help="Why.")
 @click.option("--by", default="", metavar="NAME", help="Who asks.")
 def command(run: str, *, release: bool, reason: str, by: str) -> int:
     """Hold a run at its next scheduling point: the bench goes to its hold state and stays there.
 
-    Exit codes: 0 once the bench is held or released, or if the run does not answer in time; 1 where it refuses.
+    Exit codes: 0 if the bench is held or released, or if the run does not answer in time; 1 if it refuses.
     """
     from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
     from hil.evidence.package.listing import shown  # noqa: PLC0415 - only when it is used
@@ -29,13 +29,19 @@ def command(run: str, *, release: bool, reason: str, by: str) -> int:
     post(folder, "release" if release else "hold", by=by, text=reason)
     answer = answer_of(follower, {"hold-end" if release else "hold", "hold-refused"})
     if answer is None:
-        click.echo(f"the run will {'go on' if release else 'hold'} at its next scheduling point; hil status tells")
+        click.echo(
+            f"the run will {'continue' if release else 'hold'} at its next scheduling point; hil status shows it"
+        )
         return 0
     if answer["kind"] == "hold-refused":
         click.echo(f"refused: {shown(str(answer['text']))}", err=True)
         return 1
     if release:
-        click.echo("the bench is as it was, and the run goes on" if answer["how"] == "released" else "the hold ended")
+        click.echo(
+            "the bench is as it was before the hold, and the run continues"
+            if answer["how"] == "released"
+            else "the hold ended"
+        )
         return 0 if answer["how"] == "released" else 1
     for line in answer["outputs"]:
         word = "" if line["ok"] else "NOT "

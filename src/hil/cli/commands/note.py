@@ -1,4 +1,4 @@
-"""`hil note`: write a note into a run that is going on."""
+"""`hil note`: add a note to a run in progress."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["command"]
 @click.argument("text")
 @click.option("--by", default="", metavar="NAME", help="Who writes it.")
 def command(run: str, text: str, by: str) -> int:
-    """Write a note into a run that is going on; it becomes part of the evidence."""
+    """Add a note to a run in progress; it becomes part of the evidence."""
     from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
 
     post(find_running(run), "note", by=by, text=text)

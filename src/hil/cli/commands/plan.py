@@ -29,7 +29,7 @@ def command(
 ) -> int:
     """Print the procedure of plans: limits, steps, what they drive, record and ask, and how long they take.
 
-    The whole cases run on the simulated bench; nothing else is driven, and no package is kept.
+    The cases run from start to end on the simulated bench; no hardware is driven, and no package is kept.
     """
     pin()
     from hil.executive.setup.configuration import Request  # noqa: PLC0415 - after the pins

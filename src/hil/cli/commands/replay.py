@@ -28,31 +28,25 @@ def command(run: str) -> int:
 
     folder = find_run(run)
     if odd := list_folder(folder).odd:
-        raise EvidenceError(
-            f"{folder.name}: {odd[0]}", "nothing of it is replayed; hil verify tells what else is wrong"
-        )
+        raise EvidenceError(f"{folder.name}: {odd[0]}", "nothing was replayed; hil verify shows what else is wrong")
     package = Package(folder)
     package.run()  # says so where the format is not known
     state = verify(folder).state
     if state is State.DAMAGED:
-        click.echo(
-            f"{folder.name} is DAMAGED, and so is what its replay says; hil verify tells what is wrong", err=True
-        )
+        click.echo(f"{folder.name} is DAMAGED, so its replay proves nothing; hil verify shows what is wrong", err=True)
     found = replay(package)
     for difference in found.differences:
         click.echo(difference, err=True)
     if found.following:
-        click.echo(
-            f"behind that the record cannot answer any more: {found.following} more came out otherwise", err=True
-        )
-    word = counted(len(found.differences), "difference") if found.differences else "the same"
+        click.echo(f"after that the record cannot answer: {counted(found.following, 'more difference')}", err=True)
+    word = counted(len(found.differences), "difference") if found.differences else "no difference"
     amount = f"{counted(found.cases, 'case')} with {counted(found.checks, 'check')}"
-    without = ((found.broken_off, "broken off"), (found.never_ran, "never run"))
+    without = ((found.broken_off, "cut short"), (found.never_ran, "never run"))
     left = [f"{count} {what}" for count, what in without if count]
     if found.cases or not left:
         click.echo(f"{amount} replayed from their bytes: {word}")
     else:
-        click.echo("no case of the record came to its end, so none could be compared")
+        click.echo("no recorded case ran to its end, so none could be compared")
     if left:
         click.echo(f"not compared: {counted(found.broken_off + found.never_ran, 'case')} ({', '.join(left)})")
     return 1 if found.differences or state is State.DAMAGED else 0

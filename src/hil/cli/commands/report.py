@@ -44,7 +44,7 @@ def derived(folder: Path) -> dict[str, tuple[bytes, str, bool]]:
     except (OSError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
         what = f"{type(error).__name__}: {error}"
         raise EvidenceError(
-            f"{folder.name}: no report can be derived: {what}", "hil verify tells what is wrong"
+            f"{folder.name}: no report can be derived: {what}", "hil verify shows what is wrong"
         ) from error
     found = {}
     for name, content in made.items():
@@ -52,9 +52,9 @@ def derived(folder: Path) -> dict[str, tuple[bytes, str, bool]]:
         if inside is None:
             found[name] = content, "not in the package", not is_sealed(folder)
         elif inside == content:
-            found[name] = content, "the same bytes as in the package", True
+            found[name] = content, "identical to the one in the package", True
         else:
-            found[name] = content, "OTHER bytes than in the package", False
+            found[name] = content, "DIFFERS from the one in the package", False
     return found
 
 
@@ -66,7 +66,7 @@ def _inside(path: Path) -> bytes | None:
     except FileNotFoundError:
         return None
     except OSError as error:
-        raise EvidenceError(f"{path}: cannot be read: {error.strerror}", "hil verify tells what is wrong") from error
+        raise EvidenceError(f"{path}: cannot be read: {error.strerror}", "hil verify shows what is wrong") from error
 
 
 def _write(output: Path, name: str, content: bytes) -> None:

@@ -23,7 +23,7 @@ def command() -> None:
     """Lock the meaning of requirements, and show what changed since.
 
     Every revision of a requirement has one meaning: its text, its limits, its records. The file
-    requirements.lock.json beside a plan says which, and is committed with it.
+    requirements.lock.json beside a plan records it, and is committed with the plan.
 
     \b
     Example:
@@ -37,8 +37,8 @@ def command() -> None:
 def lock(plans: tuple[str, ...]) -> None:
     """Write requirements.lock.json beside each PLAN.
 
-    Refused where a meaning changed without a new rev, where a rev changed without a new meaning, and
-    where a requirement was removed instead of withdrawn.
+    It refuses if a meaning changed without a new rev, if a rev changed without a new meaning, or if a
+    requirement was removed instead of withdrawn.
 
     \b
     Example:

@@ -1,4 +1,4 @@
-"""`hil resume`: go on with a run that was interrupted."""
+"""`hil resume`: resume a run that was interrupted."""
 
 from __future__ import annotations
 
@@ -17,17 +17,21 @@ __all__ = ["command"]
 
 @click.command(name="resume", epilog="Example: hil resume latest")
 @click.argument("run", metavar="RUN")
-@click.option("--answers", type=click.Path(path_type=Path, exists=True, dir_okay=False), help="Answers to questions.")
-@click.option("--ask", is_flag=True, help="Ask at the terminal, also on a simulated bench.")
+@click.option(
+    "--answers",
+    type=click.Path(path_type=Path, exists=True, dir_okay=False),
+    help="File with answers to the plan's questions.",
+)
+@click.option("--ask", is_flag=True, help="Ask questions at the terminal, even on a simulated bench.")
 @SERVED
 @click.option(
     "--other-software",
     default="",
     metavar="REASON",
-    help="Why it goes on with other software than it began with; it then closes nothing.",
+    help="Why it is resumed with other software than it began with; it can then close no requirement.",
 )
 @ACKNOWLEDGE_WITHIN
-@click.option("-v", "--verbose", is_flag=True, help="Show every step, every driving call, every gate.")
+@click.option("-v", "--verbose", is_flag=True, help="Also show every step, driving call and gate.")
 @click.pass_obj
 def command(
     invocation: Invocation,
@@ -40,11 +44,11 @@ def command(
     acknowledge_within: float,
     verbose: bool,
 ) -> int:
-    """Go on with a run whose process was killed, or whose machine lost power.
+    """Resume a run whose process was killed, or whose machine lost power.
 
-    Its cases are run again from their first line on the bytes that were recorded, and have to come to what was
-    written down; from the last checkpoint on the bench itself goes on. Nobody is asked a second time. The run keeps
-    its folder, and says when it was resumed. Exit codes and last line of standard output are those of hil run.
+    Its cases run again from their first line on the recorded bytes, and must reproduce the journal; after the last
+    checkpoint the bench itself takes over. Nobody is asked a question twice. The run keeps its folder, and its
+    evidence says when it was resumed. Exit codes and the last line of standard output are those of hil run.
     """
     folder = find_run(run)
     if invocation.word is None:

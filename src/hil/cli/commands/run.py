@@ -38,17 +38,37 @@ class Place(click.Path):
 @click.argument("plans", nargs=-1, required=True, metavar="PLAN...")
 @click.option("--bench", required=True, metavar="NAME", help="The bench: fixtures/benches/NAME.")
 @click.option("--dut", required=True, metavar="SERIAL", help="Serial number of the device under test.")
-@click.option("--source", type=click.Choice([Source.HARDWARE.value, Source.SIMULATED.value]), default="hardware")
+@click.option(
+    "--source",
+    type=click.Choice([Source.HARDWARE.value, Source.SIMULATED.value]),
+    default="hardware",
+    show_default=True,
+    help="What stands behind the bench.",
+)
 @SERVED
-@click.option("--purpose", type=click.Choice([purpose.value for purpose in Purpose]), default="development")
-@click.option("--operator", default="", metavar="NAME", help="Who runs it.")
+@click.option(
+    "--purpose",
+    type=click.Choice([purpose.value for purpose in Purpose]),
+    default="development",
+    show_default=True,
+    help="Only qualification and acceptance can close requirements.",
+)
+@click.option("--operator", default="", metavar="NAME", help="Who operates the bench.")
 @deviation_options
-@click.option("--answers", type=click.Path(path_type=Path, exists=True, dir_okay=False), help="Answers to questions.")
-@click.option("--ask", is_flag=True, help="Ask at the terminal, also on a simulated bench.")
-@click.option("--output", type=Place(path_type=Path, file_okay=False), help="Where the package goes.")
-@click.option("--detach", is_flag=True, help="Go on without this terminal; return once the run has begun.")
+@click.option(
+    "--answers",
+    type=click.Path(path_type=Path, exists=True, dir_okay=False),
+    help="File with answers to the plan's questions.",
+)
+@click.option("--ask", is_flag=True, help="Ask questions at the terminal, even on a simulated bench.")
+@click.option(
+    "--output",
+    type=Place(path_type=Path, file_okay=False),
+    help="Folder for the package; reports/ of the workspace by default.",
+)
+@click.option("--detach", is_flag=True, help="Detach from this terminal; return as soon as the run has begun.")
 @attendance_options
-@click.option("-v", "--verbose", is_flag=True, help="Show every step, every driving call, every gate.")
+@click.option("-v", "--verbose", is_flag=True, help="Also show every step, driving call and gate.")
 @click.pass_obj
 def command(  # noqa: PLR0913 - one argument per option
     invocation: Invocation,
@@ -74,7 +94,7 @@ def command(  # noqa: PLR0913 - one argument per option
     """Run plans on a bench and seal the evidence.
 
     The last line of standard output is the package's path. Exit codes: 0 every case passed, 1 not
-    every case did, 2 interrupted, 3 internal error, 4 wrong usage or files, 5 no cases, 6 the
+    every case passed, 2 interrupted, 3 internal error, 4 wrong usage or files, 5 no cases, 6 the
     envelope tripped, 7 the bench could not be proven safe.
     """
     given = skips_of(skips, reasons), overrides_of(overrides)
@@ -134,4 +154,4 @@ def _require_text(**options: str) -> None:
     """Refuse bytes that are no text of this terminal's encoding: no evidence could hold them."""
     for name, value in options.items():
         if any("\ud800" <= character <= "\udfff" for character in value):
-            raise Refused(f"--{name} holds bytes that are no text", "write it in the encoding of the terminal")
+            raise Refused(f"--{name} is not text in the encoding of this terminal", "type it again")

@@ -30,7 +30,7 @@ _ANY_WIDTH = 10_000
 def command(bench: str | None, dut: str | None, plan: str | None, verdict: str | None) -> int:
     """List the runs of the workspace, newest last; nothing is verified.
 
-    A run that cannot be read is listed with what is wrong, unless runs are chosen by what they say.
+    A run that cannot be read is listed with what is wrong, unless you filter.
     """
     from hil.evidence.runs import find_runs  # noqa: PLC0415 - heavy
 
@@ -47,7 +47,7 @@ def command(bench: str | None, dut: str | None, plan: str | None, verdict: str |
     for line in _lines(chosen, _width()):
         click.echo(line)
     if not chosen:
-        click.echo("no such runs" if everything else "no runs yet")
+        click.echo("no matching runs" if everything else "no runs yet")
         for line in _there(everything, bench=bench, dut=dut, plan=plan):
             click.echo(line)
     return 0
@@ -77,7 +77,7 @@ def _there(runs: Sequence[RunSummary], **asked: str | None) -> Iterator[str]:
     for name, there in known.items():
         word, names = asked[name], sorted(filter(None, there))
         if word is not None and word not in there and names:
-            yield f"  no run has --{name} {_printable(word)}; there are {', '.join(map(_printable, names))}"
+            yield f"  no run has --{name} {_printable(word)}; known: {', '.join(map(_printable, names))}"
 
 
 def _width() -> int:

@@ -22,7 +22,7 @@ def command(run: str) -> int:
 
     folder = find_run(run)
     if is_sealed(folder):
-        click.echo(f"{folder.name} is sealed already; nothing of it is changed")
+        click.echo(f"{folder.name} is already sealed, and stays as it is")
     click.echo(f"evidence digest {recover(folder, write_reports=write_reports)}")
     click.echo(shown(folder))
     return 0

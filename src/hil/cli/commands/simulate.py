@@ -16,18 +16,21 @@ _MOST_PORTS = 65_535
 
 @click.command(name="simulate", epilog="Example: hil simulate adcs --speed 20")
 @click.argument("bench", metavar="BENCH")
-@click.option("--folder", type=click.Path(path_type=Path), help="Where the links and the control socket are.")
+@click.option("--folder", type=click.Path(path_type=Path), help="Folder for the links and the control socket.")
 @click.option(
-    "--speed", type=click.FloatRange(0, 1e6, min_open=True), default=1.0, help="Seconds of the bench per second."
+    "--speed", type=click.FloatRange(0, 1e6, min_open=True), default=1.0, help="Bench seconds per real second."
 )
 @click.option(
-    "--first-port", type=click.IntRange(0, _MOST_PORTS), default=0, help="Of network instruments; 0 for any free ones."
+    "--first-port",
+    type=click.IntRange(0, _MOST_PORTS),
+    default=0,
+    help="First port for network instruments; 0 picks free ones.",
 )
 def command(bench: str, folder: Path | None, speed: float, first_port: int) -> int:
     """Serve the simulated twin of BENCH to other programs, until Ctrl-C.
 
-    Instruments on serial lines become pseudo-terminals, those on a network ports of 127.0.0.1. The folder also has the
-    socket `control`, at which the true state is read and faults are injected.
+    Serial instruments become pseudo-terminals, network instruments ports of 127.0.0.1. The socket `control` in the
+    folder gives the true state and takes faults to inject.
     """
     from hil.executive.setup.bench_visit import serve_bench  # noqa: PLC0415 - heavy
     from hil.report.tables import aligned  # noqa: PLC0415 - heavy
@@ -37,7 +40,7 @@ def command(bench: str, folder: Path | None, speed: float, first_port: int) -> i
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             if signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, lambda *_: served.stop())
-        click.echo(f"SIMULATED: bench {served.spec.name} at {speed:g} times real time; nothing here is hardware")
+        click.echo(f"SIMULATED: bench {served.spec.name} at {speed:g} times real time; none of this is hardware")
         rows = {**served.where, "control": str(place.absolute() / "control")}
         for line in aligned(rows.items()):
             click.echo(line)

@@ -1,4 +1,4 @@
-"""`hil status`: say how a run stands, once or until it ends."""
+"""`hil status`: show the status of a run, once or until it ends."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ __all__ = ["command"]
 
 @click.command(name="status", epilog="Example: hil status latest --follow")
 @click.argument("run", metavar="RUN")
-@click.option("--follow", is_flag=True, help="Go on telling until the run ends.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document; with --follow, one a line.")
+@click.option("--follow", is_flag=True, help="Keep showing it until the run ends.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document; with --follow, one per line.")
 def command(run: str, follow: bool, as_json: bool) -> int:
-    """Say how a run stands: what it does and reads now, how much bench time is left, or how it ended."""
+    """Show what a run does and reads now and how much bench time is left, or how it ended."""
     folder = find_run(run)
     if as_json:
         return _machine(folder, follow=follow)
@@ -32,7 +32,7 @@ def command(run: str, follow: bool, as_json: bool) -> int:
 
 
 def status_lines(folder: Path) -> list[str]:
-    """Return how a run stands, in lines."""
+    """Return the status of a run, in lines."""
     from hil.evidence.package.listing import shown as printable  # noqa: PLC0415 - heavy
     from hil.evidence.runs import status  # noqa: PLC0415 - heavy
     from hil.report.live.following import Follower  # noqa: PLC0415 - heavy
@@ -57,10 +57,10 @@ def status_lines(folder: Path) -> list[str]:
         ("cases", f"{found.ended} of {found.planned} ended"),
         ("case", found.case),
         ("step", found.step),
-        ("turn", ", ".join(str(turns) for turns in outlook.turns)),
+        ("loop", ", ".join(str(turns) for turns in outlook.turns)),
         ("bench time", bench_time(max(found.t, outlook.t))),
-        ("left", str(outlook.left() or "")),
-        ("asks", "" if outlook.asked is None else f"{outlook.asked['text']} hil answer {folder.name}"),
+        ("time left", str(outlook.left() or "")),
+        ("question", "" if outlook.asked is None else f"{outlook.asked['text']} hil answer {folder.name}"),
         ("held", "" if outlook.held is None else outlook.held or "yes"),
         ("stopped by", found.stopped),
         ("last event", "" if found.age is None else f"{duration(found.age)} ago"),
@@ -71,7 +71,7 @@ def status_lines(folder: Path) -> list[str]:
     told: Mapping[str, Callable[[Mapping[str, Any]], str]] = {"note": noted, "attachment": attached}
     return [
         *labelled((label, printable(value)) for label, value in facts),
-        *(["reads now", *map(printable, reading_lines(readings, outlook.t))] if readings else []),
+        *(["readings", *map(printable, reading_lines(readings, outlook.t))] if readings else []),
         *aligned(
             (event["kind"], bench_time(event["t"]), printable(told.get(event["kind"], _text)(event)))
             for event in found.added

@@ -1,4 +1,4 @@
-"""`hil stop`: ask a run to stop and leave the bench safe."""
+"""`hil stop`: stop a run and leave the bench safe."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ __all__ = ["command"]
 @click.command(name="stop", epilog='Example: hil stop 20261121T093100Z --reason "smell" --by "A. Engineer"')
 @click.argument("run", metavar="RUN")
 @click.option("--reason", default="", metavar="TEXT", help="Why.")
-@click.option("--to-resume", is_flag=True, help="Leave it unsealed, so that hil resume can go on with it.")
+@click.option("--to-resume", is_flag=True, help="Leave it unsealed, so that hil resume can continue it.")
 @click.option("--by", default="", metavar="NAME", help="Who asks.")
 def command(run: str, reason: str, by: str, *, to_resume: bool) -> int:
-    """Ask a run to stop at its next scheduling point, make the bench safe, and seal.
+    """Stop a run at its next scheduling point: the bench is made safe, and the package sealed.
 
-    With --to-resume the package stays open. When the run is resumed, its bench is armed anew, and the turn of a loop or
-    the case that was going on is made again from its beginning.
+    With --to-resume the package stays open. When the run is resumed, its bench is armed again, and the loop turn or
+    the case that was cut short starts over.
     """
     from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
 

@@ -18,14 +18,13 @@ __all__ = ["command"]
 
 @click.command(name="verify", epilog="Example: hil verify latest")
 @click.argument("run", metavar="RUN")
-@click.option("--report", is_flag=True, help="Derive the report again, too, and compare it.")
+@click.option("--report", is_flag=True, help="Also derive the report again and compare it.")
 def command(run: str, report: bool) -> int:
     """Verify a package, offline and from its own bytes.
 
-    Checked are the manifests, the journal's chain, every file against the hash in the journal, every row of
-    every recording, the results, and every verdict against value, uncertainty and frozen limit. A digest is
-    printed only for a package in which nothing is wrong. Exit code 0 for a whole package of a complete run,
-    1 otherwise.
+    It checks the manifests, the journal's chain, every file against its hash in the journal, every row of every
+    recording, the results, and every verdict against value, uncertainty and frozen limit. Digests are printed only
+    if nothing is wrong. Exit code 0 for an intact package of a complete run, 1 otherwise.
     """
     from hil.evidence.package.listing import shown  # noqa: PLC0415 - heavy
     from hil.evidence.package.verification import State, verify  # noqa: PLC0415 - heavy
@@ -35,12 +34,12 @@ def command(run: str, report: bool) -> int:
     for finding in found.findings:
         click.echo(shown(str(finding)), err=True)
     short = found.state in {State.SEALED, State.INTERRUPTED, State.SAFED} and not found.complete
-    complete = ", the run did not go to its own end" if short else ""
+    complete = ", the run is incomplete" if short else ""
     click.echo(f"{shown(found.folder.name)}: {found.state}{complete}")
     if found.state is not State.SEALED:
         return 1
     same = _compared(found.folder) if report else True
-    word = "not compared, see --report" if not report else "the same bytes" if same else "OTHER bytes"
+    word = "not compared; add --report to compare it" if not report else "identical" if same else "DIFFERS"
     renamed = found.run != shown(found.folder.resolve().name)
     facts = (
         ("run", f"{found.run}, in a folder of another name" if renamed else ""),

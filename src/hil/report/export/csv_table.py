@@ -46,7 +46,7 @@ class TableFormat:
 
     def __post_init__(self) -> None:
         if self.separator == self.decimal:
-            raise Refused("a decimal comma cannot stand between commas", "add --separator ';'")
+            raise Refused("a decimal comma needs another separator than the comma", "add --separator ';'")
 
 
 def write_csv(recording: Path, table: Path, facts: Facts, form: TableFormat) -> str:

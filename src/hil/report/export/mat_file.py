@@ -122,4 +122,4 @@ def _prove(file: Path, recording: Path, variables: Mapping[str, str]) -> None:
     for variable, column in variables.items():
         found = loadmat(file, variable_names=[variable])[variable]
         if not np.array_equal(found[:, 0], read_column(recording, column), equal_nan=True):
-            raise EvidenceError(f"{file}: {variable} was not written as it was recorded", "look at the disk")
+            raise EvidenceError(f"{file}: {variable} does not read back as it was recorded", "check the disk")

@@ -24,10 +24,10 @@ from hil.report.export.selection import Facts, choose, facts_of
 __all__ = ["ExportRequest", "Exported", "export_package"]
 
 _HINTS = {
-    State.RUNNING: "wait for its end",
+    State.RUNNING: "wait until it ends",
     State.INTERRUPTED: "hil seal seals it as it is",
     State.SAFED: "hil seal seals it as it is",
-    State.DAMAGED: "hil verify tells what is wrong",
+    State.DAMAGED: "hil verify shows what is wrong",
     State.UNKNOWN: "use a newer version of hil",
 }
 
@@ -85,13 +85,15 @@ def _verified(folder: Path) -> Verification:
     name, hint = shown(folder.name), _HINTS[found.state]
     if found.state is State.DAMAGED:
         raise EvidenceError(f"{name} is DAMAGED, and nothing is exported from it: {found.findings[0]}", hint)
-    raise Refused(f"{name} is {found.state}: only a sealed package that this version reads is exported", hint)
+    raise Refused(f"{name} is {found.state}: only a sealed package that this version can read is exported", hint)
 
 
 def _names(facts: Mapping[str, Any], request: ExportRequest) -> list[str]:
     """Return the names of a recording's files: the id, which is one in every package that hil wrote, and the mark."""
     if not re.fullmatch(r"[\w\[\]-][\w.\[\]-]*", facts["recording"]):
-        raise EvidenceError(f"{shown(facts['recording'])}: this id is no file name", "hil did not write this package")
+        raise EvidenceError(
+            f"{shown(facts['recording'])}: this id is not a file name", "hil did not write this package"
+        )
     stem = "-".join(filter(None, (facts["recording"], facts["mark"])))
     endings = [".csv"] if request.table else []
     endings += [".json"] if request.table and not request.table.commented else []
@@ -128,12 +130,12 @@ def _require_new(folder: Path, names: Sequence[str]) -> None:
     whole = Path(os.path.realpath(folder))
     for place in (whole, *whole.parents):
         if is_sealed(place):
-            raise Refused(f"{folder}: this is inside of the sealed package {place.name}", "choose another --output")
+            raise Refused(f"{folder}: this is inside the sealed package {place.name}", "choose another --output")
     if os.path.lexists(folder) and not folder.is_dir():
-        raise Refused(f"{folder}: this is no folder", "choose another --output")
+        raise Refused(f"{folder}: this is not a folder", "choose another --output")
     for name in names:
         if os.path.lexists(folder / name):
-            raise Refused(f"{folder / name} is there already, and nothing is overwritten", "choose another --output")
+            raise Refused(f"{folder / name} exists already, and nothing is overwritten", "choose another --output")
 
 
 @contextmanager

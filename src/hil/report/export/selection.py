@@ -43,7 +43,7 @@ def choose(begun: Sequence[Begun], recordings: Sequence[str], cases: Sequence[st
         Refused: for a word that fits none, and where nothing is left.
     """
     if not begun:
-        raise Refused("the package has no recordings", "hil report tells what is in it")
+        raise Refused("the package has no recordings", "hil report shows what is in it")
     chosen = _fitting(begun, recordings, "recording", _words_of_recording)
     for case in cases:
         _fitting(begun, [case], "case with recordings", _words_of_case)

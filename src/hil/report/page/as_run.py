@@ -109,8 +109,8 @@ def fed_limits(events: Sequence[Body]) -> tuple[str, ...]:
         alike.setdefault(tuple(names), []).append(limit)
     return tuple(
         f"{', '.join(limits)} {'were' if len(limits) > 1 else 'was'} judged on every row of"
-        f" recording{'s' * (len(names) > 1)} {_ids(names)}; no readings of {'their' if len(limits) > 1 else 'its'} own"
-        " were taken while rows came in time."
+        f" recording{'s' * (len(names) > 1)} {_ids(names)}; {'they were' if len(limits) > 1 else 'it was'} not"
+        " read separately while rows arrived in time."
         for names, limits in alike.items()
     )
 
@@ -176,7 +176,7 @@ def _outside(events: Sequence[Body]) -> StepRow:
         number="-",
         attempt=text(events[0], "tried"),
         depth=0,
-        title="Outside steps",
+        title="Outside any step",
         begin=bench_time(events[0].get("t")),
         duration="",
         outcome="",

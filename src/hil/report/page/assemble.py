@@ -310,7 +310,7 @@ def _short(value: str) -> str:
     if len(value) <= _LONGEST and "\n" not in value:
         return value
     digest = hashlib.sha256(value.encode("utf-8", errors="surrogatepass")).hexdigest()
-    return f"{counted(len(value.splitlines()), 'line')} with sha256 {digest}; they stand in the package"
+    return f"{counted(len(value.splitlines()), 'line')} with sha256 {digest}; stored in the package"
 
 
 def _json(material: Material, relative: str) -> Body:

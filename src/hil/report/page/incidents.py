@@ -180,7 +180,7 @@ def attached(event: Body) -> str:
 
 
 def _by(event: Body) -> str:
-    return text(event, "by") or "not recorded by whom"
+    return text(event, "by") or "by whom is not recorded"
 
 
 def _reading(event: Body) -> str:
@@ -233,7 +233,7 @@ def _hold_end(event: Body) -> str:
 
 def _recovered(event: Body) -> str:
     torn = event.get("torn_bytes")
-    return text(event, "text") + (f" ({torn} torn bytes were cut and kept)" if torn else "")
+    return text(event, "text") + (f" ({torn} torn bytes were cut off and kept)" if torn else "")
 
 
 def _for_seconds(event: Body) -> str:
@@ -245,7 +245,7 @@ def _resumed(event: Body) -> str:
     """Return that the run was interrupted, for how long, and from where its bench went on."""
     told = f"{text(event, 'text')}, after {duration(event.get('seconds'))} of wall time"
     if "entry" not in event:
-        told += f"; its simulated bench was made again from {bench_time(event.get('checkpoint'))} on"
+        told += f"; its simulated bench was rebuilt from {bench_time(event.get('checkpoint'))} on"
     return f"{told}; {text(event, 'deviation')}" if text(event, "deviation") else told
 
 
@@ -254,7 +254,7 @@ _DID = {
     "acknowledged": "acknowledged what the guardian did",
     "answer": "answered questions",
     "attachment": "attached files",
-    "confirmed": "confirmed what is safe",
+    "confirmed": "gave safety confirmations",
     "hold-asked": "held or released the bench",
     "note": "wrote notes",
     "reached": "was reached on call",
@@ -265,7 +265,7 @@ _WORDS = {
     "hold": "hold",
     "hold-end": "hold",
     "hold-refused": "hold refused",
-    "notify-failed": "nobody notified",
+    "notify-failed": "notification failed",
     "anomaly": "anomaly",
     "trip": "trip",
     "monitor-late": "late monitor",
