@@ -107,7 +107,7 @@ def at_a_terminal(workspace, *words):
     os.close(terminal)
 
     def typed(text):
-        seconds_until(lambda: "asks        " in workspace.hil("status", "latest").out, 60, "a question")
+        seconds_until(lambda: "question    " in workspace.hil("status", "latest").out, 60, "a question")
         asked = wall.monotonic()
         seconds_until(lambda: wall.monotonic() > asked + 1, 5, "a second")
         os.write(keyboard, text.encode())
@@ -160,7 +160,7 @@ def test_a_safety_confirmation_is_given_at_another_terminal(tmp_path, folder):
         seconds_until(lambda: told.exists() and told.read_text().endswith("}\n"), 60, "the notification")
         (run,) = workspace.folders()
         post(run, "reached", by="Ada", text=json.loads(told.read_text())["text"].partition("--code ")[2].split()[0])
-        seconds_until(lambda: "asks        Is the fuse in?" in workspace.hil("status", "latest").out, 60, "a question")
+        seconds_until(lambda: "question    Is the fuse in?" in workspace.hil("status", "latest").out, 60, "a question")
         assert bench.on() == set()
         refused = workspace.hil("answer", "latest", "yes", "--by", "Eve")
         assert (refused.code, "is a safety confirmation" in refused.err) == (4, True)
