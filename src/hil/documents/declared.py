@@ -7,6 +7,7 @@ converted on the way. What the library finds at a path of keys is told in our se
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -28,6 +29,7 @@ __all__ = ["Document", "Invalid", "Problem", "read_document", "read_json", "vali
 
 _MOST_KEYS = 100
 _MOST_DIGITS = 19
+_WHOLE = re.compile(r"[-+]?[0-9]+|0x[0-9a-fA-F]+")
 _MOST_REPAIRS = 25  # a document has 20 levels at most
 _REQUIRED = frozenset({"missing", "missing_argument", "missing_keyword_only_argument"})
 _UNKNOWN = frozenset({"extra_forbidden", "unexpected_keyword_argument"})
@@ -309,7 +311,8 @@ class _Reading(Generic[_Model]):
             self._bare[path] = f"must be a whole number with fewer digits, found {node.described}"
             return 0
         if node.kind is ScalarKind.INTEGER:
-            return int(node.text, 16 if node.text.startswith("0x") else 10)
+            # A number of a TOML file that is not whole, or a date, is nothing that a model takes.
+            return int(node.text, 16 if node.text.startswith("0x") else 10) if _WHOLE.fullmatch(node.text) else []
         return node.text == "true" if node.kind is ScalarKind.FLAG else node.text
 
 
@@ -344,9 +347,10 @@ def _node_of(value: object) -> Node:
         return MappingNode(path="", entries=tuple(entries))
     if isinstance(value, list | tuple):
         return Sequence(path="", items=tuple(_node_of(item) for item in value))
-    if isinstance(value, bool):
-        return Scalar(path="", text=str(value).lower(), quoted=False, kind=ScalarKind.FLAG)
-    return _text(str(value))
+    if isinstance(value, str):
+        return _text(value)
+    kind = ScalarKind.FLAG if isinstance(value, bool) else ScalarKind.INTEGER
+    return Scalar(path="", text=str(value).lower(), quoted=False, kind=kind)
 
 
 def _text(text: str) -> Scalar:

@@ -47,11 +47,13 @@ def test_without_a_workspace_there_is_a_way_out(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('report = "x"\n', "hil.toml: unknown key 'report', did you mean 'reports'?"),
-        ("reports = 5\n", "hil.toml: 'reports' must be a text"),
-        ("hardware = 5\n", "hil.toml: 'hardware' must be a table"),
-        ("[hardware]\ninhibiter = []\n", "unknown key 'hardware.inhibiter', did you mean 'inhibitor'?"),
-        ('[hardware]\ninhibitor = "awake"\n', "'hardware.inhibitor' must be a list of texts: a program"),
+        ('report = "x"\n', "hil.toml:1:1: unknown key 'report', did you mean 'reports'?"),
+        ("reports = 5\n", "hil.toml:1:1: workspace: 'reports' must be a text"),
+        ("hardware = 5\n", "hil.toml:1:1: workspace: 'hardware' must be a mapping, found `5`"),
+        ("[hardware]\ninhibiter = []\n", "hil.toml:2:1: unknown key 'inhibiter', did you mean 'inhibitor'?"),
+        ('[hardware]\ninhibitor = "awake"\n', "hil.toml:2:1: hardware: 'inhibitor' must be a list of texts: a program"),
+        ("name = 1.5\n", "hil.toml:1:1: workspace: 'name' must be a text that can be a name of a file, found `1.5`"),
+        ('name = "a"\nnotify = [1979-05-27]\n', "hil.toml:2:1: workspace: 'notify' must be a list of texts"),
         ("reports = \n", "hil.toml: Invalid value"),
         ("reports = " + "[" * 5000, "hil.toml: "),
         ("reports = 1" + "0" * 5000, "hil.toml: "),
@@ -70,7 +72,7 @@ def test_a_misspelt_key_is_one_finding(tmp_path):
     (tmp_path / "hil.toml").write_text('notifi = ["/usr/bin/say"]\n')
     with pytest.raises(ConfigurationError) as caught:
         find_workspace(tmp_path)
-    assert str(caught.value) == "hil.toml: unknown key 'notifi', did you mean 'notify'?"
+    assert str(caught.value) == "hil.toml:1:1: unknown key 'notifi', did you mean 'notify'?"
 
 
 def test_plans_and_fixtures_lie_in_the_workspace(tmp_path):
@@ -82,7 +84,7 @@ def test_plans_and_fixtures_lie_in_the_workspace(tmp_path):
         find_workspace(root)
     text = str(caught.value)
     assert f"'testplans' is {tmp_path / 'plans'}, and must lie in the workspace, {root}" in text
-    assert "'fixtures' is /elsewhere" in text
+    assert "hil.toml:2:1: 'fixtures' is /elsewhere" in text
     assert "out" not in text
 
 
@@ -101,6 +103,14 @@ def test_a_plan_is_found_by_path_and_by_name(tmp_path):
         found.plan("gryo", tmp_path)
     with pytest.raises(Refused):
         found.plan("testplans", tmp_path)
+
+
+def test_wrong_settings_of_a_project_file_are_told_at_their_line(tmp_path):
+    """The table of hil among those of other tools."""
+    (tmp_path / "pyproject.toml").write_text('[project]\nname = 5\n\n[tool.hil]\nname = "a"\n  reports = 5\n')
+    with pytest.raises(ConfigurationError) as caught:
+        find_workspace(tmp_path)
+    assert str(caught.value).startswith("pyproject.toml:6:3: workspace: 'reports' must be a text")
 
 
 @pytest.mark.parametrize("text", ["tool = 3", "[tool]\nhil = 3", "[[tool]]\nhil = {}", "[tool.hil]\ntestplans = 3"])

@@ -2,17 +2,58 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from hil.documents.suggest import did_you_mean
 from hil.model.errors import ConfigurationError, Finding, Refused
+from hil.model.notation import Complaint, Notation
+from hil.model.notation import Path as Keys
 
 __all__ = ["Workspace", "find_workspace"]
 
-_FOLDERS = {"testplans": "testplans", "fixtures": "fixtures", "reports": "reports"}
+_PACKED = "packages hold what is in it"
+_TABLE_OR_KEY = re.compile(r"\s*(?:\[+(?P<table>[^\[\]]+)\]|(?P<key>[\w\"'.-]+)\s*=)")
+
+
+def _file_name(value: object) -> str:
+    if not isinstance(value, str) or not value.strip() or "\0" in value:
+        raise Complaint("must be a text that can be a name of a file")
+    return value
+
+
+def _command(value: object) -> tuple[str, ...]:
+    if not isinstance(value, list) or value[:1] == [""] or not all(isinstance(part, str) for part in value):
+        raise Complaint("must be a list of texts: a program and its arguments")
+    if any("\0" in part for part in value):
+        raise Complaint("must be a list of texts without NUL: a program and its arguments")
+    return tuple(value)
+
+
+_FileName = Annotated[str, Notation(_file_name, "")]
+_Command = Annotated[tuple[str, ...], Notation(_command, ())]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Hardware:
+    """What concerns benches of hardware only."""
+
+    inhibitor: _Command = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Settings:
+    """`hil.toml`, or `[tool.hil]` of a `pyproject.toml`."""
+
+    name: _FileName = ""
+    testplans: _FileName = "testplans"
+    fixtures: _FileName = "fixtures"
+    reports: _FileName = "reports"
+    notify: _Command = ()
+    hardware: _Hardware = field(default_factory=_Hardware)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,20 +129,21 @@ def find_workspace(start: Path) -> Workspace:
     )
 
 
-def _settings(folder: Path) -> tuple[dict[str, Any], str] | None:
+def _settings(folder: Path) -> tuple[dict[str, Any], Path, Keys] | None:
+    """Return a workspace's settings, their file, and the table of it in which they stand; None where it is none."""
     own, project = folder / "hil.toml", folder / "pyproject.toml"
     if own.exists():
-        return _toml(own), own.name
+        return _toml(own), own, ()
     if project.is_file():
         tools = _toml(project).get("tool")
         if isinstance(tools, dict) and "hil" in tools:
-            return _table(tools["hil"], project), project.name
+            return _table(tools["hil"], project), project, ("tool", "hil")
     return None
 
 
 def _table(settings: object, path: Path) -> dict[str, Any]:
     if not isinstance(settings, dict):
-        raise ConfigurationError((Finding(str(path), 0, 0, "'tool.hil' must be a table"),))
+        raise ConfigurationError((_finding(path, ("tool", "hil"), "'tool.hil' must be a table"),))
     return settings
 
 
@@ -112,51 +154,49 @@ def _toml(path: Path) -> dict[str, Any]:
         raise ConfigurationError((Finding(str(path), 0, 0, str(error)),)) from error
 
 
-def _workspace(root: Path, settings: dict[str, Any], file: str) -> Workspace:
-    known = ["hardware", "name", "notify", *_FOLDERS]
-    findings = [
-        Finding(file, 0, 0, f"unknown key '{key}'{did_you_mean(key, known)}") for key in settings if key not in known
-    ]
-    findings += [
-        Finding(file, 0, 0, f"'{key}' must be a text that can be a name of a file")
-        for key, value in settings.items()
-        if key in {"name", *_FOLDERS}
-        if not isinstance(value, str) or not value.strip() or "\0" in value
-    ]
-    notify = _command(settings.get("notify", []), "notify", file, findings)
-    inhibitor = _inhibitor(settings.get("hardware", {}), file, findings)
-    if findings:
-        raise ConfigurationError(tuple(findings))
+def _workspace(root: Path, settings: dict[str, Any], file: Path, table: Keys) -> Workspace:
+    found = _declared(settings, file, table)
     root = root.resolve()
-    folders = {key: (root / settings.get(key, default)).resolve() for key, default in _FOLDERS.items()}
-    findings += [
-        Finding(file, 0, 0, f"'{key}' is {folder}, and must lie in the workspace, {root}: packages hold what is in it")
+    folders = {key: (root / getattr(found, key)).resolve() for key in ("testplans", "fixtures", "reports")}
+    outside = [
+        _finding(file, (*table, key), f"'{key}' is {folder}, and must lie in the workspace, {root}: {_PACKED}")
         for key, folder in folders.items()
         if key != "reports" and not folder.is_relative_to(root)
     ]
-    if findings:
-        raise ConfigurationError(tuple(findings))
-    return Workspace(root=root, name=settings.get("name", root.name), notify=notify, inhibitor=inhibitor, **folders)
+    if outside:
+        raise ConfigurationError(tuple(outside))
+    name, inhibitor = found.name or root.name, found.hardware.inhibitor
+    return Workspace(root=root, name=name, notify=found.notify, inhibitor=inhibitor, **folders)
 
 
-def _inhibitor(hardware: object, file: str, findings: list[Finding]) -> tuple[str, ...]:
-    if not isinstance(hardware, dict):
-        findings.append(Finding(file, 0, 0, "'hardware' must be a table"))
-        return ()
-    findings += [
-        Finding(file, 0, 0, f"unknown key 'hardware.{key}'{did_you_mean(key, ['inhibitor'])}")
-        for key in hardware
-        if key != "inhibitor"
-    ]
-    return _command(hardware.get("inhibitor", []), "hardware.inhibitor", file, findings)
+def _declared(settings: dict[str, Any], file: Path, table: Keys) -> _Settings:
+    if not settings:
+        return _Settings()  # most workspaces: every command reads this, and none of them has to wait for the reader
+    from hil.documents.declared import Invalid, validated  # noqa: PLC0415 - see above
+
+    try:
+        return validated(_Settings, settings, "workspace")
+    except Invalid as error:
+        findings = [_finding(file, (*table, *problem.path), problem.message) for problem in error.problems]
+        raise ConfigurationError(tuple(findings)) from error
 
 
-def _command(value: object, name: str, file: str, findings: list[Finding]) -> tuple[str, ...]:
-    if not isinstance(value, list) or not all(_is_argument(part) for part in value) or value[:1] == [""]:
-        findings.append(Finding(file, 0, 0, f"'{name}' must be a list of texts: a program and its arguments"))
-        return ()
-    return tuple(value)
+def _finding(file: Path, keys: Keys, message: str) -> Finding:
+    """Return a finding at the line of TOML that gives the value of these keys, or of the nearest table above."""
+    places = _places(file.read_text(encoding="utf-8"))
+    nearest = next((keys[:length] for length in range(len(keys), 0, -1) if keys[:length] in places), ())
+    return Finding(file.name, *places.get(nearest, (0, 0)), message)
 
 
-def _is_argument(part: object) -> bool:
-    return isinstance(part, str) and "\0" not in part
+def _places(text: str) -> dict[Keys, tuple[int, int]]:
+    """Return line and column of every table and key of a TOML document, as far as lines tell."""
+    table: Keys = ()
+    places: dict[Keys, tuple[int, int]] = {}
+    for number, line in enumerate(text.splitlines(), 1):
+        match = _TABLE_OR_KEY.match(line)
+        if match is None:
+            continue
+        keys = tuple(part.strip(" \"'") for part in (match["table"] or match["key"]).split("."))
+        table, keys = (keys, keys) if match["table"] else (table, (*table, *keys))
+        places.setdefault(keys, (number, match.start("table" if match["table"] else "key") + 1))
+    return places
