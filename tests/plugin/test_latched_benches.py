@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from workspaces import make
 
-from hil.bench.latching import latch_bench
+from hil.bench.lease import latch_bench
 from hil.evidence.folder import GUARDIAN
 from hil.executive.ending.acknowledging import acknowledge
 from hil.executive.resuming.earlier import Earlier
@@ -24,7 +24,7 @@ def test_ratio(check, field):
 @pytest.fixture
 def workspace(tmp_path, monkeypatch):
     """Return a workspace with a plan, on a machine without latches."""
-    monkeypatch.setattr("hil.bench.latching.FOLDER", tmp_path / "latches")
+    monkeypatch.setattr("hil.bench.lease.FOLDER", tmp_path / "latches")
     return make(tmp_path / "workspace", CASE)
 
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.bench.derived.making import derivation_of
+from hil.bench.derived.quantities import derivation_of
 from hil.bench.envelope import Monitor
 from hil.bench.self_test import self_test
 from hil.clock.port import NANOSECONDS

@@ -15,7 +15,7 @@ from resumed_runs import without_git
 from terminals import Terminal
 from workspaces import ROOT, executive, finish, kill
 
-from hil.bench.latching import clear_latches_of
+from hil.bench.lease import clear_latches_of
 from hil.clock import wall
 from hil.evidence.folder import JOURNAL
 from hil.evidence.inbox import post

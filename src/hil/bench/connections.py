@@ -1,11 +1,23 @@
-"""What of a bench file tells how an instrument is reached, and what its outputs may be told."""
+"""How an instrument is reached, what its outputs may be told, and what cuts them off when their own port is gone."""
 
 from __future__ import annotations
 
 from hil.instruments.driver import Clamps
-from hil.model.bench import BenchSpec, InstrumentSpec
+from hil.instruments.registry import ROLES
+from hil.model.bench import BenchSpec, InstrumentSpec, Wire
+from hil.model.cutting import CutPath
 
-__all__ = ["clamps_of", "line_of", "server_of", "servers_first"]
+__all__ = [
+    "can_harm",
+    "charges_a_battery",
+    "clamps_of",
+    "cut_path_shortfall",
+    "hazardous_wires",
+    "line_of",
+    "paths_of",
+    "server_of",
+    "servers_first",
+]
 
 
 def server_of(spec: BenchSpec, instrument: InstrumentSpec) -> InstrumentSpec | None:
@@ -40,3 +52,57 @@ def line_of(spec: BenchSpec, instrument: str) -> str:
     while server := server_of(spec, found):
         found = server
     return found.bus or found.name
+
+
+def hazardous_wires(spec: BenchSpec) -> tuple[Wire, ...]:
+    """Return the wires whose outputs must not stay on when nobody can reach them."""
+    return tuple(wire for wire in spec.wiring if wire.hazardous and can_harm(wire))
+
+
+def can_harm(wire: Wire) -> bool:
+    """Return whether the wire's role is one whose outputs can do harm, whatever the bench file says of this one."""
+    role = ROLES.find(wire.role)
+    return role is not None and role.hazardous
+
+
+def charges_a_battery(spec: BenchSpec) -> bool:
+    """Return whether one of the supplies charges a battery."""
+    return any(wire.charges for wire in spec.wiring)
+
+
+def paths_of(spec: BenchSpec, output: str) -> dict[str, CutPath]:
+    """Return the cut paths of one output that do not share anything: by the port that they go through, or in words.
+
+    A path through the output's own port is none, and two through one port are one: a line that is dead is dead for
+    both.
+
+    Args:
+        spec: the bench file; it was checked.
+        output: dotted name of a wire.
+    """
+    own = line_of(spec, spec.wire(output).instrument)
+    found: dict[str, CutPath] = {}
+    for path in spec.cut_paths:
+        if path.output != output:
+            continue
+        through = line_of(spec, spec.wire(path.by).instrument) if path.by else path.hardware
+        if through != own:
+            found.setdefault(through, path)
+    return found
+
+
+def cut_path_shortfall(spec: BenchSpec, least: int) -> list[str]:
+    """Return what is said of every output that can do harm and has fewer independent cut paths, nothing if none is.
+
+    Args:
+        spec: the bench file; it was checked.
+        least: how many each needs besides its own port.
+    """
+    told = []
+    for wire in hazardous_wires(spec):
+        paths = paths_of(spec, wire.name)
+        if len(paths) < least:
+            there = " and ".join(path.means for path in paths.values())
+            have = f"{len(paths)}: {there}" if paths else "none"
+            told.append(f"{wire.name} needs {least} cut path{'s' * (least > 1)} besides its own port, it has {have}")
+    return told

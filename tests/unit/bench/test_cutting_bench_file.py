@@ -7,7 +7,7 @@ import shutil
 import pytest
 from workspaces import ROOT
 
-from hil.bench.cut_paths import cut_path_shortfall, hazardous_wires, paths_of
+from hil.bench.connections import cut_path_shortfall, hazardous_wires, paths_of
 from hil.bench.file.reading import load_bench
 from hil.model.errors import ConfigurationError
 

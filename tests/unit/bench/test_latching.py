@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.bench.latching import clear_latches_of, latch_bench, latch_unsafe_end, latches_of, refuse_latched
+from hil.bench.lease import clear_latches_of, latch_bench, latch_unsafe_end, latches_of, refuse_latched
 from hil.guardian.latch import Latch, path_of
 from hil.model.errors import Refused
 

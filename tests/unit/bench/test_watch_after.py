@@ -6,7 +6,7 @@ from math import isnan, nan
 
 import pytest
 
-from hil.bench.watch_after import watch_after
+from hil.bench.safe_off import watch_after
 from hil.clock.virtual import VirtualClock
 from hil.model.cutting import WatchAfter
 from hil.model.errors import NoReply

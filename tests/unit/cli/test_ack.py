@@ -9,8 +9,7 @@ import pytest
 from evidence_runs import begin, sealed_run
 from typed_events import event_of
 
-from hil.bench.latching import latch_bench, latches_of
-from hil.bench.lease import Lease
+from hil.bench.lease import Lease, latch_bench, latches_of
 from hil.cli.main import main
 from hil.evidence.folder import GUARDIAN, hold
 from hil.evidence.inbox import peek
@@ -27,7 +26,7 @@ TEXT = "cell warm, fuse F2 replaced"
 @pytest.fixture
 def reports(tmp_path, monkeypatch):
     """Be in a workspace with a run that the guardian ended, and one that was sealed with an unsafe end; both latch."""
-    monkeypatch.setattr("hil.bench.latching.FOLDER", tmp_path / "latches")
+    monkeypatch.setattr("hil.bench.lease.FOLDER", tmp_path / "latches")
     monkeypatch.setattr("hil.bench.lease._FOLDER", tmp_path / "leases")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "hil.toml").touch()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hil.bench.derived.making import derivation_of
+from hil.bench.derived.quantities import derivation_of
 from hil.bench.envelope import Monitor
 from hil.clock.port import NANOSECONDS
 from hil.executive.watching.feeding import Feeds, monitors_of

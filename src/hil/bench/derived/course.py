@@ -1,13 +1,14 @@
-"""A few rows of a stream at once, as derived quantities look at them: what most of them need is worked out once."""
+"""The rows behind a limit: their course, and how far each may still go."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 from operator import add, mul
 
-__all__ = ["NONE", "Course", "direction", "micro"]
+__all__ = ["AHEAD_NS", "NONE", "Course", "Room", "common_room", "direction", "flow_bounds", "micro"]
 
 NONE = (math.nan, math.nan)
 """The extremes of a column that holds something that is no number: nothing is within any bounds then."""
@@ -93,3 +94,43 @@ class Course:
         if self._between is None:
             self._between = [max(0, ended - began) for began, ended in pairwise(self.at_ns)]
         return self._between
+
+
+AHEAD_NS = 600_000_000_000
+"""No room is longer than that: rows are counted at last then."""
+
+Bounds = Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """While every row is within these bounds, and none is later than this instant, a limit is not passed.
+
+    Attributes:
+        until_ns: by the clock that stamps the rows.
+        bounds: lowest and highest number by quantity; what is named must be a number.
+    """
+
+    until_ns: int
+    bounds: Bounds = field(default_factory=dict)
+
+
+def common_room(rooms: Iterable[Room | None]) -> Room | None:
+    """Return the room that several limits leave together, None where one of them leaves none."""
+    until_ns, bounds = 2**62, dict[str, tuple[float, float]]()
+    for room in rooms:
+        if room is None:
+            return None
+        until_ns = min(until_ns, room.until_ns)
+        for name, (low, high) in room.bounds.items():
+            lowest, highest = bounds.get(name, (-math.inf, math.inf))
+            bounds[name] = (max(low, lowest), min(high, highest))
+    return Room(until_ns, bounds)
+
+
+def flow_bounds(flow: int, threshold: float) -> tuple[float, float]:
+    """Return between which numbers a current keeps its direction. See `hil.bench.derived.course.direction`."""
+    if flow == 0:
+        almost = math.nextafter(threshold, 0.0)
+        return -almost, almost
+    return (threshold, math.inf) if flow > 0 else (-math.inf, -threshold)

@@ -6,8 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Protocol
 
-from hil.bench.derived.course import Course, direction
-from hil.bench.derived.room import Room, flow_bounds
+from hil.bench.derived.course import Course, Room, direction, flow_bounds
 from hil.model.envelope import Derived, EnvelopeLimit
 
 __all__ = ["INTEGRALS", "TIMES", "UNITS", "Derivation", "Watching"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from hil.bench.file import charging_checks, cutting_checks, derived_checks, limit_checks
+from hil.bench.file import cutting_checks, derived_checks, limit_checks
 from hil.bench.file.complaints import Complaints, known, listed, named, usable
 from hil.clock.virtual import VirtualClock
 from hil.documents.declared import Document
@@ -40,7 +40,7 @@ def check_bench(document: Document[BenchSpec], findings: Findings, *, driven: bo
         derived_checks.air,
         limit_checks.safe_steps,
         limit_checks.covered,
-        charging_checks.charging,
+        cutting_checks.charging,
         cutting_checks.cut_paths,
         cutting_checks.watched_after,
         cutting_checks.usb_ports,

@@ -51,7 +51,7 @@ def command(run: str, by: str, text: str, code: str) -> int:
 
 def what_happened(folder: Path) -> list[Sentence]:
     """Return what tripped, what was made safe or stayed unsafe, what the guardian did, and what is latched, by time."""
-    from hil.bench.latching import latches_of  # noqa: PLC0415 - heavy
+    from hil.bench.lease import latches_of  # noqa: PLC0415 - heavy
     from hil.evidence.safed import guardian_lines  # noqa: PLC0415 - heavy
     from hil.report.page.incidents import Sentence, sentences  # noqa: PLC0415 - heavy
 
@@ -96,7 +96,7 @@ def _tell(folder: Path) -> None:
 
 def _run_or_latched(asked: str) -> Path:
     """Return the folder of a run, also of one that is gone and has left a latch."""
-    from hil.bench.latching import latches_of  # noqa: PLC0415 - only where something is latched
+    from hil.bench.lease import latches_of  # noqa: PLC0415 - only where something is latched
 
     try:
         return find_run(asked)

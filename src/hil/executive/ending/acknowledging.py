@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from hil.bench.latching import ack_line, clear_latches_of, latches_of
-from hil.bench.lease import holds_a_lease
+from hil.bench.lease import ack_line, clear_latches_of, holds_a_lease, latches_of
 from hil.evidence.folder import is_held, is_run, is_sealed
 from hil.evidence.inbox import post
 from hil.evidence.ledger import ACKNOWLEDGEMENTS, enter

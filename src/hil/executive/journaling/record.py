@@ -9,8 +9,7 @@ from io import FileIO
 from pathlib import Path
 
 from hil.bench.bound import BoundBench
-from hil.bench.latching import refuse_latched
-from hil.bench.lease import Lease
+from hil.bench.lease import Lease, refuse_latched
 from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE, TRANSCRIPT, create, hold, renew_reserve, require_space
 from hil.evidence.journal.past import Past
 from hil.evidence.journal.standing import Entry

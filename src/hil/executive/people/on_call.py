@@ -6,7 +6,7 @@ import secrets
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from hil.bench.cut_paths import cut_path_shortfall
+from hil.bench.connections import cut_path_shortfall
 from hil.bench.gate import Gate
 from hil.clock import wall
 from hil.evidence import events

@@ -11,8 +11,7 @@ from hil.bench.binding import bind_simulated, check_twin
 from hil.bench.bound import BoundBench
 from hil.bench.file.reading import load_bench
 from hil.bench.gate import Gate
-from hil.bench.latching import refuse_latched
-from hil.bench.lease import Lease
+from hil.bench.lease import Lease, refuse_latched
 from hil.bench.live import bind_live
 from hil.bench.port_identity import WrongPort
 from hil.bench.readiness import energised_gates, unpowered_gates

@@ -8,9 +8,8 @@ from dataclasses import replace
 from operator import itemgetter
 from typing import TYPE_CHECKING
 
-from hil.bench.derived.course import Course
+from hil.bench.derived.course import Course, Room, common_room
 from hil.bench.derived.derivation import Derivation
-from hil.bench.derived.room import Room, common_room
 from hil.bench.envelope import Monitor, Trip, all_fresh
 from hil.clock.port import NANOSECONDS
 from hil.instruments.registry import unit_of

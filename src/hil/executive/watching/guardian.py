@@ -8,7 +8,7 @@ from pathlib import Path
 
 from hil.bench.bound import BoundBench
 from hil.bench.gate import Gate
-from hil.bench.latching import clear_latches_of, latch_bench
+from hil.bench.lease import clear_latches_of, latch_bench
 from hil.clock import wall
 from hil.clock.live import LiveClock
 from hil.executive.ending.stop import StopFlags

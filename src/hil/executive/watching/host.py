@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 from hil.bench.bound import BoundBench
 from hil.bench.gate import Gate
-from hil.bench.latching import latch_unsafe_end
+from hil.bench.lease import latch_unsafe_end
 from hil.bench.port_identity import port_gates
 from hil.clock import wall
 from hil.clock.live import LiveClock

@@ -8,8 +8,7 @@ from hil.bench.bound import BoundBench
 from hil.bench.envelope import Trip
 from hil.bench.gate import Gate
 from hil.bench.readiness import energised_gates, unpowered_gates
-from hil.bench.safe_off import SafeResult, make_safe
-from hil.bench.watch_after import EVERY_S, watch_after
+from hil.bench.safe_off import EVERY_S, SafeResult, make_safe, watch_after
 from hil.evidence import events
 from hil.evidence.events import EventSink
 from hil.executive.ending.stop import StopFlags

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from hil.bench.bound import BoundBench
 from hil.bench.derived.derivation import Derivation
-from hil.bench.derived.making import derivation_of
+from hil.bench.derived.quantities import derivation_of
 from hil.bench.envelope import Monitor, Trip
 from hil.clock.port import NANOSECONDS
 from hil.executive.watching.ports import Watch

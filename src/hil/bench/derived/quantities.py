@@ -1,17 +1,17 @@
-"""What adds up row by row: charge, energy and durations, and the time in which something does not change."""
+"""Derived quantities, computed row by row: sums, times without change, slopes, and what counts at times only."""
 
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 
-from hil.bench.derived.course import NONE, Course, micro
-from hil.bench.derived.derivation import UNITS, Watching
-from hil.bench.derived.room import AHEAD_NS, Room, flow_bounds
+from hil.bench.derived.course import AHEAD_NS, NONE, Course, Room, flow_bounds, micro
+from hil.bench.derived.derivation import INTEGRALS, TIMES, UNITS, Derivation, Watching
 from hil.clock.port import NANOSECONDS
 from hil.model.envelope import MADE_OF, Derived, EnvelopeLimit
 
-__all__ = ["Integral", "Unchanged"]
+__all__ = ["Gated", "Integral", "Slope", "Unchanged", "derivation_of"]
 
 _HALF_NS = 2 * NANOSECONDS
 _MICRO = 1_000_000
@@ -170,3 +170,124 @@ class Unchanged(Watching):
     def settle(self, now_ns: int) -> None:
         """See `Derivation`."""
         self._at_ns = None if self._at_ns is None else now_ns
+
+
+class Slope(Watching):
+    """Change of a quantity over a time: against the newest row that is as old at least; 0 until there is one."""
+
+    def __init__(self, limit: EnvelopeLimit, how: Derived) -> None:
+        super().__init__(limit, how, how.of)
+        self._of = how.of
+        self._over_ns = round((how.over_s or 0.0) * NANOSECONDS)
+        self._unit_ns = TIMES[limit.unit.partition("/")[2]] * NANOSECONDS
+        self._steepest = min(self._highest, -self._lowest)
+        self._flow = 0
+        self._times: list[int] = []
+        self._numbers: list[float] = []
+
+    def row(self, at_ns: int, numbers: Sequence[float]) -> float:
+        """See `Derivation`."""
+        if not all(map(math.isfinite, numbers)):
+            self.applies = True
+            return math.nan
+        self._flow = self.flow_of(numbers)
+        self.applies = self._flow in self._flows
+        self._times.append(at_ns)
+        self._numbers.append(numbers[0])
+        self._forget(at_ns)
+        if (passed_ns := at_ns - self._times[0]) < self._over_ns:
+            return 0.0
+        return (numbers[0] - self._numbers[0]) / (passed_ns / self._unit_ns)
+
+    def quiet(self, course: Course) -> bool:
+        """See `Derivation`."""
+        low, high = course.extremes(self._of)
+        flow = self.flow_through(course)
+        if not self._numbers or flow is None:
+            return False
+        spread = max(high, *self._numbers) - min(low, *self._numbers)
+        steep = not spread / (self._over_ns / self._unit_ns) <= self._steepest
+        if not math.isfinite(spread) or (steep and flow in self._flows):
+            return False
+        self._flow = flow
+        self._times.extend(course.at_ns)
+        self._numbers.extend(course.column(self._of))
+        self._forget(course.at_ns[-1])
+        return True
+
+    def room(self) -> Room | None:
+        """See `Derivation`: no two numbers may lie further apart than the steepest slope makes in its time."""
+        if not self._numbers:
+            return None
+        until_ns, bounds = self._times[-1] + AHEAD_NS, self.flow_room(self._flow)
+        if self._flow not in self._flows:
+            return Room(until_ns, {**bounds, self._of: (-math.inf, math.inf)})
+        low, high = min(self._numbers), max(self._numbers)
+        apart = _WITHIN * self._steepest * (self._over_ns / self._unit_ns)
+        if not high - low < apart:
+            return None
+        middle = (low + high) / 2
+        return Room(until_ns, {**bounds, self._of: (middle - apart / 2, middle + apart / 2)})
+
+    def pause(self) -> None:
+        """See `Derivation`."""
+        self._times.clear()
+        self._numbers.clear()
+
+    def settle(self, now_ns: int) -> None:
+        """See `Derivation`."""
+        later_ns = now_ns - self._times[-1] if self._times else 0
+        self._times = [at_ns + later_ns for at_ns in self._times]
+
+    def _forget(self, now_ns: int) -> None:
+        if (place := bisect_right(self._times, now_ns - self._over_ns) - 1) > 0:
+            del self._times[:place], self._numbers[:place]
+
+
+class Gated(Watching):
+    """What is read, counted only while a current flows, and less what another output reads where it is held against."""
+
+    def __init__(self, limit: EnvelopeLimit, how: Derived) -> None:
+        super().__init__(limit, how, limit.quantity)
+        self._quantity = limit.quantity
+        self._against = bool(how.against)
+        if how.against:
+            self.sources = (*self.sources, (how.against, limit.quantity))
+
+    def row(self, at_ns: int, numbers: Sequence[float]) -> float:
+        """See `Derivation`."""
+        del at_ns
+        if not all(map(math.isfinite, numbers)):
+            self.applies = True
+            return math.nan
+        self.applies = self.flow_of(numbers) in self._flows
+        return numbers[0] - numbers[-1] if self._against else numbers[0]
+
+    def quiet(self, course: Course) -> bool:
+        """See `Derivation`; what is held against another output is not fed."""
+        low, high = course.extremes(self._quantity)
+        if not (low <= high and math.isfinite(course.extremes("current")[0])):
+            return False
+        flow = course.flow(self._threshold)
+        return (self._lowest <= low and high <= self._highest) or (flow is not None and flow not in self._flows)
+
+    def room(self) -> Room | None:
+        """See `Derivation`."""
+        bounds = {self._quantity: (self._lowest, self._highest), "current": (-math.inf, math.inf)}
+        return None if self._against else Room(2**62, bounds)
+
+    def pause(self) -> None:
+        """See `Derivation`; it remembers nothing."""
+
+    def settle(self, now_ns: int) -> None:
+        """See `Derivation`; it remembers nothing."""
+        del now_ns
+
+
+def derivation_of(limit: EnvelopeLimit, how: Derived) -> Derivation:
+    """Return what computes the quantity of a limit."""
+    if limit.quantity in INTEGRALS:
+        return Integral(limit, how)
+    if limit.quantity == "unchanged":
+        return Unchanged(limit, how)
+    return Slope(limit, how) if limit.quantity == "slope" else Gated(limit, how)
