@@ -1,10 +1,15 @@
-# The four commands of this project. Each sets up what it needs.
+# The commands of this project. Each sets up what it needs.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.set-up
+# A file's tests begin on one core, for what they share; who has nothing left to do takes some of another's.
+SHARED := --numprocesses auto --dist worksteal
 
-.PHONY: setup run test check system
+# Byte code is kept, also where the environment says otherwise: without it a third of `make test` is compiling.
+export PYTHONDONTWRITEBYTECODE :=
+
+.PHONY: setup run test check system soak
 
 # Byte code lies ready, so that the first start is no slower than the next; what has not changed is not compiled again.
 setup: $(STAMP)
@@ -21,14 +26,20 @@ $(STAMP): pyproject.toml requirements.lock
 run: setup
 	$(BIN)/hil run testplans/magnetorquer --bench adcs --source simulated --dut SIM-ADCS-1
 
-# Every test but whole campaigns and runs in processes of their own, which `make system` takes.
+# Every rule once, in two minutes on two cores; of what is swept or drawn by lot a sample.
 test: setup
-	$(BIN)/python -m pytest -m "not system" --numprocesses auto --dist loadfile
+	$(BIN)/python -m pytest -m "not system" $(SHARED)
 
-# Those that hold live runs to their seconds go one by one, behind all others.
+# Whole campaigns, and runs in processes of their own: a sample of them. Those that hold live runs to their seconds go
+# one by one, after all others.
 system: setup
-	$(BIN)/python -m pytest -m "system and not alone" --numprocesses auto --dist loadfile
+	$(BIN)/python -m pytest -m "system and not alone" $(SHARED)
 	$(BIN)/python -m pytest -m "system and alone"
+
+# Everything there is, and whole: hours. Before a release.
+soak: setup
+	$(BIN)/python -m pytest --soak -m "not alone" $(SHARED)
+	$(BIN)/python -m pytest --soak -m "alone"
 
 # What a reviewer would find before reading: layout, style, types, layers.
 check: setup

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+import sweeps
 from adcs_bench import adcs, bound, with_peer
 from serial import SerialException
 
@@ -139,15 +140,22 @@ def must_be_safe(spec, device, name, faults, moment):
         assert bench.clock.now() - began < 40.0
 
 
-@pytest.mark.parametrize("moment", MOMENTS)
-@pytest.mark.parametrize(("device", "name", "faults"), FAULTS, ids=lambda part: part if isinstance(part, str) else "")
+def in_turn(faults):
+    """Return every fault at every moment; in a sample every fault at one, and every moment in its turn."""
+    whole = [(*fault, moment) for fault in faults for moment in MOMENTS]
+    turns = [*MOMENTS] * len(faults)
+    return sweeps.chosen([(*fault, turns[place - 1]) for place, fault in enumerate(faults)], whole)
+
+
+@pytest.mark.parametrize(
+    ("device", "name", "faults", "moment"), in_turn(FAULTS), ids=lambda part: part if isinstance(part, str) else ""
+)
 def test_what_is_called_safe_is_off(device, name, faults, moment):
     """Armed means tried and off; a reading is right or a fault; safe means that the world has no voltage."""
     must_be_safe(adcs(), device, name, faults, moment)
 
 
-@pytest.mark.parametrize("moment", MOMENTS)
-@pytest.mark.parametrize("name", OF_RIGOL)
+@pytest.mark.parametrize(("name", "moment"), in_turn([(name,) for name in OF_RIGOL]))
 def test_what_a_rigol_calls_safe_is_off(name, moment):
     """The same with a supply whose replies are closed by its identification, and which needs pauses."""
     must_be_safe(with_rigol(), "psu1", name, [fault for fault in OF_RIGOL[name] if fault], moment)

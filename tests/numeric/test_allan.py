@@ -7,6 +7,7 @@ import math
 import allantools
 import numpy as np
 import pytest
+import sweeps
 from allantools import ci
 from scipy.special import stdtrit
 
@@ -151,15 +152,18 @@ def coloured(generator, alpha, count=1000, repeats=2000):
 
 
 @pytest.mark.parametrize(
-    ("estimator", "alpha"),
-    [
-        (estimator, alpha)
-        for estimator in ESTIMATORS
-        for alpha in (2, 0, -1, -2)
-        if (estimator, alpha) != ("total", 2)  # nothing is published, and the Allan ones stand in
-    ],
+    ("estimator", "alpha", "m"),
+    sweeps.sample(
+        [
+            (estimator, alpha, m)
+            for estimator in ESTIMATORS
+            for alpha in (2, 0, -1, -2)
+            if (estimator, alpha) != ("total", 2)  # nothing is published, and the Allan ones stand in
+            for m in (16, 250)
+        ],
+        8,
+    ),
 )
-@pytest.mark.parametrize("m", [16, 250])
 def test_degrees_of_freedom_agree_with_simulation(estimator, alpha, m):
     """1000 samples: 2 mean^2 / variance of 2000 simulated variances is within 20 % of the edf."""
     records = coloured(np.random.default_rng(100 + m), alpha)
@@ -172,7 +176,7 @@ def test_degrees_of_freedom_agree_with_simulation(estimator, alpha, m):
     assert degrees(estimator, alpha, m, found[0][1], 1000) == pytest.approx(simulated, rel=0.2)
 
 
-@pytest.mark.parametrize(("alpha", "m"), [(0, 250), (-1, 250), (-2, 250), (-1, 500)])
+@pytest.mark.parametrize(("alpha", "m"), sweeps.sample([(0, 250), (-1, 250), (-2, 250), (-1, 500)], 2))
 def test_the_bias_of_total_is_the_published_one(alpha, m):
     """Mean of 2000 simulated total over Allan variances, at a quarter or half of the record: within 5 %."""
     records = coloured(np.random.default_rng(200 + m), alpha)
@@ -221,13 +225,16 @@ EXPECTED = {
 
 @pytest.mark.parametrize(
     ("estimator", "term"),
-    [
-        *(("overlapping", term) for term in TERMS),
-        *(("total", term) for term in TERMS),
-        ("modified", "white"),
-        ("hadamard", "white"),
-        ("hadamard", "random_walk"),
-    ],
+    sweeps.sample(
+        [
+            *(("overlapping", term) for term in TERMS),
+            *(("total", term) for term in TERMS),
+            ("modified", "white"),
+            ("hadamard", "white"),
+            ("hadamard", "random_walk"),
+        ],
+        5,
+    ),
 )
 def test_intervals_of_the_curve_cover_as_they_claim(estimator, term):
     """150 records of 2048 samples, 10 octaves each: between 65 % and 77 % of the 68 % intervals hold the truth.
@@ -253,13 +260,14 @@ LEVELS = [
 
 
 def test_uncertainties_of_the_coefficients_cover_as_they_claim():
-    """Over 400 measured coefficients of 16,384-sample records: 68 % and 95 % intervals within binomial bands.
+    """Over 400 measured coefficients, in a soak, of 16,384-sample records: intervals within binomial bands.
 
     A level that is not there is hardly ever called measured, and bounds at 95 % hold at least that often.
     """
     generator = np.random.default_rng(11)
     trials = inside = wide = bounds = held = invented = 0
-    for level in LEVELS * 85:
+    rounds = sweeps.chosen(30, 85)
+    for level in LEVELS * rounds:
         model = characterise(noise(generator, 16_384, 10.0, **level), 10.0, "deg/s")
         for term, truth in level.items():
             figure = getattr(model, term)
@@ -275,11 +283,11 @@ def test_uncertainties_of_the_coefficients_cover_as_they_claim():
                 trials += 1
                 inside += error < stdtrit(figure.dof, 0.84134)
                 wide += error < stdtrit(figure.dof, 0.975)
-    assert trials >= 400
+    assert trials >= sweeps.chosen(120, 400)
     assert within_band(inside, trials, 0.6827)
     assert within_band(wide, trials, 0.95)
     assert held >= 0.95 * bounds
-    assert invented < 0.03 * len(LEVELS) * 85
+    assert invented < 0.03 * len(LEVELS) * rounds
 
 
 def test_a_mixture_near_a_datasheet_is_recovered():

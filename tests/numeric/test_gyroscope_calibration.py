@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+import sweeps
 from scipy.special import stdtrit
 
 from hil.analysis.allan.averaging import MovingAverage
@@ -90,10 +91,11 @@ def table(generator, noise, *, curvature=0.0, rate=13.6, temperatures=TEMPERATUR
 
 @pytest.mark.parametrize("curvature", [0.0, 2e-4])
 def test_intervals_of_bias_and_scale_cover_as_they_claim(curvature):
-    """1200 intervals, pooled over axes, parameters and seeds, on tables of six temperatures: 68 % and 95 %."""
+    """1200 intervals in a soak, pooled over axes, parameters and seeds, tables of six temperatures: 68 % and 95 %."""
     generator = np.random.default_rng(31)
     inside = wide = trials = 0
-    for _ in range(100):
+    rounds = sweeps.chosen(25, 100)
+    for _ in range(rounds):
         report = calibrate(table(generator, 0.004, curvature=curvature))
         for axis, calibrated in report.calibration.axes.items():
             for polynomial, truth in ((calibrated.bias, (*BIAS[axis], curvature)), (calibrated.scale, SCALE[axis])):
@@ -103,16 +105,17 @@ def test_intervals_of_bias_and_scale_cover_as_they_claim(curvature):
                     trials += 1
                     inside += error < stdtrit(polynomial.dof, 0.84134)
                     wide += error < stdtrit(polynomial.dof, 0.975)
-    assert trials == 1200
+    assert trials == 12 * rounds
     assert within_band(inside, trials, 0.6827)
     assert within_band(wide, trials, 0.95)
 
 
 def test_intervals_without_stated_uncertainties_cover_as_they_claim():
-    """600 lines through six points of unknown uncertainty: Student intervals from the scatter, at 95 %."""
+    """600 lines in a soak, six points of unknown uncertainty: Student intervals from the scatter, at 95 %."""
     generator = np.random.default_rng(32)
     hits = trials = 0
-    for _ in range(300):
+    rounds = sweeps.chosen(100, 300)
+    for _ in range(rounds):
         values = 1.0 + 0.01 * (np.array(TEMPERATURES) - 25.0) + 0.01 * generator.standard_normal(6)
         found = fit(TEMPERATURES, [Figure(value=value, unit="deg/s") for value in values.tolist()]).polynomial
         if len(found.coefficients) > 2:
@@ -121,19 +124,20 @@ def test_intervals_without_stated_uncertainties_cover_as_they_claim():
             error = abs(found.coefficients[power] - truth) / math.sqrt(found.covariance[power][power])
             trials += 1
             hits += error < stdtrit(found.dof, 0.975)
-    assert trials > 500
+    assert trials > 1.6 * rounds
     assert within_band(hits, trials, 0.95)
 
 
 def test_intervals_with_estimated_uncertainties_cover_as_they_claim():
-    """1800 intervals of ten points whose uncertainties are estimates with ten degrees of freedom: 95 %, not 90 %.
+    """1800 intervals in a soak, of ten points whose uncertainties have ten degrees of freedom: 95 %, not 90 %.
 
     And of the lines in them, one in twenty is taken for a curve, which is what AICc does to exact ones.
     """
     generator = np.random.default_rng(39)
     where = np.array([-16.0, 10.0, 25.0, 40.0, -16.1, 25.1, 40.1, -16.2, 25.2, 40.2])
     hits = trials = curved = 0
-    for _ in range(600):
+    rounds = sweeps.chosen(200, 600)
+    for _ in range(rounds):
         estimates = 1e-3 * np.sqrt(generator.chisquare(10, where.size) / 10)
         values = 0.1 + 0.01 * (where - 25.0) + 1e-3 * generator.standard_normal(where.size)
         points = zip(values.tolist(), estimates.tolist(), strict=True)
@@ -145,9 +149,9 @@ def test_intervals_with_estimated_uncertainties_cover_as_they_claim():
             error = abs(bias.value - 0.1 - 0.01 * (temperature - 25.0))
             trials += 1
             hits += error < bias.uncertainty * stdtrit(bias.dof, 0.975)
-    assert trials == 1800
+    assert trials == 3 * rounds
     assert 0.93 <= hits / trials <= 0.97
-    assert curved <= 0.06 * 600
+    assert curved <= 0.06 * rounds
 
 
 def test_what_all_readings_share_is_added_to_what_their_scatter_says():
@@ -168,10 +172,10 @@ def test_what_all_readings_share_is_added_to_what_their_scatter_says():
 
 
 def test_intervals_of_calibrated_rates_cover_as_they_claim():
-    """600 corrected readings at 13.6 deg/s and 33 degC: 95 % intervals of reading, bias and scale together."""
+    """600 corrected readings in a soak, at 13.6 deg/s and 33 degC: 95 % of reading, bias and scale together."""
     generator = np.random.default_rng(33)
     hits = trials = 0
-    for _ in range(200):
+    for _ in range(sweeps.chosen(50, 200)):
         calibration = calibrate(table(generator, 0.004)).calibration
         for axis, calibrated in calibration.axes.items():
             bias = BIAS[axis][0] + 8.0 * BIAS[axis][1]
@@ -207,12 +211,14 @@ def test_slow_noise_costs_more_than_the_number_of_samples_says():
 
 
 def test_curvature_is_found_where_it_is_and_only_there():
-    """Of 100 tables: a curvature of ten uncertainties is always found, none is invented more than in 15."""
+    """Of 100 tables in a soak: a curvature of ten uncertainties is always found, and seldom invented."""
     generator = np.random.default_rng(36)
-    curved = [calibrate(table(generator, 0.004, curvature=2e-4)).bias["x"].polynomial for _ in range(50)]
+    curved = [
+        calibrate(table(generator, 0.004, curvature=2e-4)).bias["x"].polynomial for _ in range(sweeps.chosen(10, 50))
+    ]
     assert all(len(each.coefficients) > 2 for each in curved)
-    straight = [calibrate(table(generator, 0.004)).bias["x"].polynomial for _ in range(100)]
-    assert sum(len(each.coefficients) > 2 for each in straight) <= 25
+    straight = [calibrate(table(generator, 0.004)).bias["x"].polynomial for _ in range(sweeps.chosen(40, 100))]
+    assert sum(len(each.coefficients) > 2 for each in straight) <= 0.25 * len(straight)
 
 
 def test_misalignment_of_three_axes_is_undone():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sweeps
 from controller_line import ControllerLine
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -18,7 +19,7 @@ PIECES = st.one_of(
 )
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(60), deadline=None, derandomize=True)
 @given(pieces=st.lists(PIECES, max_size=12))
 def test_it_survives_any_bytes(pieces):
     """After any bytes and frames it tells its type, and turns of its loop go on."""

@@ -7,6 +7,7 @@ import io
 
 import h5py
 import numpy as np
+import sweeps
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -56,7 +57,7 @@ def test_every_channel_has_a_variable_of_its_own(names):
     assert all(name.isidentifier() and name.isascii() and len(name) <= 63 and name[0] != "_" for name in found)
 
 
-@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=sweeps.examples(25), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(numbers=NUMBERS, compressed=st.booleans())
 def test_every_number_of_a_matlab_file_reads_back(tmp_path, numbers, compressed):
     """Shape, order and every float64."""

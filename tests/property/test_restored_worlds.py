@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+import sweeps
 from adcs_bench import adcs
 from cycler_page import sealed
 from hypothesis import given, settings
@@ -189,7 +190,7 @@ STARTED = (
 )
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(60), deadline=None, derandomize=True)
 @given(
     before=st.lists(deeds(BATTERY, PAUSES), max_size=6),
     pause_ns=PAUSES,
@@ -203,7 +204,7 @@ def test_a_battery_in_a_test(before, pause_ns, after, at_once):
 
 
 @pytest.mark.parametrize("which", ["small", "whole"])
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(30), deadline=None, derandomize=True)
 @given(data=st.data())
 def test_an_attitude_bench(which, data):
     """Supply, relays and magnetometer; and all of the committed bench."""

@@ -9,30 +9,38 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[2] / "src" / "hil"
-MODULES = sorted(path for path in SOURCE.rglob("*.py"))
-IDS = [str(path.relative_to(SOURCE)) for path in MODULES]
 LONGEST_MODULE = 400
 LONGEST_FUNCTION = 50
 NAMES_THAT_SAY_NOTHING = {"common", "helpers", "misc", "stuff", "tools", "utils"}
 
 
-def tree_of(path: Path) -> ast.Module:
-    """Return a module's syntax tree."""
-    return ast.parse(path.read_text(encoding="utf-8"))
+@pytest.fixture(scope="module")
+def modules():
+    """Every module of the package by its path in it: its text and its syntax tree."""
+    texts = {str(path.relative_to(SOURCE)): path.read_text(encoding="utf-8") for path in sorted(SOURCE.rglob("*.py"))}
+    assert len(texts) > 100, "the walk has lost its way"
+    return {name: (text, ast.parse(text)) for name, text in texts.items()}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=IDS)
-def test_every_module_begins_with_one_plain_sentence(path):
-    """The first docstring line tells what is in the room, and ends like a sentence."""
-    first = (ast.get_docstring(tree_of(path)) or "").partition("\n")[0]
-    assert first.endswith((".", "?")), first
-    assert path.stem not in NAMES_THAT_SAY_NOTHING
+def test_every_module_begins_with_one_plain_sentence(modules):
+    """The first docstring line tells what is in the module, and ends like a sentence."""
+    first = {name: (ast.get_docstring(tree) or "").partition("\n")[0] for name, (_, tree) in modules.items()}
+    assert {name: line for name, line in first.items() if not line.endswith((".", "?"))} == {}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=IDS)
-def test_public_names_are_listed_and_sorted(path):
-    """A module with public names lists them once, sorted, and each exists."""
-    tree = tree_of(path)
+def test_no_module_has_a_name_that_says_nothing(modules):
+    """What would land in `utils` has a name of its own."""
+    assert [name for name in modules if Path(name).stem in NAMES_THAT_SAY_NOTHING] == []
+
+
+def test_public_names_are_listed_and_sorted(modules):
+    """A module with public names lists them once, and each exists; ruff keeps them sorted."""
+    wrong = {name: problem for name, (_, tree) in modules.items() if (problem := of_public_names(tree))}
+    assert wrong == {}
+
+
+def of_public_names(tree: ast.Module) -> str:
+    """Return what is wrong with a module's `__all__`, empty where nothing is."""
     listed = [
         ast.literal_eval(node.value)
         for node in tree.body
@@ -44,10 +52,13 @@ def test_public_names_are_listed_and_sorted(path):
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_")
     }
     if not defined:
-        return
-    assert len(listed) == 1
-    assert len(listed[0]) == len(set(listed[0]))
-    assert set(listed[0]) - {name for name in listed[0] if name.isupper()} <= defined | assigned(tree)
+        return ""
+    if len(listed) != 1:
+        return f"{len(listed)} times __all__"
+    if len(listed[0]) != len(set(listed[0])):
+        return "a name twice"
+    unknown = {name for name in listed[0] if not name.isupper()} - defined - assigned(tree)
+    return f"not there: {', '.join(sorted(unknown))}" if unknown else ""
 
 
 def assigned(tree: ast.Module) -> set[str]:
@@ -57,23 +68,27 @@ def assigned(tree: ast.Module) -> set[str]:
     return {target.id for target in targets if isinstance(target, ast.Name)}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=IDS)
-def test_rooms_stay_liveable(path):
+def test_modules_and_functions_stay_short(modules):
     """Modules and functions stay short enough to be read in one go."""
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST_MODULE
-    for node in ast.walk(tree_of(path)):
-        if isinstance(node, ast.FunctionDef):
-            length = (node.end_lineno or 0) - node.lineno
-            doc = ast.get_docstring(node, clean=False)
-            assert length - len((doc or "").splitlines()) <= LONGEST_FUNCTION, f"{node.name} is too long"
+    long = [name for name, (text, _) in modules.items() if len(text.splitlines()) > LONGEST_MODULE]
+    for name, (_, tree) in modules.items():
+        functions = (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
+        long += [f"{name}:{function.lineno} {function.name}" for function in functions if is_long(function)]
+    assert long == []
 
 
-def test_every_refusal_says_what_to_do_next():
+def is_long(function: ast.FunctionDef) -> bool:
+    """Return whether a function is too long, its docstring left out."""
+    doc = ast.get_docstring(function, clean=False) or ""
+    return (function.end_lineno or 0) - function.lineno - len(doc.splitlines()) > LONGEST_FUNCTION
+
+
+def test_every_refusal_says_what_to_do_next(modules):
     """Whoever is refused reads a way out, not only the reason."""
     without = [
-        f"{path.relative_to(SOURCE)}:{node.lineno}"
-        for path in MODULES
-        for node in ast.walk(tree_of(path))
+        f"{name}:{node.lineno}"
+        for name, (_, tree) in modules.items()
+        for node in ast.walk(tree)
         if isinstance(node, ast.Call)
         and ast.unparse(node.func) == "Refused"
         and len(node.args) + len(node.keywords) < 2

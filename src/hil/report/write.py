@@ -6,7 +6,9 @@ The page is one HTML file that needs no network and no script, on a screen and o
 from __future__ import annotations
 
 import re
+from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hil.evidence.durable import write_whole
 from hil.evidence.folder import REPORT
@@ -15,6 +17,9 @@ from hil.report.junit import junit
 from hil.report.material import Material
 from hil.report.page.assemble import assemble
 from hil.report.page.view import RunView
+
+if TYPE_CHECKING:
+    import jinja2
 
 __all__ = ["HTML", "JUNIT", "TEMPLATES", "make_reports", "write_reports"]
 
@@ -63,6 +68,13 @@ def _reports(package: Package) -> dict[str, bytes]:
 
 def _render(view: RunView) -> str:
     """Return the page; the same view gives the same text."""
+    page = _template().render(run=view, most_failed=_MOST_FAILED)
+    return re.sub(r"\n\s*\n+", "\n", page)
+
+
+@cache
+def _template() -> jinja2.Template:
+    """Return the page's template, compiled once in a process: that takes longer than anything else in a report."""
     import jinja2  # noqa: PLC0415 - only where a page is made
 
     environment = jinja2.Environment(
@@ -73,10 +85,9 @@ def _render(view: RunView) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
         finalize=_visible,
-        optimized=False,  # the template is rendered once; folding its constants takes longer than it saves
+        optimized=False,  # most processes render one page; folding its constants takes longer than it saves
     )
-    page = environment.get_template("report.html").render(run=view, most_failed=_MOST_FAILED)
-    return re.sub(r"\n\s*\n+", "\n", page)
+    return environment.get_template("report.html")
 
 
 def _visible(value: object) -> object:

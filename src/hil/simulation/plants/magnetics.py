@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +17,7 @@ _PANELS = 32
 _POINTS = 8
 
 
+@lru_cache(maxsize=64)
 def field_per_ampere(turns: float, sides: tuple[float, float], sensor: tuple[float, float, float]) -> Vector3:
     """Return the field [uT/A] of a rectangular coil at the sensor's place.
 
@@ -28,13 +31,16 @@ def field_per_ampere(turns: float, sides: tuple[float, float], sensor: tuple[flo
         sensor: place [m] in the same frame.
 
     Returns:
-        Three components; current counted positive counter-clockwise seen from +z gives +z on the axis.
+        Three components; current counted positive counter-clockwise seen from +z gives +z on the axis. The array is
+        read-only: every world of a bench asks for the same coils, and gets the same arrays.
     """
     half_x, half_y = sides[0] / 2, sides[1] / 2
     corners = np.array([[half_x, -half_y, 0], [half_x, half_y, 0], [-half_x, half_y, 0], [-half_x, -half_y, 0]])
     place = np.asarray(sensor, dtype=np.float64)
     total = sum((_side(a, b, place) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)), np.zeros(3))
-    return np.asarray(turns * _MU_0 / (4 * np.pi) * _TESLA_TO_MICROTESLA * total, dtype=np.float64)
+    field = np.asarray(turns * _MU_0 / (4 * np.pi) * _TESLA_TO_MICROTESLA * total, dtype=np.float64)
+    field.setflags(write=False)
+    return field
 
 
 def rotation(angles: tuple[float, float, float]) -> NDArray[np.float64]:

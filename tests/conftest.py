@@ -1,0 +1,48 @@
+"""What every test of this project has."""
+
+from __future__ import annotations
+
+import gc
+import sys
+
+import sweeps
+
+_GREW = 100  # modules; about a third of what the first whole run of a process imports
+_frozen_with = 0
+
+
+def pytest_addoption(parser):
+    """Let sweeps be run whole."""
+    parser.addoption("--soak", action="store_true", help="run sweeps whole, and tests that are marked `soak`")
+
+
+def pytest_configure(config):
+    """Tell how much of each sweep is run, before test modules are imported and their parameters made."""
+    sweeps.begin(whole=config.getoption("soak"))
+
+
+def pytest_collection_modifyitems(config, items):
+    """Leave out what belongs to a soak only."""
+    if config.getoption("soak"):
+        return
+    soaking = [item for item in items if item.get_closest_marker("soak")]
+    config.hook.pytest_deselected(items=soaking)
+    items[:] = [item for item in items if not item.get_closest_marker("soak")]
+
+
+def pytest_collection_finish():
+    """Leave what was collected out of every later garbage collection: it stays until the end."""
+    _freeze()
+
+
+def pytest_runtest_setup():
+    """Leave out as well what the tests have imported meanwhile; each run of a plan ends with two collections."""
+    if len(sys.modules) > _frozen_with + _GREW:
+        _freeze()
+
+
+def _freeze():
+    global _frozen_with  # noqa: PLW0603 - of the process, as the collector is
+    _frozen_with = len(sys.modules)
+    gc.collect()
+    gc.freeze()
