@@ -15,10 +15,11 @@ from hil.instruments.obc_link.driver import ObcLink
 from hil.model.bench import InstrumentSpec, Wire
 from hil.model.errors import DeviceFault, NoReply, Rejected
 from hil.model.identity import Identity
-from hil.simulation.faults import SERIAL_FAULTS, read_faults
+from hil.simulation.faults import read_faults
 from hil.simulation.peers.faulty import FaultySerialPeer
 from hil.simulation.peers.model import Connections, PeerSetup
 from hil.simulation.peers.obc_link.model import MODEL
+from hil.simulation.registry import fault_kinds
 from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth
 from hil.wire.exchange import publish_stream, withdraw
@@ -39,7 +40,7 @@ class Bench:
         self.clock = VirtualClock()
         self.sensor = Sensor()
         self.sensor.attach(self.clock)
-        wrong = read_faults(faults, ("faults",), (*SERIAL_FAULTS, *MODEL.fault_kinds))
+        wrong = read_faults(faults, ("faults",), fault_kinds(MODEL))
         spec = InstrumentSpec(name="obc", driver="obc-link", baud=921_600)
         self.board = MODEL.build(
             PeerSetup(

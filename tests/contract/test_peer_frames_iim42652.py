@@ -7,12 +7,13 @@ import pytest
 
 from hil.clock.virtual import VirtualClock
 from hil.model.bench import InstrumentSpec
-from hil.simulation.faults import BUS_FAULTS, read_faults
+from hil.simulation.faults import read_faults
 from hil.simulation.peers.faulty import FaultyBusPeer
 from hil.simulation.peers.iim42652 import MODEL
 from hil.simulation.peers.lis3mdl import MODEL as MAGNETOMETER
 from hil.simulation.peers.model import Connections, PeerSetup
 from hil.simulation.plants.plant import Plant
+from hil.simulation.registry import fault_kinds
 from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth, TruthError
 from hil.wire.peer import Nack
@@ -49,7 +50,7 @@ class Bench:
         self.clock = VirtualClock()
         self.table = Table()
         self.clock.advance_first(self.table.advance)
-        wrong = read_faults(faults, ("faults",), (*BUS_FAULTS, *MODEL.fault_kinds))
+        wrong = read_faults(faults, ("faults",), fault_kinds(MODEL))
         seeds = Seeds(11)
         setup = PeerSetup(
             instrument=InstrumentSpec(name="gyro", driver="any", address=ADDRESS),
@@ -492,7 +493,7 @@ def test_what_cannot_be_is_refused():
     """A wrong address, a wrong identity, negative noise."""
     with pytest.raises(TruthError, match="from 0 up"):
         Bench(truth={"white": ["-1", "0", "0"]})
-    with pytest.raises(TruthError, match="register value"):
+    with pytest.raises(TruthError, match="must look like 0x"):
         Bench(faults=[{"kind": "identity", "value": "gyro"}])
     setup = PeerSetup(
         instrument=InstrumentSpec(name="gyro", driver="any", address=0x1C),

@@ -9,6 +9,7 @@ from hil.clock.virtual import VirtualClock
 from hil.simulation.faults import Faults, read_faults
 from hil.simulation.peers.cycler.model import MODEL
 from hil.simulation.peers.faulty import FaultySerialPeer
+from hil.simulation.registry import fault_kinds
 from hil.simulation.seeds import Seeds
 from hil.simulation.truth import TruthError
 from hil.wire.simulated_line import SimulatedLine
@@ -98,16 +99,16 @@ def test_a_relay_that_does_not_close_trips_for_want_of_current():
 @pytest.mark.parametrize(
     ("row", "message"),
     [
-        ({"kind": "lost-lines", "lines": "0"}, "expected a number from 1"),
+        ({"kind": "lost-lines", "lines": "0"}, "must be at least 1"),
         ({"kind": "stuck-relay"}, "'relay' is missing"),
         ({"kind": "stuck-relay", "relay": "charg"}, "did you mean 'charge'?"),
-        ({"kind": "torn-lines", "share": "2"}, "expected a number from 0 to 1"),
+        ({"kind": "torn-lines", "share": "2"}, "must be at most 1"),
     ],
 )
 def test_a_fault_that_cannot_be(row, message):
     """It is told with its place."""
     with pytest.raises(TruthError) as caught:
-        read_faults([row], ("faults",), MODEL.fault_kinds)
+        read_faults([row], ("faults",), fault_kinds(MODEL))
     assert message in str(caught.value) + " ".join(map(str, caught.value.others))
 
 

@@ -8,10 +8,11 @@ from chamber_bench import SECOND_NS, chamber
 
 from hil.clock.virtual import VirtualClock
 from hil.model.bench import InstrumentSpec
-from hil.simulation.faults import SERIAL_FAULTS, read_faults
+from hil.simulation.faults import read_faults
 from hil.simulation.peers.eurotherm.article import MODEL
 from hil.simulation.peers.modbus_rtu import seal
 from hil.simulation.peers.model import Connections, PeerSetup
+from hil.simulation.registry import fault_kinds
 from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth
 
@@ -38,7 +39,7 @@ class ControllerLine:
                 instrument=InstrumentSpec(name="tec", driver="eurotherm-3216", address=1),
                 truth=Truth(truth, ("truth",)),
                 connections=Connections(connects, {"chamber": self.chamber}, set(), ("connects",)),
-                faults=read_faults(faults, ("faults",), (*SERIAL_FAULTS, *MODEL.fault_kinds)),
+                faults=read_faults(faults, ("faults",), fault_kinds(MODEL)),
                 seeds=Seeds(1),
             )
         )

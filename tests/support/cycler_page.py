@@ -8,10 +8,11 @@ from pathlib import Path
 
 from hil.clock.virtual import VirtualClock
 from hil.model.bench import InstrumentSpec
-from hil.simulation.faults import SERIAL_FAULTS, read_faults
+from hil.simulation.faults import read_faults
 from hil.simulation.peers.cycler.model import MODEL
 from hil.simulation.peers.faulty import FaultySerialPeer
 from hil.simulation.peers.model import Connections, PeerSetup
+from hil.simulation.registry import fault_kinds
 from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth
 
@@ -84,7 +85,7 @@ class CyclerUnderTest:
         self.clock = VirtualClock()
         self.battery = Battery()
         self.battery.clock = self.clock
-        wrong = read_faults(faults, ("faults",), (*SERIAL_FAULTS, *MODEL.fault_kinds))
+        wrong = read_faults(faults, ("faults",), fault_kinds(MODEL))
         wiring = {name: f"battery.{name}" for name in (*self.battery.signals, *self.battery.inputs)}
         setup = PeerSetup(
             instrument=InstrumentSpec(name="cycler", driver="cycler"),

@@ -7,9 +7,10 @@ from contextlib import contextmanager
 from hil.clock.virtual import VirtualClock
 from hil.instruments.driver import Clamps, Connection
 from hil.model.bench import InstrumentSpec
-from hil.simulation.faults import BUS_FAULTS, SERIAL_FAULTS, read_faults
+from hil.simulation.faults import read_faults
 from hil.simulation.peers.faulty import FaultyBusPeer, FaultySerialPeer
 from hil.simulation.peers.model import Connections, PeerSetup
+from hil.simulation.registry import fault_kinds
 from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth
 from hil.wire.exchange import publish_bus, publish_stream, withdraw
@@ -46,7 +47,7 @@ def facing(
     for plant in plants.values():
         clock.advance_first(plant.advance)
     spec = InstrumentSpec(name="device", driver="any", address=address)
-    known = (SERIAL_FAULTS if model.link == "serial" else BUS_FAULTS) + model.fault_kinds
+    known = fault_kinds(model)
     wrong = read_faults(faults, ("faults",), known)
     seeds = Seeds(1)
     peer = model.build(

@@ -10,11 +10,12 @@ import numpy as np
 
 from hil.clock.virtual import VirtualClock
 from hil.model.bench import InstrumentSpec
-from hil.simulation.faults import SERIAL_FAULTS, read_faults
+from hil.simulation.faults import read_faults
 from hil.simulation.peers.faulty import FaultySerialPeer
 from hil.simulation.peers.model import Connections, PeerSetup
 from hil.simulation.peers.obc_link.framing import FrameReader, seal
 from hil.simulation.peers.obc_link.model import MODEL
+from hil.simulation.registry import fault_kinds
 from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth
 from hil.wire.peer import Nack
@@ -97,7 +98,7 @@ class BoardUnderTest:
         self.clock = VirtualClock()
         self.sensor = Sensor()
         self.sensors = [self.sensor] if sensors is None else sensors
-        wrong = read_faults(faults, ("faults",), (*SERIAL_FAULTS, *MODEL.fault_kinds))
+        wrong = read_faults(faults, ("faults",), fault_kinds(MODEL))
         setup = PeerSetup(
             instrument=InstrumentSpec(name="obc", driver="obc-link", baud=baud),
             truth=Truth(truth or {}, ("truth",)),

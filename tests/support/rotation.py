@@ -9,11 +9,12 @@ from facing import facing
 from hil.clock.virtual import VirtualClock
 from hil.instruments.newport_esp301.driver import NewportEsp301
 from hil.model.bench import Clamp, InstrumentSpec, Wire
-from hil.simulation.faults import SERIAL_FAULTS, read_faults
+from hil.simulation.faults import read_faults
 from hil.simulation.peers.esp301.controller import MODEL
 from hil.simulation.peers.faulty import FaultySerialPeer
 from hil.simulation.peers.model import Connections, PeerSetup
 from hil.simulation.plants.rotation_table import build
+from hil.simulation.registry import fault_kinds
 from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth
 from hil.wire.simulated_line import SimulatedLine
@@ -69,7 +70,7 @@ class Controller:
         self.clock = VirtualClock()
         self.table = plant(**plant_truth)
         self.clock.advance_first(self.table.advance)
-        wrong = read_faults(faults, ("faults",), SERIAL_FAULTS + MODEL.fault_kinds)
+        wrong = read_faults(faults, ("faults",), fault_kinds(MODEL))
         setup = PeerSetup(
             instrument=InstrumentSpec(name="device", driver="newport-esp301"),
             truth=Truth(truth or {}, ("truth",)),

@@ -13,11 +13,12 @@ from hil.instruments.iim42652 import Iim42652
 from hil.instruments.lis3mdl import Lis3mdl
 from hil.instruments.sensors.sensor import SensorDriver
 from hil.model.bench import InstrumentSpec, Wire
-from hil.simulation.faults import BUS_FAULTS, SERIAL_FAULTS, read_faults
+from hil.simulation.faults import read_faults
 from hil.simulation.peers import iim42652, lis3mdl
 from hil.simulation.peers.faulty import FaultyBusPeer, FaultySerialPeer
 from hil.simulation.peers.model import Connections, PeerModel, PeerSetup
 from hil.simulation.plants.plant import Plant
+from hil.simulation.registry import fault_kinds
 from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth
 from hil.wire.simulated_bus import SimulatedBus
@@ -151,7 +152,7 @@ class Bench:
     def build(self, name, model, truth, faults):
         """Return a peer, with its faults around it."""
         bus = model.link == "bus"
-        wrong = read_faults(faults, ("faults",), (*(BUS_FAULTS if bus else SERIAL_FAULTS), *model.fault_kinds))
+        wrong = read_faults(faults, ("faults",), fault_kinds(model))
         plugs = {"power": "table.supply"} if bus else {}
         setup = PeerSetup(
             instrument=InstrumentSpec(name=name, driver="any", address=self.chip.address if bus else 0),

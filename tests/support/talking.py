@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from hil.clock.virtual import VirtualClock
 from hil.model.bench import InstrumentSpec
-from hil.simulation.faults import SERIAL_FAULTS, read_faults
+from hil.simulation.faults import read_faults
 from hil.simulation.peers.faulty import FaultySerialPeer
 from hil.simulation.peers.model import Connections, PeerSetup
+from hil.simulation.registry import fault_kinds
 from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth
 from hil.wire.simulated_line import SimulatedLine
@@ -26,7 +27,7 @@ class Talk:
 
     def __init__(self, model, *, truth=None, faults=(), baud=0):
         self.clock = VirtualClock()
-        wrong = read_faults(faults, ("faults",), SERIAL_FAULTS + model.fault_kinds)
+        wrong = read_faults(faults, ("faults",), fault_kinds(model))
         seeds = Seeds(1)
         self.peer = model.build(
             PeerSetup(

@@ -31,11 +31,13 @@ __all__ = [
     "DecimalText",
     "Flag",
     "Hertz",
+    "Nanoseconds",
     "Notation",
     "Number",
     "Path",
     "Plain",
     "Seconds",
+    "SomeNanoseconds",
     "Text",
     "matching",
     "number",
@@ -59,6 +61,8 @@ UNWRITTEN = {"alias": "\0"}
 _Real = TypeVar("_Real", int, float)
 
 _LONGEST_NUMBER = 100
+_NANO = 10**9
+_CENTURY_S = 100 * 366 * 86_400
 _DECIMAL = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]{1,3})?")
 _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]{0,17})")
 _HEXADECIMAL = re.compile(r"0[xX][0-9a-fA-F]{1,16}")
@@ -238,6 +242,15 @@ def _seconds(value: object) -> float:
     return _quantity(value, _SECONDS, "a duration such as 10 ms, 4 h or 90 d")
 
 
+def _nanoseconds(value: object, minimum: int = 0) -> int:
+    nanoseconds = round(_seconds(value) * _NANO)
+    if nanoseconds > _CENTURY_S * _NANO:
+        raise Complaint("must be a century at most")
+    if nanoseconds < minimum:
+        raise Complaint("must be longer than zero")
+    return nanoseconds
+
+
 def _hertz(value: object) -> float:
     hertz = _quantity(value, _HERTZ, "a frequency such as 100 Hz or 400 kHz")
     if not hertz > 0:
@@ -291,6 +304,12 @@ Flag = Annotated[bool, Notation(_flag, False)]
 
 Seconds = Annotated[float, Notation(_seconds, 0.0)]
 """Seconds, written as `10 ms`, `4 h`, `90 d`."""
+
+Nanoseconds = Annotated[int, Notation(_nanoseconds, 0)]
+"""Whole nanoseconds, written like seconds."""
+
+SomeNanoseconds = Annotated[int, Notation(partial(_nanoseconds, minimum=1), 1)]
+"""Whole nanoseconds, one at least."""
 
 Hertz = Annotated[float, Notation(_hertz, 1.0)]
 """Hertz, written as `100 Hz`, `400 kHz`."""

@@ -1,56 +1,182 @@
-"""What goes wrong with peers, and when: the `faults` of a bench file."""
+"""What goes wrong with peers, and when: the `faults` of a bench file. Each kind is a class with its parameters."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar, TypeVar
 
-from hil.simulation.truth import Path, Truth, suggestion
+from hil.model.notation import AnyText, Nanoseconds, Number, SomeNanoseconds, Text, number, whole
+from hil.simulation.seeds import Stream
+from hil.simulation.truth import Path, TruthError, declared, suggestion
 
-__all__ = ["BUS_FAULTS", "SERIAL_FAULTS", "Fault", "Faults", "read_faults"]
+__all__ = [
+    "Chatty",
+    "Dead",
+    "Fault",
+    "Faults",
+    "Garbled",
+    "Identity",
+    "Late",
+    "LinkFault",
+    "Partial",
+    "Saturated",
+    "Share",
+    "Stuck",
+    "read_faults",
+]
 
-SERIAL_FAULTS = ("chatty", "dead", "garbled", "late", "partial")
-"""What can happen to any instrument on a byte stream."""
-
-BUS_FAULTS = ("dead", "garbled")
-"""What can happen to any device on an I2C bus."""
-
+_BITS = 8
 _FOREVER = 2**63
+_FAULT = TypeVar("_FAULT", bound="Fault")
+
+Share = Annotated[float, number(0, 1)]
+"""A part of a whole, from 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
-    """One thing that goes wrong from one instant of the bench's clock to another.
+    """One thing that goes wrong from one instant of the bench's clock to another. Each kind is a class of its own.
+
+    The fields of a kind are its parameters; `hil.model.notation` says how a bench file writes them.
 
     Attributes:
-        kind: what goes wrong.
+        name: of the kind, what bench files call it.
         start_ns: first instant, counted from the epoch.
         end_ns: first instant at which it is over.
-        duration_ns: `late`: what is added; `chatty`: the pause between unsolicited bytes.
-        share: `garbled`: the part of the bytes that are hit; `slipping`: the part of the rate that remains;
-            `torn-lines`: the part of the lines that are hit.
-        number: `partial`: bytes that come through; `refuse-off`: channel, 0 for all; `welded`: contact;
-            `temperature-raw`: counts of the temperature; `lose-frames`, `lost-lines`: how many;
-            `nack`: the bus address.
-        field: `saturated`: what is added to every axis, in the sensor's unit [uT, deg/s]; `spike`: what is added to
-            the voltage [V].
-        text: `chatty`: the bytes; `identity`: who answers instead; `refuse-off`: what it says, `on` or `off`;
-            `stuck-relay`: which one; `no-stop`: whether switching the motor off stops it, `cuts` or `stays`.
     """
 
-    kind: str
-    start_ns: int = 0
-    end_ns: int = _FOREVER
-    duration_ns: int = 0
-    share: float = 1.0
-    number: int = 0
-    field: float = 0.0
-    text: str = ""
+    name: ClassVar[str] = ""
+
+    kind: AnyText = ""
+    start_ns: Nanoseconds = field(default=0, metadata={"alias": "from"})
+    end_ns: Nanoseconds = field(default=_FOREVER, metadata={"alias": "until"})
 
     def holds(self, now_ns: int) -> bool:
         """Return whether it is wrong at that instant."""
         return self.start_ns <= now_ns < self.end_ns
+
+    def concerns(self, part: int) -> bool:
+        """Return whether it hits one of several alike: a channel, a contact, an address."""
+        del part
+        return True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkFault(Fault):
+    """What can go wrong around any device on a link; entry points of the group `hil.faults` name such classes.
+
+    Attributes:
+        links: where it can: `serial`, `bus`, or both.
+        cuts: whether nothing comes in or goes out while it holds; a bus device does not acknowledge.
+    """
+
+    links: ClassVar[frozenset[str]] = frozenset()
+    cuts: ClassVar[bool] = False
+
+    def spoiled(self, data: bytes, noise: Stream, now_ns: int) -> bytes:
+        """Return what becomes of bytes that the device sends at this instant."""
+        del noise, now_ns
+        return data
+
+    @property
+    def delay_ns(self) -> int:
+        """How much later its bytes leave, on a byte stream."""
+        return 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dead(LinkFault):
+    """Without power: nothing comes in and nothing goes out."""
+
+    name = "dead"
+    links = frozenset({"bus", "serial"})
+    cuts = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Garbled(LinkFault):
+    """One bit of some bytes is flipped; which ones depends on the instant and the place only."""
+
+    name = "garbled"
+    links = frozenset({"bus", "serial"})
+
+    share: Share = 1.0
+
+    def spoiled(self, data: bytes, noise: Stream, now_ns: int) -> bytes:
+        """Flip a bit of a share of the bytes."""
+        spoiled = bytearray(data)
+        for place in range(len(data)):
+            index = 2 * (now_ns + place)
+            if noise.uniform(index) < self.share:
+                spoiled[place] ^= 1 << int(noise.uniform(index + 1) * _BITS)
+        return bytes(spoiled)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Late(LinkFault):
+    """Replies come later."""
+
+    name = "late"
+    links = frozenset({"serial"})
+
+    by_ns: Nanoseconds = field(metadata={"alias": "by"})
+
+    @property
+    def delay_ns(self) -> int:
+        """How much later."""
+        return self.by_ns
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Partial(LinkFault):
+    """Only the first bytes of what is sent at once come through."""
+
+    name = "partial"
+    links = frozenset({"serial"})
+
+    most: Annotated[int, whole(0)] = field(default=1, metadata={"alias": "bytes"})
+
+    def spoiled(self, data: bytes, noise: Stream, now_ns: int) -> bytes:
+        """Return the first bytes."""
+        del noise, now_ns
+        return data[: self.most]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chatty(LinkFault):
+    """Bytes come that nobody asked for, again and again."""
+
+    name = "chatty"
+    links = frozenset({"serial"})
+
+    every_ns: SomeNanoseconds = field(metadata={"alias": "every"})
+    text: AnyText = "?\r\n"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identity(Fault):
+    """Another instrument answers: it says that it is `value`."""
+
+    name = "identity"
+
+    value: Text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stuck(Fault):
+    """What the device gives out does not change."""
+
+    name = "stuck"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Saturated(Fault):
+    """Every axis of a sensor has more than it can measure: that much is added, in the sensor's unit."""
+
+    name = "saturated"
+
+    added: Number = field(default=5000.0, metadata={"alias": "field"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,127 +185,32 @@ class Faults:
 
     faults: tuple[Fault, ...] = ()
 
-    def of(self, *kinds: str) -> tuple[Fault, ...]:
-        """Return the faults of these kinds, whenever they hold."""
-        return tuple(fault for fault in self.faults if fault.kind in kinds)
+    def of(self, kind: type[_FAULT]) -> tuple[_FAULT, ...]:
+        """Return the faults of a kind, whenever they hold."""
+        return tuple(fault for fault in self.faults if isinstance(fault, kind))
 
-    def now(self, kind: str, now_ns: int, number: int = 0) -> Fault | None:
-        """Return the first fault of that kind that holds; a number asks for its own or for all."""
+    def now(self, kind: type[_FAULT], now_ns: int, part: int | None = None) -> _FAULT | None:
+        """Return the first fault of a kind that holds, and that concerns a part where one is given."""
         for fault in self.faults:
-            if fault.kind == kind and fault.holds(now_ns) and (not number or fault.number in {0, number}):
+            if isinstance(fault, kind) and fault.holds(now_ns) and (part is None or fault.concerns(part)):
                 return fault
         return None
 
 
-def read_faults(rows: Sequence[Mapping[str, object]], path: Path, kinds: Sequence[str]) -> Faults:
+def read_faults(rows: Sequence[Mapping[str, object]], path: Path, kinds: Sequence[type[Fault]]) -> Faults:
     """Read the `faults` of a peer that knows these kinds.
 
     Raises:
         TruthError: with everything that is wrong in the first row that has something wrong.
     """
-    return Faults(tuple(_read(Truth(row, (*path, place)), kinds) for place, row in enumerate(rows)))
+    return Faults(tuple(_read(row, (*path, place), kinds) for place, row in enumerate(rows)))
 
 
-def _read(truth: Truth, kinds: Sequence[str]) -> Fault:
-    kind = truth.text("kind")
-    if kind and kind not in kinds:
-        truth.wrong("kind", f"unknown fault '{kind}'{suggestion(kind, kinds)}")
-    fault = Fault(kind=kind, start_ns=truth.duration_ns("from", 0), end_ns=truth.duration_ns("until", _FOREVER))
-    if kind in kinds and kind in _SETTINGS:
-        fault = _SETTINGS[kind](truth, fault)
-    truth.finish()
-    return fault
-
-
-def _late(truth: Truth, fault: Fault) -> Fault:
-    return replace(fault, duration_ns=truth.duration_ns("by"))
-
-
-def _garbled(truth: Truth, fault: Fault) -> Fault:
-    return replace(fault, share=truth.number("share", 1.0, minimum=0, maximum=1))
-
-
-def _chatty(truth: Truth, fault: Fault) -> Fault:
-    every_ns = truth.duration_ns("every")
-    if every_ns <= 0:
-        truth.wrong("every", "expected a duration above 0 s")
-    return replace(fault, duration_ns=every_ns, text=truth.text("text", "?\r\n"))
-
-
-def _partial(truth: Truth, fault: Fault) -> Fault:
-    return replace(fault, number=truth.integer("bytes", 1))
-
-
-def _identity(truth: Truth, fault: Fault) -> Fault:
-    return replace(fault, text=truth.text("value"))
-
-
-def _refuse_off(truth: Truth, fault: Fault) -> Fault:
-    says = truth.text("says", "on", choices=("off", "on"))
-    return replace(fault, number=truth.integer("channel", 0), text=says)
-
-
-def _welded(truth: Truth, fault: Fault) -> Fault:
-    return replace(fault, number=truth.integer("contact", minimum=1))
-
-
-def _slipping(truth: Truth, fault: Fault) -> Fault:
-    return replace(fault, share=truth.number("share", 0.9, minimum=0, maximum=1))
-
-
-def _no_stop(truth: Truth, fault: Fault) -> Fault:
-    return replace(fault, text=truth.text("power", "cuts", choices=("cuts", "stays")))
-
-
-def _temperature_raw(truth: Truth, fault: Fault) -> Fault:
-    return replace(fault, number=truth.integer("counts", 24_000, minimum=-32_767, maximum=32_767))
-
-
-def _lose_frames(truth: Truth, fault: Fault) -> Fault:
-    return replace(fault, number=truth.integer("frames", 1, minimum=1))
-
-
-def _lost_lines(truth: Truth, fault: Fault) -> Fault:
-    return replace(fault, number=truth.integer("lines", 1, minimum=1))
-
-
-def _stuck_relay(truth: Truth, fault: Fault) -> Fault:
-    return replace(fault, text=truth.text("relay", choices=("charge", "discharge")))
-
-
-def _nack(truth: Truth, fault: Fault) -> Fault:
-    text = truth.text("address")
-    if re.fullmatch(r"0x[0-7][0-9A-Fa-f]", text):
-        return replace(fault, number=int(text, 16))
-    if text:
-        truth.wrong("address", f"expected an address such as '0x68', not '{text}'")
-    return fault
-
-
-def _saturated(truth: Truth, fault: Fault) -> Fault:
-    return replace(fault, field=truth.number("field", 5000.0))
-
-
-def _spike(truth: Truth, fault: Fault) -> Fault:
-    return replace(fault, field=truth.number("volts", 0.1))
-
-
-_SETTINGS: Mapping[str, Callable[[Truth, Fault], Fault]] = {
-    "chatty": _chatty,
-    "garbled": _garbled,
-    "identity": _identity,
-    "late": _late,
-    "lose-frames": _lose_frames,
-    "lost-lines": _lost_lines,
-    "nack": _nack,
-    "no-stop": _no_stop,
-    "partial": _partial,
-    "refuse-off": _refuse_off,
-    "saturated": _saturated,
-    "slipping": _slipping,
-    "spike": _spike,
-    "stuck-relay": _stuck_relay,
-    "temperature-raw": _temperature_raw,
-    "torn-lines": _garbled,
-    "welded": _welded,
-}
+def _read(row: Mapping[str, object], path: Path, kinds: Sequence[type[Fault]]) -> Fault:
+    by_name = {kind.name: kind for kind in kinds}
+    name = str(row.get("kind", ""))
+    if not name:
+        raise TruthError(path, "fault: key 'kind' is missing")
+    if name not in by_name:
+        raise TruthError((*path, "kind"), f"unknown fault '{name}'{suggestion(name, tuple(by_name))}")
+    return declared(by_name[name], row, f"fault {name}", path)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from math import inf
+from typing import TypeVar
 
+from hil.documents.declared import Invalid, validated
 from hil.documents.suggest import did_you_mean
 
-__all__ = ["Path", "Truth", "TruthError", "UnknownPlant", "suggestion"]
+__all__ = ["Path", "Truth", "TruthError", "UnknownPlant", "declared", "suggestion"]
 
 Path = tuple[str | int, ...]
+_Model = TypeVar("_Model")
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _DURATION = re.compile(r"(\d+(?:\.\d+)?)\s*(us|ms|s|min|h)")
@@ -44,6 +47,25 @@ class UnknownPlant(TruthError):
     def __init__(self, path: Path, plant: str, known: Sequence[str]) -> None:
         super().__init__(path, f"unknown plant '{plant}'{suggestion(plant, known)}")
         self.plant = plant
+
+
+def declared(model: type[_Model], values: Mapping[str, object], what: str, path: Path) -> _Model:
+    """Return a section as its model declares it; see `hil.model.notation`.
+
+    Args:
+        model: a frozen dataclass.
+        values: the section as read.
+        what: what it is, for messages.
+        path: where it stands.
+
+    Raises:
+        TruthError: with everything that is wrong.
+    """
+    try:
+        return validated(model, values, what, path)
+    except Invalid as error:
+        first, *others = (TruthError(each.path, each.message) for each in error.problems)
+        raise TruthError(first.path, first.message, tuple(others)) from error
 
 
 def suggestion(word: str, known: Sequence[str]) -> str:

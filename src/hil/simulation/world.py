@@ -10,14 +10,14 @@ from typing import cast
 from hil.clock.port import NANOSECONDS
 from hil.clock.virtual import Event, VirtualClock
 from hil.model.bench import Bus, InstrumentSpec, PeerSpec, PlantSpec, SimulatedBench
-from hil.simulation.faults import BUS_FAULTS, SERIAL_FAULTS, read_faults
+from hil.simulation.faults import Faults, read_faults
 from hil.simulation.peers.faulty import FaultyBusPeer, FaultySerialPeer
 from hil.simulation.peers.model import Connections, PeerModel, PeerSetup
 from hil.simulation.person import Person
 from hil.simulation.plants.plant import Plant
-from hil.simulation.registry import PEERS, PLANTS, offered
+from hil.simulation.registry import FAULTS, PEERS, PLANTS, fault_kinds, offered
 from hil.simulation.seeds import Seeds
-from hil.simulation.truth import Truth, TruthError, UnknownPlant, suggestion
+from hil.simulation.truth import Path, Truth, TruthError, UnknownPlant, suggestion
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import BusPeer, SerialPeer
 
@@ -182,12 +182,11 @@ class _Builder:
             raise TruthError(
                 (*path, "model"), f"this peer serves no bus, so {self._served[spec.device]} has no devices"
             )
-        kinds = (*_FAULTS[model.link], *model.fault_kinds)
         setup = PeerSetup(
             instrument=instrument,
             truth=Truth(spec.truth, (*path, "truth")),
             connections=Connections(spec.connects, self._plants, self._taken, (*path, "connects")),
-            faults=read_faults(spec.faults, (*path, "faults"), kinds),
+            faults=_faults(spec, model, (*path, "faults")),
             seeds=self._seeds,
         )
         self._place(model, setup)
@@ -208,4 +207,13 @@ class _Builder:
 
 
 _LINKS = {"bus": "bus", "serial": "byte stream"}
-_FAULTS = {"bus": BUS_FAULTS, "serial": SERIAL_FAULTS}
+
+
+def _faults(spec: PeerSpec, model: PeerModel, path: Path) -> Faults:
+    kinds = fault_kinds(model)
+    own = {kind.name for kind in kinds}
+    for place, row in enumerate(spec.faults):
+        name = str(row.get("kind", ""))
+        if name in FAULTS and name not in own:  # of another link, or one that cannot be used: then it is told why
+            offered(FAULTS, name, (*path, place, "kind"))
+    return read_faults(spec.faults, path, kinds)

@@ -9,8 +9,7 @@ import pytest
 
 from hil.instruments.registry import DRIVERS, ROLES
 from hil.plugin.plans.case_fixtures import case_fixtures
-from hil.simulation.faults import BUS_FAULTS, SERIAL_FAULTS
-from hil.simulation.registry import PEERS, PLANTS
+from hil.simulation.registry import PEERS, PLANTS, fault_kinds
 
 ROOT = Path(__file__).parents[3]
 SOURCE = ROOT / "src" / "hil"
@@ -45,7 +44,7 @@ def test_the_keys_are_found():
 
 def test_every_driver_plant_and_fault_is_on_the_page():
     """The bench file's page names every driver, plant model, kind of fault, and state of a role."""
-    kinds = {*SERIAL_FAULTS, *BUS_FAULTS, *(kind for name in PEERS for kind in PEERS[name].fault_kinds)}
+    kinds = {kind.name for name in PEERS for kind in fault_kinds(PEERS[name])}
     states = {state for name in ROLES for state in ROLES[name].states}
     names = {*DRIVERS, *PLANTS, *kinds, *states}
     assert sorted(name for name in names if f"`{name}`" not in BENCH_FILE and f'`"{name}"`' not in BENCH_FILE) == []

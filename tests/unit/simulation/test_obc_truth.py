@@ -11,6 +11,7 @@ from obc_page import BoardUnderTest
 
 from hil.simulation.faults import read_faults
 from hil.simulation.peers.obc_link.model import MODEL
+from hil.simulation.registry import fault_kinds
 from hil.simulation.truth import TruthError
 
 
@@ -37,15 +38,15 @@ def test_a_truth_that_cannot_be(truth, message):
     ("row", "message"),
     [
         ({"kind": "nack"}, "'address' is missing"),
-        ({"kind": "nack", "address": "104"}, "expected an address such as '0x68', not '104'"),
-        ({"kind": "lose-frames", "frames": "0"}, "expected a number from 1"),
+        ({"kind": "nack", "address": "104"}, "must be an address such as '0x68'"),
+        ({"kind": "lose-frames", "frames": "0"}, "must be at least 1"),
         ({"kind": "resett"}, "unknown fault 'resett', did you mean 'reset'?"),
     ],
 )
 def test_a_fault_that_cannot_be(row, message):
     """It is told with its place."""
     with pytest.raises(TruthError) as caught:
-        read_faults([row], ("faults",), MODEL.fault_kinds)
+        read_faults([row], ("faults",), fault_kinds(MODEL))
     assert message in str(caught.value) + " ".join(map(str, caught.value.others))
 
 

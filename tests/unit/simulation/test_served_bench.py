@@ -8,8 +8,7 @@ from served import Wall, bench_of
 
 from hil.clock.virtual import VirtualClock
 from hil.model.errors import Refused
-from hil.simulation.faults import BUS_FAULTS, SERIAL_FAULTS
-from hil.simulation.registry import PEERS
+from hil.simulation.registry import PEERS, fault_kinds
 from hil.simulation.served.line import ServedLine
 from hil.simulation.served.pace import Pace
 from hil.simulation.served.state import true_state
@@ -152,8 +151,7 @@ def devices():
         bench = bench_of(name)
         for instrument in bench.spec.instruments:
             model = PEERS[instrument.driver]
-            common = SERIAL_FAULTS if model.link == "serial" else BUS_FAULTS
-            for kind in (*common, *model.fault_kinds):
+            for kind in (each.name for each in fault_kinds(model)):
                 yield pytest.param(name, instrument.name, kind, id=f"{name}-{instrument.name}-{kind}")
 
 
@@ -244,7 +242,7 @@ def test_bytes_on_their_way_survive_an_injection():
     [
         ("psu9", {"kind": "dead"}, "no simulated device 'psu9'"),
         ("psu1", {"kind": "daed"}, "did you mean 'dead'"),
-        ("psu1", {"kind": "dead", "from": 3}, "expected a duration"),
+        ("psu1", {"kind": "dead", "from": 3}, "must be a duration"),
         ("psu1", {"kind": "late"}, "'by' is missing"),
         ("psu1", {"kind": "dead", "form": "1 s"}, "unknown key 'form'"),
         ("psu1", {}, "'kind' is missing"),

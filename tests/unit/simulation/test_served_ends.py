@@ -224,7 +224,7 @@ def test_an_end_that_is_unplugged_hangs_up_and_comes_back(folder):
         (b'{"fault": "dead"}\n', "names its device"),
         (b'{"unplug": "relay"}\n', "did you mean 'relay1'"),
         (b'{"plug": ["psu1"]}\n', "no end"),
-        (b'{"fault": {"device": "psu1", "kind": ["dead"]}}\n', "expected a text"),
+        (b'{"fault": {"device": "psu1", "kind": ["dead"]}}\n', "unknown fault"),
     ],
 )
 def test_what_cannot_be_answered_is_an_error_and_no_end(folder, line, message):

@@ -138,9 +138,13 @@ def errors(**changes):
         (
             {"faults": {"psu": [{"kind": "chatty", "every": "0 s"}]}},
             ("peers", "psu", "faults", 0, "every"),
-            "above 0 s",
+            "longer than zero",
         ),
-        ({"faults": {"mag": [{"kind": "identity", "value": "x"}]}}, ("peers", "mag", "faults"), "such as '0x3C'"),
+        (
+            {"faults": {"mag": [{"kind": "identity", "value": "x"}]}},
+            ("peers", "mag", "faults", 0, "value"),
+            "look like 0x",
+        ),
         ({"peers": (PeerSpec(device="psv", model=""),)}, ("peers", "psv"), "did you mean 'psu'"),
         ({"peers": (PeerSpec(device="psu", model="lis3mdl"),)}, ("peers", "psu", "model"), "hangs on a bus"),
         ({"peers": (PeerSpec(device="psu", model="lis3mdx"),)}, ("peers", "psu", "model"), "did you mean 'lis3mdl'"),

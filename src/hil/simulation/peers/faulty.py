@@ -1,19 +1,17 @@
-"""Wrappers that let any peer go dead, late, garbled, partial or chatty."""
+"""Wrappers around any peer: what goes wrong on its link, whichever package the kind of fault is from."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
-from hil.simulation.faults import Fault, Faults
+from hil.simulation.faults import Chatty, Faults, LinkFault
 from hil.simulation.peers.alarm import Alarms
 from hil.simulation.seeds import Stream
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import BusPeer, BusServer, Line, Nack, Openable, PeerClock, SerialPeer
 
 __all__ = ["FaultyBusPeer", "FaultySerialPeer"]
-
-_BITS = 8
 
 
 class FaultySerialPeer(Stateful):
@@ -35,7 +33,7 @@ class FaultySerialPeer(Stateful):
         self._peer = peer
         self._faults = faults
         self._noise = noise
-        self._chatty = faults.of("chatty")
+        self._chatty = faults.of(Chatty)
         self._line: Line
         self._clock: PeerClock
 
@@ -55,40 +53,36 @@ class FaultySerialPeer(Stateful):
 
     def opened(self) -> None:
         """Let the peer notice that its port was opened, where it can and is not dead."""
-        if isinstance(self._peer, Openable) and not self._faults.now("dead", self._clock.now_ns()):
+        if isinstance(self._peer, Openable) and not _cut(self._faults, self._clock.now_ns()):
             self._peer.opened()
 
     def receive(self, data: bytes) -> None:
         """Pass bytes on, unless the peer is dead."""
-        if not (self._faults.faults and self._faults.now("dead", self._clock.now_ns())):
+        if not (self._faults.faults and _cut(self._faults, self._clock.now_ns())):
             self._peer.receive(data)
 
     def send(self, data: bytes, after_ns: int = 0) -> None:
         """Spoil what the peer sends, as a line that the peer takes for the real one."""
         now_ns = self._clock.now_ns()
-        if self._faults.now("dead", now_ns):
+        if _cut(self._faults, now_ns):
             return
-        if partial := self._faults.now("partial", now_ns):
-            data = data[: partial.number]
-        if garbled := self._faults.now("garbled", now_ns):
-            data = _spoil(data, garbled, self._noise, now_ns)
-        if late := self._faults.now("late", now_ns):
-            after_ns += late.duration_ns
+        for fault in _holding(self._faults, now_ns):
+            data, after_ns = fault.spoiled(data, self._noise, now_ns), after_ns + fault.delay_ns
         if data:
             self._line.send(data, after_ns)
 
-    def _next_chat_ns(self, fault: Fault, earliest_ns: int) -> int | None:
+    def _next_chat_ns(self, fault: Chatty, earliest_ns: int) -> int | None:
         """Return when a chatty peer speaks next, None once it is over."""
         late_by_ns = max(0, self._clock.now_ns() - fault.start_ns)
-        pauses = -(-late_by_ns // fault.duration_ns)
-        when_ns = max(earliest_ns, fault.start_ns + pauses * fault.duration_ns)
+        pauses = -(-late_by_ns // fault.every_ns)
+        when_ns = max(earliest_ns, fault.start_ns + pauses * fault.every_ns)
         return when_ns if when_ns < fault.end_ns else None
 
     def _chat(self, place: int) -> None:
         fault, now_ns = self._chatty[place], self._clock.now_ns()
-        if not self._faults.now("dead", now_ns):
+        if not _cut(self._faults, now_ns):
             self._line.send(fault.text.encode("utf-8"))
-        self._chats.set(place, self._next_chat_ns(fault, now_ns + fault.duration_ns))
+        self._chats.set(place, self._next_chat_ns(fault, now_ns + fault.every_ns))
 
 
 class FaultyBusPeer(Stateful):
@@ -122,7 +116,7 @@ class FaultyBusPeer(Stateful):
         """Pass the rising edges of the device's interrupt pin on, where it has one, unless the device is dead."""
         listen = getattr(self._peer, "on_interrupt", None)
         if listen is not None:
-            listen(lambda: None if self._faults.now("dead", self._clock.now_ns()) else callback())
+            listen(lambda: None if _cut(self._faults, self._clock.now_ns()) else callback())
 
     def write(self, address: int, data: bytes) -> None:
         """Pass a message on, unless the device is dead."""
@@ -133,19 +127,23 @@ class FaultyBusPeer(Stateful):
         """Pass a reply on, spoiled where the fault says so."""
         self._live()
         data = self._peer.read(address, count)
-        garbled = self._faults.now("garbled", self._clock.now_ns())
-        return _spoil(data, garbled, self._noise, self._clock.now_ns()) if garbled else data
+        for fault in _holding(self._faults, self._clock.now_ns()):
+            data = fault.spoiled(data, self._noise, self._clock.now_ns())
+        return data
 
     def _live(self) -> None:
-        if self._faults.now("dead", self._clock.now_ns()):
+        if _cut(self._faults, self._clock.now_ns()):
             raise Nack
 
 
-def _spoil(data: bytes, fault: Fault, noise: Stream, now_ns: int) -> bytes:
-    """Flip one bit of some bytes; which ones depends on the instant and the place only."""
-    spoiled = bytearray(data)
-    for place in range(len(data)):
-        index = 2 * (now_ns + place)
-        if noise.uniform(index) < fault.share:
-            spoiled[place] ^= 1 << int(noise.uniform(index + 1) * _BITS)
-    return bytes(spoiled)
+def _holding(faults: Faults, now_ns: int) -> Iterator[LinkFault]:
+    """Yield the first fault of each kind that holds."""
+    seen: set[type[LinkFault]] = set()
+    for fault in faults.of(LinkFault):
+        if fault.holds(now_ns) and type(fault) not in seen:
+            seen.add(type(fault))
+            yield fault
+
+
+def _cut(faults: Faults, now_ns: int) -> bool:
+    return any(fault.cuts for fault in _holding(faults, now_ns))

@@ -28,13 +28,16 @@ of bank 4, which are stored and do nothing.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import ClassVar, cast
+from typing import Annotated, ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.clock.port import NANOSECONDS
+from hil.model.notation import whole
+from hil.simulation.faults import Fault, Saturated, Stuck
 from hil.simulation.peers.alarm import Alarms
 from hil.simulation.peers.iim42652_registers import (
     READ_ONLY,
@@ -47,14 +50,14 @@ from hil.simulation.peers.iim42652_registers import (
     pin_setting,
 )
 from hil.simulation.peers.model import PeerModel, PeerSetup
-from hil.simulation.peers.sensors.chip import Datasheet, Fitted, Kept, SensorPeer, number_at
+from hil.simulation.peers.sensors.chip import Datasheet, Fitted, Kept, OtherIdentity, SensorPeer, number_at
 from hil.simulation.peers.sensors.elements import Die, RateElement, limited
 from hil.simulation.peers.sensors.fifo import Fifo
 from hil.simulation.peers.sensors.grid import Grid
 from hil.simulation.peers.sensors.pin import Pin
 from hil.simulation.peers.sensors.sampler import Bits, Sampler, Samples
 
-__all__ = ["MODEL", "Iim42652", "build"]
+__all__ = ["MODEL", "Asleep", "Iim42652", "TemperatureRaw", "build"]
 
 
 _INVALID, _MOST = -32768, 32767
@@ -72,6 +75,22 @@ _HEADER_ACCEL, _HEADER_GYRO, _HEADER_TIMESTAMP = 0x40, 0x20, 0x08
 _NO_TEMPERATURE = -128
 _NS_PER_STAMP, _NS_PER_LONG_STAMP, _LONG_STAMP = 1000, 16000, 0x08
 _FIFO_BYTES = 2048
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asleep(Fault):
+    """The gyroscope falls asleep, and wakes only after a reset."""
+
+    name = "asleep"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TemperatureRaw(Fault):
+    """The temperature has as many counts as it says."""
+
+    name = "temperature-raw"
+
+    counts: Annotated[int, whole(-32_767, 32_767)] = 24_000
 
 
 class Iim42652(SensorPeer):
@@ -141,7 +160,7 @@ class Iim42652(SensorPeer):
     def _connected(self) -> None:
         self._pin.attach(self._clock)
         self._sampler.attach(self._clock)
-        naps = [(fault.start_ns, self._fall_asleep) for fault in self._faults.of("asleep")]
+        naps = [(fault.start_ns, self._fall_asleep) for fault in self._faults.of(Asleep)]
         self._parts["naps"] = Alarms(self._clock, naps)
 
     def _settle(self) -> None:
@@ -171,7 +190,7 @@ class Iim42652(SensorPeer):
             if value & (_FLUSH | _RESTART):
                 self._sampler.flush(packet_bytes(self._registers))
         else:
-            asleep = register == Register.PWR_MGMT0 and self._faults.now("asleep", self._clock.now_ns())
+            asleep = register == Register.PWR_MGMT0 and self._faults.now(Asleep, self._clock.now_ns())
             self._registers[register] = value & ~_MODES if asleep else value  # nobody can wake one that fell asleep
             bypassed = register == Register.FIFO_CONFIG and not self._registers[register] >> 6
             if bypassed or (register == Register.FIFO_CONFIG1 and (before ^ value) & _CONTENTS):
@@ -210,8 +229,8 @@ class Iim42652(SensorPeer):
             outputs[:, 1:] = limited(measured, -_MOST, _MOST).T
             outputs[ends_ns < self._valid_ns, 1:] = _INVALID
         counts = self._die.counts(degrees, _LSB_PER_KELVIN)
-        for fault in self._faults.of("temperature-raw"):
-            counts[(ends_ns >= fault.start_ns) & (ends_ns < fault.end_ns)] = fault.number
+        for fault in self._faults.of(TemperatureRaw):
+            counts[(ends_ns >= fault.start_ns) & (ends_ns < fault.end_ns)] = fault.counts
         outputs[:, 0] = limited(counts, -_MOST, _MOST)
         short = limited(counts * (_FIFO_LSB_PER_KELVIN / _LSB_PER_KELVIN), -128, 127)
         return Samples(ends_ns, outputs, short.astype(np.int8))
@@ -312,5 +331,5 @@ def build(setup: PeerSetup) -> Iim42652:
     return Iim42652(fitted, element, die, acceleration=acceleration, odr_error=odr_error)
 
 
-MODEL = PeerModel(link="bus", fault_kinds=("asleep", "identity", "saturated", "stuck", "temperature-raw"), build=build)
+MODEL = PeerModel(link="bus", fault_kinds=(Asleep, OtherIdentity, Saturated, Stuck, TemperatureRaw), build=build)
 """The model behind the driver `iim42652`."""

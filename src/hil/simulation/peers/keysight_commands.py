@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import cast
 
-from hil.simulation.faults import Faults
+from hil.simulation.faults import Faults, Identity
 from hil.simulation.peers.scpi import Command, ErrorQueue, ScpiError, channel_list, find, keyword, split
 from hil.simulation.peers.supply_output import SupplyOutput
 
@@ -218,8 +218,8 @@ class CommandSet:
         return f"{regulation + 512 * output.over_voltage + 1024 * output.over_current:d}"
 
     def _identify(self, _: int, parameters: Sequence[str]) -> str | None:
-        fault = self._faults.now("identity", self._now_ns)
-        return _alone(parameters, lambda: fault.text if fault else self._identity)
+        fault = self._faults.now(Identity, self._now_ns)
+        return _alone(parameters, lambda: fault.value if fault else self._identity)
 
     def _reset(self) -> None:
         self._selected = 1

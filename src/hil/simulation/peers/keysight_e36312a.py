@@ -10,10 +10,11 @@ from collections.abc import Mapping
 from typing import cast
 
 from hil.clock.port import NANOSECONDS
+from hil.simulation.faults import Identity
 from hil.simulation.peers.alarm import Alarm
 from hil.simulation.peers.keysight_commands import CommandSet
 from hil.simulation.peers.model import PeerModel, PeerSetup
-from hil.simulation.peers.supply_output import OutputTruth, Rating, SupplyOutput, read_outputs
+from hil.simulation.peers.supply_output import NotANumber, OutputTruth, Rating, RefuseOff, SupplyOutput, read_outputs
 from hil.wire.peer import Line, PeerClock
 
 __all__ = ["MODEL", "KeysightE36312a", "build"]
@@ -127,5 +128,5 @@ def build(setup: PeerSetup) -> KeysightE36312a:
     return KeysightE36312a(commands, outputs, command_ns=command_ns, measure_ns=measure_ns)
 
 
-MODEL = PeerModel(link="serial", fault_kinds=("identity", "not-a-number", "refuse-off"), build=build)
+MODEL = PeerModel(link="serial", fault_kinds=(Identity, NotANumber, RefuseOff), build=build)
 """The model behind the driver `keysight-e36300`."""

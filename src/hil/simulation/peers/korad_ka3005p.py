@@ -17,13 +17,13 @@ from dataclasses import dataclass
 from typing import cast
 
 from hil.clock.port import NANOSECONDS
-from hil.simulation.faults import Faults
+from hil.simulation.faults import Fault, Faults, Identity
 from hil.simulation.peers.alarm import Alarm
 from hil.simulation.peers.model import PeerModel, PeerSetup
-from hil.simulation.peers.supply_output import OutputTruth, Rating, SupplyOutput, read_output_truth
+from hil.simulation.peers.supply_output import OutputTruth, Rating, RefuseOff, SupplyOutput, read_output_truth
 from hil.wire.peer import Line, PeerClock
 
-__all__ = ["MODEL", "KoradKa3005p", "KoradOutput", "build"]
+__all__ = ["MODEL", "KoradKa3005p", "KoradOutput", "StrayByte", "build"]
 
 _SILENCE_NS = 5_000_000
 _WATCH_NS = 10_000_000
@@ -31,6 +31,13 @@ _LONGEST_COMMAND = 32
 _ON, _PROTECTED, _BEEPER, _CONSTANT_VOLTAGE = 0x40, 0x20, 0x10, 0x01
 _OVER_VOLTS, _OVER_AMPERES = 0.02, 0.002
 _KEPT = ("trips_on_voltage", "trips_on_current")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StrayByte(Fault):
+    """A byte that belongs to nothing follows the current's setting."""
+
+    name = "stray-byte"
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,12 +160,12 @@ class KoradKa3005p:
     def _answer(self, command: str) -> bytes:
         now_ns, output = self._clock.now_ns(), self._output
         if command == "*IDN?":
-            fault = self._faults.now("identity", now_ns)
-            return fault.text.encode("latin-1", "replace") if fault else self._identity
+            fault = self._faults.now(Identity, now_ns)
+            return fault.value.encode("latin-1", "replace") if fault else self._identity
         if command == "STATUS?":
             return bytes((self._status(),))
         if command == "ISET1?":
-            return f"{output.limit:5.3f}".encode() + (b"K" if self._faults.now("stray-byte", now_ns) else b"")
+            return f"{output.limit:5.3f}".encode() + (b"K" if self._faults.now(StrayByte, now_ns) else b"")
         texts = {
             "VSET1?": lambda: f"{output.volts:05.2f}",
             "VOUT1?": lambda: f"{max(0.0, output.read_volts(now_ns)):05.2f}",
@@ -220,5 +227,5 @@ def build(setup: PeerSetup) -> KoradKa3005p:
     )
 
 
-MODEL = PeerModel(link="serial", fault_kinds=("identity", "refuse-off", "stray-byte"), build=build)
+MODEL = PeerModel(link="serial", fault_kinds=(Identity, RefuseOff, StrayByte), build=build)
 """The model behind the driver `korad-ka3005p`."""

@@ -16,9 +16,10 @@ from math import sqrt
 from typing import ClassVar, Self, cast
 
 from hil.clock.port import NANOSECONDS
+from hil.simulation.faults import Saturated, Stuck
 from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.model import PeerModel, PeerSetup
-from hil.simulation.peers.sensors.chip import Datasheet, Fitted, SensorPeer, number_at
+from hil.simulation.peers.sensors.chip import Datasheet, Fitted, OtherIdentity, SensorPeer, number_at
 from hil.simulation.peers.sensors.elements import AXES, Die, FieldElement
 from hil.simulation.peers.sensors.grid import Grid
 from hil.simulation.peers.sensors.registers import RegisterFile
@@ -139,7 +140,7 @@ class Lis3mdl(SensorPeer):
 
     def _connected(self) -> None:
         self._single = Alarm(self._clock, self._take_single)
-        stuck = self._faults.of("stuck")
+        stuck = self._faults.of(Stuck)
         changes = [((fault.start_ns, self._freeze), (fault.end_ns, self._thaw)) for fault in stuck]
         self._parts["single"] = self._single
         self._parts["changes"] = Alarms(self._clock, [change for pair in changes for change in pair])
@@ -257,5 +258,5 @@ def build(setup: PeerSetup) -> Lis3mdl:
     return Lis3mdl(fitted, element, die)
 
 
-MODEL = PeerModel(link="bus", fault_kinds=("identity", "saturated", "stuck"), build=build)
+MODEL = PeerModel(link="bus", fault_kinds=(OtherIdentity, Saturated, Stuck), build=build)
 """The model behind the driver `lis3mdl`."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from hil.model.bench import InstrumentSpec
-from hil.simulation.faults import Faults
+from hil.simulation.faults import Fault, Faults
 from hil.simulation.plants.plant import Plant
 from hil.simulation.plants.terminal import InputPoint, PlantPort, Resistor, SignalPoint, Terminal
 from hil.simulation.seeds import Seeds, Stream
@@ -151,6 +151,6 @@ class PeerModel:
     """
 
     link: Literal["serial", "bus"]
-    fault_kinds: tuple[str, ...]
+    fault_kinds: tuple[type[Fault], ...]
     build: Callable[[PeerSetup], SerialPeer] | Callable[[PeerSetup], BusPeer]
     serves_bus: bool = False

@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import cast
 
-from hil.simulation.faults import Faults
+from hil.simulation.faults import Faults, Identity
 from hil.simulation.peers.rigol_channel import RigolOutput
 from hil.simulation.peers.scpi import Command, ErrorQueue, ScpiError, find, keyword, split
 
@@ -238,8 +238,8 @@ class RigolCommands:
         return output.read_volts(self._now_ns) * output.read_amperes(self._now_ns)
 
     def _identify(self) -> str:
-        fault = self._faults.now("identity", self._now_ns)
-        return fault.text if fault else self._identity
+        fault = self._faults.now(Identity, self._now_ns)
+        return fault.value if fault else self._identity
 
     def _reset(self) -> None:
         self._selected = 1

@@ -10,11 +10,12 @@ from collections.abc import Mapping
 from typing import cast
 
 from hil.clock.port import NANOSECONDS
+from hil.simulation.faults import Identity
 from hil.simulation.peers.alarm import Alarm
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.rigol_channel import RigolOutput, RigolRating
 from hil.simulation.peers.rigol_commands import RigolCommands
-from hil.simulation.peers.supply_output import OutputTruth, read_outputs
+from hil.simulation.peers.supply_output import OutputTruth, RefuseOff, read_outputs
 from hil.wire.peer import Line, PeerClock
 
 __all__ = ["MODEL", "RigolDp832", "build"]
@@ -133,5 +134,5 @@ def build(setup: PeerSetup) -> RigolDp832:
     return RigolDp832(commands, outputs, command_ns=command_ns, pause_ns=pause_ns)
 
 
-MODEL = PeerModel(link="serial", fault_kinds=("identity", "refuse-off"), build=build)
+MODEL = PeerModel(link="serial", fault_kinds=(Identity, RefuseOff), build=build)
 """The model behind the driver `rigol-dp832`."""

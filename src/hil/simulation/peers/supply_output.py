@@ -5,15 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import inf
-from typing import TypeVar, cast
+from typing import Annotated, TypeVar, cast
 
-from hil.simulation.faults import Faults
+from hil.model.notation import one_of, whole
+from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.model import PeerSetup
 from hil.simulation.plants.terminal import Terminal
 from hil.simulation.seeds import Stream
 from hil.simulation.truth import Truth
 
-__all__ = ["NOT_A_NUMBER", "OutputTruth", "Rating", "SupplyOutput", "read_output_truth", "read_outputs"]
+__all__ = [
+    "NOT_A_NUMBER",
+    "NotANumber",
+    "OutputTruth",
+    "Rating",
+    "RefuseOff",
+    "SupplyOutput",
+    "read_output_truth",
+    "read_outputs",
+]
 
 _Output = TypeVar("_Output")
 
@@ -24,6 +34,27 @@ _OVER_RANGE = 1.03  # programmable to 103 % of the rating, protection to 110 %
 _PROTECTION_RANGE = 1.1
 _READING_NS = 1_000_000
 _EPSILON = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RefuseOff(Fault):
+    """An output stays on when it is switched off: `channel`, or all of them for 0; `says` is what it tells then."""
+
+    name = "refuse-off"
+
+    channel: Annotated[int, whole(0)] = 0
+    says: Annotated[str, one_of("off", "on")] = "on"
+
+    def concerns(self, part: int) -> bool:
+        """Return whether it is this channel."""
+        return self.channel in {0, part}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotANumber(Fault):
+    """What the outputs measure is not a number."""
+
+    name = "not-a-number"
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,8 +212,8 @@ class SupplyOutput:
     def switch(self, on: bool, now_ns: int) -> None:
         """Switch the output; the fault `refuse-off` keeps it on whatever it says."""
         giving = self.on or self._stuck_on
-        refused = self._faults.now("refuse-off", now_ns, self.number) if giving and not on else None
-        self.on = on or (refused is not None and refused.text == "on")
+        refused = self._faults.now(RefuseOff, now_ns, self.number) if giving and not on else None
+        self.on = on or (refused is not None and refused.says == "on")
         self._stuck_on = refused is not None and not self.on
         self.apply()
 
@@ -220,14 +251,14 @@ class SupplyOutput:
         truth = self._truth
         noise = truth.voltage_noise * self._noise[0].normal(now_ns // _READING_NS)
         reading = self._terminal.volts() * (1 + truth.voltage_gain) + truth.voltage_offset + noise
-        return NOT_A_NUMBER if self._faults.now("not-a-number", now_ns, self.number) else reading
+        return NOT_A_NUMBER if self._faults.now(NotANumber, now_ns, self.number) else reading
 
     def read_amperes(self, now_ns: int) -> float:
         """Return the current as this instrument measures it; readings of one millisecond are equal."""
         truth = self._truth
         noise = truth.current_noise * self._noise[1].normal(now_ns // _READING_NS)
         reading = self._terminal.amperes() * (1 + truth.current_gain) + truth.current_offset + noise
-        return NOT_A_NUMBER if self._faults.now("not-a-number", now_ns, self.number) else reading
+        return NOT_A_NUMBER if self._faults.now(NotANumber, now_ns, self.number) else reading
 
     def apply(self) -> None:
         """Give to the terminals what the settings say."""

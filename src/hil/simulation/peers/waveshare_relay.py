@@ -10,10 +10,13 @@ Timed relay commands (0200h, 0400h) are answered with exception 2.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
+from typing import Annotated
 
 from hil.clock.port import NANOSECONDS
-from hil.simulation.faults import Faults
+from hil.model.notation import whole
+from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.modbus_rtu import FrameReader, checked, seal
 from hil.simulation.peers.model import PeerModel, PeerSetup
@@ -21,7 +24,7 @@ from hil.simulation.plants.terminal import InputPoint
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
-__all__ = ["MODEL", "WaveshareRelay", "build"]
+__all__ = ["MODEL", "WaveshareRelay", "Welded", "build"]
 
 _CONTACTS = 8
 _READ_REGISTER, _WRITE_REGISTER = 0x03, 0x06
@@ -31,6 +34,19 @@ _ADDRESS, _LINE, _VERSION = 0x4000, 0x2000, 0x8000
 _VERSION_2_00 = 200
 _USUAL_BAUD = 9600
 _REPLY_NS = 2_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Welded(Fault):
+    """A contact that is closed does not open."""
+
+    name = "welded"
+
+    contact: Annotated[int, whole(1)]
+
+    def concerns(self, part: int) -> bool:
+        """Return whether it is this contact."""
+        return self.contact == part
 
 
 class _Exceptional(Exception):
@@ -90,8 +106,8 @@ class WaveshareRelay(Stateful):
         self._reader.attach(clock)
         contacts = range(1, _CONTACTS + 1)
         self._moving = {contact: Alarm(clock, partial(self._follow, contact)) for contact in contacts}
-        welds = self._faults.of("welded")
-        self._freed = Alarms(clock, [(fault.end_ns, partial(self._follow, fault.number)) for fault in welds])
+        welds = self._faults.of(Welded)
+        self._freed = Alarms(clock, [(fault.end_ns, partial(self._follow, fault.contact)) for fault in welds])
         for contact in contacts:
             self._follow(contact)
 
@@ -188,7 +204,7 @@ class WaveshareRelay(Stateful):
         moves_until_ns = self._moving[contact].due_ns
         if moves_until_ns is not None and moves_until_ns > now_ns:
             return
-        sticks = self._closed[contact] and self._faults.now("welded", now_ns, contact) is not None
+        sticks = self._closed[contact] and self._faults.now(Welded, now_ns, contact) is not None
         self._closed[contact] = sticks or contact in self._welded or self._coils[contact - 1]
         if contact in self._points:
             self._points[contact].command(self._closed[contact])
@@ -229,5 +245,5 @@ def build(setup: PeerSetup) -> WaveshareRelay:
     )
 
 
-MODEL = PeerModel(link="serial", fault_kinds=("welded",), build=build)
+MODEL = PeerModel(link="serial", fault_kinds=(Welded,), build=build)
 """The model behind the driver `waveshare-relay`."""

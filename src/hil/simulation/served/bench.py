@@ -9,8 +9,9 @@ from dataclasses import replace
 from hil.clock.virtual import VirtualClock
 from hil.model.bench import BenchSpec, PeerSpec, SimulatedBench
 from hil.model.errors import Refused
+from hil.simulation.faults import Fault
 from hil.simulation.served.line import ServedLine
-from hil.simulation.truth import Truth, TruthError, suggestion
+from hil.simulation.truth import TruthError, declared, suggestion
 from hil.simulation.world import World, build_world
 
 __all__ = ["ServedBench"]
@@ -92,10 +93,9 @@ def _from_now(row: Mapping[str, object], now_ns: int) -> Mapping[str, object]:
     Raises:
         TruthError: if they are no durations.
     """
-    asked = {"from": "0 s", **{key: value for key, value in row.items() if key in {"from", "until"}}}
-    truth = Truth(asked, ("faults",))
-    after_ns = {key: truth.duration_ns(key) for key in asked}
-    truth.finish()
+    asked = {key: value for key, value in row.items() if key in {"from", "until"}}
+    window = declared(Fault, asked, "fault", ("faults",))
+    after_ns = {"from": window.start_ns, **({"until": window.end_ns} if "until" in asked else {})}
     return {**row, **{key: _written(now_ns + after) for key, after in after_ns.items()}}
 
 

@@ -6,11 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from hil.clock.port import NANOSECONDS
+from hil.model.notation import Number
 from hil.simulation.faults import Fault
 from hil.simulation.plants.terminal import SignalPoint, observing
 from hil.simulation.seeds import BLOCK, Stream
 
-__all__ = ["LINE_S", "Article", "Gauge", "Reading"]
+__all__ = ["LINE_S", "Article", "Gauge", "Reading", "Spike"]
 
 LINE_S = 5
 """Seconds of device time from one data line to the next."""
@@ -19,6 +20,15 @@ _LINE_NS = LINE_S * NANOSECONDS
 
 Reading = tuple[int, int, int]
 """Voltage in mV, current in mA, temperature in tenths of a degree Celsius: what a data line can show."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spike(Fault):
+    """The voltage that is measured has some more."""
+
+    name = "spike"
+
+    volts: Number = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +88,7 @@ class Article:
     voltage: Gauge
     current: Gauge
     temperature: Gauge
-    spikes: tuple[Fault, ...] = ()
+    spikes: tuple[Spike, ...] = ()
 
     def measuring(self) -> Callable[[Sequence[int]], list[Reading]]:
         """Return a function of the bench's times [ns], the first of which is now: what the device will measure then.
@@ -112,11 +122,11 @@ class Article:
 
 
 def _spiked(
-    measure: Callable[[Sequence[int]], list[Reading]], spikes: Sequence[Fault]
+    measure: Callable[[Sequence[int]], list[Reading]], spikes: Sequence[Spike]
 ) -> Callable[[Sequence[int]], list[Reading]]:
     def spiked(times_ns: Sequence[int]) -> list[Reading]:
         return [
-            (volts + round(1000 * sum(spike.field for spike in spikes if spike.holds(time_ns))), amperes, degrees)
+            (volts + round(1000 * sum(spike.volts for spike in spikes if spike.holds(time_ns))), amperes, degrees)
             for time_ns, (volts, amperes, degrees) in zip(times_ns, measure(times_ns), strict=False)
         ]
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from hil.simulation.faults import Faults
+from dataclasses import dataclass
+
+from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.cycler.article import LINE_S, Article, Reading
 from hil.simulation.peers.cycler.commands import Commands
@@ -15,12 +17,19 @@ from hil.simulation.peers.obc_link.timing import BoardClock
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
-__all__ = ["Firmware"]
+__all__ = ["Firmware", "Reset"]
 
 _US = 1_000_000
 _LINE_US = LINE_S * _US
 _MOST_AHEAD = 64
 _CODES = {"CHARGE": b"C", "DISCHARGE": b"D", "REST": b"R"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reset(Fault):
+    """A dip of its supply resets the device."""
+
+    name = "reset"
 
 
 class Firmware(Stateful):
@@ -78,7 +87,7 @@ class Firmware(Stateful):
         self._boot = Alarm(clock, self._booted)
         self._tick = Alarm(clock, self._lines)
         self._silence = Alarm(clock, self._silent)
-        dips = self._faults.of("reset")
+        dips = self._faults.of(Reset)
         self._dips = Alarms(clock, [(fault.start_ns, lambda: self._reset("BROWNOUT")) for fault in dips])
         self._wait()
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 
 from hil.clock.port import NANOSECONDS
-from hil.simulation.peers.cycler.article import Article, Gauge
-from hil.simulation.peers.cycler.firmware import Firmware
-from hil.simulation.peers.cycler.output import Output
-from hil.simulation.peers.cycler.relays import CHARGE, DISCHARGE, Relays
+from hil.simulation.peers.cycler.article import Article, Gauge, Spike
+from hil.simulation.peers.cycler.firmware import Firmware, Reset
+from hil.simulation.peers.cycler.output import LostLines, Output, TornLines
+from hil.simulation.peers.cycler.relays import CHARGE, DISCHARGE, Relays, StuckRelay
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.obc_link.timing import BoardClock
 from hil.simulation.peers.power import Power
@@ -58,7 +58,7 @@ def _article(setup: PeerSetup, *, extended: bool) -> Article:
         voltage=_gauge(setup, "voltage", 0.0, 1000),
         current=_gauge(setup, "current", 0.0, 1000),
         temperature=_gauge(setup, "temperature", 25.0, 10),
-        spikes=setup.faults.of("spike"),
+        spikes=setup.faults.of(Spike),
     )
 
 
@@ -81,5 +81,5 @@ def _pattern(truth: Truth, key: str, usual: str, pattern: str, expected: str) ->
     return text
 
 
-MODEL = PeerModel(link="serial", fault_kinds=("lost-lines", "reset", "spike", "stuck-relay", "torn-lines"), build=build)
+MODEL = PeerModel(link="serial", fault_kinds=(LostLines, Reset, Spike, StuckRelay, TornLines), build=build)
 """The model of the battery test apparatus."""

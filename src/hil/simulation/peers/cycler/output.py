@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Annotated
 
-from hil.simulation.faults import Faults
+from hil.model.notation import whole
+from hil.simulation.faults import Fault, Faults, Share
 from hil.simulation.peers.cycler.article import Reading
 from hil.simulation.peers.cycler.framing import seal
 from hil.simulation.peers.obc_link.timing import BoardClock
@@ -12,13 +15,31 @@ from hil.simulation.seeds import Stream
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
-__all__ = ["Output"]
+__all__ = ["LostLines", "Output", "TornLines"]
 
 _WRAP = 2**32
 _US_PER_MS = 1000
 _DRAWS = 3
 _NUMBERS = b"%.3f;%.3f;%.4f;%.1f"
 _DATA = _NUMBERS + b";%d;%d;%b"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LostLines(Fault):
+    """As many lines as it says never arrive."""
+
+    name = "lost-lines"
+
+    lines: Annotated[int, whole(1)] = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TornLines(Fault):
+    """A piece is cut out of a share of the lines."""
+
+    name = "torn-lines"
+
+    share: Share = 1.0
 
 
 class Output(Stateful):
@@ -41,8 +62,8 @@ class Output(Stateful):
         self.number = 1
         self._extended = extended
         self._device_clock = device_clock
-        self._lost = faults.of("lost-lines")
-        self._torn = faults.of("torn-lines")
+        self._lost = faults.of(LostLines)
+        self._torn = faults.of(TornLines)
         self._swallowed = [0] * len(self._lost)
         self._sent = 0
         self._chance = chance
@@ -101,7 +122,7 @@ class Output(Stateful):
     def _is_swallowed(self) -> bool:
         now_ns = self._clock.now_ns()
         for place, fault in enumerate(self._lost):
-            if fault.holds(now_ns) and self._swallowed[place] < fault.number:
+            if fault.holds(now_ns) and self._swallowed[place] < fault.lines:
                 self._swallowed[place] += 1
                 return True
         return False

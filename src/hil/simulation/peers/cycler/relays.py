@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated
 
-from hil.simulation.faults import Faults
+from hil.model.notation import one_of
+from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.power import Power
 from hil.simulation.plants.terminal import InputPoint
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import PeerClock
 
-__all__ = ["CHARGE", "DISCHARGE", "Relays"]
+__all__ = ["CHARGE", "DISCHARGE", "Relays", "StuckRelay"]
 
 CHARGE, DISCHARGE = "charge", "discharge"
 _PAUSE_NS = 100_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StuckRelay(Fault):
+    """A contact stays where it is."""
+
+    name = "stuck-relay"
+
+    relay: Annotated[str, one_of("charge", "discharge")]
 
 
 class Relays(Stateful):
@@ -37,7 +49,7 @@ class Relays(Stateful):
     def __init__(self, contacts: Mapping[str, InputPoint], faults: Faults, power: Power) -> None:
         self._points = contacts
         self._power = power
-        self._stuck = faults.of("stuck-relay")
+        self._stuck = faults.of(StuckRelay)
         self._coil = ""
         self._coming = ""
         self._closed = {CHARGE: False, DISCHARGE: False}
@@ -74,7 +86,7 @@ class Relays(Stateful):
     def _follow(self) -> None:
         now_ns, pulled = self._clock.now_ns(), self._coil if self._power.there else ""
         for relay in self._closed:
-            if any(fault.text == relay and fault.holds(now_ns) for fault in self._stuck):
+            if any(fault.relay == relay and fault.holds(now_ns) for fault in self._stuck):
                 continue
             self._closed[relay] = relay == pulled
             if relay in self._points:

@@ -3,16 +3,41 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from hil.clock.port import NANOSECONDS
-from hil.simulation.faults import Faults
+from hil.model.notation import one_of
+from hil.simulation.faults import Fault, Faults, Share
 from hil.simulation.peers.esp301.errors import EspError
 from hil.simulation.plants.terminal import InputPoint, SignalPoint
 from hil.wire.checkpoint import Kept, Stateful
 
-__all__ = ["Axis", "Drive", "StageTruth"]
+__all__ = ["Axis", "Drive", "NoStop", "Slipping", "StageTruth", "Stalled"]
 
-_MOVING_FAULTS = ("slipping", "stalled", "no-stop")
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoStop(Fault):
+    """The stage does not stop when it is told to; `power` says what switching the motor off does."""
+
+    name = "no-stop"
+
+    power: Annotated[str, one_of("cuts", "stays")] = "cuts"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Slipping(Fault):
+    """Only a share of the rate comes through."""
+
+    name = "slipping"
+
+    share: Share = 0.9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stalled(Fault):
+    """The stage stands still whatever drives it."""
+
+    name = "stalled"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +124,8 @@ class Axis(Stateful):
 
     def changes_ns(self) -> tuple[int, ...]:
         """Return the instants at which something begins or ceases to go wrong."""
-        return tuple(at for fault in self._faults.of(*_MOVING_FAULTS) for at in (fault.start_ns, fault.end_ns))
+        moving = (fault for kind in (Slipping, Stalled, NoStop) for fault in self._faults.of(kind))
+        return tuple(at for fault in moving for at in (fault.start_ns, fault.end_ns))
 
     def commanded_velocity(self, now_ns: int) -> float:
         """Return the velocity of the trapezoid that the controller follows [deg/s]."""
@@ -138,9 +164,9 @@ class Axis(Stateful):
         self.powered = on
         if on:
             return
-        fault = self._faults.now("no-stop", now_ns)
+        fault = self._faults.now(NoStop, now_ns)
         self._follow(0, 0.0, self.stage.friction, now_ns)
-        if fault is None or fault.text != "stays":
+        if fault is None or fault.power != "stays":
             self._drive.command(0.0, self.stage.friction)
 
     def move(self, direction: int, now_ns: int) -> None:
@@ -152,20 +178,20 @@ class Axis(Stateful):
     def stop(self, now_ns: int) -> None:
         """Stop with the deceleration; the fault `no-stop` lets the stage go on."""
         self._follow(0, self.commanded_velocity(now_ns), self.deceleration, now_ns)
-        if self._faults.now("no-stop", now_ns) is None:
+        if self._faults.now(NoStop, now_ns) is None:
             self._drive.command(0.0, self.deceleration)
 
     def apply(self, now_ns: int) -> None:
         """Give the drive what holds now: grip, and a stop that was withheld."""
         if self._drive.grip is not None:
             self._drive.grip.command(self._grip(now_ns))
-        if not self._direction and self._faults.now("no-stop", now_ns) is None:
+        if not self._direction and self._faults.now(NoStop, now_ns) is None:
             self._drive.command(0.0, self._slope)
 
     def _grip(self, now_ns: int) -> float:
-        if self._faults.now("stalled", now_ns) is not None:
+        if self._faults.now(Stalled, now_ns) is not None:
             return 0.0
-        slipping = self._faults.now("slipping", now_ns)
+        slipping = self._faults.now(Slipping, now_ns)
         return 1.0 if slipping is None else slipping.share
 
     def _target(self) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 
-from hil.simulation.faults import Faults
+from hil.simulation.faults import Faults, Identity
 from hil.simulation.peers.esp301.axis import Axis
 from hil.simulation.peers.esp301.errors import ErrorBuffer, EspError
 from hil.wire.checkpoint import Kept, Stateful
@@ -83,8 +83,8 @@ class CommandSet(Stateful):
         if parameter not in {"", "?"}:
             raise EspError(_DOES_NOT_EXIST)
         if mnemonic == "VE":
-            fault = self._faults.now("identity", self._now_ns)
-            return fault.text if fault else self._version
+            fault = self._faults.now(Identity, self._now_ns)
+            return fault.value if fault else self._version
         code, ticks, text = self.errors.take(self._ticks())
         return f"{code}, {ticks}, {text}" if mnemonic == "TB" else f"{code}"
 

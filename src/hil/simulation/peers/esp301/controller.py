@@ -14,8 +14,9 @@ watched; `TV?` gives what the controller commands.
 from __future__ import annotations
 
 from hil.clock.port import NANOSECONDS
+from hil.simulation.faults import Identity
 from hil.simulation.peers.alarm import Alarm, Alarms
-from hil.simulation.peers.esp301.axis import Axis, Drive, StageTruth
+from hil.simulation.peers.esp301.axis import Axis, Drive, NoStop, Slipping, StageTruth, Stalled
 from hil.simulation.peers.esp301.commands import CommandSet
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.wire.checkpoint import Kept, Stateful
@@ -107,12 +108,12 @@ def build(setup: PeerSetup) -> Esp301:
         grip=connections.input("grip"),
         angle=connections.signal("angle"),
     )
-    if drive.grip is None and setup.faults.of("slipping", "stalled"):
+    if drive.grip is None and any(setup.faults.of(kind) for kind in (Slipping, Stalled)):
         truth.wrong("connects", "slipping and stalled need the terminal 'grip'")
     setup.finish()
     axis = Axis(1, stage, drive, setup.faults)
     return Esp301(CommandSet(version, axis, setup.faults), axis, command_ns)
 
 
-MODEL = PeerModel(link="serial", fault_kinds=("identity", "no-stop", "slipping", "stalled"), build=build)
+MODEL = PeerModel(link="serial", fault_kinds=(Identity, NoStop, Slipping, Stalled), build=build)
 """The model behind the driver `newport-esp301`."""

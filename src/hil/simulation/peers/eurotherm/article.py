@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from hil.simulation.faults import Stuck
 from hil.simulation.peers.eurotherm import memory as at
-from hil.simulation.peers.eurotherm.controller import Eurotherm3216, Make
+from hil.simulation.peers.eurotherm.controller import Eurotherm3216, Make, OtherType, Runaway
 from hil.simulation.peers.eurotherm.memory import Memory
-from hil.simulation.peers.eurotherm.sensor_input import SensorInput, SensorTruth
+from hil.simulation.peers.eurotherm.sensor_input import SensorDetached, SensorInput, SensorOpen, SensorTruth
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.power import Power
 from hil.simulation.truth import Truth
@@ -104,7 +105,7 @@ def _hexadecimal(truth: Truth, key: str, default: str) -> int:
 
 MODEL = PeerModel(
     link="serial",
-    fault_kinds=("identity", "runaway", "sensor-detached", "sensor-open", "stuck"),
+    fault_kinds=(OtherType, Runaway, SensorDetached, SensorOpen, Stuck),
     build=build,
 )
 """The model behind the driver `eurotherm-3216`."""

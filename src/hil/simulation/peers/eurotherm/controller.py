@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 from hil.clock.port import NANOSECONDS
-from hil.simulation.faults import Faults
+from hil.model.notation import matching
+from hil.simulation.faults import Fault, Faults, Stuck
 from hil.simulation.peers.alarm import Alarm
 from hil.simulation.peers.eurotherm import memory as at
 from hil.simulation.peers.eurotherm.memory import Memory
@@ -24,13 +26,29 @@ from hil.simulation.plants.terminal import InputPoint
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
-__all__ = ["Eurotherm3216", "Make"]
+__all__ = ["Eurotherm3216", "Make", "OtherType", "Runaway"]
 
 _REPLY_NS = 5_000_000
 _REMOTE_NS = 5 * NANOSECONDS
 _ALL = 100.0
 _BROKEN, _BY_HAND, _REMOTE_FAILED = 1 << 5, 1 << 4, 1 << 14
 _UNITS = {"degC": (0, 1.0, 0.0), "degF": (1, 1.8, 32.0), "K": (2, 1.0, 273.15)}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherType(Fault):
+    """A controller of another type answers: `value` is its type code."""
+
+    name = "identity"
+
+    value: Annotated[str, matching("(0x)?[0-9A-Fa-f]{1,4}")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Runaway(Fault):
+    """All that there is reaches the cooler, in the direction that was asked for last."""
+
+    name = "runaway"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,9 +210,9 @@ class Eurotherm3216(Stateful):
 
     def _drive_at(self, output: float, now_ns: int) -> None:
         if self._faults.faults:
-            if self._faults.now("stuck", now_ns):
+            if self._faults.now(Stuck, now_ns):
                 output = 0.0
-            elif self._faults.now("runaway", now_ns):
+            elif self._faults.now(Runaway, now_ns):
                 output = _ALL
         self._asked = output
         self._amplify()
@@ -212,9 +230,9 @@ class Eurotherm3216(Stateful):
             self._line.send(seal(body[:1] + reply), _REPLY_NS)
 
     def _read(self, address: int) -> int:
-        other = self._faults.now("identity", self._clock.now_ns())
+        other = self._faults.now(OtherType, self._clock.now_ns())
         if address == at.TYPE_CODE and other:
-            return int(other.text, 16)
+            return int(other.value, 16)
         if address == at.INVERTED_STATUS:
             return ~self._memory[at.STATUS]
         return self._memory[address]

@@ -4,11 +4,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hil.simulation.faults import Faults
+from hil.simulation.faults import Fault, Faults
 from hil.simulation.plants.terminal import SignalPoint
 from hil.simulation.seeds import Stream
 
-__all__ = ["SensorInput", "SensorTruth"]
+__all__ = ["SensorDetached", "SensorInput", "SensorOpen", "SensorTruth"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorOpen(Fault):
+    """The sensor is broken."""
+
+    name = "sensor-open"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorDetached(Fault):
+    """The sensor hangs in the air of the room."""
+
+    name = "sensor-detached"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,8 +58,8 @@ class SensorInput:
         """Return what conversion `number` reads in degC, or None for a broken sensor."""
         point, truth = self.place, self.truth
         if self.faults.faults:
-            if self.faults.now("sensor-open", now_ns):
+            if self.faults.now(SensorOpen, now_ns):
                 return None
-            point = self.room if self.faults.now("sensor-detached", now_ns) else self.place
+            point = self.room if self.faults.now(SensorDetached, now_ns) else self.place
         there = (point.observe() if point else truth.ambient) + truth.offset
         return there + truth.noise * self.noise.normal(number) if truth.noise else there

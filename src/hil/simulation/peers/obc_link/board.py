@@ -9,8 +9,9 @@ events 2 and 3, code HARDWARE), and a frame that a reset cuts short.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-from hil.simulation.faults import Faults
+from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.obc_link.article import Article
 from hil.simulation.peers.obc_link.bus import BoardBus
@@ -24,7 +25,7 @@ from hil.simulation.seeds import Stream as Noise
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import BusPeer, Line, PeerClock
 
-__all__ = ["ObcBoard"]
+__all__ = ["ObcBoard", "Reset"]
 
 _REPLY, _BOOT, _EVENT = 0x80, 0x41, 0x42
 _REQUESTS = range(0x01, 0x40)
@@ -32,6 +33,13 @@ _HELD = 3
 _EXPIRED, _OVERRUN = 1, 4
 _POWER_ON, _WATCHDOG_RESET = 1, 4
 _NS_PER_MS = 1_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reset(Fault):
+    """The board's watchdog resets it."""
+
+    name = "reset"
 
 
 class ObcBoard(Stateful):
@@ -104,7 +112,7 @@ class ObcBoard(Stateful):
         self._bus.attach(clock, {REQUEST_USER: self._commands, STREAM_USER: self._stream})
         self._stream.attach(clock)
         self._commands.attach(clock)
-        self._resets = Alarms(clock, [(fault.start_ns, self._reset) for fault in self._faults.of("reset")])
+        self._resets = Alarms(clock, [(fault.start_ns, self._reset) for fault in self._faults.of(Reset)])
 
     def receive(self, data: bytes) -> None:
         """Take bytes of the line; while it boots the board hears nothing."""

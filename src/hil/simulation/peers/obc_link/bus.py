@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Annotated, Protocol
 
 from hil.clock.port import NANOSECONDS
-from hil.simulation.faults import Faults
+from hil.model.notation import Complaint, Notation
+from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.alarm import Alarm
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import BusPeer, Nack, PeerClock
 
-__all__ = ["NO_ADDRESS", "OK", "SLOWEST", "BoardBus", "BusUser"]
+__all__ = ["NO_ADDRESS", "OK", "SLOWEST", "BoardBus", "BusUser", "NoAcknowledge"]
 
 OK, NO_ADDRESS = 0, 1
 SLOWEST = 100_000
@@ -29,6 +32,25 @@ class BusUser(Protocol):
     def off_bus(self) -> None:
         """Go on when the bits are through."""
         ...
+
+
+def _address(value: object) -> int:
+    if not isinstance(value, str) or not re.fullmatch(r"0x[0-7][0-9A-Fa-f]", value):
+        raise Complaint("must be an address such as '0x68'")
+    return int(value, 16)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoAcknowledge(Fault):
+    """An address of its bus does not acknowledge."""
+
+    name = "nack"
+
+    address: Annotated[int, Notation(_address, 0x08)]
+
+    def concerns(self, part: int) -> bool:
+        """Return whether it is this address."""
+        return self.address == part
 
 
 class BoardBus(Stateful):
@@ -112,7 +134,7 @@ class BoardBus(Stateful):
         return self.read(address, length) if status == OK else (status, b"")
 
     def _at(self, address: int) -> BusPeer:
-        if address not in self._peers or self._faults.now("nack", self._clock.now_ns(), address):
+        if address not in self._peers or self._faults.now(NoAcknowledge, self._clock.now_ns(), address):
             raise Nack
         return self._peers[address]
 

@@ -7,8 +7,10 @@ import re
 from hil.clock.port import NANOSECONDS
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.obc_link.article import CHANNELS, Article
-from hil.simulation.peers.obc_link.board import ObcBoard
+from hil.simulation.peers.obc_link.board import ObcBoard, Reset
+from hil.simulation.peers.obc_link.bus import NoAcknowledge
 from hil.simulation.peers.obc_link.timing import BoardClock
+from hil.simulation.peers.obc_link.uart import LoseFrames, Stall
 from hil.simulation.truth import Truth
 
 __all__ = ["MODEL", "build"]
@@ -77,5 +79,5 @@ def _hexadecimal(truth: Truth, key: str, usual: str) -> bytes:
     return bytes.fromhex(text)
 
 
-MODEL = PeerModel(link="serial", fault_kinds=("lose-frames", "nack", "reset", "stall"), build=build, serves_bus=True)
+MODEL = PeerModel(link="serial", fault_kinds=(LoseFrames, NoAcknowledge, Reset, Stall), build=build, serves_bus=True)
 """The model behind the driver `obc-link`."""

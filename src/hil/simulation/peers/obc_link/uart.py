@@ -4,13 +4,32 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated
 
-from hil.simulation.faults import Faults
+from hil.model.notation import whole
+from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
-__all__ = ["Uart"]
+__all__ = ["LoseFrames", "Stall", "Uart"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoseFrames(Fault):
+    """As many frames as it says never arrive."""
+
+    name = "lose-frames"
+
+    frames: Annotated[int, whole(1)] = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stall(Fault):
+    """Stream frames wait."""
+
+    name = "stall"
 
 
 class Uart(Stateful):
@@ -41,7 +60,7 @@ class Uart(Stateful):
         self._first = deque()
         self._waiting = deque()
         self._sending = 0
-        self._swallowed = [0] * len(faults.of("lose-frames"))
+        self._swallowed = [0] * len(faults.of(LoseFrames))
         self._line: Line
         self._clock: PeerClock
 
@@ -50,7 +69,7 @@ class Uart(Stateful):
         self._line = line
         self._clock = clock
         self._free = Alarm(clock, self._sent)
-        self._stalled = Alarms(clock, [(fault.end_ns, self._next) for fault in self._faults.of("stall")])
+        self._stalled = Alarms(clock, [(fault.end_ns, self._next) for fault in self._faults.of(Stall)])
 
     @property
     def holds_stream(self) -> bool:
@@ -89,7 +108,7 @@ class Uart(Stateful):
 
     def restored(self) -> None:
         """Count for faults that were added since, too."""
-        self._swallowed += [0] * (len(self._faults.of("lose-frames")) - len(self._swallowed))
+        self._swallowed += [0] * (len(self._faults.of(LoseFrames)) - len(self._swallowed))
 
     def _sent(self) -> None:
         self._sending = 0
@@ -100,7 +119,7 @@ class Uart(Stateful):
             return
         if self._first:
             self._put(self._first.popleft())
-        elif self._waiting and not self._faults.now("stall", self._clock.now_ns()):
+        elif self._waiting and not self._faults.now(Stall, self._clock.now_ns()):
             frame = self._waiting.popleft()
             self._sending = len(frame)
             self._put(frame, swallowed=self._swallow())
@@ -113,8 +132,8 @@ class Uart(Stateful):
         self._free.set(self._clock.now_ns() + len(frame) * self.ns_per_byte)
 
     def _swallow(self) -> bool:
-        for place, fault in enumerate(self._faults.of("lose-frames")):
-            if fault.holds(self._clock.now_ns()) and self._swallowed[place] < fault.number:
+        for place, fault in enumerate(self._faults.of(LoseFrames)):
+            if fault.holds(self._clock.now_ns()) and self._swallowed[place] < fault.frames:
                 self._swallowed[place] += 1
                 return True
         return False

@@ -2,23 +2,37 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import ClassVar, Protocol, cast
+from typing import Annotated, ClassVar, Protocol, cast
 
 from hil.clock.port import NANOSECONDS
-from hil.simulation.faults import Faults
+from hil.model.notation import matching
+from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.model import PeerSetup
 from hil.simulation.peers.sensors.registers import RegisterFile
 from hil.simulation.plants.terminal import SignalPoint
 from hil.simulation.truth import TruthError
 from hil.wire.peer import Nack, PeerClock
 
-__all__ = ["Datasheet", "Fitted", "Kept", "SensorPeer", "number_at"]
+__all__ = ["Datasheet", "Fitted", "Kept", "OtherIdentity", "SensorPeer", "number_at"]
 
 _SIZE = 0x80
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherIdentity(Fault):
+    """Another sensor answers: its identity register holds `value`."""
+
+    name = "identity"
+
+    value: Annotated[str, matching("0x[0-9A-Fa-f]{1,4}")]
+
+    @property
+    def number(self) -> int:
+        """What the register holds."""
+        return int(self.value, 16)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,9 +94,9 @@ class Fitted:
         if address not in sheet.addresses:
             known = " or ".join(f"0x{known:02X}" for known in sheet.addresses)
             raise TruthError(path, f"the {sheet.model} answers at {known}, not at 0x{address:02X}")
-        for fault in setup.faults.of("identity"):
-            if not re.fullmatch(rf"0x[0-9A-Fa-f]{{1,{2 * sheet.width}}}", fault.text):
-                message = f"expected a register value such as '0x3C', not '{fault.text}'"
+        for fault in setup.faults.of(OtherIdentity):
+            if fault.number >= 256**sheet.width:
+                message = f"'value' must fit into a register of {8 * sheet.width} bits, found '{fault.value}'"
                 raise TruthError((*path, "faults"), message)
         boot_s = setup.truth.number("boot_time", sheet.boot_s, minimum=0)
         return cls(address, setup.connections.signal("power"), round(boot_s * NANOSECONDS), setup.faults)
@@ -195,8 +209,8 @@ class SensorPeer:
 
     def _load(self, register: int) -> int:
         if register == self.sheet.identity[0]:
-            fault = self._faults.now("identity", self._clock.now_ns())
-            return int(fault.text, 16) if fault else self.sheet.identity[1]
+            fault = self._faults.now(OtherIdentity, self._clock.now_ns())
+            return fault.number if fault else self.sheet.identity[1]
         reader = self._readers.get(register)
         return reader() if reader else self._registers[register]
 

@@ -9,6 +9,7 @@ from typing import Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.simulation.faults import Saturated
 from hil.simulation.noise.rate_noise import NoiseLevels, RateNoise
 from hil.simulation.peers.model import PeerSetup
 from hil.simulation.seeds import Seeds, Stream
@@ -160,8 +161,8 @@ class RateElement:
         rates = np.zeros((len(AXES), ends_ns.size))
         for axis, point in enumerate(self._rate or ()):
             rates[axis] = point.observe_many(ends_ns)
-        for fault in self._faults.of("saturated"):
-            rates[:, (ends_ns >= fault.start_ns) & (ends_ns < fault.end_ns)] += fault.field
+        for fault in self._faults.of(Saturated):
+            rates[:, (ends_ns >= fault.start_ns) & (ends_ns < fault.end_ns)] += fault.added
         seen = rates.copy()
         for (here, other), share in zip(_MISALIGNED, self._truth.misalignment, strict=True):
             if share:
@@ -209,8 +210,8 @@ class FieldElement:
             self._noise = [self._seeds.stream(self._name, f"{name} from {start_ns}") for name in AXES]
             self._start_ns = start_ns
         field = self._field[axis].observe_at(at_ns) if self._field else 0.0
-        saturated = self._faults.now("saturated", at_ns)
-        field += saturated.field if saturated else 0.0
+        saturated = self._faults.now(Saturated, at_ns)
+        field += saturated.added if saturated else 0.0
         noise = self._rms[axis] * louder * self._noise[axis].normal(number)
         return field * (1 + self._gain[axis]) + self._offset[axis] + noise
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.clock.port import NANOSECONDS
-from hil.simulation.faults import Faults
+from hil.simulation.faults import Faults, Stuck
 from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.sensors.fifo import Fifo
 from hil.simulation.peers.sensors.grid import Grid
@@ -110,7 +110,7 @@ class Sampler:
         self._clock = clock
         self._next = Alarm(clock, self._due)
         # The last healthy sample is one that ended before the fault began.
-        stuck = [(max(0, fault.start_ns - 1), self._hold) for fault in self._faults.of("stuck")]
+        stuck = [(max(0, fault.start_ns - 1), self._hold) for fault in self._faults.of(Stuck)]
         self._stucks = Alarms(clock, stuck)
 
     def reset(self, status: int) -> None:
@@ -194,7 +194,7 @@ class Sampler:
         self._edge = self._edge or bool(what & setting.sources)
 
     def _stuck(self, samples: Samples) -> Samples:
-        for fault in self._faults.of("stuck"):
+        for fault in self._faults.of(Stuck):
             hit = (samples.ends_ns >= fault.start_ns) & (samples.ends_ns < fault.end_ns)
             if self._held is not None and hit.any():
                 samples.outputs[hit] = self._held
