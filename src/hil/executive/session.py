@@ -26,8 +26,8 @@ from hil.executive.ending.stop import Astray, StopFlags, Stopped, Turn, leave_un
 from hil.executive.journaling.events import Listener
 from hil.executive.journaling.record import Record
 from hil.executive.people.answers import Answering
-from hil.executive.resuming.earlier import Earlier
-from hil.executive.resuming.entering import Entering, ReplayOf
+from hil.executive.resuming.beginnings import NewRun
+from hil.executive.resuming.entering import Entering
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import PlannedCase
 from hil.executive.watching.host import host_of
@@ -52,8 +52,7 @@ class Session:
         answers: makes what answers questions.
         leases: what this run must hold alone, such as the ports of its instruments.
         listeners: are shown every event.
-        replay: what this run must agree with, if it is a replay.
-        earlier: the interrupted run that this one goes on with.
+        beginning: what the run begins from: nothing, an interrupted run, or a package.
 
     Attributes:
         record: what it writes down.
@@ -69,14 +68,13 @@ class Session:
         answers: Answering,
         leases: Sequence[str] = (),
         listeners: Sequence[Listener] = (),
-        replay: ReplayOf | None = None,
-        earlier: Earlier | None = None,
+        beginning: NewRun | None = None,
     ) -> None:
         self.configuration = configuration
         self.flags = StopFlags()
         self.poison = ""
         self.current: CaseRun | None = None
-        self._replay, self._earlier = replay, earlier
+        self._beginning = beginning or NewRun()
         self._made: set[Path] = set()
         self._ids = count(1)
         self._verdicts: list[Verdict] = []
@@ -106,7 +104,7 @@ class Session:
         """
         configuration = self.configuration
         alarm = self._closing.enter_context(handle_signals(self.flags))
-        self.record = Record(configuration, self.flags, leases, listeners, self._earlier, self._closing)
+        self.record = Record(configuration, self.flags, leases, listeners, self._beginning, self._closing)
         self.record.begin(planned)
         self._events = self.record.events
         self.bench = binder(self.record.transcript, self._where)
@@ -125,12 +123,9 @@ class Session:
 
     def _may_be_entered(self) -> None:
         """Enter the run again where it was, or where it was stopped to be resumed."""
-        replay, earlier = self._replay, self._earlier
-        before = replay.entries if replay else earlier.entries if earlier else ()
-        self.keeper.not_opened = replay.not_opened if replay else earlier.not_opened if earlier else {}
-        if before or self.record.entered_at is not None:
-            rows = replay.void_rows if replay else None
-            entering = Entering(self.record, self.bench, self.keeper, before, self._count_from, rows)
+        self.keeper.not_opened = self._beginning.not_opened
+        entering = Entering(self.record, self.bench, self.keeper, self._beginning, self._count_from)
+        if entering.needed:
             self._events.behind = entering.behind
 
     def _count_from(self, number: int) -> None:
@@ -159,7 +154,7 @@ class Session:
         attempt = self._attempts[planned.id] = self._attempts.get(planned.id, 0) + 1
         journal.write(events.Case(case=planned.id, attempt=attempt))
         steps = Steps(planned.id, journal, self._now, turn.undisturbed)
-        effects = Effects(journal, steps, self._replay.recall if self._replay else None, turn.undisturbed)
+        effects = Effects(journal, steps, self._beginning.recall, turn.undisturbed)
         requirements = {name: self.configuration.catalogue.requirement(name) for name in planned.requirements}
         self._began_ns = self.bench.clock.now_ns()
         scheduler.deadline_ns = self._began_ns + round(planned.max_duration_s * 1e9)

@@ -10,7 +10,8 @@ from hil.bench.bound import BoundBench
 from hil.bench.live import bind_live, bind_live_again
 from hil.evidence.folder import TRANSCRIPT
 from hil.executive.journaling.events import Listener
-from hil.executive.resuming.answered import Answered
+from hil.executive.people.answers import Answered
+from hil.executive.resuming.beginnings import ResumedRun
 from hil.executive.resuming.earlier import Earlier
 from hil.executive.resuming.preconditions import require_same_cases
 from hil.executive.session import Session
@@ -67,7 +68,7 @@ def open_resumed(
         ),
         leases=_leases(configuration),
         listeners=listeners,
-        earlier=earlier,
+        beginning=ResumedRun(earlier),
     )
 
 

@@ -12,7 +12,8 @@ from pathlib import Path
 from hil.bench.binding import bind_replayed
 from hil.evidence.package.contents import Package
 from hil.executive.people.answers import Nobody
-from hil.executive.resuming.replaying import STOPPED, differences, replay_of, replay_request, unpack
+from hil.executive.resuming.beginnings import ReplayedRun
+from hil.executive.resuming.replaying import STOPPED, differences, replay_request, unpack
 from hil.executive.session import Session
 from hil.executive.setup.configuration import Configuration, Request, configure
 from hil.executive.setup.head import PlannedCase
@@ -102,5 +103,5 @@ def _open_replayed(configuration: Configuration, planned: Sequence[PlannedCase],
             configuration.bench, transcript, record, where, outside=bool(live), speed=speed
         ),
         answers=lambda *_: Nobody(),
-        replay=replay_of(package),
+        beginning=ReplayedRun(package),
     )

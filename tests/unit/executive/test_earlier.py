@@ -11,7 +11,8 @@ from typed_events import event_of
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.journal.standing import Entry, Voided, entries, standing
 from hil.evidence.journal.writer import Journal
-from hil.executive.resuming.earlier import find_earlier, go_on_with, require_untouched
+from hil.executive.resuming.beginnings import ResumedRun, Resumption
+from hil.executive.resuming.earlier import find_earlier
 from hil.executive.resuming.preconditions import require_answers
 from hil.executive.setup.configuration import Request
 from hil.model.errors import Refused
@@ -124,7 +125,7 @@ def test_void_events_do_not_stand(tmp_path):
             rows=VOID,
         )
         with Journal(folder / "data/journal.jsonl") as journal:
-            go_on_with(earlier, journal, lambda: 99.0, entry)
+            Resumption(earlier, journal).resume(99.0, entry)
     events = read_journal(folder / "data/journal.jsonl").events
     assert [event.kind() for event in standing(events)][8:] == ["note", "resumed", "resumed"]
     assert [entry.rows for entry in entries(events)] == [VOID] * 2
@@ -135,11 +136,11 @@ def test_a_run_that_somebody_went_on_with_is_not_gone_on_with_twice(tmp_path):
     """What was found has to be there still once the folder is held."""
     folder = folder_of(tmp_path, TURN)
     earlier = find_earlier(folder)
-    require_untouched(earlier)
+    ResumedRun(earlier).take_over(folder)
     with Journal(folder / "data/journal.jsonl") as journal:
         journal.write(event_of("note", text="of another process"), 100.0)
     with pytest.raises(Refused, match="another process went on with it"):
-        require_untouched(earlier)
+        ResumedRun(earlier).take_over(folder)
 
 
 @pytest.mark.parametrize(
@@ -170,7 +171,7 @@ def test_a_run_that_was_killed_is_not_said_to_have_been_stopped(tmp_path, monkey
         place, last = found.boundary, found.lines[-1].body["seq"]
         entry = Entry(place=place.place, boundary=place.sequence, void_to=last, operations=5, at=0.0, number=1, rows=())
         with Journal(folder / "data/journal.jsonl") as journal:
-            go_on_with(found, journal, lambda: 99.0, entry)
+            Resumption(found, journal).resume(99.0, entry)
             for kind, fields in behind:
                 journal.write(event_of(kind, **fields), 99.0)
     events = read_journal(folder / "data/journal.jsonl").bodies

@@ -8,7 +8,8 @@ from typed_events import event_of
 from hil.clock import wall
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.journal.writer import Journal
-from hil.executive.resuming.earlier import find_earlier, go_on_with
+from hil.executive.resuming.beginnings import Resumption
+from hil.executive.resuming.earlier import find_earlier
 
 EVENTS = {"run": {"format": 1}, "frozen": {"files": {}}, "planned": {"cases": []}, "case": {"case": "a"}}
 
@@ -30,6 +31,6 @@ def test_a_reboot_is_an_event(tmp_path, monkeypatch, boot_id, kinds):
     monkeypatch.setattr(wall, "seconds_since", lambda _: 7200.04)
     earlier = find_earlier(tmp_path)
     with Journal(path, stamp=stamp_of(boot_id)) as journal:
-        go_on_with(earlier, journal, lambda: 0.0)
+        Resumption(earlier, journal).resume(0.0, None)
     written = [line.body for line in read_journal(path).lines[len(EVENTS) :]]
     assert [(body["kind"], body["seconds"]) for body in written] == [(kind, 7200.0) for kind in kinds]

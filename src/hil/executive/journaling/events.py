@@ -4,23 +4,50 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from typing import Protocol
 
 import msgspec
 
 from hil.clock.port import Clock
 from hil.evidence.events import NOTHING, Event
-from hil.evidence.journal.past import Past
+from hil.evidence.journal.standing import Entry
 from hil.evidence.journal.writer import Journal
 from hil.executive.ending.stop import StopFlags
 from hil.model.errors import Diverged, EvidenceError
 
-__all__ = ["DISK_FULL", "Events", "Listener"]
+__all__ = ["DISK_FULL", "Events", "Listener", "Retraced"]
 
 DISK_FULL = "disk full"
 """The reason of a stop that the disk asked for."""
 
 Listener = Callable[[Mapping[str, object]], None]
 """Takes one event body; what it raises would stop a run, so it must not raise."""
+
+
+class Retraced(Protocol):
+    """The events of an interrupted run, which a resumed one comes to again before it writes anything new."""
+
+    @property
+    def over(self) -> bool:
+        """Whether every event that comes again has come."""
+        ...
+
+    @property
+    def course(self) -> int:
+        """How many events of the run's own course stand before them, in the head of the journal."""
+        ...
+
+    def take(self, event: Event, t: float) -> bool:
+        """Return whether the journal holds this event next; see `Past.take`."""
+        ...
+
+    def skip(self, last: int) -> None:
+        """Pass over the events up to sequence number `last`, which are void."""
+        ...
+
+    def resume(self, t: float, entry: Entry | None) -> None:
+        """Write down at bench time `t` that the run was resumed, and where it was entered, if not where it was."""
+        ...
 
 
 class Events:
@@ -30,10 +57,8 @@ class Events:
         journal: where every event is written before anybody sees it.
         flags: asked to end the run once the disk is full; later events go in as far as space allows.
         past: the events of a resumed run so far, which come again first and are not written a second time.
-        count: how many events of its own course the run has already.
 
     Attributes:
-        at_new: is called once, before the first event that is new in a resumed run.
         ahead: is called before an event is written: what the event stands on goes to the operating system first.
         catch_up: is called before every event, see `Scheduler.catch_up`.
         behind: is called with the number of events of the run's own course, after each of them.
@@ -41,12 +66,11 @@ class Events:
         at_stop: is called before every event of a run that was asked to stop.
     """
 
-    def __init__(self, journal: Journal, flags: StopFlags, past: Past | None = None, count: int = 0) -> None:
+    def __init__(self, journal: Journal, flags: StopFlags, past: Retraced | None = None) -> None:
         self._journal = journal
         self._flags = flags
         self._past = past
-        self._count = count
-        self.at_new: Callable[[], None] = lambda: None
+        self._count = past.course if past else 0
         self.ahead: Callable[[], None] = lambda: None
         self.catch_up: Callable[[], None] = lambda: None
         self.behind: Callable[[int], None] = lambda _: None
@@ -83,7 +107,7 @@ class Events:
             self.at_stop()
         with self._flags.undisturbed():  # where bench time came to the present is told by the number of events
             self.catch_up()
-            t = self._clock.now() if self._clock else 0.0
+            t = self._now()
             if not self._comes_again(event, t):
                 self._append(event, t, beside)
             if self._listeners:
@@ -112,11 +136,14 @@ class Events:
         """Whether the journal holds events that have not come again yet."""
         return self._past is not None and not self._past.over
 
-    def end_of_past(self) -> None:
-        """Note that everything has come again, if it has."""
+    def end_of_past(self, entry: Entry | None = None) -> None:
+        """Note that everything has come again, if it has, and where the run was entered, if not where it was."""
         if self._past is not None and self._past.over:
-            self._past = None
-            self.at_new()
+            past, self._past = self._past, None
+            past.resume(self._now(), entry)
+
+    def _now(self) -> float:
+        return self._clock.now() if self._clock else 0.0
 
     def _append(self, event: Event, t: float, beside: Mapping[str, object]) -> None:
         with suppress(OSError):  # a full disk is told by who looks after it

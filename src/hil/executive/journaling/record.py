@@ -4,33 +4,66 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from functools import partial
 from io import FileIO
 from pathlib import Path
+from typing import Protocol
 
 from hil.bench.bound import BoundBench
 from hil.bench.lease import Lease, refuse_latched
-from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE, TRANSCRIPT, create, hold, renew_reserve, require_space
-from hil.evidence.journal.past import Past
-from hil.evidence.journal.standing import Entry
+from hil.evidence.folder import JOURNAL, RESERVE, TRANSCRIPT, hold
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.sealing import ReportWriter, seal
-from hil.evidence.recordings.reverting import revert
 from hil.executive.ending.stop import StopFlags
-from hil.executive.journaling.events import Events, Listener
+from hil.executive.journaling.checkpoints import Checkpoints
+from hil.executive.journaling.events import Events, Listener, Retraced
 from hil.executive.journaling.row_store import RowStore
 from hil.executive.journaling.upkeep import Upkeep
-from hil.executive.resuming.checkpoints import Checkpoints
-from hil.executive.resuming.earlier import Earlier, go_on_with, require_untouched
 from hil.executive.setup.configuration import Configuration
-from hil.executive.setup.head import PlannedCase, write_head
+from hil.executive.setup.head import PlannedCase
 from hil.model.errors import Diverged, EvidenceError
-from hil.wire.transcript import Transcript, count_operations, past_lines
+from hil.wire.transcript import Transcript, past_lines
 
-__all__ = ["Record"]
+__all__ = ["Beginning", "Record"]
 
-_LEAST_SPACE = 50_000_000
-_AGAIN = "free some space, and resume the run; or seal it as it is with hil seal"
+
+class Beginning(Protocol):
+    """What a run begins from, for its record: a folder of its own, or that of an interrupted run.
+
+    Attributes:
+        resumes: whether the folder holds rows and operations that come again before anything new is written.
+    """
+
+    resumes: bool
+
+    def require_space(self, configuration: Configuration) -> None:
+        """Require space for what the run will write.
+
+        Raises:
+            Refused: if there is too little.
+        """
+        ...
+
+    def open_folder(self, configuration: Configuration) -> Path:
+        """Return the run's folder."""
+        ...
+
+    def take_over(self, folder: Path) -> None:
+        """Make a folder ready that is held by now.
+
+        Raises:
+            Refused: if another process went on with it.
+        """
+        ...
+
+    def past(self, journal: Journal) -> Retraced | None:
+        """Return the events that come again, None where none do."""
+        ...
+
+    def write_head(
+        self, configuration: Configuration, planned: Sequence[PlannedCase], folder: Path, events: Events
+    ) -> None:
+        """Write the first events, or show those that stand there already."""
+        ...
 
 
 class Record:
@@ -41,7 +74,7 @@ class Record:
         flags: stop requests.
         leases: what the run must hold alone.
         listeners: are shown every event.
-        earlier: the interrupted run that goes on, None for a new one.
+        beginning: what the run begins from.
         closing: lets go of folder and leases when the run is over.
     """
 
@@ -51,28 +84,23 @@ class Record:
         flags: StopFlags,
         leases: Sequence[str],
         listeners: Sequence[Listener],
-        earlier: Earlier | None,
+        beginning: Beginning,
         closing: ExitStack,
     ) -> None:
         self._configuration = configuration
-        self._earlier = earlier
+        self._beginning = beginning
         self._checkpoints: Checkpoints | None = None
         self._bench: BoundBench | None = None
-        self._retraces = earlier is not None
-        self._go_on: Callable[..., None] = lambda *_: None
+        self._retraces = beginning.resumes
         self.folder = self._open_folder(leases, closing)
         closing.enter_context(hold(self.folder))
-        if earlier:
-            require_untouched(earlier)
-            renew_reserve(self.folder)
-            revert(self.folder / RECORDINGS, (line.body for line in earlier.lines if line.body["kind"] == "recording"))
+        beginning.take_over(self.folder)
         self._journal = Journal(self.folder / JOURNAL, reserve=self.folder / RESERVE)
-        past_events = Past(earlier.lines) if earlier else None
-        self.events = Events(self._journal, flags, past_events, earlier.own_course if earlier else 0)
+        self.events = Events(self._journal, flags, beginning.past(self._journal))
         for listener in listeners:
             self.events.listen(listener)
-        self.store = RowStore(self.folder, self.events, again=earlier is not None)
-        past = past_lines(self.folder / TRANSCRIPT) if earlier else None
+        self.store = RowStore(self.folder, self.events, again=beginning.resumes)
+        past = past_lines(self.folder / TRANSCRIPT) if beginning.resumes else None
         self._sink = FileIO(self.folder / TRANSCRIPT, "a" if past else "w")
         self.transcript = Transcript(self._sink, past)
         self.upkeep = Upkeep(self.folder, self.events, self.store, self.transcript, flags)
@@ -80,11 +108,7 @@ class Record:
 
     def begin(self, planned: Sequence[PlannedCase]) -> None:
         """Write the head of a new run; that of an interrupted one stands there already, and is only shown."""
-        if self._earlier is None:
-            write_head(self._configuration, planned, self.folder, self.events)
-        else:
-            for line in self._earlier.head:
-                self.events.show(line.body)
+        self._beginning.write_head(self._configuration, planned, self.folder, self.events)
 
     def follow(self, bench: BoundBench, *, checkpoints: bool) -> None:
         """Stamp events with the bench's time, and write down where it is if `checkpoints`."""
@@ -92,49 +116,10 @@ class Record:
         self.events.follow(bench.clock)
         if bench.live is not None:  # it is not made again from a checkpoint: each event needs the operations before it
             self.events.ahead = self._ahead
-        if self._earlier is not None:
-            self._go_on = partial(go_on_with, self._earlier, self._journal, bench.clock.now)
-            self.events.at_new = self._go_on
         if checkpoints:
             self._checkpoints = Checkpoints(self.folder, bench)
             self.events.listen(self._released)
             self.upkeep.checkpoint = self._note_progress
-
-    @property
-    def entered_at(self) -> int | None:
-        """The place in the run's own course at which it is entered again, None where it is not."""
-        return self._earlier.boundary.place if self._earlier and self._earlier.boundary else None
-
-    @property
-    def last_ns(self) -> int:
-        """The latest instant that an interrupted run wrote down."""
-        return self._earlier.last_ns if self._earlier else 0
-
-    @property
-    def stood_s(self) -> float:
-        """How long the bench stood safe before that, in bench time."""
-        return self._earlier.stood_s if self._earlier else 0.0
-
-    def entry(self, place: int) -> Entry:
-        """Return what is void if the run is entered here now."""
-        if self._earlier is None or self._earlier.boundary is None:
-            raise RuntimeError("nothing is entered again")
-        return Entry(
-            place=place,
-            boundary=self._earlier.boundary.sequence,
-            void_to=self._earlier.lines[-1].body["seq"],
-            operations=count_operations(self.folder / TRANSCRIPT),
-            at=0.0,
-            number=self._earlier.next_recording,
-            rows=tuple(self.store.held(self._earlier.boundary.kept, self._earlier.begun_behind)),
-            kept=self._earlier.boundary.kept,
-            over=self._earlier.boundary.over,
-        )
-
-    def resumed(self, entry: Entry) -> None:
-        """Write down that the run is entered again."""
-        self.events.at_new = lambda: self._go_on(entry)
-        self.events.end_of_past()
 
     def leave_open(self) -> None:
         """Write down where the bench is, and close everything without a seal, so that the run can be resumed."""
@@ -200,14 +185,11 @@ class Record:
 
     def _open_folder(self, leases: Sequence[str], closing: ExitStack) -> Path:
         configuration = self._configuration
-        require_space(configuration.reports, _LEAST_SPACE, *([_AGAIN] if self._earlier else []))
+        self._beginning.require_space(configuration)
         self.leases = leases
         self.lease = lease = Lease(leases, f"a run of {', '.join(plan.name for plan in configuration.plans)}")
         closing.callback(lease.release)
         refuse_latched(leases)
-        if self._earlier is not None:
-            folder = self._earlier.folder
-        else:
-            folder = create(configuration.reports, bench=configuration.bench.name, dut=configuration.dut.serial)
+        folder = self._beginning.open_folder(configuration)
         lease.name(folder.name)
         return folder

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
 from pathlib import Path
@@ -16,15 +16,14 @@ from hil.evidence import events
 from hil.evidence.events.codec import KINDS
 from hil.evidence.folder import JOURNAL, hold, is_sealed
 from hil.evidence.journal.reader import Body, JournalLine, cut_torn_tail, read_journal, require_known_format
-from hil.evidence.journal.standing import Entry, entries, standing, standing_bodies
-from hil.evidence.journal.writer import Journal
-from hil.executive.resuming.checkpoints import read_checkpoint
+from hil.evidence.journal.standing import Entry, entries, standing_bodies
+from hil.executive.journaling.checkpoints import read_checkpoint
 from hil.executive.watching.keeper import FIRST_ARMING
 from hil.model.errors import EvidenceError, Refused
 from hil.model.verdict import Verdict
 from hil.wire.checkpoint import Checkpoint
 
-__all__ = ["Earlier", "find_earlier", "go_on_with", "not_opened", "require_untouched"]
+__all__ = ["Boundary", "Earlier", "find_earlier", "not_opened"]
 
 _HEAD = frozenset({"anomaly", "frozen", "orphan", "planned", "run"})
 _AFTER = {"end": "has ended", "recovered": "is being sealed", "results": "has ended"}
@@ -200,16 +199,6 @@ def find_earlier(folder: Path) -> Earlier:
     return replace(earlier, boundary=_boundary(earlier))
 
 
-def require_untouched(earlier: Earlier) -> None:
-    """Require that nobody went on with a run, or sealed it, since it was found; its folder is held by now.
-
-    Raises:
-        Refused: if somebody did.
-    """
-    if is_sealed(earlier.folder) or (earlier.folder / JOURNAL).stat().st_size != earlier.size:
-        raise Refused(f"{earlier.folder.name}: another process went on with it meanwhile", "see it with hil status")
-
-
 def _cut(folder: Path) -> int:
     try:
         return cut_torn_tail(folder)
@@ -257,55 +246,6 @@ def _can_be_entered(event: Body, ended: Collection[str]) -> bool:
     if kind == "case-end":
         return bool(event["verdict"] != Verdict.ABORTED)
     return kind == "case" or (kind == "step" and "turn" in event)
-
-
-def go_on_with(earlier: Earlier, journal: Journal, now: Callable[[], float], entry: Entry | None = None) -> None:
-    """Write down that an interrupted run goes on, before its first new event.
-
-    Args:
-        earlier: the interrupted run.
-        journal: its journal.
-        now: bench time in s.
-        entry: where it is entered again, None where it goes on where it was.
-    """
-    last = earlier.last_wall
-    beside, seconds = {"interrupted": last}, round(wall.seconds_since(str(last["utc"])), 1)
-    if last["boot_id"] != wall.stamp().boot_id:
-        rebooted = events.Reboot(text="the machine was started anew meanwhile", seconds=seconds)
-        journal.write(rebooted, now(), beside=beside)
-    resumed = events.Resumed(
-        number=earlier.resumes + 1,
-        checkpoint=earlier.checkpoint.at_ns / NANOSECONDS if earlier.checkpoint else 0.0,
-        torn_bytes=earlier.torn,
-        deviation=earlier.deviation,
-        seconds=seconds,
-        text="the run was interrupted, and went on here" if entry is None else _entered(earlier),
-        entry=_told(entry) if entry else None,
-    )
-    journal.write(resumed, now(), beside=beside)
-
-
-def _entered(earlier: Earlier) -> str:
-    told = standing([line.event for line in earlier.lines])
-    stop = next((event for event in told if isinstance(event, events.Stop)), None)
-    how = f"stopped by {stop.reason}" if stop else "interrupted"
-    if earlier.boundary and earlier.boundary.over:
-        return f"{how} behind its last case; nothing but the way to the safe state is driven, and the end made anew"
-    where = "recording" if earlier.boundary and earlier.boundary.kept else "turn or case"
-    return f"{how}, and entered again where the last {where} began; what came behind that is void"
-
-
-def _told(entry: Entry) -> events.Entry:
-    return events.Entry(
-        place=entry.place,
-        boundary=entry.boundary,
-        void_to=entry.void_to,
-        operations=entry.operations,
-        number=entry.number,
-        rows=entry.rows,
-        kept=entry.kept,
-        over=entry.over,
-    )
 
 
 def not_opened(events: Iterable[Mapping[str, Any]]) -> dict[int, Gate]:

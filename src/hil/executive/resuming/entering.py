@@ -2,42 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from hil.bench.bound import BoundBench
-from hil.bench.gate import Gate
 from hil.clock.port import NANOSECONDS
-from hil.evidence import events
+from hil.evidence.folder import TRANSCRIPT
 from hil.evidence.journal.standing import Entry
-from hil.executive.cases.effects import Recall
 from hil.executive.journaling.record import Record
+from hil.executive.resuming.beginnings import NewRun
+from hil.executive.resuming.earlier import Boundary, Earlier
 from hil.executive.watching.keeper import BenchKeeper
 from hil.model.errors import HilError
+from hil.wire.transcript import count_operations
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-__all__ = ["Entering", "NotArmedAgain", "ReplayOf"]
-
-
-@dataclass(frozen=True, slots=True)
-class ReplayOf:
-    """What a replay has to agree with.
-
-    Attributes:
-        recall: the effects of the run.
-        entries: where it was entered again.
-        void_rows: returns rows of its recordings, shape (rows, 1 + channels): a replay does not make the void ones.
-        not_opened: the gates of the host that ended its armings, see `BenchKeeper`.
-    """
-
-    recall: Recall
-    entries: Sequence[Entry]
-    void_rows: Callable[[events.Voided], NDArray[np.float64]]
-    not_opened: Mapping[int, Gate]
+__all__ = ["Entering", "NotArmedAgain"]
 
 
 class NotArmedAgain(HilError):
@@ -56,9 +34,8 @@ class Entering:
         record: what the run writes down.
         bench: its bench.
         keeper: arms the bench.
-        earlier: where the run was entered before.
+        beginning: what the run begins from.
         number: is told the number of the next recording.
-        void_rows: returns rows of the record, shape (rows, 1 + channels), for a replay that has not made them.
     """
 
     def __init__(
@@ -66,18 +43,24 @@ class Entering:
         record: Record,
         bench: BoundBench,
         keeper: BenchKeeper,
-        earlier: Sequence[Entry],
+        beginning: NewRun,
         number: Callable[[int], None],
-        void_rows: Callable[[events.Voided], NDArray[np.float64]] | None = None,
     ) -> None:
         self._record = record
         self._bench = bench
         self._keeper = keeper
         self._places: dict[int, list[Entry]] = {}
-        for entry in earlier:
+        for entry in beginning.entries:
             self._places.setdefault(entry.place, []).append(entry)
         self._number = number
-        self._void_rows = void_rows
+        self._void_rows = beginning.void_rows
+        self._earlier = beginning.earlier
+        self._boundary = beginning.earlier.boundary if beginning.earlier else None
+
+    @property
+    def needed(self) -> bool:
+        """Whether there is a place at which the run is entered."""
+        return bool(self._places) or self._boundary is not None
 
     def behind(self, place: int) -> None:
         """Enter the run if this is the place; called behind every event of its own course.
@@ -86,7 +69,7 @@ class Entering:
             NotArmedAgain: if the bench cannot be armed.
             DeviceFault: if an output or a stream does not go on.
         """
-        entries, anew = self._places.pop(place, []), place == self._record.entered_at
+        entries, anew = self._places.pop(place, []), self._boundary is not None and place == self._boundary.place
         if not entries and not anew:
             return
         with self._keeper.scheduler.flags.undisturbed():  # nothing looks after a bench that is being armed
@@ -120,16 +103,32 @@ class Entering:
 
     def _anew(self, place: int) -> bool:
         """Enter the run here now, and return whether it is over."""
-        entry = self._record.entry(place)
+        if self._earlier is None or self._boundary is None:
+            raise RuntimeError("nothing is entered again")
+        entry = self._entry(place, self._earlier, self._boundary)
         self._pass_over(entry)
         if self._bench.live is None:
             self._bench.go_on()
-        self._bench.clock.wait_until(self._record.last_ns)  # what is recorded now comes behind what is void
-        self._bench.clock.sleep(self._record.stood_s)
+        self._bench.clock.wait_until(self._earlier.last_ns)  # what is recorded now comes behind what is void
+        self._bench.clock.sleep(self._earlier.stood_s)
         if self._bench.live is not None:  # a clock that follows boot time would let everybody wait for that
             self._bench.go_on()
-        self._record.resumed(entry)
+        self._record.events.end_of_past(entry)
         return entry.over
+
+    def _entry(self, place: int, earlier: Earlier, boundary: Boundary) -> Entry:
+        """Return what is void if the run is entered here now."""
+        return Entry(
+            place=place,
+            boundary=boundary.sequence,
+            void_to=earlier.lines[-1].body["seq"],
+            operations=count_operations(earlier.folder / TRANSCRIPT),
+            at=0.0,
+            number=earlier.next_recording,
+            rows=tuple(self._record.store.held(boundary.kept, earlier.begun_behind)),
+            kept=boundary.kept,
+            over=boundary.over,
+        )
 
     def _pass_over(self, entry: Entry) -> None:
         self._record.events.skip(entry.void_to)

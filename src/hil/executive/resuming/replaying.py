@@ -8,34 +8,23 @@ import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from hil.evidence import events
-from hil.evidence.journal.standing import entries
 from hil.evidence.package.contents import Package
-from hil.executive.cases.effects import Recall
-from hil.executive.resuming.earlier import not_opened
-from hil.executive.resuming.entering import ReplayOf
 from hil.executive.setup.configuration import Request
 from hil.executive.setup.head import DESELECTED, ENDED_BEFORE
 from hil.model.errors import Diverged, EvidenceError
 from hil.model.identity import Purpose, Source
 from hil.model.verdict import Verdict
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-__all__ = ["STOPPED", "differences", "replay_of", "replay_request", "unpack"]
+__all__ = ["STOPPED", "differences", "replay_request", "unpack"]
 
 STOPPED = frozenset({Verdict.ABORTED, Verdict.NOT_RUN})
 """The verdicts of cases that did not come to an end of their own."""
 
 _LAYOUT = ("testplans", "fixtures")
 _OF_REQUEST = frozenset({"bench", "dut", "operator", "overrides", "plans", "purpose", "skips"})
-
-_ANSWERED = frozenset({"asks"})
-"""A person is not asked again; everything else comes from the recorded bytes."""
 
 _MINUS_ZERO = re.compile(r"(?<!\S)-0(?!\S)")
 """What earlier versions said of a current that is zero from below."""
@@ -102,24 +91,6 @@ def _left_out(package: Package) -> dict[str, str]:
     """Return the cases that plain pytest was not asked for, or did not come to, with why."""
     left_out = (each for each in package.of(events.NotRun) if each.reason in {DESELECTED, ENDED_BEFORE})
     return {each.case: each.reason for each in left_out}
-
-
-def replay_of(package: Package) -> ReplayOf:
-    """Return what the replay of a run must agree with."""
-
-    def void_rows(part: events.Voided) -> NDArray[np.float64]:
-        import numpy as np  # noqa: PLC0415 - slow to import
-
-        found = package.recording(part.recording)
-        columns = [found.time, *found.arrays.values()]
-        return np.column_stack([column[part.first : part.end] for column in columns])
-
-    return ReplayOf(
-        Recall(package.of(events.Effect), _ANSWERED),
-        entries(package.of(events.Resumed)),
-        void_rows,
-        not_opened(package.events()),
-    )
 
 
 def differences(recorded: Package, replayed: Package) -> tuple[tuple[str, ...], int]:
