@@ -36,7 +36,7 @@ def test_a_published_cycle():
     """Level 1, C/2 from the supply: energies and times of a whole cycle are near the first of the campaign's table."""
     clock, terminal = VirtualClock(), Terminal()
     battery = build("battery", 5_000_000_000, Truth({}, ("truth",)))
-    clock.advance_first(battery.advance)
+    battery.follow(clock.now_ns)
     cycler = MODEL.build(
         PeerSetup(
             instrument=InstrumentSpec(name="cycler", driver="cycler"),

@@ -32,7 +32,7 @@ class ControllerLine:
     def __init__(self, *, faults=(), connects=None, **truth) -> None:
         self.clock = VirtualClock()
         self.chamber = chamber()
-        self.clock.advance_first(self.chamber.advance)
+        self.chamber.follow(self.clock.now_ns)
         connects = _CONNECTS if connects is None else connects
         self.peer = MODEL.build(
             PeerSetup(

@@ -45,7 +45,7 @@ def facing(
     clock = VirtualClock()
     plants = plants or {}
     for plant in plants.values():
-        clock.advance_first(plant.advance)
+        plant.follow(clock.now_ns)
     spec = InstrumentSpec(name="device", driver="any", address=address)
     known = fault_kinds(model)
     wrong = read_faults(faults, ("faults",), known)

@@ -69,7 +69,7 @@ class Controller:
     def __init__(self, *, faults=(), truth=None, connects=CONNECTS, **plant_truth) -> None:
         self.clock = VirtualClock()
         self.table = plant(**plant_truth)
-        self.clock.advance_first(self.table.advance)
+        self.table.follow(self.clock.now_ns)
         wrong = read_faults(faults, ("faults",), fault_kinds(MODEL))
         setup = PeerSetup(
             instrument=InstrumentSpec(name="device", driver="newport-esp301"),

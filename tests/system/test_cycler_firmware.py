@@ -421,7 +421,7 @@ def cycled(model, hours):
     """Return the lines of a test of level 1 with a small battery behind a device."""
     clock, terminal = VirtualClock(), Terminal()
     battery = build("battery", 5_000_000_000, Truth({"capacity": "0.7", "charge": "0.3"}, ("truth",)))
-    clock.advance_first(battery.advance)
+    battery.follow(clock.now_ns)
     setup = PeerSetup(
         instrument=InstrumentSpec(name="cycler", driver="cycler"),
         truth=Truth({"level": "1", "cycles": "1"}, ("truth",)),

@@ -42,8 +42,8 @@ class VirtualClock:
     """A next-event clock.
 
     Time is an integer number of nanoseconds, so that sums of steps are exact and two runs agree.
-    Before an instant's events happen, the plants are advanced to it: physics comes first. Events at
-    one instant happen in the order of their device, then in the order in which they were asked for.
+    Events at one instant happen in the order of their device, then in the order in which they were
+    asked for. Plants follow the clock: whoever looks at one sees it as it is at that instant.
 
     Args:
         epoch: the bench's epoch in UTC, ISO 8601; simulated UTC is this plus the virtual time.
@@ -57,7 +57,6 @@ class VirtualClock:
         self._now_ns = 0
         self._events: list[tuple[int, int, int, Event]] = []
         self.asked = 0
-        self._plants: list[Callable[[int], None]] = []
         self._at_this_instant = 0
         self._waiting = "nobody"
         self._awaited_ns = 0  # until when somebody lets time pass, whatever happens meanwhile
@@ -90,10 +89,6 @@ class VirtualClock:
         if state["now_ns"] != self._now_ns:
             raise ValueError(f"the state is of {state['now_ns']} ns, the clock is at {self._now_ns} ns")
         self.asked = state["asked"]
-
-    def advance_first(self, plant: Callable[[int], None]) -> None:
-        """Call `plant` with every instant that time reaches, before that instant's events."""
-        self._plants.append(plant)
 
     def at(self, when_ns: int, action: Callable[[], None], number: int | None = None, *, device: int = 0) -> Event:
         """Let `action` happen at `when_ns`, at once if that has passed; `device` orders equal instants.
@@ -137,10 +132,17 @@ class VirtualClock:
         events, self._waiting = self._events, "nobody"
         while events and events[0][0] <= when_ns:
             due_ns, _, _, event = heappop(events)
-            if not event.cancelled:
-                self._awaited_ns = when_ns
-                self._happen(due_ns, event)
-        self._move(when_ns)
+            if event.cancelled:
+                continue
+            self._awaited_ns = when_ns
+            if due_ns > self._now_ns:
+                self._now_ns, self._at_this_instant = due_ns, 0
+            self._at_this_instant += 1
+            if self._at_this_instant > _MOST_EVENTS_AT_ONE_INSTANT:
+                raise self._crowded()
+            event.action()
+        if when_ns > self._now_ns:
+            self._now_ns, self._at_this_instant = when_ns, 0
 
     def run(self, deadline_ns: int, done: Callable[[], bool], who: str = "nobody") -> bool:
         """Let time pass until `done()` or the deadline; return whether it was done.
@@ -153,29 +155,20 @@ class VirtualClock:
             while events and events[0][3].cancelled:
                 heappop(events)
             if not events or events[0][0] > deadline_ns:
-                self._move(deadline_ns)
+                if deadline_ns > self._now_ns:
+                    self._now_ns, self._at_this_instant = deadline_ns, 0
                 return done()
             due_ns, _, _, event = heappop(events)
             self._awaited_ns = 0  # any event may be what is waited for
-            self._happen(due_ns, event)
+            if due_ns > self._now_ns:
+                self._now_ns, self._at_this_instant = due_ns, 0
+            self._at_this_instant += 1
+            if self._at_this_instant > _MOST_EVENTS_AT_ONE_INSTANT:
+                raise self._crowded()
+            event.action()
         return True
 
-    def _move(self, when_ns: int) -> None:
-        if when_ns > self._now_ns:
-            self._now_ns = when_ns
-            self._at_this_instant = 0
-            for plant in self._plants:
-                plant(when_ns)
-
-    def _happen(self, when_ns: int, event: Event) -> None:
-        if when_ns > self._now_ns:
-            self._now_ns = when_ns
-            self._at_this_instant = 0
-            for plant in self._plants:
-                plant(when_ns)
-        self._at_this_instant += 1
-        if self._at_this_instant > _MOST_EVENTS_AT_ONE_INSTANT:
-            raise ClockError(
-                f"more than {_MOST_EVENTS_AT_ONE_INSTANT} events at {self.now():.9f} s while {self._waiting} waits"
-            )
-        event.action()
+    def _crowded(self) -> ClockError:
+        return ClockError(
+            f"more than {_MOST_EVENTS_AT_ONE_INSTANT} events at {self.now():.9f} s while {self._waiting} waits"
+        )

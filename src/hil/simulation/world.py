@@ -132,7 +132,7 @@ class _Builder:
     def world(self) -> World:
         """Return what was built, with plants and buses on the clock, and served buses behind their instruments."""
         for plant in self._plants.values():
-            self._clock.advance_first(plant.advance)
+            plant.follow(self._clock.now_ns)
         world = World(
             clock=self._clock,
             plants=self._plants,

@@ -26,15 +26,6 @@ def test_events_of_one_instant_follow_device_then_number():
     assert order == ["first device", "second device", "second device, later"]
 
 
-def test_plants_are_advanced_before_the_events_of_an_instant():
-    """Physics comes first, at every instant that time reaches."""
-    clock, order = VirtualClock(), []
-    clock.advance_first(lambda when: order.append(("plant", when)))
-    clock.at(7, lambda: order.append(("event", 7)))
-    clock.wait_until(9)
-    assert order == [("plant", 7), ("event", 7), ("plant", 9)]
-
-
 def test_a_wait_ends_with_the_event_that_satisfies_it():
     """Time stops at the last byte and does not go on to the deadline."""
     clock, box = VirtualClock(), []

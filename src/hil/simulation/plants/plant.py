@@ -84,6 +84,7 @@ class Plant(Stateful, ABC):
         self._present: tuple[Vector, Inputs, float] | None = None  # what `observe` sees until time or inputs change
         self._past: tuple[int, Vector, Inputs] | None = None  # what `observe_at` saw last; no command changes the past
         self._listeners: list[Callable[[], None]] = []
+        self._time: Callable[[], int] = self._last_advanced_ns
 
     @abstractmethod
     def step(self, state: Vector, inputs: Inputs, dt: float) -> Vector:
@@ -117,12 +118,19 @@ class Plant(Stateful, ABC):
         """The inputs that hold now."""
         return self._moments[-1].inputs
 
+    def follow(self, now_ns: Callable[[], int]) -> None:
+        """Keep up with a clock by itself: grid points are committed when somebody looks or commands next.
+
+        Physics does not depend on polling, so that committing them late tells the same.
+        """
+        self._time = now_ns
+
     def listen(self, callback: Callable[[], None]) -> None:
         """Call back after every command that changed an input."""
         self._listeners.append(callback)
 
     def advance(self, when_ns: int) -> None:
-        """Commit every grid point up to `when_ns`; the clock calls this before an instant's events."""
+        """Commit every grid point up to `when_ns`, which is now."""
         self._now_ns, self._present = when_ns, None
         moments = self._moments
         while self._next_ns <= when_ns:
@@ -135,8 +143,9 @@ class Plant(Stateful, ABC):
             moments.append(moment := _Moment(self._next_ns, ahead, last.inputs))
             if self._further:
                 self._ahead = (moment, self._further.popleft(), self._grid_ns)
+            oldest_ns = self._next_ns - _KEPT_NS
             self._next_ns += self._grid_ns
-            while len(moments) > 2 and moments[1].at_ns < when_ns - _KEPT_NS:
+            while len(moments) > 2 and moments[1].at_ns < oldest_ns:
                 moments.popleft()
 
     def command(self, **values: Value) -> None:
@@ -148,6 +157,8 @@ class Plant(Stateful, ABC):
             raise ValueError(f"plant {self.name} has no input {', '.join(sorted(unknown))}")
         if inputs == last.inputs:
             return
+        self._keep_up()
+        last = self._moments[-1]
         state = last.state
         if last.at_ns == self._now_ns:
             self._moments.pop()
@@ -161,6 +172,9 @@ class Plant(Stateful, ABC):
 
     def observe(self, signal: str) -> float:
         """Return a signal at the present instant, commands of this instant included."""
+        now_ns = self._time()
+        if now_ns != self._now_ns:
+            self.advance(now_ns)
         return self.signal(signal, *(self._present or self._see()))
 
     def observing(self, signals: tuple[str, ...]) -> Callable[[Sequence[int]], list[Vector]]:
@@ -172,6 +186,7 @@ class Plant(Stateful, ABC):
 
         def observe(times_ns: Sequence[int]) -> list[Vector]:
             nonlocal known
+            self._keep_up()
             inputs = self._moments[-1].inputs
             if known[0] is not inputs:
                 known = (inputs, self.places(signals, inputs))
@@ -187,6 +202,7 @@ class Plant(Stateful, ABC):
         So the answer does not depend on whether somebody asks before or after such a command. Only at the epoch
         itself there is no before.
         """
+        self._keep_up()
         if self._past is None or self._past[0] != at_ns:
             moment = next((item for item in reversed(self._moments) if item.at_ns < at_ns), self._moments[0])
             if at_ns < moment.at_ns or at_ns > self._now_ns:
@@ -207,6 +223,7 @@ class Plant(Stateful, ABC):
         """
         if not times_ns.size:
             return np.empty(0)
+        self._keep_up()
         first, last = int(times_ns[0]), int(times_ns[-1])
         moments = self._moments_between(first, last)
         if first < moments[0].at_ns or last > self._now_ns:
@@ -218,12 +235,25 @@ class Plant(Stateful, ABC):
         value, slope = lines[place].T
         return np.asarray(value + slope * (times_ns - starts[place]), dtype=np.float64)
 
+    def state(self) -> Mapping[str, object]:
+        """Return everything that the plant needs to go on, as JSON values."""
+        self._keep_up()
+        return super().state()
+
     def restored(self) -> None:
         """Forget what was seen and foreseen."""
         self._next_ns = self._end_ns(self._moments[-1])
         self._ahead = (None, (), self._grid_ns)
         self._further.clear()
         self._present = self._past = None
+
+    def _keep_up(self) -> None:
+        now_ns = self._time()
+        if now_ns != self._now_ns:
+            self.advance(now_ns)
+
+    def _last_advanced_ns(self) -> int:
+        return self._now_ns
 
     def _see(self) -> tuple[Vector, Inputs, float]:
         """Return state, inputs and the bench's time in s of the present instant, and keep them until it is over."""

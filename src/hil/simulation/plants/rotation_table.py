@@ -93,6 +93,7 @@ class RotationTable(Plant):
         """Return a signal at many rising instants of the last two seconds, in closed form."""
         if not times_ns.size:
             return np.empty(0)
+        self._keep_up()
         first, last = int(times_ns[0]), int(times_ns[-1])
         moments = self._moments_between(first, last)
         if first < moments[0].at_ns or last > self._now_ns:
