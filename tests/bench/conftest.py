@@ -8,6 +8,7 @@ import pytest
 
 TURNS = 20_000
 COSTS = pytest.StashKey[list]()
+PAIRS = pytest.StashKey[list]()
 
 
 def reference_loop():
@@ -21,6 +22,7 @@ def reference_loop():
 def pytest_configure(config):
     """Begin a list of costs."""
     config.stash[COSTS] = []
+    config.stash[PAIRS] = []
 
 
 @pytest.fixture(scope="session")
@@ -49,8 +51,29 @@ def cost(benchmark, turn, request):
     return measure
 
 
+@pytest.fixture
+def pair(request):
+    """Measure two functions in turns, and note the ratio of the least times of both."""
+
+    def measure(what, ours, theirs, *, units=1, rounds=9):
+        tries = [(_seconds(ours) / units, _seconds(theirs) / units) for _ in range(rounds)]
+        least = [min(each) for each in zip(*tries, strict=True)]
+        request.config.stash[PAIRS].append((what, *least))
+
+    return measure
+
+
+def _seconds(function):
+    began = time.perf_counter()
+    function()
+    return time.perf_counter() - began
+
+
 def pytest_terminal_summary(terminalreporter, config):
     """Show what things cost."""
+    for what, ours, theirs in config.stash.get(PAIRS, []):
+        terminalreporter.section("pairs, measured in turns")
+        terminalreporter.write_line(f"{what:<58} {ours * 1e6:.1f} us / {theirs * 1e6:.1f} us = {ours / theirs:.2f}")
     if not config.stash.get(COSTS, []):
         return
     terminalreporter.section("what things cost, in turns of a plain Python loop")

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from io import FileIO
 from types import SimpleNamespace
 
 import pytest
+import pyvisa
 from adcs_bench import adcs
 
 from hil.bench.binding import bind_simulated
+from hil.bench.bound import url_of
 from hil.bench.envelope import Monitor
 from hil.executive.ending.stop import StopFlags
 from hil.executive.watching.scheduler import Scheduler
+from hil.wire.opening import open_bus
 from hil.wire.transcript import Transcript
 
 CALLS = 200
@@ -44,20 +48,59 @@ def times(function):
 
 def test_an_operation_on_a_bus(bench, cost):
     """One register over the tapped bus: two messages, noted in the transcript."""
-    bus = bench.drivers["mag1"]._connection.bus
+    name = bench.spec.instrument("mag1").bus
+    bus = open_bus("mag1", url_of(bench.source, bench.spec, name), bench.clock, bench.transcript)
     read = cost("I2C transaction (one register)", times(lambda: bus.read_byte_data(0x1C, 0x0F)), units=CALLS)
     assert read == 0x3D
 
 
 def test_an_operation_on_a_stream(bench, cost):
     """One query and its line over the tapped port, without any driver's session."""
+    assert b"E36312A" in cost("stream transaction (*IDN? and its reply)", times(asking(bench)), units=CALLS)
+
+
+def test_a_simulated_line_beside_pyvisa_sim(bench, tmp_path, pair):
+    """The same question and reply by pyvisa-sim, which computes no physics and records nothing."""
+    ask = asking(bench)
+
+    def ours():
+        times(ask)()
+        bench.transcript.flush()
+
+    with canned(tmp_path / "canned.yaml", ask().decode("ascii").rstrip()) as other:
+        assert other() == ask()
+        pair("*IDN? and its reply, here and by pyvisa-sim", ours, times(other), units=CALLS)
+
+
+def asking(bench):
+    """Return a function that asks the supply for its identification."""
     port = bench.drivers["psu1"]._connection.port
 
     def ask():
         port.write(b"*IDN?\n")
         return port.read_line()
 
-    assert b"E36312A" in cost("stream transaction (*IDN? and its reply)", times(ask), units=CALLS)
+    return ask
+
+
+@contextmanager
+def canned(path, reply):
+    """Give a function that asks pyvisa-sim, which answers with this text, on the level of bytes."""
+    ends = '{ASRL INSTR: {q: "\\n", r: "\\n"}, TCPIP INSTR: {q: "\\n", r: "\\n"}}'
+    path.write_text(
+        f'spec: "1.0"\ndevices:\n  psu: {{eom: {ends}, dialogues: [{{q: "*IDN?", r: "{reply}"}}]}}\n'
+        "resources:\n  TCPIP::localhost::inst0::INSTR: {device: psu}\n",
+        encoding="ascii",
+    )
+    manager = pyvisa.ResourceManager(f"{path}@sim")
+    with manager.open_resource("TCPIP::localhost::inst0::INSTR") as supply:
+
+        def ask():
+            supply.write_raw(b"*IDN?\n")
+            return supply.read_raw()
+
+        yield ask
+    manager.close()
 
 
 def test_a_sample_over_i2c(bench, cost):

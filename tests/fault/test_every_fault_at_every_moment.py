@@ -51,21 +51,21 @@ MOMENTS = {"arm": 0.0, "case": 10.0, "safe-off": 20.0, "within the safe-off": 20
 
 
 class Dropped:
-    """A port whose far end is gone from an instant on."""
+    """The far end of a port that is gone from an instant on."""
 
-    def __init__(self, serial, clock, start_s):
-        self.__dict__.update(serial=serial, clock=clock, start_s=start_s)
+    def __init__(self, end, clock, start_s):
+        self.__dict__.update(end=end, clock=clock, start_s=start_s)
 
     def __getattr__(self, name):
         if (
-            name in {"exchange", "read", "write", "in_waiting", "reset_input_buffer"}
+            name in {"exchange", "read", "write", "waiting", "discard"}
             and self.clock.now() >= self.start_s
         ):
             raise SerialException("the device is gone")
-        return getattr(self.serial, name)
+        return getattr(self.end, name)
 
     def __setattr__(self, name, value):
-        setattr(self.serial, name, value)
+        setattr(self.end, name, value)
 
 
 def with_rigol():
@@ -119,7 +119,7 @@ def must_be_safe(spec, device, name, faults, moment):
     with bound(with_peer(spec, device, faults=rows)) as bench:
         if not faults:
             port = next(port for port in bench.ports if port.device == device)
-            port._serial = Dropped(port._serial, bench.clock, start)
+            port._end = Dropped(port._end, bench.clock, start)
         bench.world.plants["coil"].command(board="z_plus")
         armed = all(gate.ok for gates in (unpowered_gates, energised_gates) for gate in gates(bench, None))
         if armed:

@@ -25,7 +25,7 @@ class Cell(Battery):
 
     lines = 0
 
-    def advance(self, now_ns):
+    def follow(self, now_ns):
         """Let time pass: nothing happens in between."""
 
     def observe(self, name):

@@ -9,10 +9,10 @@ from hil.model.errors import Refused
 if TYPE_CHECKING:
     from hil.wire.port import I2cBus
 
-__all__ = ["Stream", "find_bus", "find_stream", "publish_bus", "publish_stream", "withdraw"]
+__all__ = ["FarEnd", "find_bus", "find_stream", "publish_bus", "publish_stream", "withdraw"]
 
 
-class Stream(Protocol):
+class FarEnd(Protocol):
     """The far end of an open byte stream, as the URL handlers need it."""
 
     def opened(self) -> None:
@@ -48,11 +48,11 @@ class Stream(Protocol):
         ...
 
 
-_streams: dict[str, Stream] = {}
+_streams: dict[str, FarEnd] = {}
 _buses: dict[str, I2cBus] = {}
 
 
-def publish_stream(url: str, stream: Stream) -> None:
+def publish_stream(url: str, stream: FarEnd) -> None:
     """Let `stream` be found under `url`; two worlds of one name in a process are refused."""
     if url in _streams:
         raise Refused(f"{url} is in use by another bench of this process", "end that run first")
@@ -73,7 +73,7 @@ def withdraw(world: str) -> None:
         _buses.pop(url, None)
 
 
-def find_stream(url: str) -> Stream | None:
+def find_stream(url: str) -> FarEnd | None:
     """Return the stream of that URL, or None."""
     return _streams.get(url)
 

@@ -20,7 +20,7 @@ _DTR_LOW_S = 0.1
 
 
 class LiveStream:
-    """An open serial device or socket. See `hil.wire.exchange.Stream`.
+    """An open serial device or socket. See `hil.wire.exchange.FarEnd`.
 
     Args:
         device: the instrument's name.

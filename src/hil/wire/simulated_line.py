@@ -46,6 +46,7 @@ class SimulatedLine(Stateful):
         self._peer = peer
         self._clock = clock
         self._number = number
+        self._now_ns = clock.now_ns
         self._ns_per_byte = round(_BITS_PER_BYTE * NANOSECONDS / baud) if baud else 0
         self._buffer = buffer
         self._received = bytearray()
@@ -87,15 +88,16 @@ class SimulatedLine(Stateful):
     def write(self, data: bytes) -> None:
         """Let the bits take their time, then give the bytes to the peer."""
         if self._ns_per_byte:
-            self._clock.wait_until(self._clock.now_ns() + len(data) * self._ns_per_byte)
+            self._clock.wait_until(self._now_ns() + len(data) * self._ns_per_byte)
         self._peer.receive(data)
 
     def exchange(self, data: bytes, timeout: float) -> bytes:
         """Write, let time pass until a byte is here or the timeout is over, and give what is here."""
-        deadline_ns = self._clock.now_ns() + round(timeout * NANOSECONDS)
+        deadline_ns = self._now_ns() + round(timeout * NANOSECONDS)
         self.write(data)
-        self._arrive()
-        if not self._received and self._clock.now_ns() < deadline_ns:
+        if self._on_the_way:
+            self._arrive()
+        if not self._received and self._now_ns() < deadline_ns:
             self._wait(1, deadline_ns)
         received = bytes(self._received)
         self._received.clear()
@@ -107,18 +109,14 @@ class SimulatedLine(Stateful):
             self._arrive()
         received = self._received
         if timeout and len(received) < size:
-            self._wait(size, self._clock.now_ns() + round(timeout * NANOSECONDS))
-        if len(received) <= size:
-            data = bytes(received)
-            received.clear()
-            return data
+            self._wait(size, self._now_ns() + round(timeout * NANOSECONDS))
         data = bytes(received[:size])
         del received[:size]
         return data
 
     def waiting(self) -> int:
         """Return the bytes at hand; looking for ever without letting time pass is an error."""
-        now_ns = self._clock.now_ns()
+        now_ns = self._now_ns()
         self._looks = self._looks + 1 if now_ns == self._last_look_ns else 0
         self._last_look_ns = now_ns
         if self._looks > _MOST_LOOKS_AT_ONE_INSTANT:
@@ -133,7 +131,7 @@ class SimulatedLine(Stateful):
 
     def send(self, data: bytes, after_ns: int = 0) -> None:
         """Take bytes from the peer; the first leaves after `after_ns`, behind what is still being sent."""
-        start_ns = max(self._clock.now_ns() + after_ns, self._free_at_ns)
+        start_ns = max(self._now_ns() + after_ns, self._free_at_ns)
         self._free_at_ns = arrives_ns = start_ns + len(data) * self._ns_per_byte
         self._on_the_way.append((arrives_ns, data))
         if self._awaited:
@@ -160,7 +158,7 @@ class SimulatedLine(Stateful):
         way = self._on_the_way
         if not way:
             return
-        now_ns, come = self._clock.now_ns(), []
+        now_ns, come = self._now_ns(), []
         while way and way[0][0] <= now_ns:
             come.append(way.popleft()[1])
         if come and self._open:

@@ -6,17 +6,16 @@ import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from serial import SerialException
-
 from hil.clock.port import Clock
 from hil.model.errors import NoReply
+from hil.wire.exchange import FarEnd
 from hil.wire.port import I2cBus
 from hil.wire.transcript import Transcript
 
 if TYPE_CHECKING:
     from smbus2 import i2c_msg
 
-__all__ = ["LONGEST_TRANSACTION", "TappedBus", "TappedPort", "message_bytes"]
+__all__ = ["LONGEST_TRANSACTION", "Opened", "TappedBus", "TappedPort", "message_bytes"]
 
 LONGEST_TRANSACTION = 0.5
 """Seconds that one operation may take at most: nothing looks at stop flags and monitors in the meantime."""
@@ -26,24 +25,17 @@ _READ_FLAG = 0x0001
 _Result = TypeVar("_Result")
 
 
-class _Serial(Protocol):
-    """The part of a pyserial port that the tap uses; pyserial's classes share no typed base that has it."""
-
-    timeout: float | None
-    dtr: bool
+class Opened(Protocol):
+    """An open port, as `hil.wire.protocols` make it: the far end of its stream, and how it is let go of."""
 
     @property
-    def in_waiting(self) -> int: ...
+    def end(self) -> FarEnd:
+        """The far end."""
+        ...
 
-    def exchange(self, data: bytes, /) -> bytes: ...
-
-    def read(self, size: int = 1, /) -> bytes: ...
-
-    def write(self, data: bytes, /) -> int | None: ...
-
-    def reset_input_buffer(self) -> None: ...
-
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Close the port."""
+        ...
 
 
 class _Tap:
@@ -52,8 +44,10 @@ class _Tap:
     def __init__(self, device: str, clock: Clock, transcript: Transcript) -> None:
         self.device = device
         self._clock = clock
+        self._now_ns = clock.now_ns
         self._look = clock.look
         self._transcript = transcript
+        self._note = transcript.note
 
     def _operate(
         self,
@@ -63,25 +57,18 @@ class _Tap:
         sent: bytes = b"",
         received: Callable[[_Result], bytes] | None = None,
     ) -> _Result:
-        start_ns = self._clock.now_ns()
+        start_ns = self._now_ns()
         try:
             result = operation()
-        except (OSError, SerialException) as error:
+        except OSError as error:
             self._failed(name, start_ns, error, sent)
             raise
-        self._transcript.note(
-            self.device,
-            name,
-            start_ns,
-            self._look(),
-            sent=sent,
-            received=received(result) if received else b"",
-        )
+        self._note(self.device, name, start_ns, self._look(), sent, received(result) if received else b"")
         return result
 
     def _failed(self, name: str, start_ns: int, error: Exception, sent: bytes = b"") -> None:
         number = getattr(error, "errno", None) or 0
-        self._transcript.note(self.device, name, start_ns, self._look(), sent=sent, error=f"{number}")
+        self._note(self.device, name, start_ns, self._look(), sent, error=f"{number}")
 
 
 class TappedPort(_Tap):
@@ -89,7 +76,7 @@ class TappedPort(_Tap):
 
     Args:
         device: the instrument's name.
-        serial: the open pyserial port, whatever its URL.
+        port: the open port, whatever its URL.
         clock: the bench's clock.
         transcript: where operations are noted.
         timeout: seconds that a read waits, 0.5 at most.
@@ -98,13 +85,14 @@ class TappedPort(_Tap):
     def __init__(
         self,
         device: str,
-        serial: _Serial,
+        port: Opened,
         clock: Clock,
         transcript: Transcript,
         timeout: float = LONGEST_TRANSACTION,
     ) -> None:
         super().__init__(device, clock, transcript)
-        self._serial = serial
+        self._port = port
+        self._end = port.end
         self._ahead = bytearray()
         self._timeout = -1.0
         self.timeout = timeout
@@ -116,46 +104,43 @@ class TappedPort(_Tap):
 
     @timeout.setter
     def timeout(self, seconds: float) -> None:
-        if seconds == self._timeout:
-            return
         if not 0 <= seconds <= LONGEST_TRANSACTION:
             raise ValueError(f"{self.device}: a timeout is 0 to {LONGEST_TRANSACTION} s, not {seconds}")
         self._timeout = seconds
-        self._serial.timeout = seconds
 
     @property
     def in_waiting(self) -> int:
         """The number of bytes that can be read without waiting."""
-        start_ns = self._clock.now_ns()
+        start_ns = self._now_ns()
         try:
-            waiting = self._serial.in_waiting
-        except (OSError, SerialException) as error:
+            waiting = self._end.waiting()
+        except OSError as error:
             self._failed("waiting", start_ns, error)
             raise self._gone(error) from error
         now_ns = self._look()
-        self._transcript.note(self.device, "waiting", start_ns, now_ns, received=waiting.to_bytes(4))
+        self._note(self.device, "waiting", start_ns, now_ns, b"", waiting.to_bytes(4))
         return len(self._ahead) + waiting
 
     def write(self, data: bytes) -> int:
         """Write all bytes and return their number."""
-        start_ns = self._clock.now_ns()
+        start_ns = self._now_ns()
         try:
-            self._serial.write(data)
-        except (OSError, SerialException) as error:
+            self._end.write(data)
+        except OSError as error:
             self._failed("write", start_ns, error, data)
             raise self._gone(error) from error
-        self._transcript.note(self.device, "write", start_ns, self._look(), sent=data)
+        self._note(self.device, "write", start_ns, self._look(), data)
         return len(data)
 
     def exchange(self, data: bytes) -> bytes:
         """Write all bytes, and return what comes: the first byte within the timeout, and what is there with it."""
-        start_ns = self._clock.now_ns()
+        start_ns = self._now_ns()
         try:
-            received = self._serial.exchange(data)
-        except (OSError, SerialException) as error:
+            received = self._end.exchange(data, self._timeout)
+        except OSError as error:
             self._failed("exchange", start_ns, error, data)
             raise self._gone(error) from error
-        self._transcript.note(self.device, "exchange", start_ns, self._clock.now_ns(), sent=data, received=received)
+        self._note(self.device, "exchange", start_ns, self._now_ns(), data, received)
         return received
 
     def read(self, size: int = 1) -> bytes:
@@ -181,7 +166,7 @@ class TappedPort(_Tap):
     def reset_input_buffer(self) -> None:
         """Throw away what was received and not read."""
         self._ahead.clear()
-        self._guard(lambda: self._operate("discard", self._serial.reset_input_buffer))
+        self._guard(lambda: self._operate("discard", self._end.discard))
 
     def pulse_dtr(self) -> None:
         """Let the modem line DTR fall, and rise after 0.1 s."""
@@ -189,27 +174,26 @@ class TappedPort(_Tap):
 
     def close(self) -> None:
         """Close the stream."""
-        self._serial.close()
+        self._port.close()
 
     def _pulse(self) -> None:
-        self._serial.dtr = False
         self._clock.sleep(_DTR_LOW_S)
-        self._serial.dtr = True
+        self._end.dtr_rose()
 
     def _read(self, size: int) -> bytes:
-        start_ns = self._clock.now_ns()
+        start_ns = self._now_ns()
         try:
-            data = self._serial.read(size)
-        except (OSError, SerialException) as error:
+            data = self._end.read(size, self._timeout)
+        except OSError as error:
             self._failed("read", start_ns, error)
             raise self._gone(error) from error
-        self._transcript.note(self.device, "read", start_ns, self._look(), received=data)
+        self._note(self.device, "read", start_ns, self._look(), b"", data)
         return data
 
     def _guard(self, operation: Callable[[], None]) -> None:
         try:
             operation()
-        except (OSError, SerialException) as error:
+        except OSError as error:
             raise self._gone(error) from error
 
     def _gone(self, error: Exception) -> NoReply:

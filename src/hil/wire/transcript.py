@@ -66,7 +66,8 @@ class Transcript:
         self._past = past or iter(())
         self._held = next(self._past, "")
         self._sequence = 0
-        self._waiting = bytearray(b"" if past else HEADER.encode())
+        self._lines = [] if past else [HEADER]
+        self._waiting = bytearray()
 
     @property
     def operations(self) -> int:
@@ -88,7 +89,6 @@ class Transcript:
         name: str,
         start_ns: int,
         end_ns: int,
-        *,
         sent: bytes = b"",
         received: bytes = b"",
         error: str = "",
@@ -102,8 +102,10 @@ class Transcript:
             return
         line = f"{self._sequence}\t{device}\t{name}\t{start_ns}\t{end_ns}\t{sent.hex()}\t{received.hex()}\t{error}\n"
         self._sequence += 1
-        if not self._is_past(line):
-            self._waiting += line.encode()
+        if self._held:
+            self._compare(line)
+        else:
+            self._lines.append(line)
 
     def skip(self, operations: int) -> None:
         """Pass over what the file holds up to that number of operations: they are not done again."""
@@ -119,6 +121,8 @@ class Transcript:
         """
         if self._sink is None:
             return
+        self._waiting += "".join(self._lines).encode()
+        self._lines.clear()
         while self._waiting:
             written = self._sink.write(self._waiting)
             del self._waiting[:written]
@@ -133,15 +137,14 @@ class Transcript:
         if self._sink is not None:
             os.fsync(self._sink.fileno())
 
-    def _is_past(self, line: str) -> bool:
-        """Return whether the file holds this line; after its last one there is no past any more."""
+    def _compare(self, line: str) -> None:
+        """Compare an operation with the one that the file holds in its place."""
         held = self._held
-        if held and held != line:
+        if held != line:
             error = Diverged(f"transcript: {line.strip()[:_SHOWN]!r}, but the record holds {held.strip()[:_SHOWN]!r}")
             self.at_divergence(error)
             raise error
-        self._held = next(self._past, "") if held else ""
-        return bool(held)
+        self._held = next(self._past, "")
 
 
 def past_lines(path: Path) -> Iterator[str] | None:

@@ -24,6 +24,9 @@ class FaultySerialPeer(Stateful):
         peer: the healthy peer.
         faults: what goes wrong.
         noise: decides which bits are hit.
+
+    Attributes:
+        receive: takes bytes; those of the peer itself unless it is dead at times.
     """
 
     _peer: Kept[SerialPeer]
@@ -33,6 +36,7 @@ class FaultySerialPeer(Stateful):
         self._peer = peer
         self._faults = faults
         self._noise = noise
+        self.receive: Callable[[bytes], None] = self._take if faults.faults else peer.receive
         self._chatty = faults.of(Chatty)
         self._line: Line
         self._clock: PeerClock
@@ -56,9 +60,9 @@ class FaultySerialPeer(Stateful):
         if isinstance(self._peer, Openable) and not _cut(self._faults, self._clock.now_ns()):
             self._peer.opened()
 
-    def receive(self, data: bytes) -> None:
+    def _take(self, data: bytes) -> None:
         """Pass bytes on, unless the peer is dead."""
-        if not (self._faults.faults and _cut(self._faults, self._clock.now_ns())):
+        if not _cut(self._faults, self._clock.now_ns()):
             self._peer.receive(data)
 
     def send(self, data: bytes, after_ns: int = 0) -> None:

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from serial import PortNotOpenError, SerialBase, SerialException
 
-from hil.wire.exchange import Stream, find_stream
+from hil.wire.exchange import FarEnd, find_stream
 
 __all__ = ["UrlPort"]
 
@@ -20,7 +20,7 @@ class UrlPort(SerialBase):
 
     scheme: ClassVar[str] = ""
 
-    _stream: Stream | None = None
+    _stream: FarEnd | None = None
 
     def open(self) -> None:
         """Find the stream of the URL and tell it."""
@@ -41,19 +41,13 @@ class UrlPort(SerialBase):
     @property
     def in_waiting(self) -> int:
         """The number of bytes that can be read at once."""
-        return self._end.waiting()
+        return self.end.waiting()
 
     def read(self, size: int = 1, /) -> bytes:
         """Return `size` bytes, or what came within the timeout; without a timeout it is refused."""
         if self.timeout is None:
             raise SerialException(f"{self.portstr}: a read without a timeout could wait for ever")
-        return self._end.read(size, self.timeout)
-
-    def exchange(self, data: bytes) -> bytes:
-        """Write all bytes, and return what is there once a byte has come, within the timeout; it needs one."""
-        if self.timeout is None:
-            raise SerialException(f"{self.portstr}: a read without a timeout could wait for ever")
-        return self._end.exchange(data, self.timeout)
+        return self.end.read(size, self.timeout)
 
     def read_until(self, expected: bytes = b"\n", size: int | None = None) -> bytes:
         """Return bytes up to and with `expected`, or `size` bytes, or what came until nothing did."""
@@ -67,7 +61,7 @@ class UrlPort(SerialBase):
 
     def write(self, data: bytes, /) -> int:  # type: ignore[override]  # the stub allows None for closed ports
         """Write all bytes."""
-        self._end.write(bytes(data))
+        self.end.write(bytes(data))
         return len(data)
 
     def flush(self) -> None:
@@ -75,13 +69,14 @@ class UrlPort(SerialBase):
 
     def reset_input_buffer(self) -> None:
         """Throw away what was received and not read."""
-        self._end.discard()
+        self.end.discard()
 
     def reset_output_buffer(self) -> None:
         """Return at once: nothing is ever queued."""
 
     @property
-    def _end(self) -> Stream:
+    def end(self) -> FarEnd:
+        """The far end of the stream, which a tap talks to without a detour."""
         if self._stream is None:
             raise PortNotOpenError
         return self._stream
@@ -95,7 +90,7 @@ class UrlPort(SerialBase):
     def _update_dtr_state(self) -> None:
         """Tell the far end that DTR rises; nobody listens to its fall."""
         if self.dtr:
-            self._end.dtr_rose()
+            self.end.dtr_rose()
 
     def _update_break_state(self) -> None:
         """Accept it; no peer listens to a break."""
