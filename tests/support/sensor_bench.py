@@ -139,7 +139,7 @@ class Bench:
         self.chip = chip
         self.clock = VirtualClock()
         self.supply = Table()
-        self.clock.advance_first(self.supply.advance)
+        self.supply.follow(self.clock.now_ns)
         self.seeds = Seeds(5)
         self.peer = self.build("sensor", chip.model, truth, faults)
         self.peer.attach(self.clock)
