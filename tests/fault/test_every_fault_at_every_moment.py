@@ -57,10 +57,7 @@ class Dropped:
         self.__dict__.update(end=end, clock=clock, start_s=start_s)
 
     def __getattr__(self, name):
-        if (
-            name in {"exchange", "read", "write", "waiting", "discard"}
-            and self.clock.now() >= self.start_s
-        ):
+        if name in {"exchange", "read", "write", "waiting", "discard"} and self.clock.now() >= self.start_s:
             raise SerialException("the device is gone")
         return getattr(self.end, name)
 
