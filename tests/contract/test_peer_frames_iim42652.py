@@ -50,7 +50,7 @@ class Bench:
         self.clock = VirtualClock()
         self.table = Table()
 <<<<<<< HEAD
-        self.clock.advance_first(self.table.advance)
+        self.table.follow(self.clock.now_ns)
         wrong = read_faults(faults, ("faults",), fault_kinds(MODEL))
 =======
         self.table.follow(self.clock.now_ns)
