@@ -49,13 +49,8 @@ class Bench:
     def __init__(self, *, truth=None, faults=(), connects=None) -> None:
         self.clock = VirtualClock()
         self.table = Table()
-<<<<<<< HEAD
         self.table.follow(self.clock.now_ns)
         wrong = read_faults(faults, ("faults",), fault_kinds(MODEL))
-=======
-        self.table.follow(self.clock.now_ns)
-        wrong = read_faults(faults, ("faults",), (*BUS_FAULTS, *MODEL.fault_kinds))
->>>>>>> de8fcaf (Let plants keep up with the clock when somebody looks, not at every event)
         seeds = Seeds(11)
         setup = PeerSetup(
             instrument=InstrumentSpec(name="gyro", driver="any", address=ADDRESS),
