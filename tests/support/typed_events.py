@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import types
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from enum import Enum
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -12,12 +12,22 @@ import msgspec
 from hil.evidence.events import Event, Part
 from hil.evidence.events.codec import KINDS, decode
 
-__all__ = ["event_of"]
+__all__ = ["body_of", "event_of", "events_of"]
 
 
 def event_of(kind: str, **fields: Any) -> Event:
     """Return an event; fields are JSON values, and those that are missing, inner ones too, are blank."""
     return decode({**_filled(KINDS[kind], fields), "kind": kind})
+
+
+def events_of(bodies: Iterable[Mapping[str, Any]]) -> list[Event]:
+    """Return the events that some bodies tell; what is missing is blank."""
+    return [event_of(**body) for body in bodies]
+
+
+def body_of(kind: str, **fields: Any) -> dict[str, Any]:
+    """Return the body of an event as JSON; what is missing is blank."""
+    return {**msgspec.to_builtins(event_of(kind, **fields)), "kind": kind}
 
 
 def _filled(kind: type[Part], fields: Mapping[str, Any]) -> dict[str, Any]:

@@ -6,8 +6,9 @@ import re
 from collections.abc import Iterable
 from xml.etree import ElementTree as ET
 
+from hil.evidence.events import Check
 from hil.model.verdict import Verdict
-from hil.report.material import Body, flag, inner, inners, text, texts, verdict
+from hil.report.material import Body, checks_in, flag, inner, inners, text, texts, verdict
 from hil.report.sentences import warnings
 from hil.report.summary import check_lines
 
@@ -86,15 +87,15 @@ def _case(suite: ET.Element, case: Body) -> None:
     reasons = texts(case, "reasons")
     how = {"type": word.value, "message": _line("; ".join(reasons) or word.value)}
     if word in _FAILED or word in _BROKEN:
-        told = [*reasons, *(line for check in inners(case, "checks") for line in _told(check))]
+        told = [*reasons, *(line for check in checks_in(case) for line in _told(check))]
         bad = ET.SubElement(element, "failure" if word in _FAILED else "error", how)
         bad.text = _fit("\n".join(told))
     elif word is Verdict.NOT_RUN:
         ET.SubElement(element, "skipped", how)
 
 
-def _told(check: Body) -> Iterable[str]:
-    return () if verdict(check).good else ("", *check_lines(check))
+def _told(check: Check) -> Iterable[str]:
+    return () if check.verdict.good else ("", *check_lines(check))
 
 
 def _properties(element: ET.Element, pairs: Iterable[tuple[str, str]]) -> None:

@@ -6,6 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from hil.documents.canonical import JsonError
+from hil.evidence.events import Check, Event
+from hil.evidence.events.codec import decode
 from hil.evidence.package.bag import INFO, identifier_of
 from hil.evidence.package.contents import Package
 from hil.evidence.recordings.hdf5 import Recorded
@@ -17,7 +20,20 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Body", "Material", "Trace", "decimate", "flag", "flat", "inner", "inners", "text", "texts", "verdict"]
+__all__ = [
+    "Body",
+    "Material",
+    "Trace",
+    "checks_in",
+    "decimate",
+    "flag",
+    "flat",
+    "inner",
+    "inners",
+    "text",
+    "texts",
+    "verdict",
+]
 
 Body = Mapping[str, object]
 
@@ -60,9 +76,9 @@ class Material:
         """Return the UTC at which what came from other terminals was sent; earlier records do not tell it."""
         return {line.body["seq"]: str(line.wall["sent"]) for line in self._package.lines() if "sent" in line.wall}
 
-    def events(self) -> Sequence[Body]:
-        """Return the bodies of the journal in order."""
-        return self._package.events()
+    def events(self) -> Sequence[Event]:
+        """Return the events that stand, in order."""
+        return self._package.standing
 
     def results(self) -> Body:
         """Return the results."""
@@ -133,6 +149,21 @@ def verdict(body: Body, key: str = "verdict") -> Verdict:
             f"results.json holds the verdict {word!r}, which is none of {', '.join(Verdict)}",
             "read the package with the version of hil that wrote it",
         ) from None
+
+
+def checks_in(case: Body) -> tuple[Check, ...]:
+    """Return the checks of a case of the results.
+
+    Raises:
+        EvidenceError: where one of them is damaged.
+    """
+    try:
+        found = tuple(decode(check) for check in inners(case, "checks"))
+    except JsonError as error:
+        raise EvidenceError(
+            f"results.json: case {text(case, 'case')}: {error}", "hil verify shows what is wrong"
+        ) from None
+    return tuple(check for check in found if isinstance(check, Check))
 
 
 def flat(body: Body, before: str = "") -> Iterable[tuple[str, str]]:

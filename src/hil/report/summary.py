@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
+from hil.evidence.events import Check
 from hil.model.verdict import Verdict
-from hil.report.material import Body, inner, inners, text, texts, verdict
+from hil.report.material import Body, checks_in, inner, inners, text, texts, verdict
 from hil.report.page.as_run import check_row
 from hil.report.sentences import closing_sentence, closings, counted, headline, holds, in_short, source_word, warnings
 from hil.report.tables import labelled
@@ -26,7 +27,7 @@ def closing_lines(results: Body) -> list[str]:
     return [*lines, "", *_worth(results)]
 
 
-def check_lines(check: Body) -> list[str]:
+def check_lines(check: Check) -> list[str]:
     """Return one check as a block: verdict and what it is of, then value, limit, margin, place and reason."""
     row = check_row(check)
     of = f" [{row.of}]" if row.of else ""
@@ -63,11 +64,11 @@ def _left_out(cases: Sequence[Body]) -> Iterator[str]:
 def _case_lines(case: Body) -> Iterator[str]:
     word = verdict(case)
     yield f"{word} {text(case, 'case')}"
-    if word is Verdict.NOT_RUN or not any(not verdict(check).good for check in inners(case, "checks")):
+    if word is Verdict.NOT_RUN or all(check.verdict.good for check in checks_in(case)):
         short = sorted(name for name, said in inner(case, "requirements").items() if said == Verdict.NOT_EVALUATED)
         yield from labelled([("not evaluated", ", ".join(short))], indent=_INDENT)
-    bad = [check for check in inners(case, "checks") if not verdict(check).good]
-    told = tuple(f"{text(check, 'requirement')} {text(check, 'parameter')}" for check in bad)
+    bad = [check for check in checks_in(case) if not check.verdict.good]
+    told = tuple(f"{check.requirement} {check.parameter}" for check in bad)
     for reason in in_short(word, texts(case, "reasons")):
         if not reason.startswith(told):  # its check is written out below
             yield f"{_INDENT}{reason}"

@@ -6,6 +6,7 @@ import pytest
 from evidence_runs import begin, sealed_run
 from typed_events import event_of
 
+from hil.evidence.events import Acknowledged
 from hil.evidence.folder import GUARDIAN, create, hold
 from hil.evidence.inbox import peek, post
 from hil.evidence.journal.reader import read_journal
@@ -16,6 +17,7 @@ from hil.evidence.package.verification import State, verify
 from hil.evidence.runs import status
 from hil.evidence.safed import guardian_hash, guardian_lines, is_acknowledged
 from hil.report.material import Material
+from hil.report.page.as_run import attributed
 from hil.report.page.incidents import happenings
 
 ACTED = b'{"kind":"acted","why":"the executive died"}\n'
@@ -88,11 +90,13 @@ def test_the_report_tells_when_it_was_acknowledged(folder):
     (message,) = peek(folder)
     recover(folder, write_reports=lambda _: None)
     material = Material(Package(folder))
-    (told,) = [event for event in material.events() if event["kind"] == "acknowledged"]
-    assert material.sent() == {told["seq"]: message.utc}
-    (row,) = [row for row in happenings(material.events(), {}, (), material.sent()) if row.kind == "acknowledged"]
+    (told,) = [event for event in material.events() if isinstance(event, Acknowledged)]
+    assert material.sent() == {told.seq: message.utc}
+    (row,) = [
+        row for row in happenings(attributed(material.events()), {}, (), material.sent()) if row.kind == "acknowledged"
+    ]
     assert (row.at, row.text) == (message.utc, "fuse replaced (Ada)")
-    (row,) = [row for row in happenings(material.events(), {}) if row.kind == "acknowledged"]
+    (row,) = [row for row in happenings(attributed(material.events()), {}) if row.kind == "acknowledged"]
     assert row.at == "0:00:00.0"  # of an earlier record
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import pytest
+from typed_events import event_of
 
 from hil.report.page.assemble import facts
 
@@ -12,7 +13,7 @@ from hil.report.page.assemble import facts
 def told(run):
     """Return value by label for a run that lasted two minutes."""
     material = SimpleNamespace(stamps=lambda: ("2026-11-21T20:00:00.5Z", ""), run=lambda: "a-run")
-    return {fact.label: fact.value for fact in facts(material, run, {}, [{"kind": "end", "t": 120.0}])}
+    return {fact.label: fact.value for fact in facts(material, run, {}, [event_of("end", t=120.0)])}
 
 
 @pytest.mark.parametrize(

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import pytest
+from typed_events import events_of
 
+from hil.report.page.as_run import attributed
 from hil.report.page.incidents import guarded, happenings
 
 ACTING = {"event": "acting", "why": "the executive died", "utc": "2026-11-21T23:04:14.022418Z"}
 OFF = [{"event": "off", "output": output, "ok": output != "tec"} for output in ("supply.charge", "tec", "cycler")]
 FIRST = {"event": "first pass over", "seconds": 0.167}
+
+
+def placed(*bodies):
+    """Return the events of a journal, placed."""
+    return attributed(events_of(bodies))
 
 
 @pytest.mark.parametrize(
@@ -41,7 +48,7 @@ def test_it_stands_before_what_became_of_the_run():
     resumed = {"kind": "resumed", "t": 1.0, "text": "went on", "seconds": 1.0}
     said = {"kind": "acknowledged", "t": 1.0, "text": "all is off", "by": "Ada"}
     noted = {"kind": "note", "t": 2.0, "text": "cold", "by": "Ada"}
-    rows = happenings([noted, resumed, said, noted, resumed, said], {}, acts)
+    rows = happenings(placed(noted, resumed, said, noted, resumed, said), {}, acts)
     assert [row.kind for row in rows if row.kind != "acknowledged"] == [
         "note", "guardian", "resumed", "note", "guardian", "resumed", "guardian",
     ]  # fmt: skip
@@ -56,5 +63,5 @@ def test_it_does_not_stand_before_a_resumption_behind_a_stop():
     """A run that was stopped with its bench safe, and died later: nobody had anything to acknowledge at first."""
     resumed = {"kind": "resumed", "t": 1.0, "text": "went on", "seconds": 1.0}
     said = {"kind": "acknowledged", "t": 2.0, "text": "all is off", "by": "Ada"}
-    rows = happenings([resumed, resumed, said], {}, guarded([ACTING]))
+    rows = happenings(placed(resumed, resumed, said), {}, guarded([ACTING]))
     assert [row.kind for row in rows] == ["resumed", "guardian", "resumed", "acknowledged"]

@@ -6,15 +6,18 @@ import subprocess
 import sys
 from html.parser import HTMLParser
 
+import msgspec
 import pytest
 import specimen_run
+from typed_events import event_of, events_of
 
+from hil.evidence.events import Recording
 from hil.evidence.package.contents import Package
 from hil.model.verdict import Verdict
 from hil.report.drawing.checks import charts
 from hil.report.drawing.recordings import recording_graphics
 from hil.report.material import Material
-from hil.report.page.as_run import fed_limits, recording_rows, watched_rows
+from hil.report.page.as_run import attributed, fed_limits, recording_rows, watched_rows
 from hil.report.write import HTML, JUNIT, TEMPLATES, make_reports
 
 VOID = {"meta", "path", "circle", "br", "use", "link", "img"}
@@ -376,6 +379,11 @@ def test_a_case_that_never_began_is_one_line(html):
     assert row["id"] in {attrs["href"][1:] for _, attrs in page.tags if "href" in attrs}
 
 
+def placed(bodies):
+    """Return the events of a journal, placed."""
+    return attributed(events_of(bodies))
+
+
 def test_recordings_of_a_case_that_are_alike_share_a_row():
     """Nine equal recordings are one row with their numbers and the span of their gaps; others keep theirs."""
     channel = {"name": "x", "unit": "uT", "instrument": "mag1"}
@@ -386,7 +394,7 @@ def test_recordings_of_a_case_that_are_alike_share_a_row():
         events.append({"kind": "recording", **begun, "duration": 1.0, "source": "simulated"})
         end = {"recording": identifier, "rows": 40, "gaps": gap, "complete": True}
         events.append({"kind": "recording-end", **end})
-    field, rest = recording_rows(events)
+    field, rest = recording_rows(placed(events))
     assert (field.id, field.count, field.gap, field.rows) == ("001 to 002, 004-c-field", 3, "0.1 s to 0.3 s", "40")
     assert (rest.id, rest.count, rest.gap) == ("003-c-rest", 1, "0.1 s")
 
@@ -401,8 +409,8 @@ def test_limits_that_rows_fed_have_no_gap_and_one_sentence():
         end = {"recording": f"envelope-{name}", "rows": 61, "gaps": 290_000.0, "complete": True}
         events.append({"kind": "recording-end", **end})
     events += [{"kind": "fed", "limit": name, "recording": "001-c-test"} for name in ("cell-voltage", "polarity")]
-    assert [row.gap for row in watched_rows(events)] == ["judged on rows", "judged on rows", "80 h 33 min"]
-    (sentence,) = fed_limits(events)
+    assert [row.gap for row in watched_rows(placed(events))] == ["judged on rows", "judged on rows", "80 h 33 min"]
+    (sentence,) = fed_limits(placed(events))
     assert sentence == (
         "cell-voltage, polarity were judged on every row of recording 001-c-test; they were not read"
         " separately while rows arrived in time."
@@ -438,12 +446,15 @@ def test_requirements_show_their_place_and_their_limits(html):
 
 def test_captions_promise_no_bars_that_are_not_there():
     """A chart of exact values says nothing of uncertainties; one of limits says what the shade is."""
-    exact = [specimen_run.check(1.0, "c", "A-1", "sense", expanded=0, uncertainty=0)[2] for _ in range(2)]
+    exact = [
+        event_of("check", **specimen_run.check(1.0, "c", "A-1", "sense", expanded=0, uncertainty=0)[2])
+        for _ in range(2)
+    ]
     (graphic,) = charts(exact)
     assert "uncertaint" not in graphic.described
     assert "dashed lines are limits" in graphic.described
     assert 'class="bar' not in graphic.svg
-    (mixed,) = charts([exact[0], specimen_run.check(1.0, "c", "A-1", "sense")[2]])
+    (mixed,) = charts([exact[0], event_of("check", **specimen_run.check(1.0, "c", "A-1", "sense")[2])])
     assert "bars are expanded uncertainties, known of 1" in mixed.described
 
 
@@ -483,8 +494,8 @@ def test_incidents_are_told(tmp_path):
 def test_recordings_with_the_same_channels_share_a_drawing(folder):
     """Three recordings of one case are one drawing over bench time, with holes in between."""
     material = Material(Package(folder))
-    (event,) = Package(folder).events("recording")
-    (graphic,) = recording_graphics(material, [event] * 3, [], [])[event["case"]]
+    (event,) = Package(folder).of(Recording)
+    (graphic,) = recording_graphics(material, [event] * 3, [], [])[event.case]
     assert graphic.title == "test_noise_at_rest · rest (3 recordings)"
     assert graphic.described.startswith("x from -0.")
     assert re.search(r'class="line c0 d0" d="([^"]*)"', graphic.svg)[1].count("M") == 3
@@ -492,8 +503,8 @@ def test_recordings_with_the_same_channels_share_a_drawing(folder):
 
 def test_what_the_envelope_watched_has_its_limits(folder):
     """A recording of no case is drawn over the limits that the bench file sets for its name."""
-    (event,) = Package(folder).events("recording")
-    watched = event | {"case": "", "name": "board"}
+    (event,) = Package(folder).of(Recording)
+    watched = msgspec.structs.replace(event, case=None, name="board")
     limits = [{"id": "board", "unit": "deg/s", "min": "-1", "max": "1"}, {"id": "other", "unit": "degC", "max": "99"}]
     (graphic,) = recording_graphics(Material(Package(folder)), [watched], [], limits)[""]
     assert graphic.title == "board"
@@ -502,16 +513,16 @@ def test_what_the_envelope_watched_has_its_limits(folder):
 
 def test_what_a_recording_fed_stands_behind_it(folder):
     """Limits of the envelope that rows fed are drawn, limits of checks in the same unit or of plain numbers are not."""
-    (event,) = Package(folder).events("recording")
+    (event,) = Package(folder).of(Recording)
     limits = [{"id": "rate", "unit": "deg/s", "min": "-1", "max": "1"}, {"id": "other", "unit": "deg/s", "max": "99"}]
     checks = [
-        {"case": event["case"], "value": 0.0, "unit": unit, "limit_unit": unit, "limit": {"max": "0.5"}}
+        event_of("check", case=event.case, value=0.0, unit=unit, limit_unit=unit, limit={"max": "0.5"})
         for unit in ("deg/s", "1")
     ]
-    fed = [{"limit": "rate", "recording": event["recording"]}]
+    fed = [event_of("fed", limit="rate", recording=event.recording)]
     material = Material(Package(folder))
-    (with_fed,) = recording_graphics(material, [event], checks, limits, fed)[event["case"]]
-    (without,) = recording_graphics(material, [event], checks, limits)[event["case"]]
+    (with_fed,) = recording_graphics(material, [event], checks, limits, fed)[event.case]
+    (without,) = recording_graphics(material, [event], checks, limits)[event.case]
     assert [graphic.svg.count('class="limit"') for graphic in (with_fed, without)] == [2, 1]
 
 

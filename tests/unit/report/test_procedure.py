@@ -1,5 +1,7 @@
 import specimen_run
+from typed_events import events_of
 
+from hil.evidence.events import Step
 from hil.evidence.package.contents import Package
 from hil.report.frozen import demands, requirement_entries
 from hil.report.material import Material
@@ -29,7 +31,7 @@ def drive(ordinal, **arguments):
 
 def test_specimen_as_a_procedure(folder):
     """Cases, numbered steps with bench times, drives, recordings with duration, and questions, in order."""
-    lines = procedure_lines(Package(folder).events(), requirement_entries(Material(Package(folder))))
+    lines = procedure_lines(Package(folder).standing, requirement_entries(Material(Package(folder))))
     assert lines[0] == "Procedure of gyroscope on bench flatsat (simulated): 5 cases, 13 min 20 s of bench time"
     place = lines.index(f"[1/5] {specimen_run.CASES['rest']}")
     assert lines[place + 1 : place + 10] == [
@@ -51,7 +53,7 @@ def test_specimen_as_a_procedure(folder):
 
 def test_limits_and_what_is_driven_stand_first(folder):
     """Before the cases: the roles that are driven, the deviations, and what each requirement asks for."""
-    lines = procedure_lines(Package(folder).events(), requirement_entries(Material(Package(folder))))
+    lines = procedure_lines(Package(folder).standing, requirement_entries(Material(Package(folder))))
     first = lines[: lines.index(f"[1/5] {specimen_run.CASES['rest']}")]
     assert "drives      rotation_table, supply.board" in first
     assert "deviation   parameter gyroscope.rest_duration is 600 s, the plan says 14400 s" in first
@@ -62,21 +64,21 @@ def test_limits_and_what_is_driven_stand_first(folder):
 
 def test_steps_are_numbered_as_in_the_run(folder):
     """A step has the number under which the journal, the terminal and the report know it."""
-    events = Package(folder).events()
+    events = Package(folder).standing
     lines = [line.strip() for line in procedure_lines(events, {})]
-    for step in (event for event in events if event["kind"] == "step"):
-        assert any(line.startswith(f"{step['number']}  ") and step["path"][-1] in line for line in lines)
+    for step in Package(folder).of(Step):
+        assert any(line.startswith(f"{step.number}  ") and step.path[-1] in line for line in lines)
 
 
 def test_reads_drive_nothing():
     """A read or a wait is not what a procedure drives."""
     read = drive(1) | {"effect": "reads", "name": "supply.coil.measure"}
-    assert not any("measure" in line for line in procedure_lines(planned(read), {}))
+    assert not any("measure" in line for line in procedure_lines(events_of(planned(read)), {}))
 
 
 def test_calls_alike_are_counted():
     """A step that drives the same output a thousand times stays readable."""
-    lines = procedure_lines(planned(*(drive(place, voltage=place / 10) for place in range(1, 1001))), {})
+    lines = procedure_lines(events_of(planned(*(drive(place, voltage=place / 10) for place in range(1, 1001)))), {})
     driven = [line.strip() for line in lines if line.startswith(" ") and "drives" in line]
     assert driven == [
         "drives   supply.coil.set(voltage=0.1)",
@@ -89,7 +91,9 @@ def test_calls_alike_are_counted():
 def test_arguments_are_written_as_a_person_would():
     """Figures have their unit, lists their brackets, and what is left out is none."""
     figure = {"value": 1.5, "unit": "V", "uncertainty": None, "dof": None, "status": "measured"}
-    lines = procedure_lines(planned(drive(1, voltage=figure, channels=[1, 2], mode=None, how={"fast": True})), {})
+    lines = procedure_lines(
+        events_of(planned(drive(1, voltage=figure, channels=[1, 2], mode=None, how={"fast": True}))), {}
+    )
     assert "drives   supply.coil.set(voltage=1.5 V, channels=[1, 2], mode=none, how={fast=true})" in {
         line.strip() for line in lines
     }
@@ -98,9 +102,9 @@ def test_arguments_are_written_as_a_person_would():
 def test_a_case_that_would_not_come_out_well_is_told():
     """What the simulated bench makes of a case other than PASS stands at its top, and is counted before."""
     events = planned()
-    assert not any("verdict" in line or "not passed" in line for line in procedure_lines(events, {}))
+    assert not any("verdict" in line or "not passed" in line for line in procedure_lines(events_of(events), {}))
     events[-1] |= {"verdict": "FAIL", "reasons": ["A-1 u is FAIL: too high"]}
-    lines = procedure_lines([{"kind": "run", "t": 0.0, "source": "simulated"}, *events], {})
+    lines = procedure_lines(events_of([{"kind": "run", "t": 0.0, "source": "simulated"}, *events]), {})
     assert "not passed  1 case, on the simulated bench" in lines
     assert "    verdict       FAIL; A-1 u is FAIL: too high" in lines
 
@@ -109,7 +113,7 @@ def test_what_is_done_outside_steps_has_a_heading():
     """Fixtures that set up, and checks behind the last step, do not look like part of a step."""
     check = {"kind": "check", "t": 5.0, "case": "a", "requirement": "A-1", "parameter": "u", "limit": {"max": "1"}}
     events = planned()
-    lines = procedure_lines([*events[:-1], check, events[-1]], {})
+    lines = procedure_lines(events_of([*events[:-1], check, events[-1]]), {})
     place = lines.index("    -  0:00:05.0  Outside any step")
     assert lines[place + 1].startswith("        checks   A-1 u  (≤ 1")
 
@@ -132,6 +136,6 @@ def test_a_procedure_names_what_no_case_verifies():
         "A-020": {"id": "A-020", "method": "review"},
         "A-030": {"id": "A-030", "method": "test", "withdrawn": "true"},
     }
-    lines = procedure_lines(planned(drive(1)), entries)
+    lines = procedure_lines(events_of(planned(drive(1))), entries)
     assert "no case        A-010" in lines
     assert "other methods  A-020 (review), A-030 (withdrawn)" in lines

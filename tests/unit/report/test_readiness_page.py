@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typed_events import events_of
+
 from hil.report.page.bench import armings
 
 
@@ -16,7 +18,7 @@ RESUMED = {"kind": "resumed", "t": 60.0, "entry": {"boundary": 3}}
 
 def told(*events):
     """Return title and gates of each arming."""
-    return [(arming.title, [row.name for row in arming.gates]) for arming in armings(events)]
+    return [(arming.title, [row.name for row in arming.gates]) for arming in armings(events_of(events))]
 
 
 def test_one_arming_needs_no_title():
@@ -48,10 +50,12 @@ def test_what_the_guardian_finds_at_last_is_no_gate_of_an_arming():
 def test_a_cut_path_that_was_not_tried_did_not_hold():
     """Nobody knows whether it would; one that was tried and failed is told as that."""
     found = armings(
-        (
-            gate(1.0, "cut path of cycler: relay", "within 1 s; not tried: no software is part of it"),
-            gate(1.0, "cut path of supply: relay", "0.1 A before, 0 A behind it"),
-            gate(1.0, "reduced level", "not tried: words of something else"),
+        events_of(
+            (
+                gate(1.0, "cut path of cycler: relay", "within 1 s; not tried: no software is part of it"),
+                gate(1.0, "cut path of supply: relay", "0.1 A before, 0 A behind it"),
+                gate(1.0, "reduced level", "not tried: words of something else"),
+            )
         )
     )
     assert [row.tried for row in found[0].gates] == [False, True, True]

@@ -1,5 +1,6 @@
 import pytest
 import specimen_run
+from typed_events import body_of, event_of
 
 from hil.evidence.package.contents import Package
 from hil.model.errors import EvidenceError
@@ -35,7 +36,7 @@ def test_closing_block_of_a_failed_run(folder):
 
 def test_reasons_that_a_check_tells_are_not_told_twice():
     """A case's reason that names one of its checks is left to the block of that check; others stay."""
-    check = {"requirement": "A-1", "parameter": "x", "verdict": "FAIL", "value": 3, "unit": "V", "reason": "too high"}
+    check = body_of("check", requirement="A-1", parameter="x", verdict="FAIL", value=3, unit="V", reason="too high")
     reasons = ["A-1 x is FAIL: too high", "the case took too long"]
     case = {"case": "c", "verdict": "FAIL", "reasons": reasons, "checks": [check]}
     lines = closing_lines({"verdict": "FAIL", "run": {}, "cases": [case], "requirements": []})
@@ -133,15 +134,15 @@ def test_many_requirements_are_counted():
 def test_check_without_uncertainty_says_so():
     """A number whose uncertainty is unknown is not left looking exact; a word needs none."""
     _, _, number = specimen_run.check(0.0, "a", "A-1", "current", uncertainty=None, expanded=None, value=1.5)
-    assert check_lines(number)[1] == "  value        1.5 deg/s, uncertainty not recorded"
+    assert check_lines(event_of("check", **number))[1] == "  value        1.5 deg/s, uncertainty not recorded"
     _, _, word = specimen_run.check(0.0, "a", "A-1", "hand", uncertainty=None, expanded=None, value="left")
-    assert check_lines(word)[1] == "  value        left"
+    assert check_lines(event_of("check", **word))[1] == "  value        left"
 
 
 def test_check_that_is_no_number_says_so():
     """A value that was NaN is told in words."""
     _, _, check = specimen_run.check(0.0, "a", "A-1", "current", value=None, verdict="INCONCLUSIVE", margin=None)
-    assert check_lines(check)[:2] == ["INCONCLUSIVE A-1 current", "  value        not a number"]
+    assert check_lines(event_of("check", **check))[:2] == ["INCONCLUSIVE A-1 current", "  value        not a number"]
 
 
 def test_verdict_of_another_format_is_an_error():

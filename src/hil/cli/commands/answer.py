@@ -50,7 +50,7 @@ def command(run: str, answer: str, by: str) -> int:
     if told["kind"] == "anomaly":
         click.echo(f"not taken: {told['text']}", err=True)
         return 1
-    click.echo(f"answered {told['name']}: {answered(told)} ({told['by']})")
+    click.echo(f"answered {told['name']}: {answered(told['value'])} ({told['by']})")
     return 0
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +38,6 @@ def status_lines(folder: Path) -> list[str]:
     from hil.report.live.following import Follower  # noqa: PLC0415 - heavy
     from hil.report.live.lines import reading_lines  # noqa: PLC0415 - heavy
     from hil.report.numbers import bench_time, duration  # noqa: PLC0415 - heavy
-    from hil.report.page.incidents import attached, noted  # noqa: PLC0415 - heavy
     from hil.report.tables import aligned, labelled  # noqa: PLC0415 - heavy
 
     found = status(folder)
@@ -68,19 +67,19 @@ def status_lines(folder: Path) -> list[str]:
         ("latch", latch_word(folder)),
         ("problem", found.problem),
     )
-    told: Mapping[str, Callable[[Mapping[str, Any]], str]] = {"note": noted, "attachment": attached}
     return [
         *labelled((label, printable(value)) for label, value in facts),
         *(["readings", *map(printable, reading_lines(readings, outlook.t))] if readings else []),
-        *aligned(
-            (event["kind"], bench_time(event["t"]), printable(told.get(event["kind"], _text)(event)))
-            for event in found.added
-        ),
+        *aligned((event["kind"], bench_time(event["t"]), printable(_added(event))) for event in found.added),
     ]
 
 
-def _text(event: Mapping[str, Any]) -> str:
-    return str(event["text"])
+def _added(event: Mapping[str, Any]) -> str:
+    from hil.report.page.incidents import attached, noted  # noqa: PLC0415 - heavy
+
+    if event["kind"] == "attachment":
+        return attached(event["file"], event["text"], event["by"])
+    return noted(event["text"], event["by"]) if event["kind"] == "note" else str(event["text"])
 
 
 def _machine(folder: Path, *, follow: bool) -> int:

@@ -92,6 +92,11 @@ class Package:
             return self._events
         return tuple(event for event in self._events if event["kind"] in kinds)
 
+    @property
+    def standing(self) -> tuple[Event, ...]:
+        """The events that stand, in order."""
+        return self._standing
+
     def of(self, kind: type[_Event]) -> tuple[_Event, ...]:
         """Return the events of one kind that stand, in order."""
         return tuple(event for event in self._standing if type(event) is kind)

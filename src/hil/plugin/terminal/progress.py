@@ -146,10 +146,10 @@ class Progress:
 
     def _confirmed(self, event: Mapping[str, Any]) -> None:
         self._status.quiet = False
-        self._line(f"  confirmed again {event['name']}: {answered(event)} ({event['by']})")
+        self._line(f"  confirmed again {event['name']}: {answered(event['value'])} ({event['by']})")
 
     def _answer(self, event: Mapping[str, Any]) -> None:
-        self._line(f"  answered {event['name']}: {answered(event)} ({event['by']})")
+        self._line(f"  answered {event['name']}: {answered(event['value'])} ({event['by']})")
 
     def _check(self, event: Mapping[str, Any]) -> None:
         of = f" of {event['of']}" if event["of"] else ""
@@ -192,19 +192,24 @@ class Progress:
         self._line(f"stopped by {event['reason']}", "bold magenta")
 
     def _hold(self, event: Mapping[str, Any]) -> None:
-        self._line(f"  HELD: {noted(event)}", "bold yellow")
+        self._line(f"  HELD: {noted(event['text'], event['by'])}", "bold yellow")
 
     def _hold_end(self, event: Mapping[str, Any]) -> None:
-        self._line(f"  hold {event['how']}: {noted(event)}" if event["how"] == "released" else "  hold ended", "yellow")
+        self._line(
+            f"  hold {event['how']}: {noted(event['text'], event['by'])}"
+            if event["how"] == "released"
+            else "  hold ended",
+            "yellow",
+        )
 
     def _hold_refused(self, event: Mapping[str, Any]) -> None:
-        self._line(f"  hold refused: {noted(event)}", "yellow")
+        self._line(f"  hold refused: {noted(event['text'], event['by'])}", "yellow")
 
     def _note(self, event: Mapping[str, Any]) -> None:
-        self._line(f"  note: {noted(event)}")
+        self._line(f"  note: {noted(event['text'], event['by'])}")
 
     def _attachment(self, event: Mapping[str, Any]) -> None:
-        self._line(f"  attachment: {attached(event)}")
+        self._line(f"  attachment: {attached(event['file'], event['text'], event['by'])}")
 
     def _anomaly(self, event: Mapping[str, Any]) -> None:
         if self._verbose or self._begun:  # before the first gate they are those of the catalogue's sources

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from hil.evidence.events import Check
 from hil.model.verdict import Verdict
 from hil.report.drawing.panel import (
     TITLE,
@@ -20,7 +21,6 @@ from hil.report.drawing.panel import (
     spread,
     width_of,
 )
-from hil.report.material import Body, inner, text, verdict
 from hil.report.sentences import counted
 
 __all__ = ["Point", "charts", "check_bounds", "draw_points", "short"]
@@ -49,16 +49,15 @@ class Point:
     verdict: Verdict
 
 
-def charts(checks: Sequence[Body]) -> tuple[Graphic, ...]:
+def charts(checks: Sequence[Check]) -> tuple[Graphic, ...]:
     """Return a chart for each parameter that has a limit or was checked more than once, in order of appearance.
 
     What a recording had to be is in the table: its length and rate are as planned, and nothing to look at.
     """
-    groups: dict[tuple[str, str, str], list[Body]] = {}
+    groups: dict[tuple[str, str, str], list[Check]] = {}
     for check in checks:
-        if finite(check.get("value")) is not None and not isinstance(check.get("value"), str):
-            key = (text(check, "requirement"), text(check, "parameter"), text(check, "unit"))
-            groups.setdefault(key, []).append(check)
+        if finite(check.value) is not None and not isinstance(check.value, str):
+            groups.setdefault((check.requirement, check.parameter, check.unit), []).append(check)
     return tuple(
         graphic
         for (requirement, parameter, unit), members in groups.items()
@@ -67,12 +66,12 @@ def charts(checks: Sequence[Body]) -> tuple[Graphic, ...]:
     )
 
 
-def check_bounds(check: Body) -> Band | None:
+def check_bounds(check: Check) -> Band | None:
     """Return the limit of a check as a band in the unit of its value, or None where it has no such limit."""
-    low, high = (finite(inner(check, "limit").get(side)) for side in ("min", "max"))
-    if (low is None and high is None) or text(check, "limit_unit") not in {"", text(check, "unit")}:
+    low, high = finite(check.limit.min), finite(check.limit.max)
+    if (low is None and high is None) or check.limit_unit not in {"", check.unit}:
         return None
-    return Band(unit=text(check, "unit"), low=low, high=high)
+    return Band(unit=check.unit, low=low, high=high)
 
 
 def draw_points(title: str, parameter: str, points: Sequence[Point], band: Band) -> str:
@@ -111,13 +110,13 @@ def short(case: str) -> str:
     return case.rsplit("::", 1)[-1]
 
 
-def _of_recordings(members: Sequence[Body]) -> bool:
-    return all(check_bounds(check) and text(check, "verdict") == "RECORDED" for check in members)
+def _of_recordings(members: Sequence[Check]) -> bool:
+    return all(check_bounds(check) and check.verdict is Verdict.RECORDED for check in members)
 
 
-def _chart(requirement: str, parameter: str, unit: str, members: Sequence[Body]) -> list[Graphic]:
+def _chart(requirement: str, parameter: str, unit: str, members: Sequence[Check]) -> list[Graphic]:
     title = f"{requirement} {parameter}"
-    several = len({text(check, "case") for check in members}) > 1
+    several = len({check.case for check in members}) > 1
     points = [_point(check, several=several) for check in members]
     band = check_bounds(members[0]) or Band(unit=unit, low=None, high=None)
     parts = [points[first : first + _MOST_ROWS] for first in range(0, len(points), _MOST_ROWS)]
@@ -141,14 +140,14 @@ def _told(title: str, points: Sequence[Point], band: Band) -> str:
     return f"{counted(len(points), 'check')} of {title}{within}{bars}{some}{limits}."
 
 
-def _point(check: Body, *, several: bool) -> Point:
-    same = text(check, "limit_unit") in {"", text(check, "unit")}
-    labels = (text(check, "of"), short(text(check, "case")) if several else "")
+def _point(check: Check, *, several: bool) -> Point:
+    same = check.limit_unit in {"", check.unit}
+    labels = (check.of or "", short(check.case) if several else "")
     return Point(
-        label=" · ".join(label for label in labels if label) or text(check, "parameter"),
-        value=finite(check.get("value")) or 0.0,
-        expanded=(finite(check.get("expanded")) or None) if same else None,  # of zero there is nothing to draw
-        verdict=verdict(check),
+        label=" · ".join(label for label in labels if label) or check.parameter,
+        value=finite(check.value) or 0.0,
+        expanded=(finite(check.expanded) or None) if same else None,  # of zero there is nothing to draw
+        verdict=check.verdict,
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from hil.evidence.events import Check, Fed, Recording
 from hil.report.drawing.checks import check_bounds, short
 from hil.report.drawing.panel import (
     TITLE,
@@ -22,7 +23,7 @@ from hil.report.drawing.panel import (
     spread,
     width_of,
 )
-from hil.report.material import Body, Material, Trace, decimate, inners, text
+from hil.report.material import Body, Material, Trace, decimate, text
 from hil.report.numbers import number, with_unit
 
 if TYPE_CHECKING:
@@ -44,10 +45,10 @@ _TIMES = ((7200.0, 3600.0, "h"), (300.0, 60.0, "min"))
 
 def recording_graphics(
     material: Material,
-    recordings: Sequence[Body],
-    checks: Sequence[Body],
+    recordings: Sequence[Recording],
+    checks: Sequence[Check],
     envelope: Sequence[Body],
-    fed: Sequence[Body] = (),
+    fed: Sequence[Fed] = (),
 ) -> Mapping[str, tuple[Graphic, ...]]:
     """Return by case the drawings of its recordings; those with the same channels share one over bench time.
 
@@ -59,12 +60,12 @@ def recording_graphics(
         fed: the events that tell which of them a recording fed; these stand behind its channels, and not those of
             checks, which speak of single moments of it.
     """
-    groups: dict[tuple[str, object], list[Body]] = {}
+    groups: dict[tuple[str, object], list[Recording]] = {}
     for recording in recordings:
-        channels = tuple((text(channel, "name"), text(channel, "unit")) for channel in inners(recording, "channels"))
-        groups.setdefault((text(recording, "case"), channels), []).append(recording)
+        channels = tuple((channel.name, channel.unit) for channel in recording.channels)
+        groups.setdefault((recording.case or "", channels), []).append(recording)
     drawn = list(groups.items())[:_MOST_DRAWINGS]
-    share = _ALL_POINTS // max(sum(len(inners(members[0], "channels")) for _, members in drawn), 1)
+    share = _ALL_POINTS // max(sum(len(members[0].channels) for _, members in drawn), 1)
     points = max(_FEWEST_POINTS, min(_MOST_POINTS, share))
     graphics: dict[str, tuple[Graphic, ...]] = {}
     for (case, _), members in drawn:
@@ -98,15 +99,17 @@ def draw_traces(title: str, traces: Sequence[Trace], bands: Sequence[Band]) -> s
     return sheet.svg(title, top - _BETWEEN + _BELOW)
 
 
-def _drawn(material: Material, recordings: Sequence[Body], bands: Sequence[Band], points: int) -> tuple[Graphic, ...]:
-    parts = [material.traces(text(recording, "recording")) for recording in recordings]
+def _drawn(
+    material: Material, recordings: Sequence[Recording], bands: Sequence[Band], points: int
+) -> tuple[Graphic, ...]:
+    parts = [material.traces(recording.recording) for recording in recordings]
     parts = [[trace for trace in traces if len(trace.times)] for traces in parts]
     parts = [traces for traces in parts if traces]
     if not parts:
         return ()
-    names = ", ".join(dict.fromkeys(text(recording, "name") for recording in recordings))
+    names = ", ".join(dict.fromkeys(recording.name for recording in recordings))
     count = f" ({len(parts)} recordings)" if len(parts) > 1 else ""
-    title = " · ".join(part for part in (short(text(recordings[0], "case")), names + count) if part)
+    title = " · ".join(part for part in (short(recordings[0].case or ""), names + count) if part)
     each = max(points // len(parts), 4)
     joined = [_joined([traces[place] for traces in parts], each) for place in range(len(parts[0]))]
     described = "; ".join(_told([traces[place] for traces in parts]) for place in range(len(parts[0])))
@@ -125,20 +128,20 @@ def _joined(pieces: Sequence[Trace], points: int) -> Trace:
 
 
 def _bands(
-    case: str, recordings: Sequence[Body], checks: Sequence[Body], envelope: Sequence[Body], fed: Sequence[Body]
+    case: str, recordings: Sequence[Recording], checks: Sequence[Check], envelope: Sequence[Body], fed: Sequence[Fed]
 ) -> list[Band]:
     """Return the distinct limits that hold for these recordings' channels, by unit; a plain number has no kind."""
-    units = {text(channel, "unit") for recording in recordings for channel in inners(recording, "channels")} - {"1"}
-    names = {text(recording, "name") for recording in recordings}
-    own = {text(recording, "recording") for recording in recordings}
-    meant = {text(event, "limit") for event in fed if text(event, "recording") in own}
+    units = {channel.unit for recording in recordings for channel in recording.channels} - {"1"}
+    names = {recording.name for recording in recordings}
+    own = {recording.recording for recording in recordings}
+    meant = {event.limit for event in fed if event.recording in own}
     watched = [
         Band(unit=text(limit, "unit"), low=finite(limit.get("min")), high=finite(limit.get("max")))
         for limit in envelope
         if text(limit, "id") in (meant if case else names)
     ]
     known = {band.unit for band in watched}
-    judged = [check_bounds(check) for check in checks if case and text(check, "case") == case]
+    judged = [check_bounds(check) for check in checks if case and check.case == case]
     rest = [band for band in judged if band is not None and band.unit not in known]
     return list(dict.fromkeys(band for band in [*watched, *rest] if band.unit in units))
 

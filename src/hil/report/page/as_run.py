@@ -3,107 +3,169 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
+from hil.evidence.events import (
+    Answer,
+    Bounds,
+    Case,
+    Channel,
+    Check,
+    Effect,
+    Event,
+    Fed,
+    Question,
+    Recording,
+    RecordingEnd,
+    Rows,
+    Step,
+    StepEnd,
+)
 from hil.model.verdict import Verdict
-from hil.report.material import Body, flag, inner, inners, text, texts, verdict
 from hil.report.numbers import bench_time, duration, limit_text, measured, number, with_unit
 from hil.report.page.view import CaseName, CheckRow, Exchange, RecordingRow, StepRow
 
-__all__ = ["attributed", "check_row", "checks_of", "fed_limits", "recording_rows", "step_rows", "watched_rows"]
+__all__ = [
+    "Placed",
+    "attributed",
+    "check_row",
+    "checks_of",
+    "fed_limits",
+    "limit_of",
+    "recording_rows",
+    "step_rows",
+    "watched_rows",
+]
 
 _EFFECTS = {"reads": "read", "waits": "wait", "asks": "question"}
-_OUTSIDE = frozenset({"effect", "question", "answer", "recording"})
 
 
-def attributed(events: Sequence[Body]) -> list[Body]:
-    """Return the events with case, step and attempt where the journal leaves them to what came before.
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """An event with the case and the step that it belongs to, empty where it belongs to none.
 
-    An answer belongs to the case and step of its question, and what tells of a recording to that recording's. Events
-    of a case that was tried more than once name their attempt as `tried`, and the last one's are the `counted` ones.
+    Attributes:
+        event: the event.
+        case: its case.
+        step: the number of its step; of a step itself its own.
+        tried: which attempt it is of, None where the case was tried once.
+        counted: whether it is of the last attempt.
     """
-    owners: dict[object, Body] = {}
-    attempts: Counter[object] = Counter()
-    placed: list[dict[str, object]] = []
+
+    event: Event
+    case: str = ""
+    step: str = ""
+    tried: int | None = None
+    counted: bool = True
+
+    @property
+    def attempt(self) -> str:
+        """The attempt in words, empty where the case was tried once."""
+        return "" if self.tried is None else str(self.tried)
+
+
+def attributed(events: Iterable[Event]) -> list[Placed]:
+    """Return the events with case, step and attempt; what tells of a recording is where the recording is."""
+    owners: dict[str, tuple[str, str]] = {}
+    attempts: Counter[str] = Counter()
+    placed: list[Placed] = []
     for event in events:
-        kind = event["kind"]
-        key = event.get("recording") if "recording" in event else (event.get("name"), event.get("ordinal"))
-        if kind in {"question", "recording"}:
-            owners[key] = {name: event.get(name) for name in ("case", "step")}
-        owner = owners.get(key, {}) if kind in {"answer", "rows", "recording-end"} else {}
-        case = event.get("case", owner.get("case"))
-        attempts[case] += kind == "case"
-        placed.append({**owner, **event, "tried": attempts[case]})
+        case, step = _place(event, owners)
+        if isinstance(event, Recording):
+            owners[event.recording] = case, step
+        attempts[case] += isinstance(event, Case)
+        placed.append(Placed(event, case, step, attempts[case]))
     return [
-        event | {"tried": event["tried"] if attempts[case] > 1 else None, "counted": event["tried"] == attempts[case]}
-        for event in placed
-        for case in (event.get("case"),)
+        replace(each, tried=each.tried if attempts[each.case] > 1 else None, counted=each.tried == attempts[each.case])
+        for each in placed
     ]
 
 
-def step_rows(events: Sequence[Body]) -> tuple[StepRow, ...]:
+def _place(event: Event, owners: Mapping[str, tuple[str, str]]) -> tuple[str, str]:
+    if isinstance(event, Rows | RecordingEnd):
+        return owners.get(event.recording, ("", ""))
+    step = event.number if isinstance(event, Step | StepEnd) else getattr(event, "step", None)
+    return getattr(event, "case", None) or "", step or ""
+
+
+def step_rows(events: Sequence[Placed]) -> tuple[StepRow, ...]:
     """Return the steps among the events of one case in the order in which they began, set-up and the like first."""
-    steps = [_step(event, _within(events, place)) for place, event in enumerate(events) if event["kind"] == "step"]
-    outside = [event for event in events if event["kind"] in _OUTSIDE and not text(event, "step")]
+    steps = [
+        _step(each, each.event, _within(events, place))
+        for place, each in enumerate(events)
+        if isinstance(each.event, Step)
+    ]
+    kinds = Effect | Question | Answer | Recording
+    outside = [each for each in events if isinstance(each.event, kinds) and not each.step]
     return (_outside(outside), *steps) if outside else tuple(steps)
 
 
-def checks_of(events: Sequence[Body], names: Mapping[str, CaseName]) -> tuple[CheckRow, ...]:
+def checks_of(events: Iterable[Placed], names: Mapping[str, CaseName]) -> tuple[CheckRow, ...]:
     """Return every check among the events, with the case that it belongs to by name."""
-    return tuple(check_row(event, names) for event in events if event["kind"] == "check")
-
-
-def check_row(check: Body, names: Mapping[str, CaseName] | None = None) -> CheckRow:
-    """Return one check, written out."""
-    unit, limit_unit = text(check, "unit"), text(check, "limit_unit")
-    expanded = check.get("expanded") if limit_unit in {"", unit} else None
-    limit = limit_text(inner(check, "limit"), limit_unit)
-    return CheckRow(
-        case=text(check, "case"),
-        named=(names or {}).get(text(check, "case")),
-        step=text(check, "step"),
-        attempt=text(check, "tried"),
-        requirement=text(check, "requirement"),
-        parameter=text(check, "parameter"),
-        of=text(check, "of"),
-        value=measured(check.get("value"), expanded, unit),
-        coverage=_coverage(check, unit, limit_unit),
-        limit=limit,
-        margin=_signed(check.get("margin"), limit_unit),
-        tur="" if check.get("tur") is None else number(check["tur"], 2),
-        decision=text(check, "decision") if limit else "",
-        verdict=verdict(check),
-        reason=text(check, "reason"),
-        instruments=", ".join(texts(check, "instruments")),
+    return tuple(
+        check_row(each.event, names.get(each.case), each.attempt) for each in events if isinstance(each.event, Check)
     )
 
 
-def recording_rows(events: Sequence[Body]) -> tuple[RecordingRow, ...]:
+def check_row(check: Check, named: CaseName | None = None, attempt: str = "") -> CheckRow:
+    """Return one check, written out."""
+    expanded = check.expanded if check.limit_unit in {"", check.unit} else None
+    limit = limit_of(check)
+    return CheckRow(
+        case=check.case,
+        named=named,
+        step=check.step,
+        attempt=attempt,
+        requirement=check.requirement,
+        parameter=check.parameter,
+        of=check.of or "",
+        value=measured(check.value, expanded, check.unit),
+        coverage=_coverage(check),
+        limit=limit,
+        margin=_signed(check.margin, check.limit_unit),
+        tur="" if check.tur is None else number(check.tur, 2),
+        decision=check.decision if limit else "",
+        verdict=check.verdict,
+        reason=check.reason,
+        instruments=", ".join(check.instruments),
+    )
+
+
+def limit_of(check: Check) -> str:
+    """Return the limit of a check in words and signs, empty where it has none."""
+    return limit_text(_bounds(check.limit), check.limit_unit)
+
+
+def _bounds(limit: Bounds) -> Mapping[str, object]:
+    return {"min": limit.min, "max": limit.max, "equals": limit.equals}
+
+
+def recording_rows(events: Sequence[Placed]) -> tuple[RecordingRow, ...]:
     """Return the recordings among the events in the order in which they began; alike ones of one case share a row."""
-    ends = {text(event, "recording"): event for event in events if event["kind"] == "recording-end"}
-    begun = {text(event, "recording"): event for event in events if event["kind"] == "recording"}
+    ends = {each.event.recording: each.event for each in events if isinstance(each.event, RecordingEnd)}
+    begun = {each.event.recording: each.event for each in events if isinstance(each.event, Recording)}
     alike: dict[object, list[RecordingRow]] = {}
     for name, event in begun.items():
         row = _recording(event, ends.get(name))
-        same = (text(event, "case"), row.name, row.channels, row.rate, row.duration, row.rows, row.whole, row.source)
+        same = (event.case, row.name, row.channels, row.rate, row.duration, row.rows, row.whole, row.source)
         alike.setdefault(same, []).append(row)
     return tuple(_merged(rows, ends) for rows in alike.values())
 
 
-def watched_rows(events: Sequence[Body]) -> tuple[RecordingRow, ...]:
+def watched_rows(events: Sequence[Placed]) -> tuple[RecordingRow, ...]:
     """Return the recordings of the envelope's own readings; where a limit was judged on rows, they have no gap."""
-    fed = {text(event, "limit") for event in events if event["kind"] == "fed"}
-    rows = recording_rows([event for event in events if not text(event, "case")])
+    fed = {each.event.limit for each in events if isinstance(each.event, Fed)}
+    rows = recording_rows([each for each in events if not each.case])
     return tuple(replace(row, gap="judged on rows") if row.name in fed else row for row in rows)
 
 
-def fed_limits(events: Sequence[Body]) -> tuple[str, ...]:
+def fed_limits(events: Iterable[Placed]) -> tuple[str, ...]:
     """Return a sentence for limits of the envelope that recordings fed: they were judged on rows, not by readings."""
     fed: dict[str, list[str]] = {}
-    for event in events:
-        if event["kind"] == "fed":
-            fed.setdefault(text(event, "limit"), []).append(text(event, "recording"))
+    for each in events:
+        if isinstance(each.event, Fed):
+            fed.setdefault(each.event.limit, []).append(each.event.recording)
     alike: dict[tuple[str, ...], list[str]] = {}
     for limit, names in fed.items():
         alike.setdefault(tuple(names), []).append(limit)
@@ -115,11 +177,11 @@ def fed_limits(events: Sequence[Body]) -> tuple[str, ...]:
     )
 
 
-def _merged(rows: Sequence[RecordingRow], ends: Mapping[str, Body]) -> RecordingRow:
+def _merged(rows: Sequence[RecordingRow], ends: Mapping[str, RecordingEnd]) -> RecordingRow:
     """Return one row for recordings that are alike but for their number and their largest gap."""
     if len(rows) == 1:
         return rows[0]
-    gaps = [float(gap) for row in rows if isinstance(gap := ends.get(row.id, {}).get("gaps"), int | float)]
+    gaps = [ends[row.id].gaps for row in rows if row.id in ends]
     low, high = (duration(end(gaps, default=None)) for end in (min, max))
     gap = low if low == high else f"{low} to {high}"
     return replace(rows[0], id=_ids([row.id for row in rows]), count=len(rows), gap=gap)
@@ -139,137 +201,128 @@ def _ids(ids: Sequence[str]) -> str:
     return f"{', '.join(' to '.join(ends) for ends in ranges)}-{parts[0][2]}"
 
 
-def _within(events: Sequence[Body], place: int) -> list[Body]:
+def _within(events: Sequence[Placed], place: int) -> list[Placed]:
     """Return what happened from the step at `place` until it ended, without the steps inside it."""
-    number_ = events[place].get("number")
+    number_ = events[place].step
     until = next(
-        (later for later in range(place + 1, len(events)) if _ends(events[later], number_)),
+        (
+            later
+            for later in range(place + 1, len(events))
+            if isinstance(events[later].event, StepEnd) and events[later].step == number_
+        ),
         len(events) - 1,
     )
-    return [event for event in events[place : until + 1] if event.get("step", event.get("number")) == number_]
+    return [each for each in events[place : until + 1] if each.step == number_]
 
 
-def _ends(event: Body, number_: object) -> bool:
-    return event["kind"] == "step-end" and event.get("number") == number_
-
-
-def _step(begin: Body, within: Sequence[Body]) -> StepRow:
-    end = next((event for event in within if event["kind"] == "step-end"), None)
-    path, number_ = texts(begin, "path"), text(begin, "number")
+def _step(placed: Placed, begin: Step, within: Sequence[Placed]) -> StepRow:
+    end = next((each.event for each in within if isinstance(each.event, StepEnd)), None)
     return StepRow(
-        number=number_,
-        attempt=text(begin, "tried"),
-        depth=number_.count("."),
-        title=path[-1] if path else "",
-        begin=bench_time(begin.get("t")),
-        duration=duration(end.get("duration")) if end else "",
-        outcome=text(end, "outcome") if end else "not ended",
+        number=begin.number,
+        attempt=placed.attempt,
+        depth=begin.number.count("."),
+        title=begin.path[-1] if begin.path else "",
+        begin=bench_time(begin.t),
+        duration=duration(end.duration) if end else "",
+        outcome=end.outcome if end else "not ended",
         effects=_effects(within),
-        recordings=tuple(text(event, "recording") for event in within if event["kind"] == "recording"),
+        recordings=tuple(each.event.recording for each in within if isinstance(each.event, Recording)),
         exchanges=_exchanges(within),
     )
 
 
-def _outside(events: Sequence[Body]) -> StepRow:
+def _outside(events: Sequence[Placed]) -> StepRow:
     """Return a row for what a case did outside its steps: fixtures that set up, and what follows the last step."""
     return StepRow(
         number="-",
-        attempt=text(events[0], "tried"),
+        attempt=events[0].attempt,
         depth=0,
         title="Outside any step",
-        begin=bench_time(events[0].get("t")),
+        begin=bench_time(events[0].event.t),
         duration="",
         outcome="",
         effects=_effects(events),
-        recordings=tuple(text(event, "recording") for event in events if event["kind"] == "recording"),
+        recordings=tuple(each.event.recording for each in events if isinstance(each.event, Recording)),
         exchanges=_exchanges(events),
     )
 
 
-def _effects(within: Sequence[Body]) -> str:
+def _effects(within: Iterable[Placed]) -> str:
     """Return what was driven, call by call, and how often it was read, waited and asked."""
-    effects = [event for event in within if event["kind"] == "effect"]
-    driven = [_call(event) for event in effects if event.get("effect") == "drives"]
-    counted = Counter(text(event, "effect") for event in effects)
-    words = [(counted[kind], word) for kind, word in _EFFECTS.items() if counted[kind]]
-    return "; ".join((*driven, ", ".join(f"{count} {word}{'s' if count > 1 else ''}" for count, word in words))).strip(
-        "; "
-    )
+    effects = [each.event for each in within if isinstance(each.event, Effect)]
+    driven = [_call(effect) for effect in effects if effect.effect == "drives"]
+    times: Counter[str] = Counter(effect.effect for effect in effects)
+    words = [(times[kind], word) for kind, word in _EFFECTS.items() if times[kind]]
+    others = ", ".join(f"{count} {word}{'s' if count > 1 else ''}" for count, word in words)
+    return "; ".join((*driven, *([others] if others else [])))
 
 
-def _call(effect: Body) -> str:
-    arguments = inner(effect, "arguments")
-    return f"{text(effect, 'name')}({', '.join(f'{key}={arguments[key]}' for key in arguments)})"
+def _call(effect: Effect) -> str:
+    return f"{effect.name}({', '.join(f'{key}={value}' for key, value in effect.arguments.items())})"
 
 
-def _exchanges(within: Sequence[Body]) -> tuple[Exchange, ...]:
+def _exchanges(within: Iterable[Placed]) -> tuple[Exchange, ...]:
     """Return the questions, each with the next answer to it."""
-    waiting = [event for event in within if event["kind"] == "answer"]
+    asked = [each.event for each in within if isinstance(each.event, Question)]
+    waiting = [each.event for each in within if isinstance(each.event, Answer)]
     exchanges = []
-    for question in (event for event in within if event["kind"] == "question"):
-        key = (question.get("name"), question.get("ordinal"))
-        answer = next((event for event in waiting if (event.get("name"), event.get("ordinal")) == key), None)
+    for question in asked:
+        answer = next((each for each in waiting if each.name == question.name), None)
         if answer is not None:
             waiting.remove(answer)
-        exchanges.append(_exchange(question, answer or {}))
+        exchanges.append(_exchange(question, answer))
     return tuple(exchanges)
 
 
-def _exchange(question: Body, answer: Body) -> Exchange:
-    value = answer.get("value")
-    shown = measured(value.get("value"), None, text(value, "unit")) if isinstance(value, dict) else _answer(value)
+def _exchange(question: Question, answer: Answer | None) -> Exchange:
     return Exchange(
-        form=text(question, "form"),
-        text=text(question, "text"),
-        options=", ".join(texts(question, "options")),
-        answer=shown,
-        by=text(answer, "by"),
+        form=question.form,
+        text=question.text,
+        options=", ".join(question.options),
+        answer="" if answer is None else _answer(answer.value, question.unit),
+        by="" if answer is None else answer.by,
     )
 
 
-def _answer(value: object) -> str:
+def _answer(value: bool | float | str, unit: str) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return "" if value is None else number(value) if isinstance(value, int | float) else str(value)
+    return value if isinstance(value, str) else with_unit(number(value), unit)
 
 
-def _coverage(check: Body, unit: str, limit_unit: str) -> str:
+def _coverage(check: Check) -> str:
     """Return what else is known of the uncertainty: its size in the limit's unit, or that it is unknown."""
-    expanded, value = check.get("expanded"), check.get("value")
-    if not isinstance(value, int | float):
+    if not isinstance(check.value, int | float):
         return ""
-    if check.get("uncertainty") is None and expanded is None:
-        of_recording = verdict(check) is Verdict.RECORDED and limit_text(inner(check, "limit"), limit_unit)
+    if check.uncertainty is None and check.expanded is None:
+        of_recording = check.verdict is Verdict.RECORDED and limit_of(check)
         return "" if of_recording else "uncertainty not recorded"  # a length or a rate is counted, not measured
-    if isinstance(expanded, int | float) and limit_unit not in {"", unit}:
-        return f"U = {with_unit(number(expanded, 2), limit_unit)}"
+    if check.expanded is not None and check.limit_unit not in {"", check.unit}:
+        return f"U = {with_unit(number(check.expanded, 2), check.limit_unit)}"
     return ""
 
 
-def _signed(margin: object, unit: str) -> str:
-    if not isinstance(margin, int | float):
+def _signed(margin: float | None, unit: str) -> str:
+    if margin is None:
         return ""
     digits = number(margin, 3)
     return with_unit(f"+{digits}" if margin > 0 else digits, unit)
 
 
-def _recording(begin: Body, end: Body | None) -> RecordingRow:
-    gap = end.get("gaps") if end else None
+def _recording(begin: Recording, end: RecordingEnd | None) -> RecordingRow:
     return RecordingRow(
-        id=text(begin, "recording"),
-        name=text(begin, "name"),
+        id=begin.recording,
+        name=begin.name,
         count=1,
-        channels="; ".join(_channel(channel) for channel in inners(begin, "channels")),
-        rate=f"{number(begin.get('rate'))} Hz" if begin.get("rate") is not None else "",
-        duration=duration(begin.get("duration")),
-        rows=f"{end.get('rows'):,}".replace(",", " ") if end and isinstance(end.get("rows"), int) else "",
-        gap=duration(gap),
-        whole="not ended" if end is None else "complete" if flag(end, "complete") else "incomplete",
-        source=text(begin, "source"),
+        channels="; ".join(map(_channel, begin.channels)),
+        rate=f"{number(begin.rate)} Hz",
+        duration=duration(begin.duration),
+        rows=f"{end.rows:,}".replace(",", " ") if end else "",
+        gap=duration(end.gaps) if end else "",
+        whole="not ended" if end is None else "complete" if end.complete else "incomplete",
+        source=begin.source,
     )
 
 
-def _channel(channel: Body) -> str:
-    instrument = text(channel, "instrument")
-    unit = text(channel, "unit")
-    return f"{text(channel, 'name')} [{unit or '1'}]" + (f" from {instrument}" if instrument else "")
+def _channel(channel: Channel) -> str:
+    return f"{channel.name} [{channel.unit or '1'}]" + (f" from {channel.instrument}" if channel.instrument else "")

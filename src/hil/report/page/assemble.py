@@ -7,17 +7,18 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from hil.documents.canonical import parse_strict
+from hil.evidence.events import Case, Check, Event, Fed, NotRun, Orphan, Recording, Run
 from hil.model.identity import Source
 from hil.model.verdict import Verdict
 from hil.report.drawing.checks import charts
 from hil.report.drawing.panel import Graphic
 from hil.report.drawing.recordings import recording_graphics
 from hil.report.frozen import demands, documents, parse, plan_files, requirement_entries, unspoken
-from hil.report.material import Body, Material, flat, inner, inners, text, texts, verdict
+from hil.report.material import Body, Material, checks_in, flat, inner, inners, text, texts, verdict
 from hil.report.numbers import duration, with_unit
-from hil.report.page.as_run import attributed, checks_of, fed_limits, recording_rows, step_rows, watched_rows
+from hil.report.page.as_run import Placed, attributed, checks_of, fed_limits, recording_rows, step_rows, watched_rows
 from hil.report.page.bench import armings, instruments, safe_off, wiring
-from hil.report.page.incidents import deviations, guarded, happenings, people
+from hil.report.page.incidents import guarded, happenings, people
 from hil.report.page.view import (
     BrokenRow,
     CaseName,
@@ -58,14 +59,17 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
     Raises:
         EvidenceError: where the results say what this version does not know.
     """
-    events, results = attributed(material.events()), material.results()
+    events, results = material.events(), material.results()
+    placed = attributed(events)
     run = inner(results, "run")
+    asked = next((event for event in events if isinstance(event, Run)), None)
     bench = parse(material.text("bench/bench.yaml"), "bench/bench.yaml")
     entries, names = requirement_entries(material), _names(results)
-    begun = [event for event in events if event["kind"] == "recording"]
-    check_events = [event for event in events if event["kind"] == "check" and event["counted"]]
-    fed = [event for event in events if event["kind"] == "fed"]
-    drawn = recording_graphics(material, begun, check_events, inners(bench, "envelope"), fed)
+    begun = [event for event in events if isinstance(event, Recording)]
+    counting = [each for each in placed if each.counted and isinstance(each.event, Check)]
+    checks = [each.event for each in counting if isinstance(each.event, Check)]
+    fed = [event for event in events if isinstance(event, Fed)]
+    drawn = recording_graphics(material, begun, checks, inners(bench, "envelope"), fed)
     return RunView(
         title=", ".join(texts(run, "plans")),
         subject=subject(results),
@@ -80,29 +84,29 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         common=common_reasons(results),
         facts=facts(material, run, inner(bench, "bench"), events),
         documents=_documents(material),
-        failed=tuple(row for row in checks_of(check_events, names) if not row.verdict.good),
+        failed=tuple(row for row in checks_of(counting, names) if not row.verdict.good),
         broken=_broken(results, names),
         held=_held(results, names),
         requirements=tuple(
             _requirement(entry, entries.get(text(entry, "id"), {}), names) for entry in inners(results, "requirements")
         ),
         unspoken=unspoken(entries, {text(entry, "id") for entry in inners(results, "requirements")}),
-        checks=checks_of(events, names),
-        charts=charts(check_events),
-        cases=_cases(events, results, drawn),
-        watched=watched_rows(events),
+        checks=checks_of(placed, names),
+        charts=charts(checks),
+        cases=_cases(placed, results, drawn),
+        watched=watched_rows(placed),
         watched_graphics=drawn.get("", ()),
-        fed=fed_limits(events),
+        fed=fed_limits(placed),
         not_run=_not_run(events, results),
-        orphans=tuple(case for event in events if event["kind"] == "orphan" for case in texts(event, "cases")),
+        orphans=tuple(case for event in events if isinstance(event, Orphan) for case in event.cases),
         armings=armings(events),
         safe=safe_off(events),
         safe_word=safe_word(results),
         instruments=instruments(bench),
         wiring=wiring(bench),
-        people=people(run, events),
-        happenings=happenings(events, names, guarded(material.guardian()), material.sent()),
-        deviations=deviations(run),
+        people=people(asked, placed),
+        happenings=happenings(placed, names, guarded(material.guardian()), material.sent()),
+        deviations=texts(run, "deviations"),
         parameters=_parameters(material),
         software=_software(run, _json(material, "software.json"), _json(material, "place.json")),
         content_digest=text(results, "content_digest"),
@@ -110,7 +114,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
     )
 
 
-def facts(material: Material, run: Body, bench: Body, events: Sequence[Body]) -> tuple[Fact, ...]:
+def facts(material: Material, run: Body, bench: Body, events: Sequence[Event]) -> tuple[Fact, ...]:
     """Return who, what, when and where: label and value, empty where it is not recorded.
 
     Args:
@@ -120,7 +124,7 @@ def facts(material: Material, run: Body, bench: Body, events: Sequence[Body]) ->
         events: its events, in order.
     """
     dut = inner(run, "dut")
-    span = _span(run, duration(events[-1].get("t")) if events else "")
+    span = _span(run, duration(events[-1].t) if events else "")
     began, ended = material.stamps()
     return tuple(
         Fact(label=label, value=value)
@@ -213,7 +217,7 @@ def _broken(results: Body, names: Mapping[str, CaseName]) -> tuple[BrokenRow, ..
     """Return why cases did not end well of which no check says it, the worst first; one row per verdict and reason."""
     groups: dict[tuple[Verdict, tuple[str, ...]], list[CaseName]] = {}
     for case in inners(results, "cases"):
-        if not verdict(case).good and all(verdict(check).good for check in inners(case, "checks")):
+        if not verdict(case).good and all(check.verdict.good for check in checks_in(case)):
             why = (verdict(case), texts(case, "reasons"))
             groups.setdefault(why, []).append(names[text(case, "case")])
     return tuple(
@@ -230,21 +234,21 @@ def _held(results: Body, names: Mapping[str, CaseName]) -> tuple[tuple[CaseName,
     return tuple((names[text(case, "case")], sentence) for case in bad for sentence in holds(case))
 
 
-def _cases(events: Sequence[Body], results: Body, drawn: Mapping[str, tuple[Graphic, ...]]) -> tuple[CaseView, ...]:
-    by_case: dict[str, list[Body]] = {}
-    for event in events:
-        by_case.setdefault(text(event, "case"), []).append(event)
+def _cases(events: Sequence[Placed], results: Body, drawn: Mapping[str, tuple[Graphic, ...]]) -> tuple[CaseView, ...]:
+    by_case: dict[str, list[Placed]] = {}
+    for each in events:
+        by_case.setdefault(each.case, []).append(each)
     return tuple(
         _case(place, entry, by_case.get(text(entry, "case"), []), drawn.get(text(entry, "case"), ()))
         for place, entry in enumerate(inners(results, "cases"), 1)
     )
 
 
-def _case(place: int, entry: Body, events: Sequence[Body], graphics: tuple[Graphic, ...]) -> CaseView:
+def _case(place: int, entry: Body, events: Sequence[Placed], graphics: tuple[Graphic, ...]) -> CaseView:
     used = inner(entry, "used")
     return CaseView(
         anchor=f"case-{place}",
-        begun=verdict(entry) is not Verdict.NOT_RUN or any(event["kind"] == "case" for event in events),
+        begun=verdict(entry) is not Verdict.NOT_RUN or any(isinstance(each.event, Case) for each in events),
         case=text(entry, "case"),
         title=text(entry, "title"),
         plan=text(entry, "plan"),
@@ -269,9 +273,9 @@ def _attempts(attempts: Sequence[Body]) -> str:
     return f"{len(attempts)} attempts: {told}"
 
 
-def _not_run(events: Sequence[Body], results: Body) -> tuple[tuple[str, str, str], ...]:
+def _not_run(events: Sequence[Event], results: Body) -> tuple[tuple[str, str, str], ...]:
     """Return case, title and reason of everything that was planned and did not run."""
-    said = {text(event, "case"): text(event, "reason") for event in events if event["kind"] == "not-run"}
+    said = {event.case: event.reason for event in events if isinstance(event, NotRun)}
     return tuple(
         (text(entry, "case"), text(entry, "title"), said.get(text(entry, "case")) or "; ".join(texts(entry, "reasons")))
         for entry in inners(results, "cases")

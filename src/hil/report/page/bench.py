@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
-from hil.report.material import Body, flag, flat, inner, inners, text
+from hil.evidence.events import Armed, Event, Gate, Resumed, Safe
+from hil.report.material import Body, flat, inner, inners, text
 from hil.report.numbers import bench_time, duration
 from hil.report.page.view import Arming, GateRow, InstrumentRow, SafeRow, WireRow
 
@@ -25,49 +26,47 @@ def wiring(bench: Body) -> tuple[WireRow, ...]:
     return tuple(_wire(entry) for entry in inners(bench, "wiring"))
 
 
-def armings(events: Sequence[Body]) -> tuple[Arming, ...]:
+def armings(events: Iterable[Event]) -> tuple[Arming, ...]:
     """Return the readiness gates, of each arming by itself: a run that was entered again was armed again.
 
     A gate behind the end of an arming is the guardian's, who does not find the bench safe when it is released.
     """
-    titles, parts = ["Arming"], list[list[Body]]([[]])
+    titles, parts = ["Arming"], list[list[Gate]]([[]])
     over = False
     for event in events:
-        kind = event["kind"]
-        again = kind == "resumed" and bool(inner(event, "entry"))
-        gate = kind in {"gate", "host-gate"}
-        if again or (gate and over):
+        again = isinstance(event, Resumed) and event.entry is not None
+        if again or (isinstance(event, Gate) and over):
             titles.append(_AGAIN if again else "At the release of the bench")
             parts.append([])
             over = False
-        if gate:
+        if isinstance(event, Gate):
             parts[-1].append(event)
-            if titles[-1] == _AGAIN and not flag(event, "ok"):
+            if titles[-1] == _AGAIN and not event.ok:
                 titles[-1] = "Not armed again"
-        over = over or kind == "armed" or (gate and not flag(event, "ok"))
+        over = over or isinstance(event, Armed) or (isinstance(event, Gate) and not event.ok)
     found = [(title, part) for title, part in zip(titles, parts, strict=True) if part]
     return tuple(
         Arming(
-            title=f"{title}, at {bench_time(part[0].get('t'))} of bench time" if len(found) > 1 else "",
+            title=f"{title}, at {bench_time(part[0].t)} of bench time" if len(found) > 1 else "",
             gates=tuple(map(_gate, part)),
         )
         for title, part in found
     )
 
 
-def safe_off(events: Sequence[Body]) -> tuple[SafeRow, ...]:
+def safe_off(events: Iterable[Event]) -> tuple[SafeRow, ...]:
     """Return every output that was made safe, in order."""
     return tuple(
         SafeRow(
-            at=bench_time(event.get("t")),
-            output=text(event, "output"),
-            state=text(event, "state"),
-            ok=flag(event, "ok"),
-            detail=text(event, "detail"),
-            duration=duration(event.get("duration")),
+            at=bench_time(event.t),
+            output=event.output,
+            state=event.state,
+            ok=event.ok,
+            detail=event.detail,
+            duration=duration(event.duration),
         )
         for event in events
-        if event["kind"] == "safe"
+        if isinstance(event, Safe)
     )
 
 
@@ -106,7 +105,6 @@ def _wire(entry: Body) -> WireRow:
     )
 
 
-def _gate(event: Body) -> GateRow:
-    name, detail = text(event, "name"), text(event, "detail")
-    tried = not (name.startswith(_CUT_PATH) and _NOT_TRIED in detail)
-    return GateRow(name=name, ok=flag(event, "ok"), tried=tried, detail=detail)
+def _gate(gate: Gate) -> GateRow:
+    tried = not (gate.name.startswith(_CUT_PATH) and _NOT_TRIED in gate.detail)
+    return GateRow(name=gate.name, ok=gate.ok, tried=tried, detail=gate.detail)

@@ -7,11 +7,39 @@ from dataclasses import dataclass
 from itertools import groupby, takewhile
 from types import MappingProxyType
 
-from hil.report.material import Body, flag, inners, text, texts
+from hil.evidence.events import (
+    Acknowledged,
+    Anomaly,
+    Answer,
+    Attachment,
+    ClockJump,
+    Confirmed,
+    Event,
+    Fault,
+    Hold,
+    HoldAsked,
+    HoldEnd,
+    HoldRefused,
+    MonitorLate,
+    Note,
+    NotifyFailed,
+    Reached,
+    Reboot,
+    RecordingEnd,
+    Recovered,
+    Rest,
+    Resumed,
+    Run,
+    Stop,
+    Suspended,
+    Trip,
+)
+from hil.report.material import Body, flag, text
 from hil.report.numbers import bench_time, duration, number, with_unit
+from hil.report.page.as_run import Placed
 from hil.report.page.view import CaseName, Happening
 
-__all__ = ["Sentence", "answered", "attached", "deviations", "guarded", "happenings", "noted", "people", "sentences"]
+__all__ = ["Sentence", "answered", "attached", "guarded", "happenings", "noted", "people", "sentences"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,27 +50,22 @@ class Sentence:
     text: str
 
 
-def people(run: Body, events: Sequence[Body]) -> tuple[tuple[str, str], ...]:
+def people(run: Run | None, events: Iterable[Placed]) -> tuple[tuple[str, str], ...]:
     """Return who took part, with what they did, sorted by name."""
     parts: dict[str, dict[str, None]] = {}
-    if text(run, "operator"):
-        parts.setdefault(text(run, "operator"), {})["operator"] = None
-    if text(run, "on_call"):
-        parts.setdefault(text(run, "on_call"), {})["on call"] = None
-    for event in events:
-        did = _DID.get(text(event, "kind"))
-        if did and text(event, "by") and event.get("ok") is not False:
-            parts.setdefault(text(event, "by"), {})[did] = None
+    told = [(run.operator, "operator"), (run.on_call or "", "on call")] if run else []
+    for each in events:
+        event = each.event
+        if type(event) in _DID and getattr(event, "ok", True):
+            told.append((str(getattr(event, "by", "")), _DID[type(event)]))
+    for name, did in told:
+        if name:
+            parts.setdefault(name, {})[did] = None
     return tuple((name, ", ".join(done)) for name, done in sorted(parts.items()))
 
 
-def deviations(run: Body) -> tuple[str, ...]:
-    """Return what the run was asked to do differently from its plan."""
-    return texts(run, "deviations")
-
-
 def happenings(
-    events: Sequence[Body],
+    events: Sequence[Placed],
     names: Mapping[str, CaseName],
     guarded: Iterable[Happening] = (),
     sent: Mapping[int, str] = MappingProxyType({}),
@@ -54,19 +77,18 @@ def happenings(
         names: how cases are named.
         guarded: what the guardian did, each before what became of the run then.
         sent: UTC of what was said from elsewhere, by its event's sequence number: a run that had ended by then wrote
-            it down when it went on, so that its bench time says nothing.
+            it down when it was resumed, so that its bench time says nothing.
     """
     acts, found = list(guarded), []
-    for place, event in enumerate(events):
-        kind = text(event, "kind")
-        if kind in _GOES_ON and _was_ended_by_force(events[place:]):
+    for place, each in enumerate(events):
+        event = each.event
+        if isinstance(event, _RESUMES) and _was_ended_by_force([later.event for later in events[place:]]):
             found += acts[:1]
             del acts[:1]
-        if told := _TOLD.get(kind, _nothing)(event):
-            case = names.get(text(event, "case"))
-            number = event.get("seq")
-            utc = sent.get(number, "") if kind == "acknowledged" and isinstance(number, int) else ""
-            found.append(Happening(at=utc or bench_time(event.get("t")), kind=_WORDS[kind], case=case, text=told))
+        if (told := _told(event)) is not None:
+            kind, said = told
+            utc = sent.get(event.seq, "") if isinstance(event, Acknowledged) else ""
+            found.append(Happening(at=utc or bench_time(event.t), kind=kind, case=names.get(each.case), text=said))
     return (*found, *acts)
 
 
@@ -148,160 +170,104 @@ def _made_safe(fact: Body, outputs: str) -> str:
     return f"NOT MADE SAFE by the run: {outputs}, which is not {fact['state']}: {fact['detail']}"
 
 
-def _was_ended_by_force(events: Sequence[Body]) -> bool:
-    """Tell whether a guardian may have ended the run that goes on with the first of these events.
+def _was_ended_by_force(events: Sequence[Event]) -> bool:
+    """Tell whether a guardian may have ended the run that is resumed with the first of these events.
 
     It is resumed once somebody has acknowledged that, which is written down next; one that was stopped with its bench
-    safe goes on without a word.
+    safe is resumed without a word.
     """
-    first, *behind = (text(event, "kind") for event in events)
-    return first == "recovered" or "acknowledged" in takewhile(lambda kind: kind not in _GOES_ON, behind)
+    first, *later = events
+    before_next = takewhile(lambda event: not isinstance(event, _RESUMES), later)
+    return isinstance(first, Recovered) or any(isinstance(event, Acknowledged) for event in before_next)
 
 
-def _nothing(_: Body) -> str:
-    return ""
+def noted(text: str, by: str) -> str:
+    """Return what was said and who said it."""
+    return f"{text} ({by or 'by whom is not recorded'})"
 
 
-def noted(event: Body) -> str:
-    """Return what a note says and who wrote it."""
-    return f"{text(event, 'text')} ({_by(event)})"
-
-
-def answered(event: Body) -> str:
+def answered(value: object) -> str:
     """Return what was answered, as a person says it: `yes` for what is true."""
-    value = event.get("value")
-    return {True: "yes", False: "no"}[value] if isinstance(value, bool) else text(event, "value")
+    return {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)
 
 
-def attached(event: Body) -> str:
+def attached(file: str, text: str, by: str) -> str:
     """Return which file was attached, what is said of it, and who attached it."""
-    said = f": {text(event, 'text')}" if text(event, "text") else ""
-    return f"{text(event, 'file')}{said} ({_by(event)})"
+    return noted(f"{file}: {text}" if text else file, by)
 
 
-def _by(event: Body) -> str:
-    return text(event, "by") or "by whom is not recorded"
+def _told(event: Event) -> tuple[str, str] | None:  # noqa: PLR0911, PLR0912, C901 - a row for each kind
+    """Return the kind of a happening and what is told of it; None for an event that is nothing out of the ordinary."""
+    match event:
+        case Acknowledged():
+            return "acknowledged", noted(event.text, event.by)
+        case Confirmed():
+            return "confirmed again", noted(f"{event.text} {answered(event.value)}", event.by)
+        case Anomaly():
+            return "anomaly", event.text
+        case Trip():
+            shown = "" if event.value is None else f" ({with_unit(number(event.value), event.unit)})"
+            return "trip", f"{event.limit}: {event.text}{shown}"
+        case MonitorLate():
+            return "late monitor", f"{event.limit}: {event.text}"
+        case Stop():
+            return "stop", f"{event.reason}, at once" if event.urgent else event.reason
+        case Fault():
+            return "fault", _fault(event)
+        case RecordingEnd(complete=False):
+            gap = duration(event.gaps)
+            return "gap", f"recording {event.recording} is incomplete" + (f", largest gap {gap}" if gap else "")
+        case Rest(ok=False) if type(event) is Rest:
+            return "rest state", f"{event.output} not {event.state}: {event.detail}"
+        case Note():
+            return "note", noted(event.text, event.by)
+        case Attachment():
+            return "attachment", f"{attached(event.file, event.text, event.by)}, sha256 {event.sha256}"
+        case Hold():
+            lines = (f"{each.output} {'' if each.ok else 'NOT '}{each.state}, {each.detail}" for each in event.outputs)
+            return "hold", f"{noted(event.text, event.by)}: {'; '.join(lines)}".removeprefix(" ")
+        case HoldEnd():
+            lasted = f"{event.how} after {duration(event.duration)} of bench time"
+            return "hold", f"{lasted}: {noted(event.text, event.by)}" if event.how == "released" else lasted
+        case HoldRefused():
+            return "hold refused", noted(event.text, event.by)
+        case NotifyFailed():
+            return "notification failed", f"of '{event.event}': {event.reason}"
+        case Recovered():
+            torn = f" ({event.torn_bytes} torn bytes were cut off and kept)" if event.torn_bytes else ""
+            return "recovery", event.text + torn
+        case Resumed():
+            return "resumed", _resumed(event)
+        case Reboot() | Suspended() | ClockJump():
+            return _OF_MACHINE[type(event)], f"{event.text} ({duration(event.seconds)})"
+        case _:
+            return None
 
 
-def _reading(event: Body) -> str:
-    value = event.get("value")
-    shown = with_unit(number(value), text(event, "unit")) if value is not None else ""
-    return ": ".join(part for part in (text(event, "limit"), text(event, "text") or shown) if part) + (
-        f" ({shown})" if shown and text(event, "text") else ""
-    )
+def _fault(event: Fault) -> str:
+    owner = "the device under test" if event.dut else "the bench"
+    hint = f"; {event.hint}" if event.hint else ""
+    return f"{event.device} ({owner}): {event.error}: {event.message}{hint}"
 
 
-def _stop(event: Body) -> str:
-    return f"{text(event, 'reason')}, at once" if flag(event, "urgent") else text(event, "reason")
+def _resumed(event: Resumed) -> str:
+    """Return that the run was interrupted, for how long, and from where its bench was resumed."""
+    told = f"{event.text}, after {duration(event.seconds)} of wall time"
+    if event.entry is None:
+        told += f"; its simulated bench was rebuilt from {bench_time(event.checkpoint)} on"
+    return f"{told}; {event.deviation}" if event.deviation else told
 
 
-def _fault(event: Body) -> str:
-    owner = "the device under test" if flag(event, "dut") else "the bench"
-    said = f"{text(event, 'device')} ({owner}): {text(event, 'error')}: {text(event, 'message')}"
-    return f"{said}; {text(event, 'hint')}" if text(event, "hint") else said
-
-
-def _gap(event: Body) -> str:
-    """Return what is missing of a recording; a whole one is nothing to tell."""
-    if flag(event, "complete"):
-        return ""
-    gap = duration(event.get("gaps"))
-    return f"recording {text(event, 'recording')} is incomplete" + (f", largest gap {gap}" if gap else "")
-
-
-def _rest(event: Body) -> str:
-    """Return where the bench did not come to its rest state between cases."""
-    return "" if flag(event, "ok") else f"{text(event, 'output')} not {text(event, 'state')}: {text(event, 'detail')}"
-
-
-def _attachment(event: Body) -> str:
-    return f"{attached(event)}, sha256 {text(event, 'sha256')}"
-
-
-def _hold(event: Body) -> str:
-    lines = (
-        f"{text(line, 'output')} {'' if flag(line, 'ok') else 'NOT '}{text(line, 'state')}, {text(line, 'detail')}"
-        for line in inners(event, "outputs")
-    )
-    return f"{noted(event)}: {'; '.join(lines)}".removeprefix(" ")
-
-
-def _hold_end(event: Body) -> str:
-    lasted = f"{text(event, 'how')} after {duration(event.get('duration'))} of bench time"
-    return f"{lasted}: {noted(event)}" if text(event, "how") == "released" else lasted
-
-
-def _recovered(event: Body) -> str:
-    torn = event.get("torn_bytes")
-    return text(event, "text") + (f" ({torn} torn bytes were cut off and kept)" if torn else "")
-
-
-def _for_seconds(event: Body) -> str:
-    """Return what happened to the machine, and how long it was."""
-    return f"{text(event, 'text')} ({duration(event.get('seconds'))})"
-
-
-def _resumed(event: Body) -> str:
-    """Return that the run was interrupted, for how long, and from where its bench went on."""
-    told = f"{text(event, 'text')}, after {duration(event.get('seconds'))} of wall time"
-    if "entry" not in event:
-        told += f"; its simulated bench was rebuilt from {bench_time(event.get('checkpoint'))} on"
-    return f"{told}; {text(event, 'deviation')}" if text(event, "deviation") else told
-
-
-_GOES_ON = frozenset({"recovered", "resumed"})
-_DID = {
-    "acknowledged": "acknowledged what the guardian did",
-    "answer": "answered questions",
-    "attachment": "attached files",
-    "confirmed": "gave safety confirmations",
-    "hold-asked": "held or released the bench",
-    "note": "wrote notes",
-    "reached": "was reached on call",
-}
-_WORDS = {
-    "acknowledged": "acknowledged",
-    "confirmed": "confirmed again",
-    "hold": "hold",
-    "hold-end": "hold",
-    "hold-refused": "hold refused",
-    "notify-failed": "notification failed",
-    "anomaly": "anomaly",
-    "trip": "trip",
-    "monitor-late": "late monitor",
-    "stop": "stop",
-    "fault": "fault",
-    "recording-end": "gap",
-    "rest": "rest state",
-    "note": "note",
-    "attachment": "attachment",
-    "recovered": "recovery",
-    "resumed": "resumed",
-    "reboot": "reboot",
-    "suspended": "suspended",
-    "clock-jump": "clock jump",
-}
-_TOLD: Mapping[str, Callable[[Body], str]] = {
-    "acknowledged": noted,
-    "confirmed": lambda event: f"{text(event, 'text')} {answered(event)} ({_by(event)})",
-    "anomaly": lambda event: text(event, "text"),
-    "trip": _reading,
-    "monitor-late": _reading,
-    "stop": _stop,
-    "fault": _fault,
-    "recording-end": _gap,
-    "rest": _rest,
-    "note": noted,
-    "attachment": _attachment,
-    "hold": _hold,
-    "hold-end": _hold_end,
-    "hold-refused": noted,
-    "notify-failed": lambda event: f"of '{text(event, 'event')}': {text(event, 'reason')}",
-    "recovered": _recovered,
-    "resumed": _resumed,
-    "reboot": _for_seconds,
-    "suspended": _for_seconds,
-    "clock-jump": _for_seconds,
+_RESUMES = (Recovered, Resumed)
+_OF_MACHINE: Mapping[type[Event], str] = {Reboot: "reboot", Suspended: "suspended", ClockJump: "clock jump"}
+_DID: Mapping[type[Event], str] = {
+    Acknowledged: "acknowledged what the guardian did",
+    Answer: "answered questions",
+    Attachment: "attached files",
+    Confirmed: "gave safety confirmations",
+    HoldAsked: "held or released the bench",
+    Note: "wrote notes",
+    Reached: "was reached on call",
 }
 _SENTENCES: Mapping[str, Callable[[Body, str], str]] = {
     "acting": lambda fact, _: f"the guardian acted: {fact['why']}",
