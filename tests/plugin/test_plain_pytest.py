@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 
+import pytest
 from workspaces import DUT, Ended, make
 
 from hil.evidence.package.contents import Package
@@ -25,10 +26,34 @@ def test_two(check):
 BENCH = ("testplans", "--bench", "adcs", "--dut", DUT)
 
 
+ONLY_OURS = ("no:benchmark", "no:hypothesispytest", "no:timeout", "no:xdist")  # their import takes longer than a run
+
+
+@pytest.fixture
+def pytest_here(monkeypatch, capsys):
+    """Return what runs pytest in a folder, in this process: for what a process of its own would show no better."""
+
+    def run(folder, *arguments) -> Ended:
+        for name in [name for name in os.environ if name.startswith("PYTEST_")]:
+            monkeypatch.delenv(name)
+        monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+        monkeypatch.chdir(folder)
+        plugins = ("-p", "no:cacheprovider", "-p", "hil.plugin.options")
+        before = set(sys.modules)
+        code = pytest.main([*plugins, *arguments])
+        for name in set(sys.modules) - before:  # the next test's plan has a module of the same name
+            if str(getattr(sys.modules[name], "__file__", None)).startswith(str(folder)):
+                del sys.modules[name]
+        return Ended(int(code), *capsys.readouterr())
+
+    return run
+
+
 def pytest_in(folder, *arguments) -> Ended:
-    """Run pytest in a folder, in a process of its own."""
+    """Run pytest in a folder, in a process of its own, which finds our plugin by its entry point."""
     environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTEST_")}
-    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *arguments]
+    without = [part for plugin in ("no:cacheprovider", *ONLY_OURS) for part in ("-p", plugin)]
+    command = [sys.executable, "-m", "pytest", *without, *arguments]
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=50, check=False)
     return Ended(done.returncode, done.stdout, done.stderr)
 
@@ -45,10 +70,10 @@ def test_plain_pytest_runs_a_plan_and_seals(tmp_path):
     assert Package(folder).events("end")[0]["exit_code"] == 0
 
 
-def test_plain_pytest_tells_verdicts_and_keeps_deselected_cases(tmp_path):
+def test_plain_pytest_tells_verdicts_and_keeps_deselected_cases(tmp_path, pytest_here):
     """A case that pytest takes out was planned all the same, and the run is no pass."""
     workspace = make(tmp_path / "workspace", GOOD.replace('"ratio", 1.0', '"ratio", 9.0'))
-    ended = pytest_in(workspace.root, *BENCH, "-k", "test_two")
+    ended = pytest_here(workspace.root, *BENCH, "-k", "test_two")
     (folder,) = workspace.folders()
     results = Package(folder).results()
     assert ended.code == 1
@@ -57,11 +82,11 @@ def test_plain_pytest_tells_verdicts_and_keeps_deselected_cases(tmp_path):
     assert results["cases"][1]["verdict"] == "FAIL"
 
 
-def test_a_case_named_alone_leaves_the_others_of_its_plan_not_run(tmp_path):
+def test_a_case_named_alone_leaves_the_others_of_its_plan_not_run(tmp_path, pytest_here):
     """A run of one case is no pass of its plan: all were planned, the run says so, and its package replays."""
     workspace = make(tmp_path / "workspace", GOOD)
     place = workspace.plan.relative_to(workspace.root) / "test_small.py"
-    ended = pytest_in(workspace.root, f"{place}::test_two", *BENCH[1:])
+    ended = pytest_here(workspace.root, f"{place}::test_two", *BENCH[1:])
     (folder,) = workspace.folders()
     results = Package(folder).results()
     assert ended.code == 1, ended.out
@@ -74,20 +99,20 @@ def test_a_case_named_alone_leaves_the_others_of_its_plan_not_run(tmp_path):
     assert replay(Package(folder)).differences == ()
 
 
-def test_plain_pytest_refuses_a_case_that_is_not_there(tmp_path):
+def test_plain_pytest_refuses_a_case_that_is_not_there(tmp_path, pytest_here):
     """A misspelt case is no run of nothing."""
     workspace = make(tmp_path / "workspace", GOOD)
     place = workspace.plan.relative_to(workspace.root) / "test_small.py"
-    ended = pytest_in(workspace.root, f"{place}::test_tow", *BENCH[1:])
+    ended = pytest_here(workspace.root, f"{place}::test_tow", *BENCH[1:])
     assert ended.code == 4
     assert f"there is no case {place}::test_tow" in ended.out + ended.err
     assert workspace.folders() == []
 
 
-def test_plain_pytest_refuses_a_root_that_names_cases_otherwise(tmp_path):
+def test_plain_pytest_refuses_a_root_that_names_cases_otherwise(tmp_path, pytest_here):
     """Cases of one plan have the same names in every run, or packages cannot be compared and replayed."""
     workspace = make(tmp_path / "workspace", GOOD)
-    ended = pytest_in(workspace.root, *BENCH, "--rootdir", str(tmp_path))
+    ended = pytest_here(workspace.root, *BENCH, "--rootdir", str(tmp_path))
     assert ended.code == 4
     assert f"give pytest --rootdir {workspace.root}" in ended.out + ended.err
     assert workspace.folders() == []
@@ -102,13 +127,13 @@ def test_plain_pytest_refuses_hardware(tmp_path):
     assert workspace.folders() == []
 
 
-def test_plain_pytest_refuses_wrong_files_and_names(tmp_path):
+def test_plain_pytest_refuses_wrong_files_and_names(tmp_path, pytest_here):
     """What is wrong is a sentence and exit code 4, not a traceback."""
     workspace = make(tmp_path / "workspace", GOOD.replace("T-030", "T-03O"))
-    ended = pytest_in(workspace.root, *BENCH)
+    ended = pytest_here(workspace.root, *BENCH)
     assert ended.code == 4
     assert "unknown requirement 'T-03O', did you mean 'T-030'?" in ended.out + ended.err
-    ended = pytest_in(workspace.root, "testplans", "--bench", "adsc", "--dut", DUT)
+    ended = pytest_here(workspace.root, "testplans", "--bench", "adsc", "--dut", DUT)
     assert ended.code == 4
     assert "Traceback" not in ended.out + ended.err
     assert workspace.folders() == []
@@ -133,22 +158,32 @@ def test_an_unrelated_pytest_run_is_untouched(tmp_path):
     assert "--bench" in pytest_in(tmp_path, "-c", os.devnull, "--help").out
 
 
-def test_plain_pytest_refuses_a_conftest_around_the_plans(tmp_path):
+def test_plain_pytest_tells_what_cannot_be_collected(tmp_path, pytest_here):
+    """A broken module of a plan is told with its place, and is no error of the plugin."""
+    workspace = make(tmp_path / "workspace", GOOD, "import nosuchthing")
+    ended = pytest_here(workspace.root, *BENCH, "-ra")
+    assert ended.code == 2
+    assert "No module named 'nosuchthing'" in ended.out
+    assert "INTERNALERROR" not in ended.out + ended.err
+    assert workspace.folders() == []
+
+
+def test_plain_pytest_refuses_a_conftest_around_the_plans(tmp_path, pytest_here):
     """Its hooks would take part in the verdicts here, too."""
     workspace = make(tmp_path / "workspace", GOOD)
     (workspace.plan.parent / "conftest.py").write_text(
         "def pytest_runtest_makereport(call):\n    call.excinfo = None\n"
     )
-    ended = pytest_in(workspace.root, *BENCH)
+    ended = pytest_here(workspace.root, *BENCH)
     assert ended.code == 4
     assert "testplans/conftest.py: a conftest.py takes part in the verdicts" in ended.err
     assert workspace.folders() == []
 
 
-def test_plain_pytest_tells_a_name_with_its_place(tmp_path):
+def test_plain_pytest_tells_a_name_with_its_place(tmp_path, pytest_here):
     """A misspelt parameter is told before anything is armed."""
     workspace = make(tmp_path / "workspace", "def test_one(parameters):\n    parameters.curent")
-    ended = pytest_in(workspace.root, *BENCH)
+    ended = pytest_here(workspace.root, *BENCH)
     assert ended.code == 4
     assert "test_small.py:9:5: the plan has no parameter 'curent', did you mean 'current'?" in ended.out + ended.err
     assert workspace.folders() == []

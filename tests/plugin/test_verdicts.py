@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 from workspaces import agreed, make
 
+from hil.evidence.package.verification import verify
+
 CHECK = '''
 @pytest.mark.requirement("T-010")
 def test_one(check):
@@ -38,42 +40,45 @@ def test_a_check_decides_its_case_and_its_run(tmp_path, value, verdict):
     agreed(ran(tmp_path, CHECK.format(value=value)), {"test_one": verdict}, verdict, 0 if verdict == "PASS" else 1)
 
 
-def test_data_that_were_asked_for_are_recorded(tmp_path):
-    """A requirement that asks for data is RECORDED when they are there, long enough and without a gap."""
-    cases = """
+@pytest.mark.together(
+    """
     @pytest.mark.requirement("T-030")
     def test_one(field, record):
         record("field", field, duration=1.0, rate=40.0)
     """
-    found = ran(tmp_path, cases)
-    agreed(found, {"test_one": "RECORDED"}, "RECORDED", 0)
-    assert {check["parameter"] for check in found.package.events("check")} == {
+)
+def test_data_that_were_asked_for_are_recorded(judged):
+    """A requirement that asks for data is RECORDED when they are there, long enough and without a gap."""
+    judged.agrees(test_one="RECORDED")
+    assert {check["parameter"] for check in judged.events("check")} == {
         "channels", "duration", "max_gap", "rate",
     }  # fmt: skip
 
 
-def test_data_that_are_too_short_fail(tmp_path):
-    """Half a second where a whole one is due fails, with both numbers in the reason."""
-    cases = """
+@pytest.mark.together(
+    """
     @pytest.mark.requirement("T-030")
     def test_one(field, record):
         record("field", field, duration=0.5, rate=40.0)
     """
-    found = ran(tmp_path, cases)
-    agreed(found, {"test_one": "FAIL"}, "FAIL", 1)
-    assert "0.5 s is below the minimum of 1 s" in found.reasons("test_one")
+)
+def test_data_that_are_too_short_fail(judged):
+    """Half a second where a whole one is due fails, with both numbers in the reason."""
+    judged.agrees(test_one="FAIL")
+    assert "0.5 s is below the minimum of 1 s" in judged.reasons()
 
 
-def test_data_of_another_name_are_no_data(tmp_path):
-    """A recording that nobody asked for does not stand in for the one that is due."""
-    cases = """
+@pytest.mark.together(
+    """
     @pytest.mark.requirement("T-030")
     def test_one(field, record):
         record("fild", field, duration=1.0, rate=40.0)
     """
-    found = ran(tmp_path, cases)
-    agreed(found, {"test_one": "NOT_EVALUATED"}, "NOT_EVALUATED", 1)
-    assert found.reasons("test_one") == "T-030 got no whole recording 'field'"
+)
+def test_data_of_another_name_are_no_data(judged):
+    """A recording that nobody asked for does not stand in for the one that is due."""
+    judged.agrees(test_one="NOT_EVALUATED")
+    assert judged.reasons() == "T-030 got no whole recording 'field'"
 
 
 @pytest.mark.parametrize(
@@ -84,16 +89,17 @@ def test_data_of_another_name_are_no_data(tmp_path):
     ],
     ids=["no check", "one axis missing"],
 )
-def test_a_check_that_is_missing_is_no_pass(tmp_path, body, reason):
-    """What was not evaluated, wholly or for one axis, is NOT_EVALUATED and says what is missing."""
-    cases = f"""
+@pytest.mark.together(
+    """
     @pytest.mark.requirement("T-020")
     def test_one(check):
         {body}
     """
-    found = ran(tmp_path, cases)
-    agreed(found, {"test_one": "NOT_EVALUATED"}, "NOT_EVALUATED", 1)
-    assert found.reasons("test_one") == reason
+)
+def test_a_check_that_is_missing_is_no_pass(judged, body, reason):
+    """What was not evaluated, wholly or for one axis, is NOT_EVALUATED and says what is missing."""
+    judged.agrees(test_one="NOT_EVALUATED")
+    assert judged.reasons() == reason
 
 
 @pytest.mark.parametrize(
@@ -108,17 +114,18 @@ def test_a_check_that_is_missing_is_no_pass(tmp_path, body, reason):
     ],
     ids=["assert", "exception", "fail", "exit", "unit", "parameter"],
 )
-def test_what_a_case_raises_is_an_error(tmp_path, statement, reason):
-    """An assertion or exception outside `check` is an ERROR, whatever was checked before; later cases still run."""
-    cases = f"""
+@pytest.mark.together(
+    """
     @pytest.mark.requirement("T-010")
     def test_one(check):
         check("T-010", "ratio", 1.0)
         {statement}
     """
-    found = ran(tmp_path, cases, LAST)
-    agreed(found, {"test_one": "ERROR", "test_last": "PASS"}, "ERROR", 1)
-    assert reason in found.reasons("test_one")
+)
+def test_what_a_case_raises_is_an_error(judged, statement, reason):
+    """An assertion or exception outside `check` is an ERROR, whatever was checked before; later cases still run."""
+    judged.agrees(test_one="ERROR")
+    assert reason in judged.reasons()
 
 
 @pytest.mark.parametrize(
@@ -132,9 +139,8 @@ def test_what_a_case_raises_is_an_error(tmp_path, statement, reason):
     ],
     ids=["nothing", "unit", "parameter", "clamp", "flag"],
 )
-def test_what_was_refused_and_a_case_swallows_is_an_error(tmp_path, call, reason):
-    """What could not be done or checked counts, though the case goes on and makes its check; it is told once."""
-    cases = f"""
+@pytest.mark.together(
+    """
     @pytest.mark.requirement("T-010")
     def test_one(check, supply):
         try:
@@ -143,43 +149,46 @@ def test_what_was_refused_and_a_case_swallows_is_an_error(tmp_path, call, reason
             pass
         check("T-010", "ratio", 1.0)
     """
-    found = ran(tmp_path, cases, LAST)
-    agreed(found, {"test_one": "ERROR", "test_last": "PASS"}, "ERROR", 1)
-    assert found.reasons("test_one").count(reason) == 1
+)
+def test_what_was_refused_and_a_case_swallows_is_an_error(judged, call, reason):
+    """What could not be done or checked counts, though the case goes on and makes its check; it is told once."""
+    judged.agrees(test_one="ERROR")
+    assert judged.reasons().count(reason) == 1
 
 
-def test_a_step_whose_title_is_no_utf_8_is_a_step(tmp_path):
-    """A file's name in a title costs no run."""
-    cases = """
+@pytest.mark.together(
+    """
     @pytest.mark.requirement("T-010")
     def test_one(check, step):
         with step("Read caf\\udce9.csv"):
             check("T-010", "ratio", 1.0)
     """
-    found = ran(tmp_path, cases)
-    agreed(found, {"test_one": "PASS"}, "PASS", 0)
-    assert [each["path"] for each in found.package.events("step")] == [["Read caf\\udce9.csv"]]
+)
+def test_a_step_whose_title_is_no_utf_8_is_a_step(judged):
+    """A file's name in a title costs no run."""
+    judged.agrees(test_one="PASS")
+    assert [each["path"] for each in judged.events("step")] == [["Read caf\\udce9.csv"]]
 
 
-@pytest.mark.parametrize("statement", ["raise ValueError", "pytest.skip"])
-def test_text_that_is_no_utf_8_ends_a_case_and_not_the_run(tmp_path, statement):
-    """Bytes that Python kept in a text, as those of a file's name, are written out in the reason."""
-    cases = f"""
+@pytest.mark.parametrize(("statement", "verdict"), [("raise ValueError", "ERROR"), ("pytest.skip", "NOT_RUN")])
+@pytest.mark.together(
+    """
     @pytest.mark.requirement("T-010")
     def test_one(check):
         {statement}("caf\\udce9.csv")
     """
-    found = ran(tmp_path, cases, LAST)
-    verdict = "NOT_RUN" if statement == "pytest.skip" else "ERROR"
-    agreed(found, {"test_one": verdict, "test_last": "PASS"}, verdict, 1)
-    assert "caf\\udce9.csv" in found.reasons("test_one")
+)
+def test_text_that_is_no_utf_8_ends_a_case_and_not_the_run(judged, statement, verdict):
+    """Bytes that Python kept in a text, as those of a file's name, are written out in the reason."""
+    judged.agrees(test_one=verdict)
+    assert "caf\\udce9.csv" in judged.reasons()
 
 
-@pytest.mark.parametrize("place", ["before", "after"])
-def test_what_set_up_and_teardown_raise_is_an_error(tmp_path, place):
-    """An exception in a fixture counts as much as one in the case, also after a case that passed."""
-    before, after = ("1 / 0", "pass") if place == "before" else ("pass", "1 / 0")
-    cases = f"""
+@pytest.mark.parametrize(
+    ("before", "after", "checks"), [("1 / 0", "pass", 0), ("pass", "1 / 0", 1)], ids=["before", "after"]
+)
+@pytest.mark.together(
+    """
     @pytest.fixture
     def thing():
         {before}
@@ -190,24 +199,27 @@ def test_what_set_up_and_teardown_raise_is_an_error(tmp_path, place):
     def test_one(thing, check):
         check("T-010", "ratio", 1.0)
     """
-    found = ran(tmp_path, cases)
-    agreed(found, {"test_one": "ERROR"}, "ERROR", 1)
-    assert found.reasons("test_one").startswith("ZeroDivisionError")
-    assert len(found.package.events("check")) == (1 if place == "after" else 0)
+)
+def test_what_set_up_and_teardown_raise_is_an_error(judged, before, after, checks):
+    """An exception in a fixture counts as much as one in the case, also after a case that passed."""
+    judged.agrees(test_one="ERROR")
+    assert judged.reasons().startswith("ZeroDivisionError")
+    assert len(judged.events("check")) == checks
 
 
-def test_a_required_check_stops_its_case(tmp_path):
-    """`check.require` ends the case with the check's verdict, not with an ERROR."""
-    cases = """
+@pytest.mark.together(
+    """
     @pytest.mark.requirement("T-010", "T-050")
     def test_one(check, supply):
         check.require("T-010", "ratio", 2.0)
         check("T-050", "voltage", supply.coil.voltage())
     """
-    found = ran(tmp_path, cases)
-    agreed(found, {"test_one": "FAIL"}, "FAIL", 1)
-    assert "T-050 got no check of voltage" in found.reasons("test_one")
-    assert not found.package.events("effect")
+)
+def test_a_required_check_stops_its_case(judged):
+    """`check.require` ends the case with the check's verdict, not with an ERROR."""
+    judged.agrees(test_one="FAIL")
+    assert "T-050 got no check of voltage" in judged.reasons()
+    assert not judged.events("effect")
 
 
 def test_a_bench_fault_that_a_case_swallows_is_an_error(tmp_path):
@@ -304,18 +316,19 @@ def test_a_silent_device_under_test_fails_what_speaks_of_it(tmp_path, requiremen
     ],
     ids=["mark", "skip", "xfail", "xfail mark"],
 )
-def test_what_takes_itself_out_is_not_run(tmp_path, decorator, statement, reason):
-    """Skip and xfail are no verdicts: the case is NOT_RUN with its reason, and the run is no pass."""
-    cases = f"""
+@pytest.mark.together(
+    """
     {decorator}
     @pytest.mark.requirement("T-010")
     def test_one(check):
         check("T-010", "ratio", 1.0)
         {statement}
     """
-    found = ran(tmp_path, cases, LAST)
-    agreed(found, {"test_one": "NOT_RUN", "test_last": "PASS"}, "NOT_RUN", 1)
-    assert reason in found.reasons("test_one")
+)
+def test_what_takes_itself_out_is_not_run(judged, decorator, statement, reason):
+    """Skip and xfail are no verdicts: the case is NOT_RUN with its reason, and the run is no pass."""
+    judged.agrees(test_one="NOT_RUN")
+    assert reason in judged.reasons()
 
 
 def test_a_case_that_the_command_line_skips_is_a_deviation(tmp_path):
@@ -360,18 +373,19 @@ def test_a_changed_parameter_is_a_deviation(tmp_path):
     ],
     ids=["in a wait", "swallowed", "in the last call"],
 )
-def test_a_case_that_takes_too_long_is_an_error(tmp_path, statement, seconds):
-    """Passing `max_duration` is an ERROR, whether a scheduling point sees it or the case's end only."""
-    cases = f"""
+@pytest.mark.together(
+    """
     @pytest.mark.requirement("T-010")
     @pytest.mark.max_duration({seconds})
     def test_one(check, clock, supply):
         check("T-010", "ratio", 1.0)
         {statement}
     """
-    found = ran(tmp_path, cases, LAST)
-    agreed(found, {"test_one": "ERROR", "test_last": "PASS"}, "ERROR", 1)
-    assert found.reasons("test_one") == f"the case took longer than its {seconds:g} s of bench time"
+)
+def test_a_case_that_takes_too_long_is_an_error(judged, statement, seconds):
+    """Passing `max_duration` is an ERROR, whether a scheduling point sees it or the case's end only."""
+    judged.agrees(test_one="ERROR")
+    assert judged.reasons() == f"the case took longer than its {seconds:g} s of bench time"
 
 
 def test_a_supply_that_refuses_to_switch_off_is_unsafe(tmp_path):
@@ -407,9 +421,8 @@ def _writes(found):
     return [line for line in lines if line.split("\t")[1:3] == ["psu1", "write"]]
 
 
-def test_a_loop_that_a_case_is_thrown_out_of_ends_its_steps(tmp_path):
-    """An exception in an iteration ends the iteration's step before the case ends, whoever holds the loop."""
-    cases = """
+@pytest.mark.together(
+    """
     @pytest.mark.requirement("T-010")
     def test_one(iterations, step):
         turns = iterations("Turn", 3)
@@ -418,11 +431,13 @@ def test_a_loop_that_a_case_is_thrown_out_of_ends_its_steps(tmp_path):
                 if turn == 2:
                     raise ValueError("here")
     """
-    found = ran(tmp_path, cases, LAST)
-    agreed(found, {"test_one": "ERROR", "test_last": "PASS"}, "ERROR", 1)
-    kinds = [event["kind"] for event in found.package.events("step", "step-end", "case-end")]
-    assert kinds == ["step", "step", "step-end", "step-end"] * 2 + ["case-end", "case-end"]
-    outcomes = [event["outcome"] for event in found.package.events("step-end")]
+)
+def test_a_loop_that_a_case_is_thrown_out_of_ends_its_steps(judged):
+    """An exception in an iteration ends the iteration's step before the case ends, whoever holds the loop."""
+    judged.agrees(test_one="ERROR")
+    kinds = [event["kind"] for event in judged.events("step", "step-end", "case-end")]
+    assert kinds == ["step", "step", "step-end", "step-end"] * 2 + ["case-end"]
+    outcomes = [event["outcome"] for event in judged.events("step-end")]
     assert outcomes == ["done", "done", "raised", "raised"]
 
 
@@ -444,35 +459,53 @@ def test_a_stop_that_no_scheduling_point_saw_is_no_pass(tmp_path, remaining):
         assert found.reasons("test_last") == "stopped by SIGINT"
 
 
+FAILED = "T-010 ratio is FAIL: 2 is above the maximum of 1.5"
+
+
 @pytest.mark.parametrize(
-    ("statement", "verdict", "code"),
+    ("statement", "verdict"),
     [
-        ("pytest.skip('enough')", "FAIL", 1),
-        ("pytest.xfail('known')", "FAIL", 1),
-        ("request.node.add_marker(pytest.mark.xfail(reason='known', raises=ValueError))", "FAIL", 1),
-        ("request.node.add_marker(pytest.mark.xfail(reason='known'))\n        raise ValueError('x')", "ERROR", 1),
-        ("pytest.exit('bye', returncode=0)", "ERROR", 1),
+        ("pytest.skip('enough')", "FAIL"),
+        ("pytest.xfail('known')", "FAIL"),
+        ("request.node.add_marker(pytest.mark.xfail(reason='known', raises=ValueError))", "FAIL"),
+        ("request.node.add_marker(pytest.mark.xfail(reason='known'))\n        raise ValueError('x')", "ERROR"),
     ],
-    ids=["skip", "xfail", "xfail mark", "xfail mark that raises", "exit"],
+    ids=["skip", "xfail", "xfail mark", "xfail mark that raises"],
 )
-def test_a_failure_stands_however_the_case_leaves(tmp_path, statement, verdict, code):
-    """Whoever fails and then takes himself out has failed; the reasons tell both."""
-    cases = f"""
+@pytest.mark.together(
+    """
     @pytest.mark.requirement("T-010")
     def test_one(check, request):
         check("T-010", "ratio", 2.0)
         {statement}
     """
+)
+def test_a_failure_stands_however_the_case_leaves(judged, statement, verdict):
+    """Whoever fails and then takes himself out has failed; the reasons tell both."""
+    judged.agrees(test_one=verdict)
+    assert FAILED in judged.reasons()
+
+
+def test_a_failure_stands_in_a_case_that_ends_pytest(tmp_path):
+    """A case that fails and calls `pytest.exit` is an ERROR, whatever exit code it asks for, and the run is sealed."""
+    cases = """
+    @pytest.mark.requirement("T-010")
+    def test_one(check):
+        check("T-010", "ratio", 2.0)
+        pytest.exit('bye', returncode=0)
+    """
     found = ran(tmp_path, cases)
-    agreed(found, {"test_one": verdict}, verdict, code)
-    assert "T-010 ratio is FAIL: 2 is above the maximum of 1.5" in found.reasons("test_one")
+    agreed(found, {"test_one": "ERROR"}, "ERROR", 1)
+    assert FAILED in found.reasons("test_one")
 
 
-@pytest.mark.parametrize("place", ["within", "after"])
-def test_a_failure_of_data_stands_in_a_case_that_skips(tmp_path, place):
-    """What a recording has to be is looked at, too, and a fixture that skips afterwards changes nothing."""
-    within, after = ("pytest.skip('enough')", "pass") if place == "within" else ("pass", "pytest.skip('enough')")
-    cases = f"""
+@pytest.mark.parametrize(
+    ("within", "after"),
+    [("pytest.skip('enough')", "pass"), ("pass", "pytest.skip('enough')")],
+    ids=["within", "after"],
+)
+@pytest.mark.together(
+    """
     @pytest.fixture
     def late():
         yield
@@ -483,8 +516,10 @@ def test_a_failure_of_data_stands_in_a_case_that_skips(tmp_path, place):
         record("field", field, duration=0.5, rate=40.0)
         {within}
     """
-    found = ran(tmp_path, cases)
-    agreed(found, {"test_one": "FAIL"}, "FAIL", 1)
+)
+def test_a_failure_of_data_stands_in_a_case_that_skips(judged, within, after):
+    """What a recording has to be is looked at, too, and a fixture that skips afterwards changes nothing."""
+    judged.agrees(test_one="FAIL")
 
 
 def test_a_hook_that_hides_an_exception_hides_nothing_from_the_run(tmp_path):
@@ -525,9 +560,8 @@ def test_data_that_are_no_numbers_are_inconclusive(tmp_path, until):
     assert check["reason"].startswith(f"{check['value']:.0f} of 1200 samples are not finite: x ")
 
 
-def test_only_roles_of_the_case_make_data(tmp_path):
-    """An object that gives numbers is no instrument: the case is an ERROR, and nothing is recorded."""
-    cases = """
+@pytest.mark.together(
+    """
     class Made:
         def sample(self):
             return (1.0, 1.0, 1.0)
@@ -536,9 +570,11 @@ def test_only_roles_of_the_case_make_data(tmp_path):
     def test_one(record):
         record("field", Made(), duration=1.0, rate=40.0)
     """
-    found = ran(tmp_path, cases)
-    agreed(found, {"test_one": "ERROR"}, "ERROR", 1)
-    assert "only roles of this case can be recorded, this is a Made" in found.reasons("test_one")
+)
+def test_only_roles_of_the_case_make_data(judged):
+    """An object that gives numbers is no instrument: the case is an ERROR, and nothing is recorded."""
+    judged.agrees(test_one="ERROR")
+    assert "only roles of this case can be recorded, this is a Made" in judged.reasons()
 
 
 @pytest.mark.parametrize(
@@ -552,36 +588,39 @@ def test_only_roles_of_the_case_make_data(tmp_path):
         ("Figure(value=np.bool_(True), unit='1')", "ERROR"),
     ],
 )
-def test_a_figure_is_a_plain_number(tmp_path, value, verdict):
-    """NumPy's numbers are numbers and the package verifies; flags, texts and arrays are an ERROR."""
-    cases = f"""
+@pytest.mark.together(
+    """
     import numpy as np
 
     @pytest.mark.requirement("T-010")
     def test_one(check):
         check("T-010", "ratio", {value})
     """
-    agreed(ran(tmp_path, cases), {"test_one": verdict}, verdict, 0 if verdict == "PASS" else 1)
+)
+def test_a_figure_is_a_plain_number(judged, value, verdict):
+    """NumPy's numbers are numbers and the package verifies; flags, texts and arrays are an ERROR."""
+    judged.agrees(test_one=verdict)
+    assert verify(judged.ran.package.folder).findings == ()
 
 
 @pytest.mark.parametrize("values", [(1.0, 2.0), (2.0, 1.0)])
-def test_a_criterion_that_is_evaluated_again_counts_at_its_worst(tmp_path, values):
-    """Both checks are in the evidence, in whatever order; a later one replaces none."""
-    cases = f"""
+@pytest.mark.together(
+    """
     @pytest.mark.requirement("T-010")
     def test_one(check):
         for value in {values}:
             check("T-010", "ratio", value)
     """
-    found = ran(tmp_path, cases)
-    agreed(found, {"test_one": "FAIL"}, "FAIL", 1)
-    assert [check["value"] for check in found.package.events("check")] == list(values)
+)
+def test_a_criterion_that_is_evaluated_again_counts_at_its_worst(judged, values):
+    """Both checks are in the evidence, in whatever order; a later one replaces none."""
+    judged.agrees(test_one="FAIL")
+    assert [check["value"] for check in judged.events("check")] == list(values)
 
 
 @pytest.mark.parametrize("statement", ["parameters.current = 1.0", "setattr(parameters, '_parameters', {})"])
-def test_parameters_cannot_be_changed(tmp_path, statement):
-    """A case that would change the plan's parameters is an ERROR; the command line is the way, and a deviation."""
-    cases = f"""
+@pytest.mark.together(
+    """
     @pytest.mark.requirement("T-010")
     def test_one(check, parameters):
         check("T-010", "ratio", 1.0)
@@ -591,9 +630,11 @@ def test_parameters_cannot_be_changed(tmp_path, statement):
     def test_two(check, parameters):
         check("T-010", "ratio", parameters.current * 100)
     """
-    found = ran(tmp_path, cases)
-    agreed(found, {"test_one": "ERROR", "test_two": "PASS"}, "ERROR", 1)
-    assert "cannot be changed by a case; see hil run --parameter" in found.reasons("test_one")
+)
+def test_parameters_cannot_be_changed(judged, statement):
+    """A case that would change the plan's parameters is an ERROR; the command line is the way, and a deviation."""
+    judged.agrees(test_one="ERROR", test_two="PASS")
+    assert "cannot be changed by a case; see hil run --parameter" in judged.reasons()
 
 
 def test_a_parameter_is_asked_for_in_a_unit(tmp_path):
@@ -634,9 +675,8 @@ def test_a_name_without_parameters_skips_all_of_them(tmp_path):
     assert reasons == {f"{place}[a]": "no jig", f"{place}[b[1]::c]": "broken"}
 
 
-def test_what_ends_a_thread_is_an_error(tmp_path):
-    """An assertion that fails in a thread of the case is no less one."""
-    cases = f"""
+@pytest.mark.together(
+    """
     import threading
 
     def fail():
@@ -648,11 +688,16 @@ def test_what_ends_a_thread_is_an_error(tmp_path):
         thread.start()
         thread.join()
         check("T-010", "ratio", 1.0)
-    {LAST.replace(chr(10), chr(10) + "    ")}
+
+    @pytest.mark.requirement("T-010")
+    def test_last(check):
+        check("T-010", "ratio", 1.0)
     """
-    found = ran(tmp_path, cases)
-    agreed(found, {"test_one": "ERROR", "test_last": "PASS"}, "ERROR", 1)
-    assert "too warm" in found.reasons("test_one")
+)
+def test_what_ends_a_thread_is_an_error(judged):
+    """An assertion that fails in a thread of the case is no less one."""
+    judged.agrees(test_one="ERROR", test_last="PASS")
+    assert "too warm" in judged.reasons()
 
 
 @pytest.mark.parametrize(
@@ -663,9 +708,8 @@ def test_what_ends_a_thread_is_an_error(tmp_path):
         "KEPT[2]('field', KEPT[3], duration=1.0, rate=40.0)",
     ],
 )
-def test_a_case_does_not_live_on_what_belongs_to_another(tmp_path, use):
-    """A role, check or record kept from a case before is turned away: it would leave no trace in this one."""
-    cases = f"""
+@pytest.mark.together(
+    """
     KEPT = []
 
     @pytest.mark.requirement("T-010")
@@ -681,9 +725,11 @@ def test_a_case_does_not_live_on_what_belongs_to_another(tmp_path, use):
         except Exception:
             pass
     """
-    found = ran(tmp_path, cases)
-    agreed(found, {"test_one": "PASS", "test_two": "ERROR"}, "ERROR", 1)
-    assert "what belongs to a case that has ended is used in another case" in found.reasons("test_two")
+)
+def test_a_case_does_not_live_on_what_belongs_to_another(judged, use):
+    """A role, check or record kept from a case before is turned away: it would leave no trace in this one."""
+    judged.agrees(test_one="PASS", test_two="ERROR")
+    assert "what belongs to a case that has ended is used in another case" in judged.reasons("test_two")
 
 
 @pytest.mark.parametrize(("value", "verdict", "code"), [("1.0", "PASS", 0), ("9.0", "FAIL", 1)])

@@ -39,6 +39,8 @@ __all__ = [
     "finish",
     "kill",
     "make",
+    "module",
+    "said_of",
 ]
 
 ROOT = Path(__file__).parents[2]
@@ -117,10 +119,14 @@ class Ran:
 
     def junit(self) -> dict[str, str]:
         """Return what JUnit says of every case: `passed`, `failure`, `error` or `skipped`."""
+        return {_short(case): element for case, element in self.elements().items()}
+
+    def elements(self) -> dict[str, str]:
+        """Return the same by the whole name of the case."""
         root = ET.fromstring(self.package.text("data/report/junit.xml"))  # noqa: S314 - we wrote it
         kinds = ("failure", "error", "skipped")
         return {
-            _short(case.get("name", "")): next((kind for kind in kinds if case.find(kind) is not None), "passed")
+            case.get("name", ""): next((kind for kind in kinds if case.find(kind) is not None), "passed")
             for case in root.iter("testcase")
         }
 
@@ -277,11 +283,15 @@ def make(
     plan.mkdir(parents=True)
     (plan / "requirements.yaml").write_text(_DOCUMENT + requirements, encoding="utf-8")
     (plan / "parameters.yaml").write_text(parameters, encoding="utf-8")
-    text = "\n\n".join((HEAD, *(textwrap.dedent(part).strip("\n") + "\n" for part in cases)))
-    (plan / "test_small.py").write_text(text, encoding="utf-8")
+    (plan / "test_small.py").write_text(module(*cases), encoding="utf-8")
     workspace = Workspace(root, plan)
     workspace.lock()
     return workspace
+
+
+def module(*cases: str) -> str:
+    """Return a module of a plan: the usual imports, and these parts, each of which may be indented."""
+    return "\n\n".join((HEAD, *(textwrap.dedent(part).strip("\n") + "\n" for part in cases)))
 
 
 _ELEMENTS = {"PASS": "passed", "RECORDED": "passed", "ERROR": "error", "ABORTED": "error", "NOT_RUN": "skipped"}
@@ -302,6 +312,21 @@ def agreed(ran: Ran, verdicts: Mapping[str, str], run_verdict: str, code: int) -
     assert (ran.code, ran.package.events("end")[0]["exit_code"]) == (code, code)
     assert ran.out.splitlines()[-1].endswith(ran.package.name)
     assert verify(ran.package.folder).findings == ()
+
+
+def said_of(ran: Ran, file: str, verdicts: Mapping[str, str]) -> None:
+    """Assert that journal, results, JUnit and page say the same of the cases of one module of the plan."""
+    prefix = f"testplans/small/{file}::"
+    expected = {prefix + case: verdict for case, verdict in verdicts.items()}
+    results = {case["case"]: case["verdict"] for case in ran.package.results()["cases"]}
+    ends = {end["case"]: end["verdict"] for end in ran.package.events("case-end")}
+    assert {case: verdict for case, verdict in results.items() if case.startswith(prefix)} == expected
+    assert {case: verdict for case, verdict in ends.items() if case.startswith(prefix)}.items() <= expected.items()
+    elements = ran.elements()
+    assert {case: elements[case] for case in expected} == {
+        case: _ELEMENTS.get(verdict, "failure") for case, verdict in expected.items()
+    }
+    assert all(f"{verdict}</span>" in ran.page() for verdict in verdicts.values())
 
 
 def _short(case: str) -> str:

@@ -184,10 +184,10 @@ class Campaign:
         return report
 
     def pytest_report_teststatus(
-        self, report: pytest.TestReport
+        self, report: pytest.CollectReport | pytest.TestReport
     ) -> tuple[str, str, tuple[str, dict[str, bool]]] | None:
         """Show the verdict instead of pytest's words."""
-        verdict = dict(report.user_properties).get("verdict")
+        verdict = dict(getattr(report, "user_properties", ())).get("verdict")
         if report.when != "call" or not isinstance(verdict, str):
             return None
         good = Verdict(verdict).good

@@ -1,0 +1,80 @@
+"""Cases that are judged in one run: most of what is asked of a case needs no run of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import pytest
+import sweeps
+from workspaces import Ran, agreed, make, module, said_of
+
+from hil.model.verdict import Verdict, worst
+
+
+@dataclass(frozen=True)
+class Judged:
+    """The cases of one test in a run, in a module of their own."""
+
+    ran: Ran
+    module: str
+    alone: bool
+
+    def agrees(self, **verdicts: str) -> None:
+        """Assert that journal, results, JUnit and page say these verdicts of the cases; so does a run of their own."""
+        if self.alone:
+            verdict = worst(map(Verdict, verdicts.values()))
+            passed = verdict in {Verdict.PASS, Verdict.RECORDED}
+            agreed(self.ran, verdicts, verdict.value, 0 if passed else 1)
+        said_of(self.ran, self.module, verdicts)
+
+    def reasons(self, case: str = "test_one") -> str:
+        """Return the reasons of one case, a line each."""
+        (found,) = [each for each in self.ran.package.results()["cases"] if each["case"] == self._named(case)]
+        return "\n".join(found["reasons"])
+
+    def events(self, *kinds: str) -> list[Mapping[str, object]]:
+        """Return the events of some kinds of these cases."""
+        return [event for event in self.ran.package.events(*kinds) if str(event["case"]).startswith(self._named(""))]
+
+    def _named(self, case: str) -> str:
+        return f"testplans/small/{self.module}::{case}"
+
+
+def _source(item):
+    """Return the module of a test that is marked `together`, its parameters filled in."""
+    text = item.get_closest_marker("together").args[0]
+    for name, value in getattr(item, "callspec", None).params.items() if hasattr(item, "callspec") else ():
+        text = text.replace("{" + name + "}", str(value))
+    return text
+
+
+def _run(folder, items):
+    """Run the cases of these tests, each test's in a module of their own."""
+    workspace = make(folder / "workspace")
+    for number, item in enumerate(items):
+        (workspace.plan / f"test_{number:03}.py").write_text(module(_source(item)), encoding="utf-8")
+    return workspace.run()
+
+
+@pytest.fixture(scope="module")
+def run_together(request, tmp_path_factory):
+    """The run of all cases of a test module that are judged together, and the place of each test's in it."""
+    items = [item for item in request.session.items if item.path == request.path and _is_shared(item)]
+    return _run(tmp_path_factory.mktemp("together"), items), [item.nodeid for item in items]
+
+
+def _is_shared(item):
+    return item.get_closest_marker("together") is not None
+
+
+@pytest.fixture
+def judged(request, tmp_path):
+    """How the cases of this test ended: in one run with those of the other tests, in a soak in one of their own."""
+    item = request.node
+    if alone := sweeps.chosen(few=False, whole=True):
+        ran, place = _run(tmp_path, [item]), 0
+    else:
+        ran, nodes = request.getfixturevalue("run_together")
+        place = nodes.index(item.nodeid)
+    return Judged(ran, f"test_{place:03}.py", alone)
