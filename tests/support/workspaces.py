@@ -23,7 +23,7 @@ from hil.executive.setup.pins import PINNED
 from hil.model.identity import Source
 from hil.plugin.running import run
 from hil.requirements.catalogue import load_catalogue
-from hil.requirements.layout import LOCK
+from hil.requirements.lock import LOCK
 
 __all__ = [
     "DUT",

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 from hil.documents.node import Place
 from hil.model.errors import ConfigurationError, Finding
 
-__all__ = ["Findings"]
+__all__ = ["Findings", "shown"]
 
 
 _LONGEST = 500
@@ -40,3 +41,8 @@ class Findings:
 
     def __len__(self) -> int:
         return len(self._findings)
+
+
+def shown(file: Path, root: Path) -> str:
+    """Return a path as shown to a person: relative to the workspace where it is inside."""
+    return file.relative_to(root).as_posix() if file.is_relative_to(root) else str(file)

@@ -6,13 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from hil.documents.canonical import digest
-from hil.documents.findings import Findings
+from hil.documents.findings import Findings, shown
 from hil.documents.suggest import did_you_mean
 from hil.model.errors import HilError
-from hil.requirements.layout import REQUIREMENTS, shown
 from hil.requirements.lock import check_lock
 from hil.requirements.requirement import Document, Limit, Requirement
-from hil.requirements.schema import RequirementFile, read_requirements
+from hil.requirements.schema import REQUIREMENTS, RequirementFile, read_requirements
 
 __all__ = ["Catalogue", "UnknownParameterOfRequirement", "UnknownRequirement", "load_catalogue", "load_frozen"]
 

@@ -18,10 +18,12 @@ from hil.documents.canonical import JsonError, digest, parse_strict
 from hil.documents.declared import Invalid, read_json
 from hil.documents.findings import Findings
 from hil.documents.node import Place
-from hil.requirements.layout import LOCK
 from hil.requirements.requirement import Requirement
 
-__all__ = ["Change", "ChangeKind", "Locked", "changes", "check_lock", "lock_text", "read_lock"]
+__all__ = ["LOCK", "Change", "ChangeKind", "Locked", "changes", "check_lock", "lock_text", "read_lock"]
+
+LOCK = "requirements.lock.json"
+"""The file of a plan's lock, in its folder."""
 
 _FORMAT = 1
 _SHORT = 60

@@ -13,7 +13,10 @@ from hil.model.notation import Path, Text
 from hil.requirements.requirement import Decision, Document, Kind, Limit, PlannedRequirement, Records, Requirement
 from hil.requirements.units import check_unit
 
-__all__ = ["RequirementFile", "read_requirements"]
+__all__ = ["REQUIREMENTS", "RequirementFile", "read_requirements"]
+
+REQUIREMENTS = "requirements.yaml"
+"""The file of requirements, in the folder of a plan or of all testplans."""
 
 _SCHEMA = "hil/requirements/1"
 _Wrong = Iterator[tuple[Path, str]]

@@ -6,10 +6,9 @@ import pytest
 import yaml
 
 from hil.documents import strict_yaml
-from hil.documents.characters import MOST_BYTES
 from hil.documents.findings import Findings
 from hil.documents.node import Mapping, Scalar, ScalarKind, Sequence
-from hil.documents.strict_yaml import parse_yaml, read_yaml
+from hil.documents.strict_yaml import MOST_BYTES, parse_yaml, read_yaml
 from hil.model.errors import ConfigurationError
 
 

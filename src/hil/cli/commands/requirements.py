@@ -10,7 +10,7 @@ import click
 from hil.documents.findings import Findings
 from hil.executive.setup.workspace import Workspace, find_workspace
 from hil.model.errors import Refused
-from hil.requirements.layout import LOCK
+from hil.requirements.lock import LOCK
 
 if TYPE_CHECKING:
     from hil.requirements.catalogue import Catalogue

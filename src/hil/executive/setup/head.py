@@ -21,7 +21,9 @@ from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.software import software_identity, version
 from hil.model.bench import BenchSpec
 from hil.model.errors import EvidenceError
-from hil.requirements.layout import LOCK, PARAMETERS, REQUIREMENTS
+from hil.requirements.lock import LOCK
+from hil.requirements.parameters import PARAMETERS
+from hil.requirements.schema import REQUIREMENTS
 
 __all__ = ["DESELECTED", "ENDED_BEFORE", "Frozen", "PlannedCase", "freeze", "write_head"]
 
