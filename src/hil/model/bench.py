@@ -13,7 +13,21 @@ from typing import Annotated
 from hil.model.cutting import CutPath, WatchAfter
 from hil.model.envelope import EnvelopeLimit
 from hil.model.identity import Identity
-from hil.model.notation import NAMED, AnyText, ByName, Flag, Hertz, Number, Plain, Seconds, Text, matching, whole
+from hil.model.notation import (
+    NAMED,
+    AnyText,
+    ByName,
+    Flag,
+    Hertz,
+    Number,
+    Plain,
+    Seconds,
+    Text,
+    matching,
+    number,
+    seconds,
+    whole,
+)
 
 __all__ = [
     "BenchHead",
@@ -62,9 +76,9 @@ class CalibratedRange:
     unit: Text
     low: Number = field(metadata={"alias": "from"})
     high: Number = field(metadata={"alias": "to"})
-    absolute: Number
-    relative: Number = 0.0
-    k: Number = 2.0
+    absolute: Annotated[float, number(0.0)]
+    relative: Annotated[float, number(0.0)] = 0.0
+    k: Annotated[float, number(above=0.0)] = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,7 +154,7 @@ class ReducedLevel:
     the current must stay below the lower bound. So a contact that is welded, or does not close, shows.
     """
 
-    voltage: Number
+    voltage: Annotated[float, number(above=0.0)]
     current: Number
     lowest_current: Number
     highest_current: Number
@@ -209,7 +223,7 @@ class SafeStep:
 
     output: Text
     state: Text
-    within_s: Seconds = field(metadata={"alias": "within"})
+    within_s: Annotated[float, seconds(above=0.0)] = field(metadata={"alias": "within"})
     proof: Proof | None = None
 
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
-from hil.model.notation import AnyText, Number, Seconds, Text
+from hil.model.notation import AnyText, Number, Text, number, seconds
 
 __all__ = ["CutPath", "WatchAfter"]
+
+_LONG = seconds(above=0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +31,7 @@ class CutPath:
     by: AnyText = ""
     state: AnyText = ""
     hardware: AnyText = ""
-    within_s: Seconds = field(metadata={"alias": "within"})
+    within_s: Annotated[float, _LONG] = field(metadata={"alias": "within"})
 
     @property
     def means(self) -> str:
@@ -61,9 +64,9 @@ class WatchAfter:
     minimum: Number | None = field(default=None, metadata={"alias": "min"})
     maximum: Number | None = field(default=None, metadata={"alias": "max"})
     toward: Number | None = None
-    tolerance: Number | None = None
-    for_s: Seconds | None = field(default=None, metadata={"alias": "for"})
-    within_s: Seconds | None = field(default=None, metadata={"alias": "within"})
+    tolerance: Annotated[float, number(above=0.0)] | None = None
+    for_s: Annotated[float, _LONG] | None = field(default=None, metadata={"alias": "for"})
+    within_s: Annotated[float, _LONG] | None = field(default=None, metadata={"alias": "within"})
 
     @property
     def seconds(self) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from hil.model.notation import AnyText, Number, Seconds, Text, matching, one_of, whole
+from hil.model.notation import AnyText, Number, Seconds, Text, matching, number, one_of, seconds, whole
 
 __all__ = ["MADE_OF", "Derived", "EnvelopeLimit"]
 
@@ -18,6 +18,7 @@ MADE_OF = {
 }
 """Derived quantities, and what they are computed from besides what the limit names."""
 
+_MILLISECOND = seconds(0.001)
 _MADE = {"slope": "slope of {of}", "unchanged": "time of unchanged {of}"}
 
 
@@ -37,10 +38,10 @@ class Derived:
 
     of: AnyText = ""
     flow: Annotated[str, one_of("charging", "discharging", "flowing")] = field(default="", metadata={"alias": "while"})
-    threshold: Number | None = None
+    threshold: Annotated[float, number(above=0.0)] | None = None
     since: Annotated[str, one_of("phase", "arm")] = ""
-    over_s: Seconds | None = field(default=None, metadata={"alias": "over"})
-    band: Number | None = None
+    over_s: Annotated[float, _MILLISECOND] | None = field(default=None, metadata={"alias": "over"})
+    band: Annotated[float, number(0.0)] | None = None
     against: AnyText = ""
 
 
@@ -66,9 +67,9 @@ class EnvelopeLimit(Derived):
     unit: Text
     minimum: Number | None = field(default=None, metadata={"alias": "min"})
     maximum: Number | None = field(default=None, metadata={"alias": "max"})
-    period_s: Seconds = field(metadata={"alias": "period"})
+    period_s: Annotated[float, _MILLISECOND] = field(metadata={"alias": "period"})
     max_age_s: Seconds = field(metadata={"alias": "max_age"})
-    debounce: Annotated[int, whole(1)] = 1
+    debounce: Annotated[int, whole(1, 1000)] = 1  # with more, the limit hardly ever trips
 
     @property
     def derived(self) -> Derived | None:

@@ -43,6 +43,7 @@ __all__ = [
     "number",
     "one_of",
     "read_number",
+    "seconds",
     "whole",
 ]
 
@@ -166,6 +167,11 @@ def number(minimum: float = -math.inf, maximum: float = math.inf, *, above: floa
     return Notation(partial(read_number, minimum=minimum, maximum=maximum, above=above), max(0.0, minimum))
 
 
+def seconds(minimum: float = 0.0, *, above: float = -math.inf) -> Notation:
+    """Return the notation of a duration within bounds [s], see `Seconds`."""
+    return Notation(partial(_seconds, minimum=minimum, above=above), minimum)
+
+
 def whole(minimum: int | None = None, maximum: int | None = None) -> Notation:
     """Return the notation of a whole number, decimal or with 0x, in quotes or not."""
     return Notation(partial(_whole, minimum=minimum, maximum=maximum), minimum or 0)
@@ -238,8 +244,13 @@ def _flag(value: object) -> bool:
     return value
 
 
-def _seconds(value: object) -> float:
-    return _quantity(value, _SECONDS, "a duration such as 10 ms, 4 h or 90 d")
+def _seconds(value: object, minimum: float = 0.0, above: float = -math.inf) -> float:
+    found = _quantity(value, _SECONDS, "a duration such as 10 ms, 4 h or 90 d")
+    if found < minimum:
+        raise Complaint(f"must be at least {minimum:g} s")
+    if not found > above:
+        raise Complaint(f"must be longer than {above:g} s")
+    return found
 
 
 def _nanoseconds(value: object, minimum: int = 0) -> int:

@@ -84,8 +84,8 @@ CHANGES = [
     ),
     (("  relay1:\n", "  relay/1:\n"), "relay/1", "the name 'relay/1' must be letters, digits"),
     (('quantity: voltage, unit: V, max: "25"', 'quantity: volts, unit: V, max: "25"'), "{channel", "'volts'"),
-    (('absolute: "0.005"', 'absolute: "-0.005"'), "{quantity: voltage, unit: V, from", "cannot be below zero"),
-    (('relative: "0.01"', 'relative: "0.01", k: "0"'), "{quantity: field", "factor k must be above zero"),
+    (('absolute: "0.005"', 'absolute: "-0.005"'), '"-0.005"', "ranges: 'absolute' must be at least 0"),
+    (('relative: "0.01"', 'relative: "0.01", k: "-0"'), '"-0"', "ranges: 'k' must be above 0"),
     (('from: "-400"', 'from: "500"'), "{quantity: field", "mag1: the range from 500 to 400 uT holds nothing"),
     # Wiring.
     (("role: magnetometer", "role: magnetometre"), "{role: magnetometre", "did you mean 'magnetometer'?"),
@@ -104,7 +104,7 @@ CHANGES = [
         "relays.x and relays both have contact 2 of relay1",
     ),
     (('{voltage: "0.5"', '{voltage: "6.5"'), "{role: supply", "reduced voltage 6.5 V is outside its clamp 0 to 6 V"),
-    (('{voltage: "0.5"', '{voltage: "0"'), "{role: supply", "supply.coil: a reduced level of 0 V would show nothing"),
+    (('{voltage: "0.5"', '{voltage: "0"'), '"0", current', "reduced: 'voltage' must be above 0"),
     (('lowest_current: "0.0015"', 'lowest_current: "1"'), "{role: supply", "lowest_current 1 is above highest"),
     (
         (
@@ -145,8 +145,8 @@ CHANGES = [
         "{id: coil-current",
         "coil-current: max_age must be at least twice the period",
     ),
-    (("period: 1 s", "period: 0 s"), "{id: coil-current", "coil-current: period must be 1 ms at least"),
-    (('debounce: "2"', 'debounce: "99999999999"'), "{id: coil-current", "coil-current: debounce must be 1000 at most"),
+    (("period: 1 s", "period: 0 s"), "0 s, max_age", "envelope: 'period' must be at least 0.001 s, found `0 s`"),
+    (('debounce: "2"', 'debounce: "99999999999"'), '"99999999999"', "envelope: 'debounce' must be at most 1000"),
     (
         ("id: sensor-voltage", "id: coil-current"),
         "{id: coil-current, output: supply.sensor",
@@ -171,7 +171,11 @@ CHANGES = [
     ),
     (("proof: {output: supply.coil", "proof: {output: relays"), "{output: supply.coil, state", "relays has no current"),
     (('min: "-0.001"', 'min: "0.002"'), "{output: supply.coil, state", "proof of supply.coil: min 0.002 is above"),
-    (("state: released, within: 2 s", "state: released, within: 0 s"), "{output: relays", "within must be longer than"),
+    (
+        ("state: released, within: 2 s", "state: released, within: 0 s"),
+        "0 s}\n- {output: supply.s",
+        "safe_off: 'within' must be longer than 0 s",
+    ),
     # The simulated twin.
     (("    relay1:\n      connects", "    relay2:\n      connects"), "relay1:\n    driver", "relay1 has no peer"),
     (("    relay1:\n      connects", "    relay2:\n      connects"), "relay2:\n", "unknown instrument 'relay2'"),

@@ -85,7 +85,7 @@ BATTERY = [
         "{output: supply.charge, hardware",
         "only an output has a state; leave it out beside hardware",
     ),
-    ({CHARGE: CHARGE.replace("10 s", "0 s")}, "{output: supply.charge, by", "within must be longer than zero"),
+    ({CHARGE: CHARGE.replace("10 s", "0 ms")}, "0 ms}", "cut_paths: 'within' must be longer than 0 s"),
     ({CHARGE: CHARGE.replace("within", "witin")}, "witin", "unknown key 'witin', did you mean 'within'?"),
     (
         {CHARGE: CHARGE.replace("by: cycler, state: stopped", 'by: supply.apparatus, state: "off"')},
@@ -124,11 +124,15 @@ BATTERY = [
         "thermal has no angle",
     ),
     ({'tolerance: "4", ': ""}, TEMPERATURE, "what goes toward a value needs 'tolerance'"),
-    ({'tolerance: "4"': 'tolerance: "0"'}, TEMPERATURE, "watch_after of thermal: tolerance must be above zero"),
-    ({'tolerance: "4", within: 180 s': 'tolerance: "4", within: 0 s'}, TEMPERATURE, "within must be longer than zero"),
+    ({'tolerance: "4"': 'tolerance: "0"'}, '"0", within', "watch_after: 'tolerance' must be above 0"),
+    (
+        {'tolerance: "4", within: 180 s': 'tolerance: "4", within: 0 ms'},
+        "0 ms}",
+        "watch_after: 'within' must be longer than 0 s",
+    ),
     ({'toward: "24.5"': 'toward: "24.5", min: "1"'}, '"1", tolerance', "what goes toward a value takes no 'min'"),
     ({'max: "0.02", for: 60 s': 'max: "0.02"'}, CURRENT, "what stays between bounds needs 'for'"),
-    ({'max: "0.02", for: 60 s': 'max: "0.02", for: 0 s'}, CURRENT, "for must be longer than zero"),
+    ({'max: "0.02", for: 60 s': 'max: "0.02", for: 0 ms'}, "0 ms}", "watch_after: 'for' must be longer than 0 s"),
     ({'max: "0.02", for: 60 s': 'max: "-0.2", for: 60 s'}, CURRENT, "min -0.02 is above max -0.2"),
     (
         {'max: "0.02", for: 60 s}': f'max: "0.02", for: 60 s}}\n{CURRENT} "0", max: "0", for: 1 s}}'},

@@ -100,7 +100,7 @@ WRONG = [
         "slope, of: temperature, over: 60 s, unit: degC/min",
         "slope of temperature is given in K/s, K/min or K/h here, not in 'degC/min'",
     ),
-    ('threshold: "0.02"', 'threshold: "0"', "the threshold must be above zero"),
+    ('threshold: "0.02"', 'threshold: "0"', "'threshold' must be above 0"),
     ('max: "2.6"', 'min: "0", max: "2.6"', "charge begins at zero, it takes no min"),
     ('max: "2.6"', 'max: "0"', "the max of charge must be above zero"),
     (
@@ -111,7 +111,7 @@ WRONG = [
     (
         'charge, while: charging, since: phase, threshold: "0.02", unit: A.h',
         'unchanged, of: temperature, band: "-1", unit: h',
-        "the band cannot be below zero",
+        "'band' must be at least 0",
     ),
 ]
 
