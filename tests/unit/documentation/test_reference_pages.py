@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import re
+from dataclasses import fields, is_dataclass
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import pytest
 
 from hil.instruments.registry import DRIVERS, ROLES
+from hil.model.bench import BenchSpec
+from hil.model.identity import Dut
+from hil.model.notation import UNWRITTEN
 from hil.plugin.plans.case_fixtures import case_fixtures
+from hil.requirements import parameters, schema
 from hil.simulation.registry import PEERS, PLANTS, fault_kinds
 
 ROOT = Path(__file__).parents[3]
@@ -17,29 +23,52 @@ BENCH_FILE = (ROOT / "docs" / "reference" / "bench-file.md").read_text(encoding=
 PLAN_FILES = (ROOT / "docs" / "reference" / "plan-files.md").read_text(encoding="utf-8")
 CASE_API = (ROOT / "docs" / "reference" / "case-api.md").read_text(encoding="utf-8")
 
-READERS = [
-    *((path, BENCH_FILE) for path in sorted((SOURCE / "bench").rglob("*.py"))),
-    *((path, BENCH_FILE) for path in sorted((SOURCE / "simulation").rglob("*.py"))),
-    *((SOURCE / "requirements" / name, PLAN_FILES) for name in ("schema.py", "parameters.py")),
-]
+READERS = sorted((SOURCE / "simulation").rglob("*.py"))
 KEY = re.compile(
-    r"\b(?:reader|item|entry|document|head|truth|recognised)\."
+    r"\btruth\."
     r"(?:text|texts|number|decimal|integer|integers|vector|flag|duration|duration_ns|frequency|plain|child|children|entries|sections)"
     r'\(\s*"([a-z_]+)"'
 )
 
 
-@pytest.mark.parametrize(("path", "page"), READERS, ids=lambda value: value.stem if isinstance(value, Path) else "")
-def test_every_key_of_a_file_is_on_its_page(path, page):
-    """Whatever key a reader asks for is named on the page about its file."""
+def keys_of(model):
+    """Return every key that a declared model reads, in all of its sections."""
+    keys, hints = set(), get_type_hints(model)
+    for field in fields(model):
+        key = field.metadata.get("alias", field.name)
+        inner = [] if key.startswith(UNWRITTEN["alias"]) else [hints[field.name]]
+        keys.update([key] if inner else [])
+        while inner:
+            found = inner.pop()
+            inner.extend(get_args(found))
+            keys |= keys_of(found) if is_dataclass(found) else set()
+    return keys
+
+
+@pytest.mark.parametrize(
+    ("model", "page"),
+    [(BenchSpec, BENCH_FILE), (Dut, BENCH_FILE), (schema._Plan, PLAN_FILES), (parameters._File, PLAN_FILES)],
+)
+def test_every_declared_key_is_on_its_page(model, page):
+    """Whatever key a model declares is named on the page about its file."""
+    assert sorted(key for key in keys_of(model) if f"`{key}`" not in page and f"`{key}:" not in page) == []
+
+
+@pytest.mark.parametrize("path", READERS, ids=lambda path: path.stem)
+def test_every_key_of_a_truth_is_on_its_page(path):
+    """Whatever key a plant, a peer or a fault asks for is named on the page about the bench file."""
     keys = set(KEY.findall(path.read_text(encoding="utf-8")))
-    assert sorted(key for key in keys if f"`{key}`" not in page and f"`{key}:" not in page) == []
+    assert sorted(key for key in keys if f"`{key}`" not in BENCH_FILE and f"`{key}:" not in BENCH_FILE) == []
 
 
 def test_the_keys_are_found():
-    """The walk above finds keys where there are many."""
-    found = {key for path, _ in READERS for key in KEY.findall(path.read_text(encoding="utf-8"))}
-    assert {"wiring", "debounce", "earth_field", "min_tur", "values", "recognised", "welded", "by"} <= found
+    """The walks above find keys where there are many."""
+    asked = {key for path in READERS for key in KEY.findall(path.read_text(encoding="utf-8"))}
+    assert {"earth_field", "welded"} <= asked
+    assert {"wiring", "debounce", "while", "epoch", "by"} <= keys_of(BenchSpec)
+    assert {"min_tur", "max_gap", "part_numbers"} <= keys_of(schema._Plan)
+    assert {"values", "rising"} <= keys_of(parameters._File)
+    assert "recognised" in keys_of(Dut)
 
 
 def test_every_driver_plant_and_fault_is_on_the_page():
