@@ -30,6 +30,7 @@ _WATCH_NS = 10_000_000
 _LONGEST_COMMAND = 32
 _ON, _PROTECTED, _BEEPER, _CONSTANT_VOLTAGE = 0x40, 0x20, 0x10, 0x01
 _OVER_VOLTS, _OVER_AMPERES = 0.02, 0.002
+_RATING = Rating(30.0, 5.0, 31.0, 5.1, 33.0)  # settings up to 31 V and 5.1 A; its protections have no level
 _KEPT = ("trips_on_voltage", "trips_on_current")
 
 
@@ -38,19 +39,6 @@ class StrayByte(Fault):
     """A byte that belongs to nothing follows the current's setting."""
 
     name = "stray-byte"
-
-
-@dataclass(frozen=True, slots=True)
-class _KoradRating(Rating):
-    """30 V and 5 A; settings up to 31 V and 5.1 A."""
-
-    @property
-    def most_volts(self) -> float:
-        return 31.0
-
-    @property
-    def most_amperes(self) -> float:
-        return 5.1
 
 
 class KoradOutput(SupplyOutput):
@@ -215,7 +203,7 @@ def build(setup: PeerSetup) -> KoradKa3005p:
     command_s = truth.number("command_time", 0.02, minimum=0)
     output = KoradOutput(
         1,
-        _KoradRating(30.0, 5.0),
+        _RATING,
         truth=own,
         terminal=setup.connections.port("1", own.load),
         faults=setup.faults,

@@ -1,4 +1,4 @@
-"""The grammar of SCPI as an instrument reads it: headers, parameters, channel lists, error queue.
+"""The grammar of SCPI as an instrument reads it: headers, parameters, channel lists, errors.
 
 IEEE 488.2-1992 and SCPI-1999 volume 1. A program message is split at `;`; a header without a leading
 colon goes on from the level of the one before it (SCPI-1999 vol. 1, 6.2.4).
@@ -7,10 +7,9 @@ colon goes on from the level of the one before it (SCPI-1999 vol. 1, 6.2.4).
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 
-__all__ = ["Command", "ErrorQueue", "ScpiError", "channel_list", "find", "keyword", "split"]
+__all__ = ["ErrorQueue", "ScpiError", "channel_list", "keyword", "number", "split", "units", "word"]
 
 _QUEUE = 20
 _MESSAGES = {
@@ -27,6 +26,10 @@ _MESSAGES = {
     -350: "Error queue overflow",
     -363: "Input buffer overrun",
 }
+
+
+_WORDS = re.compile(r"(MIN)(?:IMUM)?|(MAX)(?:IMUM)?|(DEF)(?:AULT)?")
+_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:E[+-]?\d{1,3})?)\s*([A-Z]*)")
 
 
 class ScpiError(Exception):
@@ -50,25 +53,10 @@ class ErrorQueue:
         else:
             self.codes[-1] = -350
 
-    def pop(self) -> str:
-        """Return the oldest error as the instrument prints it, and forget it."""
+    def pop(self, form: str) -> str:
+        """Return the oldest error as the instrument prints it, its number in this form, and forget it."""
         code = self.codes.pop(0) if self.codes else 0
-        return f'{code:+d},"{_MESSAGES[code]}"'
-
-
-@dataclass(frozen=True, slots=True)
-class Command:
-    """One command of an instrument: what its header looks like, and what it does.
-
-    Attributes:
-        pattern: the compiled header.
-        query: whether it is the asking form.
-        action: what it does; the first argument is the header's numeric suffix, 1 where it has none.
-    """
-
-    pattern: re.Pattern[str]
-    query: bool
-    action: Callable[[int, Sequence[str]], str | None]
+        return f'{form.format(code)},"{_MESSAGES[code]}"'
 
 
 def keyword(header: str) -> re.Pattern[str]:
@@ -83,32 +71,40 @@ def split(message: str) -> list[str]:
     return [unit.strip() for unit in re.findall(r"(?:\"[^\"]*\"|'[^']*'|[^;\"']|[\"'])+", message) if unit.strip()]
 
 
-def find(text: str, level: str, commands: Sequence[Command]) -> tuple[Command, int, tuple[str, ...], str]:
-    """Find the command of one message unit.
+def units(message: str) -> Iterator[tuple[str, bool, tuple[str, ...]]]:
+    """Yield full header in capitals, whether it is a question, and parameters of every unit of a message."""
+    level = ""
+    for text in split(message):
+        header, *rest = text.split(maxsplit=1)
+        name = header.removesuffix("?").upper()
+        common = name.startswith("*")
+        full = name if common else name[1:] if name.startswith(":") else level + name
+        level = level if common else full[: full.rfind(":") + 1]
+        yield full, header.endswith("?"), _parameters("".join(rest))
+
+
+def word(text: str) -> str | None:
+    """Return MIN, MAX or DEF where the text is that, long or short."""
+    match = _WORDS.fullmatch(text.upper())
+    return next(found for found in match.groups() if found) if match else None
+
+
+def number(text: str, factors: Mapping[str, float]) -> float:
+    """Return a number with a suffix or without.
 
     Args:
-        text: the message unit.
-        level: where the unit before it left off, such as `VOLT:`.
-        commands: what the instrument knows.
-
-    Returns:
-        The command, the header's numeric suffix (1 where it has none), the parameters, and the level for the next one.
+        text: a parameter.
+        factors: of the suffixes that are known; where there are none, a suffix is no number at all.
 
     Raises:
-        ScpiError: with -113 for a header that the instrument does not know.
+        ScpiError: with -104 for what is no number, -131 for a suffix that is not known.
     """
-    header, *rest = text.split(maxsplit=1)
-    query = header.endswith("?")
-    name = header.removesuffix("?").upper()
-    common = name.startswith("*")
-    full = name if common else name[1:] if name.startswith(":") else level + name
-    for command in commands:
-        match = command.pattern.fullmatch(full) if command.query == query else None
-        if match:
-            suffix = next((int(digits) for digits in match.groups() if digits), 1)
-            next_level = level if common else full[: full.rfind(":") + 1]
-            return command, suffix, _parameters("".join(rest)), next_level
-    raise ScpiError(-113)
+    match = _NUMBER.fullmatch(text.upper())
+    if match is None or (match[2] and not factors):
+        raise ScpiError(-104)
+    if match[2] and match[2] not in factors:
+        raise ScpiError(-131)
+    return float(match[1]) * factors.get(match[2], 1.0)
 
 
 def channel_list(text: str) -> list[int] | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import inf
-from typing import Annotated, TypeVar, cast
+from typing import Annotated, Self, cast
 
 from hil.model.notation import one_of, whole
 from hil.simulation.faults import Fault, Faults
@@ -25,12 +25,10 @@ __all__ = [
     "read_outputs",
 ]
 
-_Output = TypeVar("_Output")
-
 NOT_A_NUMBER = 9.91e37
 """SCPI's word for not a number (SCPI-1999 vol. 1, 7.2.1.5)."""
 
-_OVER_RANGE = 1.03  # programmable to 103 % of the rating, protection to 110 %
+_OVER_RANGE = 1.03
 _PROTECTION_RANGE = 1.1
 _READING_NS = 1_000_000
 _EPSILON = 1e-9
@@ -59,25 +57,27 @@ class NotANumber(Fault):
 
 @dataclass(frozen=True, slots=True)
 class Rating:
-    """What an output can give [V, A]."""
+    """What an output can give, and the most that its settings take [V, A].
+
+    Attributes:
+        volts, amperes: what it can give.
+        most_volts, most_amperes: the highest settings.
+        most_protection: the highest over-voltage level, and the one after a reset.
+        most_over_current: the highest over-current level, and the one after a reset. None where the over-current
+            protection has no level, but trips in constant current, and the over-voltage protection no switch.
+    """
 
     volts: float
     amperes: float
+    most_volts: float
+    most_amperes: float
+    most_protection: float
+    most_over_current: float | None = None
 
-    @property
-    def most_volts(self) -> float:
-        """The highest voltage that can be set."""
-        return self.volts * _OVER_RANGE
-
-    @property
-    def most_amperes(self) -> float:
-        """The highest current limit that can be set."""
-        return self.amperes * _OVER_RANGE
-
-    @property
-    def most_protection(self) -> float:
-        """The highest over-voltage level that can be set, and the one after a reset."""
-        return self.volts * _PROTECTION_RANGE
+    @classmethod
+    def programmable(cls, volts: float, amperes: float) -> Self:
+        """Return that of an output that can be programmed to 103 % of what it can give, its protection to 110 %."""
+        return cls(volts, amperes, volts * _OVER_RANGE, amperes * _OVER_RANGE, volts * _PROTECTION_RANGE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,16 +131,13 @@ def read_output_truth(truth: Truth, base: OutputTruth) -> OutputTruth:
     return replace(base, **values)
 
 
-def read_outputs(
-    setup: PeerSetup, ratings: Mapping[int, Rating], usual: OutputTruth, make: Callable[..., _Output]
-) -> dict[int, _Output]:
+def read_outputs(setup: PeerSetup, ratings: Mapping[int, Rating], usual: OutputTruth) -> dict[int, SupplyOutput]:
     """Make every output of a supply from its truth, its terminals and its noise.
 
     Args:
         setup: of the supply; its truth has the outputs' common part, and `channels` what differs.
         ratings: by number of the output, which is the name of its terminal, too.
         usual: how such an output deviates where the truth does not say.
-        make: an output's class.
     """
     truth = setup.truth
     common = read_output_truth(truth, usual)
@@ -150,7 +147,7 @@ def read_outputs(
         truth.wrong("channels", f"unknown channel '{number}'; known are {', '.join(sorted(known))}")
     own = {number: read_output_truth(section, common) for number, section in sections.items()}
     return {
-        number: make(
+        number: SupplyOutput(
             number,
             rating,
             truth=(deviates := own.get(str(number), common)),
@@ -190,14 +187,9 @@ class SupplyOutput:
         self._terminal = terminal
         self._faults = faults
         self._noise = noise
-        self.volts = 0.0
-        self.limit = rating.amperes
-        self.protection = rating.most_protection
-        self.current_protection = False
         self.on = False
-        self.over_voltage = False
-        self.over_current = False
         self._stuck_on = False
+        self._set_up()
 
     def set_volts(self, volts: float) -> None:
         """Take a voltage setting, rounded to the resolution."""
@@ -219,25 +211,47 @@ class SupplyOutput:
 
     def reset(self, now_ns: int) -> None:
         """Return to the settings of power-on."""
-        self.volts, self.limit, self.protection = 0.0, self.rating.amperes, self.rating.most_protection
-        self.current_protection = self.over_voltage = self.over_current = False
+        self._set_up()
         self.switch(on=False, now_ns=now_ns)
+
+    def _set_up(self) -> None:
+        self.volts, self.limit, self.protection = 0.0, self.rating.amperes, self.rating.most_protection
+        self.over_current_level = self.rating.most_over_current
+        self.over_voltage_on = self.over_current_level is None
+        self.current_protection = self.over_voltage = self.over_current = False
 
     def protect(self, now_ns: int) -> None:
         """Trip the protections that are due."""
         if not self.on:
             return
-        if self._terminal.volts() > self.protection:
+        if self.lifted:
             self.over_voltage = True
-        if self.current_protection and self.mode() == "CC":
+        if self.current_protection and self._gives_too_much():
             self.over_current = True
         if self.over_voltage or self.over_current:
             self.switch(on=False, now_ns=now_ns)
 
+    def _gives_too_much(self) -> bool:
+        level = self.over_current_level
+        return self.mode() == "CC" if level is None else self._terminal.amperes() > level
+
     @property
     def watched(self) -> bool:
-        """Whether a protection could trip without another command."""
-        return self.on and (self.current_protection or self._given_volts() > self.protection)
+        """Whether a protection could trip without another command: more is given than its level."""
+        level = self.over_current_level
+        return self.on and (
+            (self.over_voltage_on and self._given_volts() > self.protection)
+            or (self.current_protection and (level is None or self._given_limit() > level))
+        )
+
+    @property
+    def lifted(self) -> bool:
+        """Whether the terminals are above the level of an over-voltage protection that is on."""
+        return self.on and self.over_voltage_on and self._terminal.volts() > self.protection
+
+    def listen(self, callback: Callable[[], None]) -> None:
+        """Call back when something else has changed what hangs on it."""
+        self._terminal.listen(callback)
 
     def mode(self) -> str:
         """Return `CV`, `CC` or `off`, from what the terminals show."""
@@ -286,6 +300,8 @@ _STATE = (
     "volts",
     "limit",
     "protection",
+    "over_current_level",
+    "over_voltage_on",
     "current_protection",
     "on",
     "over_voltage",

@@ -1,0 +1,141 @@
+"""A SCPI power supply on its line: lines in, answers out, protections that trip meanwhile."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import cast
+
+from hil.clock.port import NANOSECONDS
+from hil.simulation.peers.alarm import Alarm
+from hil.simulation.peers.model import PeerModel, PeerSetup
+from hil.simulation.peers.scpi_manual import Commands, Manual
+from hil.simulation.peers.supply_output import SupplyOutput, read_outputs
+from hil.wire.peer import Line, PeerClock
+
+__all__ = ["ScpiSupply", "model_of"]
+
+_LONGEST_LINE = 1024
+_MOST_LINES = 256
+_WATCH_NS = 10_000_000
+
+
+class ScpiSupply:
+    """The supply: lines end with a line feed, are executed one after the other, and are answered in order.
+
+    Args:
+        manual: what its programming guide says.
+        commands: what it executes.
+        outputs: its outputs by number.
+        times_ns: `Manual.seconds` of this one.
+    """
+
+    def __init__(
+        self, manual: Manual, commands: Commands, outputs: Mapping[int, SupplyOutput], times_ns: Mapping[str, int]
+    ) -> None:
+        self._manual = manual
+        self._commands = commands
+        self._outputs = outputs
+        self._command_ns = times_ns["command_time"]
+        self._measure_ns = times_ns.get("measure_time", self._command_ns)
+        self._pause_ns = times_ns.get("pause_time")
+        self._inbox = b""
+        self._lines: list[str] = []
+        self._ready_ns = 0
+        self._line: Line
+        self._clock: PeerClock
+        self._due: Alarm
+        self._watching: Alarm
+
+    def attach(self, line: Line, clock: PeerClock) -> None:
+        """Connect the line; every output starts off."""
+        self._line = line
+        self._clock = clock
+        self._due, self._watching = Alarm(clock, self._work), Alarm(clock, self._protect)
+        for output in self._outputs.values():
+            output.apply()
+            if self._manual.watches:
+                output.listen(self._look)
+
+    def receive(self, data: bytes) -> None:
+        """Collect bytes into lines; where lines need a pause, one that comes too early is lost."""
+        *lines, self._inbox = (self._inbox + data).split(b"\n")
+        if len(self._inbox) > _LONGEST_LINE:
+            self._inbox = b""
+            self._commands.errors.push(-363)
+        for line in lines:
+            text = line.decode("latin-1").strip()
+            if self._pause_ns is not None and (not text or self._lines or self._clock.now_ns() < self._ready_ns):
+                continue
+            if len(self._lines) == _MOST_LINES:  # what nobody waits for an answer to does not pile up for ever
+                self._commands.errors.push(-363)
+                break
+            self._lines.append(text)
+            if len(self._lines) == 1:
+                self._begin()
+
+    def state(self) -> Mapping[str, object]:
+        """Return settings, error queue and what is still to be executed."""
+        return {
+            "outputs": {str(number): output.state() for number, output in self._outputs.items()},
+            "commands": dict(self._commands.state()),
+            "inbox": self._inbox.hex(),
+            "lines": list(self._lines),
+            "ready_ns": self._ready_ns,
+            "due": self._due.state(),
+            "watching": self._watching.state(),
+        }
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        for number, values in cast("dict[str, dict[str, object]]", state["outputs"]).items():
+            self._outputs[int(number)].restore(values)
+        self._commands.restore(cast("dict[str, object]", state["commands"]))
+        self._inbox = bytes.fromhex(cast("str", state["inbox"]))
+        self._lines = list(cast("list[str]", state["lines"]))
+        self._ready_ns = cast("int", state["ready_ns"])
+        self._due.restore(state["due"])
+        self._watching.restore(state["watching"])
+
+    def _begin(self) -> None:
+        takes_ns = self._measure_ns if "MEAS" in self._lines[0].upper() else self._command_ns
+        self._due.set(self._clock.now_ns() + takes_ns)
+
+    def _work(self) -> None:
+        now_ns = self._clock.now_ns()
+        reply = self._commands.execute(self._lines.pop(0), now_ns)
+        self._ready_ns = now_ns + (self._pause_ns or 0)
+        if reply:
+            self._line.send(f"{reply}\n".encode("latin-1", "replace"))
+        self._protect()
+        if self._lines:
+            self._begin()
+
+    def _look(self) -> None:
+        """Look whether a contact that closed, or the like, brought an output above its protection."""
+        if any(output.lifted for output in self._outputs.values()):
+            self._watching.set(self._clock.now_ns())
+
+    def _protect(self) -> None:
+        """Trip what is due; an output that gives more than a protection allows is looked at every 10 ms."""
+        now_ns = self._clock.now_ns()
+        for output in self._outputs.values():
+            output.protect(now_ns)
+        if self._watching.due_ns is None and any(output.watched for output in self._outputs.values()):
+            self._watching.set((now_ns // _WATCH_NS + 1) * _WATCH_NS)
+
+
+def model_of(manual: Manual) -> PeerModel:
+    """Return the model of a manual; terminals `1`, `2`, ... go to supply ports of plants."""
+
+    def build(setup: PeerSetup) -> ScpiSupply:
+        truth = setup.truth
+        serial, firmware = truth.text("serial", manual.serial), truth.text("firmware", manual.firmware)
+        seconds = {key: truth.number(key, usual, minimum=0) for key, usual in manual.seconds.items()}
+        outputs = read_outputs(setup, manual.ratings, manual.deviates)
+        setup.finish()
+        identity = manual.identity.format(serial=serial, firmware=firmware)
+        commands = Commands(manual, identity, outputs, setup.faults)
+        times_ns = {str(key): round(number * NANOSECONDS) for key, number in seconds.items()}
+        return ScpiSupply(manual, commands, outputs, times_ns)
+
+    return PeerModel(link="serial", fault_kinds=manual.faults, build=build)
