@@ -113,7 +113,7 @@ def test_clamps_hold_in_front_of_the_instrument():
 @pytest.mark.parametrize(
     ("wire", "message"),
     [
-        (Wire(role="relays", instance="", instrument="device"), "is no relays"),
+        (Wire(role="relays", instance="", instrument="device"), "does not fill the role relays"),
         (Wire(role="supply", instance="x", instrument="device", channel=4), "no channel 4"),
         (charge(over_voltages="5"), "did you mean 'over_voltage'"),
         (charge(over_voltage="high"), "write a number in V"),

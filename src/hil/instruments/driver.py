@@ -14,7 +14,10 @@ from hil.model.identity import Identity
 from hil.wire.port import I2cBus, Port
 from hil.wire.streaming import StreamingBus
 
-__all__ = ["Clamps", "Connection", "Driver", "OpenedAnew", "Outlet", "ServesBus"]
+__all__ = ["OVER_VOLTAGE_LEVEL", "Clamps", "Connection", "Driver", "OpenedAnew", "Outlet", "ServesBus", "offers"]
+
+OVER_VOLTAGE_LEVEL = "over-voltage-level"
+"""A capability: a supply whose over-voltage protection has a level of its own, apart from the voltage that is set."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,3 +109,8 @@ class ServesBus(Protocol):
     def bus(self, frequency_hz: float) -> StreamingBus:
         """Return the bus, which runs at `frequency_hz`; send nothing before its first transfer."""
         ...
+
+
+def offers(driver: type, capability: str) -> bool:
+    """Return whether a driver lists a capability in its `capabilities`; one that has no list has none."""
+    return capability in getattr(driver, "capabilities", frozenset())

@@ -193,7 +193,7 @@ class KoradKa3005p:
 
     def __init__(self, connection: Connection) -> None:
         if connection.port is None:
-            raise Refused(f"{connection.device}: a korad-ka3005p is reached by a port", "give it `port:` and `baud:`")
+            raise Refused(f"{connection.device}: the driver korad-ka3005p needs a port", "give it `port:` and `baud:`")
         self._connection = connection
         self._line = KoradLine(connection.device, connection.port, connection.clock)
 
@@ -211,10 +211,7 @@ class KoradKa3005p:
 
     def role(self, wire: Wire) -> Supply:
         """Return the output."""
-        if wire.role not in self.roles:
-            raise Refused(f"wiring {wire.name}: a korad-ka3005p is no {wire.role}", "it fills the role supply")
-        if wire.channel != _CHANNEL:
-            raise Refused(f"wiring {wire.name}: a korad-ka3005p has no channel {wire.channel}", "it has 1 only")
+        settings.fits(wire, "korad-ka3005p", self.roles, (_CHANNEL,))
         settings.only(wire, "over_current", "over_voltage")
         switches = (("over_voltage", "OVP1"), ("over_current", "OCP1"))
         protections = [command for key, command in switches if _at_setting(wire, key)]

@@ -45,7 +45,7 @@ def test_bench_that_cannot_be_bound_leaves_nothing_behind():
     wrong = replace(spec, instruments=(psu1, relay1, replace(mag1, driver="keysight-e36300")), simulated=spec.simulated)
     peers = tuple(replace(peer, model="lis3mdl") if peer.device == "mag1" else peer for peer in spec.simulated.peers)
     wrong = replace(wrong, simulated=replace(spec.simulated, peers=peers))
-    with pytest.raises(Refused, match="a keysight-e36300 is reached by a port"):
+    with pytest.raises(Refused, match="the driver keysight-e36300 needs a port"):
         bind_simulated(wrong, Transcript(None))
     with bound(spec) as bench:
         assert bench.drivers["mag1"] is not None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hil.instruments.capabilities import OVER_VOLTAGE_LEVEL, offers
+from hil.instruments.driver import OVER_VOLTAGE_LEVEL, offers
 from hil.instruments.registry import DRIVERS
 
 

@@ -252,7 +252,7 @@ def test_the_mode_of_an_output_that_is_off_is_off():
 @pytest.mark.parametrize(
     ("wire", "sentence"),
     [
-        (Wire(role="relays", instance="", instrument="psu1"), "is no relays"),
+        (Wire(role="relays", instance="", instrument="psu1"), "does not fill the role relays"),
         (Wire(role="supply", instance="coil", instrument="psu1"), "has no channel 0"),
         (Wire(role="supply", instance="coil", instrument="psu1", channel=4), "has no channel 4"),
         (coil(overvoltage="5.5"), "unknown setting 'overvoltage', did you mean 'over_voltage'"),
@@ -270,5 +270,5 @@ def test_wires_that_it_cannot_serve_are_refused(wire, sentence):
 
 def test_it_is_reached_by_a_port():
     """A bench file that gives it a bus is refused."""
-    with pytest.raises(Refused, match="reached by a port"):
+    with pytest.raises(Refused, match="needs a port"):
         KeysightE36300(Connection(device="psu1", clock=VirtualClock(), clamps=Clamps()))

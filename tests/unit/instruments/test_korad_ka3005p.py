@@ -25,7 +25,7 @@ def driver(*script):
 def test_the_constructor_sends_nothing_and_needs_a_port():
     """A driver that was only made has not touched the bench."""
     assert driver()[2].written == []
-    with pytest.raises(Refused, match="is reached by a port"):
+    with pytest.raises(Refused, match="needs a port"):
         KoradKa3005p(Connection(device="psu1", clock=VirtualClock(), clamps=Clamps()))
 
 

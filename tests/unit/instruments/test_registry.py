@@ -29,8 +29,8 @@ def test_every_driver_fills_roles_that_exist(name):
 @pytest.mark.parametrize("name", DRIVERS.names)
 def test_every_role_offers_all_of_its_operations(name):
     """The class that fills a role marks the same operations as driving and reading as the role does."""
-    module = sys.modules[DRIVERS[name].__module__]
-    classes = [item for item in vars(module).values() if isinstance(item, type)]
+    modules = [sys.modules[base.__module__] for base in DRIVERS[name].__mro__]
+    classes = [item for module in modules for item in vars(module).values() if isinstance(item, type)]
     for role in DRIVERS[name].roles:
         wanted = {name: operation.effect for name, operation in ROLES[role].operations.items()}
         assert any(

@@ -31,7 +31,7 @@ def driver(script, **settings):
 def test_the_constructor_sends_nothing_and_needs_a_port():
     """A driver that was only made has not touched the bench."""
     assert driver([])[1].written == []
-    with pytest.raises(Refused, match="is reached by a port"):
+    with pytest.raises(Refused, match="needs a port"):
         RigolDp832(Connection(device="psu1", clock=VirtualClock(), clamps=Clamps()))
 
 

@@ -8,7 +8,7 @@ import pytest
 from scripted import ScriptedPort, late
 
 from hil.clock.virtual import VirtualClock
-from hil.instruments.scpi.session import (
+from hil.instruments.scpi_session import (
     ScpiSession,
     as_identification,
     as_number,

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from hil.bench.connections import can_harm, charges_a_battery, hazardous_wires, line_of, paths_of
 from hil.bench.file.complaints import Complaints, known, listed, named, quantity_of
-from hil.instruments.capabilities import OVER_VOLTAGE_LEVEL, offers
+from hil.instruments.driver import OVER_VOLTAGE_LEVEL, offers
 from hil.instruments.registry import DRIVERS
 from hil.model.bench import BenchSpec, InstrumentSpec, Wire
 from hil.model.cutting import CutPath, WatchAfter

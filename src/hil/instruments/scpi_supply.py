@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
-from hil.instruments.driver import Clamps
+from hil.instruments import settings
+from hil.instruments.driver import OVER_VOLTAGE_LEVEL, Clamps, Connection, Outlet
 from hil.instruments.marks import drives, reads
+from hil.instruments.pacing import PacedPort
 from hil.instruments.roles import SUPPLY
-from hil.instruments.safing import NUMBER, must_be_state, own_bounds
-from hil.instruments.scpi.safing import switched_off
-from hil.instruments.scpi.session import ScpiSession, as_number, as_register, as_switch
-from hil.model.bench import Proof
+from hil.instruments.safing import LONGEST_REPLY_S, NUMBER, must_be_state, own_bounds
+from hil.instruments.scpi_session import ClosedSession, ScpiSession, as_number, as_register, as_switch
+from hil.model.bench import Proof, Wire
 from hil.model.errors import Refused, Rejected
 from hil.model.figure import Figure
-from hil.model.safing import SafeBytes
+from hil.model.identity import Identity
+from hil.model.safing import Exchange, SafeBytes
 
-__all__ = ["Dialect", "Protection", "ScpiOutput"]
+__all__ = ["Dialect", "Protection", "ScpiOutput", "ScpiSupply"]
 
+_GAP_S = 0.02
+_IDENTIFY = "*IDN?"
+_IDENTIFICATION = rb"[^,;\n]+(?:,[^,;\n]*){3}"
 _CONSTANT_CURRENT = 1 << 0
 _CONSTANT_VOLTAGE = 1 << 1
 _MODES = {0: "unregulated", _CONSTANT_CURRENT: "CC", _CONSTANT_VOLTAGE: "CV", 3: "unregulated"}
@@ -53,6 +59,7 @@ class Dialect:
     """One family's commands; `{channel}` and `{value}` are filled in.
 
     Attributes:
+        driver: the driver's name in bench files.
         channels: the outputs that the family has.
         decimals: digits after the point that are sent.
         tolerance: how far a setting that is read back may lie from what was sent (V or A): the
@@ -64,10 +71,12 @@ class Dialect:
         as_trip: reads whether a protection has tripped.
         as_mode: reads `CV`, `CC` or `unregulated`; at first from a condition register.
         says_off: the reply of `is_on` that means off.
+        error_query: takes the oldest entry out of the error queue.
         framed: whether a question may stand in a line with `*IDN?`.
         pause_s: what the instrument needs between lines [s].
     """
 
+    driver: str
     channels: tuple[int, ...]
     decimals: int
     tolerance: float
@@ -87,6 +96,7 @@ class Dialect:
     as_trip: Callable[[str], bool] = as_switch
     as_mode: Callable[[str], str] = _as_mode
     says_off: bytes = b"0"
+    error_query: str = "SYST:ERR?"
     framed: bool = False
     pause_s: float = 0.0
 
@@ -205,7 +215,7 @@ class ScpiOutput:
         for quantity, question in (("voltage", dialect.measure_voltage), ("current", dialect.measure_current)):
             if bounds := own_bounds(self._name, proof, quantity):
                 questions.append((self._filled(question), NUMBER, bounds))
-        return switched_off(
+        return _switched_off(
             self._filled(dialect.switch_off), tuple(questions), framed=dialect.framed, pause_s=dialect.pause_s
         )
 
@@ -260,3 +270,104 @@ class ScpiOutput:
 
     def _filled(self, template: str, value: str = "") -> str:
         return template.format(channel=self._channel, value=value)
+
+
+class ScpiSupply:
+    """A driver for power supplies of one dialect: role `supply` on each of its channels.
+
+    A wire may set `over_voltage` (volts), the level of the over-voltage protection, and where the dialect has one
+    `over_current` (amperes); protections that have a switch are then switched on. The instrument is never reset: `*RST`
+    would switch outputs off in an order that nobody chose, and forget what a person had set.
+    """
+
+    roles: ClassVar[frozenset[str]] = frozenset({"supply"})
+    capabilities: ClassVar[frozenset[str]] = frozenset({OVER_VOLTAGE_LEVEL})
+    dialect: ClassVar[Dialect]
+
+    def __init__(self, connection: Connection) -> None:
+        dialect, port = self.dialect, connection.port
+        if port is None:
+            raise Refused(f"{connection.device}: the driver {dialect.driver} needs a port", "give it `port:`")
+        self._connection = connection
+        paced = PacedPort(port, connection.clock, dialect.pause_s) if dialect.pause_s else port
+        session = ScpiSession if dialect.framed else ClosedSession
+        self._session = session(connection.device, paced, error_query=dialect.error_query, framed=dialect.framed)
+
+    def identify(self) -> Identity:
+        """Ask `*IDN?`."""
+        manufacturer, model, serial, firmware = self._session.identification()
+        return Identity(manufacturer=manufacturer, model=model, serial=serial, firmware=firmware)
+
+    def outlets(self) -> Sequence[Outlet]:
+        """Ask every channel whether it is on."""
+        dialect = self.dialect
+        return tuple(
+            Outlet(channel, self._session.query(dialect.is_on.format(channel=channel), dialect.as_state))
+            for channel in dialect.channels
+        )
+
+    def role(self, wire: Wire) -> ScpiOutput:
+        """Return the output that the wire names."""
+        dialect = self.dialect
+        settings.fits(wire, dialect.driver, self.roles, dialect.channels)
+        settings.only(wire, *(("over_current",) if dialect.over_current else ()), "over_voltage")
+        return ScpiOutput(
+            name=wire.name,
+            device=self._connection.device,
+            session=self._session,
+            dialect=dialect,
+            clamps=self._connection.clamps,
+            channel=wire.channel,
+            over_voltage=settings.quantity(wire, "over_voltage", "V"),
+            over_current=settings.quantity(wire, "over_current", "A"),
+        )
+
+
+def _switched_off(
+    off: str,
+    questions: tuple[tuple[str, bytes, tuple[float, float] | None], ...],
+    *,
+    framed: bool,
+    pause_s: float,
+) -> SafeBytes:
+    """Return how an output is made safe by bytes alone.
+
+    A killed program may have left half a line, and a line feed would let the instrument execute it: `OUTP ON` without
+    the channels that were to follow switches whichever is selected. So the first thing sent is `*IDN?`: after half a
+    line it makes nonsense of it, which is refused whole; after nothing it is a question that changes nothing. The error
+    queue is not emptied: what stands there tells the next program what happened.
+
+    Instruments answer in order. The proof begins with `*IDN?` too: when its reply has come, no older one is owed.
+
+    Args:
+        off: the command.
+        questions: what is asked, what the reply must be, and the bounds of the number in it, if there is one.
+        framed: whether a question may stand in a line with `*IDN?`; see `ScpiSession`.
+        pause_s: what the instrument needs between lines [s].
+    """
+    quiet_s = _GAP_S + pause_s
+    asked = [
+        Exchange(
+            send=_bytes_of(f"{_IDENTIFY};{'' if question.startswith(':') else ':'}{question}" if framed else question),
+            expect=rb"\A" + (_IDENTIFICATION + rb";" if framed else b"") + reply + rb"\r?\n",
+            within_s=LONGEST_REPLY_S,
+            quiet_s=quiet_s,
+            between=bounds,
+        )
+        for question, reply, bounds in questions
+    ]
+    nothing_owed = Exchange(
+        send=_bytes_of(_IDENTIFY),
+        expect=rb"(?:\A|\n)" + _IDENTIFICATION + rb"\r?\n",
+        within_s=LONGEST_REPLY_S,
+        quiet_s=quiet_s,
+    )
+    return SafeBytes(
+        resync=(Exchange(send=_bytes_of(_IDENTIFY), quiet_s=quiet_s),),
+        off=(Exchange(send=_bytes_of(off), quiet_s=quiet_s),),
+        proof=(nothing_owed, *asked),
+    )
+
+
+def _bytes_of(text: str) -> bytes:
+    return text.encode("ascii") + b"\n"

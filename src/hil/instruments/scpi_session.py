@@ -23,7 +23,16 @@ from typing import TypeVar
 from hil.model.errors import DeviceFault, Garbled, NoReply, Rejected
 from hil.wire.port import Port
 
-__all__ = ["LONGEST_S", "ScpiSession", "as_identification", "as_number", "as_register", "as_switch", "as_text"]
+__all__ = [
+    "LONGEST_S",
+    "ClosedSession",
+    "ScpiSession",
+    "as_identification",
+    "as_number",
+    "as_register",
+    "as_switch",
+    "as_text",
+]
 
 LONGEST_S = 0.5
 """The longest that one exchange may take, in seconds."""
@@ -32,6 +41,9 @@ _ATTEMPTS = 3
 _LONGEST_ERROR_QUEUE = 32
 _MOST_LINES_OUT_OF_STEP = 4
 _MOST_SHOWN = 60
+_SILENCE_S = 0.1
+_MOST_LISTENED = 5
+_MOST_BYTES = 4096
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[Ee][+-]?\d+)?", re.ASCII)
 _ERROR = re.compile(r'([+-]?\d+),"(.*)"', re.ASCII)
 _REGISTER = re.compile(r"\+?\d{1,10}", re.ASCII)
@@ -240,6 +252,50 @@ class ScpiSession:
         try:
             waiting = self._port.in_waiting
             stray = self._port.read(waiting) if waiting else b""
+        except OSError as error:
+            raise self._dead_port("*IDN?", error) from error
+        self._discarded += len(stray)
+        return stray
+
+
+class ClosedSession(ScpiSession):
+    """The host's end of one SCPI dialogue, one question in a line. See `ScpiSession`.
+
+    A reply does not say which question it belongs to, and here the question cannot be asked together with `*IDN?`. So
+    the identification is asked for right after it. Instruments answer in order: if the next line is the identification,
+    then exactly one line came for the question. A line that nobody had asked for pushes the true reply to where the
+    identification should be.
+
+    After a fault identifications may be owed too, so that one of them would not show that the session is in step. The
+    port is listened to until it is silent for longer than the instrument takes to answer.
+    """
+
+    def _ask(self, command: str, parse: Callable[[str], _T]) -> _T:
+        reply = self._bare(command, parse)
+        self._bare("*IDN?", self._closes)
+        return reply
+
+    def _closes(self, line: str) -> None:
+        """Accept the identification that was learnt last, or learn it."""
+        if self._frame and line != self._frame:
+            raise ValueError(self._frame)
+        self._identified(line)
+
+    def _step_again(self) -> None:
+        """Listen until there is silence; then the first line must be the identification."""
+        for _ in range(_MOST_LISTENED):
+            if not self._silence():
+                break
+        else:
+            raise Garbled(self._device, "bytes come without an end that nobody asked for", "look who else talks to it")
+        self._bare("*IDN?", self._identified)
+        self._in_step = True
+
+    def _silence(self) -> bytes:
+        """Return what comes within a tenth of a second, and throw it away."""
+        try:
+            self._port.timeout = _SILENCE_S
+            stray = self._port.read(_MOST_BYTES)
         except OSError as error:
             raise self._dead_port("*IDN?", error) from error
         self._discarded += len(stray)
