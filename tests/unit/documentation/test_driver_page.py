@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import runpy
 from pathlib import Path
@@ -9,10 +10,15 @@ from pathlib import Path
 import pytest
 
 from hil.instruments.driver import Clamps, Connection
+from hil.instruments.registry import DRIVERS, ROLES
+from hil.instruments.role import Argument, problem_with
 from hil.instruments.roles import Magnetometer
 from hil.model.bench import InstrumentSpec, Wire
 from hil.model.errors import Refused
+from hil.simulation.faults import read_faults
 from hil.simulation.peers.model import Connections, PeerSetup
+from hil.simulation.registry import FAULTS, PEERS, PLANTS
+from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth
 
 PAGE = Path(__file__).parents[3] / "docs/how-to/write-a-driver.md"
@@ -48,7 +54,7 @@ class Bus:
 
 @pytest.fixture
 def modules(tmp_path):
-    """Return what the page's two modules define."""
+    """Return what the page's modules define."""
     found = []
     for number, code in enumerate(re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)):
         path = tmp_path / f"part_{number}.py"
@@ -59,7 +65,7 @@ def modules(tmp_path):
 
 def test_the_pages_driver_reads_the_pages_peer(modules):
     """It is identified, started, sampled and stopped, and goes on from its state."""
-    theirs, simulated = modules
+    theirs, simulated, *_ = modules
     instrument = InstrumentSpec(name="mag1", driver="acme-mag", bus="i2c", address=0x1C)
     truth = Truth({"field": ["20", "-5", "40"], "noise": "0"}, ())
     clock = Clock()
@@ -83,3 +89,27 @@ def test_the_pages_driver_reads_the_pages_peer(modules):
         assert getattr(type(role), name).effect == getattr(getattr(Magnetometer, name), "effect", "reads")
     with pytest.raises(Refused, match="does not fill the role supply"):
         driver.role(Wire(role="supply", instance="", instrument="mag1"))
+
+
+def test_the_pages_role_plant_and_fault_are_what_they_should_be(modules):
+    """The page's entry points name objects that are taken; the role says what it takes, the plant swings."""
+    role, plant, faults = (
+        each[name] for each, name in zip(modules[2:], ("COMPASS", "MODEL", "BadContact"), strict=True)
+    )
+    assert problem_with("compass", role) == ""
+    assert role.operations["turn"].arguments["offset"] == Argument("offset", number=True, unit="deg")
+    assert PLANTS._problem("magnet", plant) == ""
+    assert FAULTS._problem("bad-contact", faults) == ""
+    magnet = plant.build("magnet", 10_000_000, Truth({"swing": "10"}, ()))
+    assert magnet.observe("heading") == pytest.approx(10.0)
+    magnet.advance(3_000_000_000)
+    assert magnet.observe("heading") == pytest.approx(10 * math.exp(-0.3) * math.cos(3.0), abs=1e-3)
+    (always,) = read_faults([{"kind": "bad-contact", "share": "1"}], (), (faults,)).faults
+    assert always.spoiled(b"abc", Seeds(0).stream("bus", "faults"), 5) == b"\xff\xff\xff"
+
+
+def test_the_page_names_the_entry_points_of_its_parts():
+    """Each group that is looked for is on the page."""
+    page = PAGE.read_text(encoding="utf-8")
+    for offers in (DRIVERS, ROLES, PEERS, PLANTS, FAULTS):
+        assert f'[project.entry-points."{offers.group}"]' in page
