@@ -10,18 +10,19 @@ from pathlib import Path
 from hil.clock import wall
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.durable import open_plain
+from hil.evidence.events import Anomaly, Attachment, Note
 from hil.evidence.folder import JOURNAL, RESULTS, is_held, is_run, is_sealed
-from hil.evidence.journal.reader import Body, JournalLine, JournalReading, read_journal, require_known_format
+from hil.evidence.journal.reader import JournalLine, JournalReading, read_journal, require_known_format
 from hil.evidence.package.verification import State
 from hil.evidence.results.facts import read_json
 from hil.evidence.safed import was_safed
+from hil.evidence.state import fold
 from hil.model.errors import EvidenceError, HilError
 
 __all__ = ["RunSummary", "find_runs", "run_folders", "status"]
 
 _STAMP = re.compile(r"(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)Z")
 _FIRST_LINE = 1_000_000
-_ADDED = frozenset({"anomaly", "attachment", "note"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +47,7 @@ class RunSummary:
         stopped: who or what asked it to stop, and why; empty where nobody did, and once it goes on again.
         verdict: the sealed verdict, empty before.
         deviates: whether it differs from its plan.
-        added: the events of notes, attachments and anomalies, in order.
+        added: notes, attachments and anomalies since the first gate, in order.
     """
 
     folder: Path
@@ -66,7 +67,7 @@ class RunSummary:
     stopped: str = ""
     verdict: str = ""
     deviates: bool = False
-    added: tuple[Body, ...] = ()
+    added: tuple[Note | Attachment | Anomaly, ...] = ()
 
 
 def run_folders(reports: Path) -> list[Path]:
@@ -100,11 +101,7 @@ def status(folder: Path) -> RunSummary:
         require_known_format(reading)
     except EvidenceError as error:
         return RunSummary(folder=folder, state=State.UNKNOWN, problem=error.message)
-    try:
-        return _summary(folder, reading)
-    except (LookupError, TypeError, AttributeError, ValueError) as error:
-        what = f"its events cannot be understood: {type(error).__name__} {error}"
-        return RunSummary(folder=folder, state=State.DAMAGED, problem=what)
+    return _summary(folder, reading)
 
 
 def _is_one(path: Path) -> bool:
@@ -134,64 +131,30 @@ def _began(folder: Path) -> str:
 
 
 def _summary(folder: Path, reading: JournalReading) -> RunSummary:
-    events = reading.bodies
-    run = next((event for event in events if event["kind"] == "run"), {})
-    planned = {case["case"] for event in events if event["kind"] == "planned" for case in event["cases"]}
-    case, step = _current(events)
-    held = is_held(folder)
-    ended = State.SAFED if was_safed(folder, events) else State.INTERRUPTED
+    told, held = fold(reading.events), is_held(folder)
+    run, step = told.run, told.present.step if told.present else None
+    ended = State.SAFED if was_safed(folder, reading.events) else State.INTERRUPTED
     state = State.RUNNING if held else State.SEALED if is_sealed(folder) else ended
     return RunSummary(
         folder=folder,
         state=State.DAMAGED if reading.findings and not held else state,
         problem=str(reading.findings[0]) if reading.findings else "",
-        plans=tuple(str(plan) for plan in run.get("plans", ())),
-        bench=str(run.get("bench", "")),
-        dut=str(run.get("dut", {}).get("serial", "")),
-        source=str(run.get("source", "")),
-        purpose=str(run.get("purpose", "")),
-        planned=len(planned),
-        ended=len({event["case"] for event in events if event["kind"] == "case-end"}),
-        case=str(case),
-        step=step,
-        t=float(events[-1]["t"]) if events else 0.0,
-        age=_age(reading.lines[-1]) if events else None,
-        stopped=_stopped(events),
+        plans=run.plans if run else (),
+        bench=run.bench if run else "",
+        dut=run.dut.serial if run else "",
+        source=run.source if run else "",
+        purpose=run.purpose if run else "",
+        planned=len(told.cases),
+        ended=sum(any(each.ended for each in case.attempts) for case in told.cases.values()),
+        case=told.present.planned.case if told.present else "",
+        step=f"{step.number} {step.path[-1]}" if step else "",
+        t=told.t,
+        age=_age(reading.lines[-1]) if reading.lines else None,
+        stopped=told.stop.reason if told.stop else "",
         verdict=_verdict(folder),
-        deviates=bool(run.get("deviations")) or any(event.get("deviation") for event in events),
-        added=tuple(event for event in _since_armed(events) if event["kind"] in _ADDED),
+        deviates=bool(told.deviations),
+        added=tuple(told.added),
     )
-
-
-def _since_armed(events: tuple[Body, ...]) -> tuple[Body, ...]:
-    """Return the events from the first gate on; anomalies before it are those of the catalogue's sources."""
-    begun = next((place for place, event in enumerate(events) if event["kind"] == "gate"), 0)
-    return events[begun:]
-
-
-def _stopped(events: tuple[Body, ...]) -> str:
-    reason = ""
-    for event in events:
-        if event["kind"] == "stop":
-            reason = str(event["reason"])
-        elif event["kind"] == "gate":  # it was resumed, and arms its bench
-            reason = ""
-    return reason
-
-
-def _current(events: tuple[Body, ...]) -> tuple[str, str]:
-    case, steps = "", list[str]()
-    for event in events:
-        match event["kind"]:
-            case "case":
-                case, steps = event["case"], []
-            case "case-end":
-                case, steps = "", []
-            case "step":
-                steps.append(f"{event['number']} {event['path'][-1]}")
-            case "step-end" if steps:
-                steps.pop()
-    return case, steps[-1] if steps else ""
 
 
 def _age(line: JournalLine) -> float | None:

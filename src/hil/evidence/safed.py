@@ -8,9 +8,10 @@ from typing import Any
 
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.durable import read_plain, sha256_of
+from hil.evidence.events import Acknowledged, End, Event
 from hil.evidence.folder import GUARDIAN, JOURNAL
 from hil.evidence.inbox import peek
-from hil.evidence.journal.reader import Body, read_journal
+from hil.evidence.journal.reader import read_journal
 from hil.model.errors import EvidenceError
 
 __all__ = ["guardian_hash", "guardian_lines", "is_acknowledged", "was_safed"]
@@ -36,7 +37,7 @@ def guardian_lines(folder: Path) -> tuple[dict[str, Any], ...]:
     return tuple(_line(line) for line in data.splitlines() if line.strip())
 
 
-def was_safed(folder: Path, events: Sequence[Body]) -> bool:
+def was_safed(folder: Path, events: Sequence[Event]) -> bool:
     """Return whether the guardian ended a run that is not sealed, and nobody has resumed it since.
 
     Its journal holds then no acknowledgement of the guardian's as that stands now: it is written down first of all
@@ -44,7 +45,7 @@ def was_safed(folder: Path, events: Sequence[Body]) -> bool:
     """
     if not (seen := guardian_hash(folder)):
         return False
-    return not any(event["kind"] == "end" or _acknowledges(event, seen) for event in events)
+    return not any(isinstance(event, End) or _acknowledges(event, seen) for event in events)
 
 
 def is_acknowledged(folder: Path) -> bool:
@@ -57,14 +58,14 @@ def is_acknowledged(folder: Path) -> bool:
     if any(message.kind == "ack" and message.sha256 == seen for message in peek(folder)):
         return True
     try:
-        events = read_journal(folder / JOURNAL).bodies
+        events = read_journal(folder / JOURNAL).events
     except EvidenceError:
         return False
     return any(_acknowledges(event, seen) for event in events)
 
 
-def _acknowledges(event: Body, seen: str) -> bool:
-    return bool(event["kind"] == "acknowledged" and event.get("guardian") == seen)
+def _acknowledges(event: Event, seen: str) -> bool:
+    return isinstance(event, Acknowledged) and event.guardian == seen
 
 
 def _line(line: bytes) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from evidence_runs import begin, record
 
+from hil.evidence.events import Recording, RecordingEnd
 from hil.evidence.package.contents import Package
 from hil.evidence.recordings.hdf5 import convert, hashes_of, read_hdf5, read_recording
 from hil.evidence.recordings.row_file import BLOCK
@@ -20,7 +21,7 @@ def ended_recording(folder, rows=100):
     with begin(folder) as journal:
         record(folder, journal, rows)
     package = Package(folder)
-    return folder / "data/recordings", package.events("recording")[0], package.events("recording-end")[0]
+    return folder / "data/recordings", package.of(Recording)[0], package.of(RecordingEnd)[0]
 
 
 def test_hdf5_holds_what_the_rows_held(tmp_path):
@@ -44,7 +45,7 @@ def test_hdf5_holds_what_the_rows_held(tmp_path):
         assert dict(file["channels/x"].attrs) == {
             "calibration": "C-1", "instrument": "psu1", "unit": "deg/s",
         }  # fmt: skip
-        assert (file.attrs["rate"], file.attrs["source"], file.attrs["sha256"]) == (100.0, "hardware", ended["sha256"])
+        assert (file.attrs["rate"], file.attrs["source"], file.attrs["sha256"]) == (100.0, "hardware", ended.sha256)
 
 
 @pytest.mark.parametrize("rows", [0, 1, BLOCK + 5])
@@ -52,7 +53,7 @@ def test_any_number_of_rows_is_converted(tmp_path, rows):
     """No row, one row, and more than a block give back their hash."""
     place, begun, ended = ended_recording(tmp_path, rows)
     convert(place / "001-rest.rows", place / "001-rest.h5", begun=begun, ended=ended)
-    assert hashes_of(place / "001-rest.h5", [rows]) == [(rows, ended["sha256"])]
+    assert hashes_of(place / "001-rest.h5", [rows]) == [(rows, ended.sha256)]
     assert len(read_hdf5(place / "001-rest.h5")["x"]) == rows
 
 
@@ -96,4 +97,4 @@ def test_a_recording_of_a_run_killed_amid_its_seal_is_read(tmp_path):
     place, begun, ended = ended_recording(tmp_path)
     convert(place / "001-rest.rows", place / "001-rest.h5", begun=begun, ended=ended)
     (place / "001-rest.rows").unlink()
-    assert len(read_recording(place, begun, {"complete": True})) == 100
+    assert len(read_recording(place, begun, ended)) == 100

@@ -5,22 +5,15 @@ from __future__ import annotations
 import math
 
 import pytest
+from typed_events import event_of
 
 from hil.evidence.recordings.hdf5 import convert
 from hil.evidence.recordings.reverting import revert
 from hil.evidence.recordings.row_file import BLOCK
 from hil.evidence.recordings.rows import Rows
 
-BEGUN = {
-    "recording": "001-rest",
-    "name": "rest",
-    "case": None,
-    "step": None,
-    "channels": [{"name": "x", "unit": "uT", "instrument": "m"}, {"name": "y", "unit": "uT", "instrument": "m"}],
-    "rate": 10.0,
-    "duration": None,
-    "source": "simulated",
-}
+CHANNELS = [{"name": "x", "unit": "uT", "instrument": "m"}, {"name": "y", "unit": "uT", "instrument": "m"}]
+BEGUN = event_of("recording", recording="001-rest", name="rest", channels=CHANNELS, rate=10.0, source="simulated")
 
 
 def converted(folder, count):
@@ -30,7 +23,7 @@ def converted(folder, count):
     for place in range(count):
         rows.append((place / 10, math.sin(place), math.nan))
     end = rows.finish()
-    ended = {"rows": end.rows, "sha256": end.sha256, "complete": True, "gaps": end.largest_gap_s}
+    ended = event_of("recording-end", rows=end.rows, sha256=end.sha256, complete=True, gaps=end.largest_gap_s)
     convert(path, folder / "001-rest.h5", begun=BEGUN, ended=ended)
     return path.read_bytes()
 

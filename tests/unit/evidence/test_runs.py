@@ -46,7 +46,7 @@ def test_a_run_tells_what_people_added(tmp_path):
     with begin(tmp_path) as journal:
         journal.write(event_of("note", text="door opened", by="Ada"), 1.0)
         journal.write(event_of("attachment", file="1-photo.jpg", sha256="0" * 64, by="Ada", text="jig"), 2.0)
-    assert [(event["kind"], event["text"]) for event in status(tmp_path).added] == [
+    assert [(event.kind(), event.text) for event in status(tmp_path).added] == [
         ("note", "door opened"),
         ("attachment", "jig"),
     ]

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from case_parts import REQUIREMENTS, Case
+from typed_events import event_of
 
 from hil.documents.node import Place
 from hil.evidence.package.judged import judge_again
@@ -190,7 +191,7 @@ def test_numpys_numbers_are_written_as_they_were_judged(tmp_path, value):
     assert {type(number) for number in numbers} == {float}
     assert type(check["status"]) is str
     entries = {item.id: item for item in REQUIREMENTS}
-    assert list(judge_again(check, entries_of([entries["T-010"]]))) == []
+    assert list(judge_again(event_of(**check), entries_of([entries["T-010"]]))) == []
 
 
 def test_the_worst_of_several_checks_of_one_criterion_counts(tmp_path):
@@ -227,8 +228,10 @@ def test_doubts_are_judged_again_and_cannot_be_overruled(tmp_path):
     case.run.check("T-010", "ratio", 1.0, doubts=["stuck of x: all samples are the same"])
     written = case.written.of("check")[0]
     entries = entries_of([next(item for item in REQUIREMENTS if item.id == "T-010")])
-    assert list(judge_again(written, entries)) == []
-    assert any("gives INCONCLUSIVE" in told for told in judge_again({**written, "verdict": "PASS"}, entries))
+    assert list(judge_again(event_of(**written), entries)) == []
+    assert any(
+        "gives INCONCLUSIVE" in told for told in judge_again(event_of(**{**written, "verdict": "PASS"}), entries)
+    )
 
 
 def test_no_doubt_is_no_word_of_it(tmp_path):

@@ -8,9 +8,11 @@ from pathlib import Path
 import pytest
 from typed_events import event_of
 
+from hil.evidence.events import Voided
+from hil.evidence.journal.past import Entry, entries
 from hil.evidence.journal.reader import read_journal
-from hil.evidence.journal.standing import Entry, Voided, entries, standing
 from hil.evidence.journal.writer import Journal
+from hil.evidence.state import standing
 from hil.executive.resuming.beginnings import ResumedRun, Resumption
 from hil.executive.resuming.earlier import find_earlier
 from hil.executive.resuming.preconditions import require_answers

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typed_events import event_of
+
 from hil.bench.gate import Gate
 from hil.executive.resuming.earlier import not_opened
 from hil.executive.watching.keeper import FIRST_ARMING
@@ -9,15 +11,15 @@ from hil.executive.watching.keeper import FIRST_ARMING
 
 def gate(name, *, ok=True, kind="host-gate"):
     """Return one gate."""
-    return {"kind": kind, "name": name, "ok": ok, "detail": "said so"}
+    return event_of(kind, name=name, ok=ok, detail="said so")
 
 
 def entered(void_to):
     """Return the event of a run that was entered again."""
-    return {"kind": "resumed", "entry": {"void_to": void_to}}
+    return event_of("resumed", entry={"void_to": void_to})
 
 
-ARMED = {"kind": "armed"}
+ARMED = event_of("armed")
 NO = Gate("confirmed again: fuse", ok=False, detail="said so")
 
 
@@ -35,4 +37,4 @@ def test_what_the_guardian_finds_at_last_ended_no_arming():
     last = gate("guardian", ok=False)
     assert not_opened([gate("a"), ARMED, last]) == {}
     assert not_opened([gate("psu1", ok=False, kind="gate"), last]) == {}
-    assert not_opened([gate("a"), ARMED, {"kind": "resumed"}, last]) == {}  # went on where it was, and was not armed
+    assert not_opened([gate("a"), ARMED, event_of("resumed"), last]) == {}  # went on where it was, and was not armed

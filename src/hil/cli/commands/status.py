@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
 from hil.cli.run_names import find_run, latch_word
+
+if TYPE_CHECKING:
+    from hil.evidence.events import Anomaly, Attachment, Note
 
 __all__ = ["command"]
 
@@ -70,16 +72,17 @@ def status_lines(folder: Path) -> list[str]:
     return [
         *labelled((label, printable(value)) for label, value in facts),
         *(["readings", *map(printable, reading_lines(readings, outlook.t))] if readings else []),
-        *aligned((event["kind"], bench_time(event["t"]), printable(_added(event))) for event in found.added),
+        *aligned((event.kind(), bench_time(event.t), printable(_added(event))) for event in found.added),
     ]
 
 
-def _added(event: Mapping[str, Any]) -> str:
+def _added(event: Note | Attachment | Anomaly) -> str:
+    from hil.evidence.events import Anomaly, Attachment  # noqa: PLC0415 - heavy
     from hil.report.page.incidents import attached, noted  # noqa: PLC0415 - heavy
 
-    if event["kind"] == "attachment":
-        return attached(event["file"], event["text"], event["by"])
-    return noted(event["text"], event["by"]) if event["kind"] == "note" else str(event["text"])
+    if isinstance(event, Attachment):
+        return attached(event.file, event.text, event.by)
+    return event.text if isinstance(event, Anomaly) else noted(event.text, event.by)
 
 
 def _machine(folder: Path, *, follow: bool) -> int:

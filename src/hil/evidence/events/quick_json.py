@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from json.encoder import encode_basestring
+from typing import Any
 
 import msgspec
 
 from hil.documents.canonical import canonical
 
-__all__ = ["quick_canonical"]
+__all__ = ["plain", "quick_canonical"]
 
 _LARGEST = 2**53 - 1
 
@@ -30,20 +31,20 @@ def quick_canonical(value: object) -> bytes:
     try:
         return _text(value).encode()
     except (_Unusual, RecursionError, TypeError, UnicodeEncodeError):
-        return canonical(_plain(value))
+        return canonical(plain(value))
 
 
-def _plain(value: object) -> object:
-    """Return a value in which structs are plain objects."""
+def plain(value: object) -> Any:  # noqa: ANN401 - JSON holds what it holds
+    """Return a value in which structs are plain objects, and defaults are left out as in the journal."""
     if isinstance(value, msgspec.Struct):
-        told = {name: _plain(getattr(value, name)) for name, _, _ in _members(type(value)) if name}
-        omitted = {name for name, _, default in _members(type(value)) if name and told[name] is default}
+        fields = [(name, getattr(value, name), default) for name, _, default in _members(type(value)) if name]
         tag = value.__struct_config__.tag
-        return {name: item for name, item in told.items() if name not in omitted} | ({"kind": tag} if tag else {})
+        told = {name: plain(item) for name, item, default in fields if item is not default}
+        return told | ({"kind": tag} if tag else {})
     if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
+        return {key: plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     return value
 
 

@@ -89,12 +89,14 @@ class JournalReading:
 
     Attributes:
         lines: the lines that could be read.
+        first: the body of the first line as JSON, also where its event is none that this version knows.
         torn: bytes after the last newline, `LONGEST_LINE` at most.
         findings: where lines cannot be read, or chain or sequence break.
         head: SHA-256 of the last line.
     """
 
     lines: tuple[JournalLine, ...]
+    first: Body
     torn: bytes
     findings: tuple[Finding, ...]
     head: str
@@ -139,8 +141,8 @@ def require_known_format(reading: JournalReading) -> None:
     Raises:
         UnknownFormat: where it does not.
     """
-    run = next((event for event in reading.bodies[:1] if event["kind"] == "run"), None)
-    if run is None or ((found := run.get("format")) == FORMAT and type(found) is int):
+    run = reading.first
+    if run.get("kind") != "run" or ((found := run.get("format")) == FORMAT and type(found) is int):
         return
     raise UnknownFormat(
         f"the package has format {found}, and this version of hil reads format {FORMAT}",
@@ -187,20 +189,26 @@ def _torn_part(stream: BinaryIO) -> tuple[int, int]:
 def _reading(stream: BinaryIO) -> JournalReading:
     lines: list[JournalLine] = []
     findings: list[Finding] = []
+    first: Body = {}
     previous, torn = FIRST, b""
     for number, (raw, head) in enumerate(_raw_lines(stream), 1):
         if not raw.endswith(b"\n"):
             torn = raw
             break
         try:
-            line, named = _line(number, raw[:-1], whole=head is None)
+            body, wall, named = _parts(raw[:-1], whole=head is None)
+            first = first if number > 1 else body
+            cut = raw.rfind(_BEFORE_PREVIOUS)
+            line = JournalLine(
+                number=number, event=decode(body), body=body, wall=wall, raw=raw[len(_START) : cut], rest=raw[cut:-1]
+            )
         except JsonError as error:
             findings.append(_finding(number, error.message))
         else:
             lines.append(line)
             findings.extend(_out_of_place(line, named, previous))
         previous = head or hashlib.sha256(raw[:-1]).hexdigest()
-    return JournalReading(lines=tuple(lines), torn=torn, findings=tuple(findings), head=previous)
+    return JournalReading(lines=tuple(lines), first=first, torn=torn, findings=tuple(findings), head=previous)
 
 
 def _raw_lines(stream: BinaryIO) -> Iterator[tuple[bytes, str | None]]:
@@ -217,7 +225,8 @@ def _raw_lines(stream: BinaryIO) -> Iterator[tuple[bytes, str | None]]:
         yield (b"\n" if last.endswith(b"\n") else raw[:LONGEST_LINE]), content.hexdigest()
 
 
-def _line(number: int, raw: bytes, *, whole: bool) -> tuple[JournalLine, str]:
+def _parts(raw: bytes, *, whole: bool) -> tuple[Body, Body, str]:
+    """Return body and wall of a line, and what it names as its predecessor."""
     if not whole:
         raise JsonError(f"a line of more than {LONGEST_LINE} bytes")
     value = parse_strict(raw)
@@ -228,11 +237,7 @@ def _line(number: int, raw: bytes, *, whole: bool) -> tuple[JournalLine, str]:
         raise JsonError("body and wall are objects, prev is text")
     if not isinstance(body.get("kind"), str) or type(body.get("t")) not in {int, float}:
         raise JsonError("a body has a kind, and t in seconds")
-    cut = raw.rfind(_BEFORE_PREVIOUS)
-    sealed, rest = raw[len(_START) : cut], raw[cut:]
-    shared = _shared(body)
-    line = JournalLine(number=number, event=decode(shared), body=shared, wall=_shared(stamp), raw=sealed, rest=rest)
-    return line, previous
+    return _shared(body), _shared(stamp), previous
 
 
 def _shared(fields: Mapping[str, Any]) -> dict[str, Any]:

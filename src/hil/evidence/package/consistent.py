@@ -6,21 +6,24 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
-from hil.documents.canonical import JsonError, canonical, parse_strict
+from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.durable import read_plain
+from hil.evidence.events import Check, End, Results, Run
 from hil.evidence.folder import ATTACHMENTS, CALIBRATION, CATALOGUE, JOURNAL, PARAMETERS, RECORDINGS, RESULTS
-from hil.evidence.journal.reader import Body, JournalReading
+from hil.evidence.journal.reader import JournalReading
 from hil.evidence.package.bag import INFO
 from hil.evidence.package.inventory import file_findings, hashes_at_end
 from hil.evidence.package.judged import judge_again
 from hil.evidence.package.listing import shown
 from hil.evidence.package.sealing import info_of
 from hil.evidence.recordings.hdf5 import hashes_of
-from hil.evidence.results.derived import FORMAT, results_of
+from hil.evidence.results.derived import results_of
 from hil.evidence.results.facts import facts_of
+from hil.evidence.results.outcome import FORMAT, write_outcome
+from hil.evidence.state import fold
 from hil.model.errors import Finding, HilError
 
-__all__ = ["content_findings", "guarded", "results_event"]
+__all__ = ["content_findings", "guarded"]
 
 Hashes = Mapping[str, str]
 """Path and SHA-256 of every file below `data`, as they are now."""
@@ -60,8 +63,8 @@ def _journal_findings(_: Path, reading: JournalReading, __: Hashes) -> Iterator[
     yield from reading.findings
     if reading.torn:
         yield Finding(JOURNAL, 0, 0, f"{len(reading.torn)} bytes at the end are half a line")
-    kinds = [event["kind"] for event in reading.bodies]
-    if kinds[:1] != ["run"] or kinds[-2:] != ["results", "end"] or kinds.count("results") != 1:
+    kinds = [type(event) for event in reading.events]
+    if kinds[:1] != [Run] or kinds[-2:] != [Results, End] or kinds.count(Results) != 1:
         yield Finding(JOURNAL, 0, 0, "a sealed journal begins with run, and ends with results and end, each once")
     for line in reading.lines:
         if not line.canonical:
@@ -80,20 +83,21 @@ def _file_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator
 
 
 def _begun_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
-    run = reading.bodies[0] if reading.bodies else {}
+    run = fold(reading.events).run
     for field, path in (("catalogue", CATALOGUE), ("parameters", PARAMETERS), ("calibration", CALIBRATION)):
-        if run.get(field) != hashes.get(path):
+        if getattr(run, field, None) != hashes.get(path):
             yield Finding(path, 0, 0, f"this is not the {field} that the run was begun with")
 
 
 def _results_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
-    if results_event(reading).get("sha256") != hashes.get(RESULTS):
+    named = fold(reading.events).results
+    if named is None or named.sha256 != hashes.get(RESULTS):
         yield Finding(RESULTS, 0, 0, "the journal names other results")
     sealed = read_plain(folder / RESULTS)
     derived = results_of(folder, reading, _format(sealed))
-    if results_event(reading).get("verdict") != derived["verdict"]:
-        yield Finding(JOURNAL, 0, 0, f"the run's verdict is {derived['verdict']}, and not what the journal says")
-    if canonical(derived) != sealed:
+    if named is None or named.verdict is not derived.verdict:
+        yield Finding(JOURNAL, 0, 0, f"the run's verdict is {derived.verdict}, and not what the journal says")
+    if write_outcome(derived) != sealed:
         yield Finding(RESULTS, 0, 0, "journal and frozen catalogue give other results")
 
 
@@ -110,23 +114,16 @@ def _format(results: bytes) -> int:
 def _recording_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
     """Compare rows with the journal's hashes; a file that is not the one the run wrote is not even opened."""
     written = hashes_at_end(reading)
-    claims: dict[str, dict[int, str]] = {}
-    ended: dict[str, int] = {}
-    for event in reading.bodies:
-        if event["kind"] == "recording":
-            claims.setdefault(event["recording"], {})
-        elif event["kind"] in {"rows", "recording-end"}:
-            claims.setdefault(event["recording"], {})[event["rows"]] = event["sha256"]
-        if event["kind"] == "recording-end":
-            ended[event["recording"]] = event["rows"]
-    for identifier, claim in claims.items():
+    state = fold(reading.events)
+    for identifier, claim in state.rows.items():
         path = f"{RECORDINGS}/{identifier}.h5"
-        if identifier not in ended:
+        ended = state.ended.get(identifier)
+        if ended is None:
             yield Finding(shown(path), 0, 0, "the journal has no end of this recording")
         elif path not in hashes:
             yield Finding(shown(path), 0, 0, "the recording is missing")
         elif hashes[path] == written.get(path):
-            yield from guarded(partial(_row_findings, folder, path, claim, ended[identifier]))
+            yield from guarded(partial(_row_findings, folder, path, claim, ended.rows))
 
 
 def _row_findings(folder: Path, path: str, claim: Mapping[int, str], rows: int) -> Iterator[Finding]:
@@ -140,21 +137,15 @@ def _row_findings(folder: Path, path: str, claim: Mapping[int, str], rows: int) 
 
 
 def _attachment_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
-    for event in reading.bodies:
-        if event["kind"] == "attachment":
-            path = f"{ATTACHMENTS}/{event['file']}"
-            if hashes.get(path) != event["sha256"]:
-                yield Finding(shown(path), 0, 0, "this is not the attachment that the journal names")
+    for event in fold(reading.events).attachments:
+        path = f"{ATTACHMENTS}/{event.file}"
+        if hashes.get(path) != event.sha256:
+            yield Finding(shown(path), 0, 0, "this is not the attachment that the journal names")
 
 
 def _check_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterator[Finding]:
     catalogue = facts_of(folder, reading).catalogue
     for line in reading.lines:
-        if line.body["kind"] == "check":
-            for message in judge_again(line.body, catalogue):
+        if isinstance(line.event, Check):
+            for message in judge_again(line.event, catalogue):
                 yield Finding(JOURNAL, line.number, 1, message)
-
-
-def results_event(reading: JournalReading) -> Body:
-    """Return the body of the `results` event, empty where there is none."""
-    return next((event for event in reading.bodies if event["kind"] == "results"), {})

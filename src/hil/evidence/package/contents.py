@@ -6,15 +6,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
+from hil.documents.canonical import JsonError
 from hil.evidence.durable import read_plain
 from hil.evidence.events import Event
 from hil.evidence.folder import JOURNAL, RECORDINGS, RESULTS, TRANSCRIPT, is_sealed
 from hil.evidence.journal.reader import Body, JournalLine, JournalReading, read_journal, require_known_format
-from hil.evidence.journal.standing import standing
 from hil.evidence.package.bag import MANIFEST, digest_of_manifest, evidence_digest
 from hil.evidence.recordings.hdf5 import Recorded, read_recording
-from hil.evidence.results.derived import Derived, results_of
+from hil.evidence.results.derived import results_of
 from hil.evidence.results.facts import Entries, facts_of, read_json
+from hil.evidence.results.outcome import Outcome, as_json, read_outcome
+from hil.evidence.state import RunState, fold, standing
 from hil.model.errors import EvidenceError
 
 __all__ = ["Package"]
@@ -77,10 +79,9 @@ class Package:
         return tuple(body for body in self._reading.bodies if body["seq"] in kept)
 
     @cached_property
-    def _of_recordings(self) -> tuple[dict[str, Body], dict[str, Body]]:
-        """Per recording the bodies of its beginning, and of its end if it has one."""
-        begun, ended = self.events("recording"), self.events("recording-end")
-        return {event["recording"]: event for event in begun}, {event["recording"]: event for event in ended}
+    def state(self) -> RunState:
+        """What the events that stand tell."""
+        return fold(self._standing)
 
     def lines(self) -> tuple[JournalLine, ...]:
         """Return the journal's lines, with wall stamps."""
@@ -105,15 +106,23 @@ class Package:
         """Return the body of the `run` event, empty where there is none yet."""
         return next(iter(self.events("run")), {})
 
-    def results(self) -> Derived:
-        """Return the results: as sealed, or derived from the journal so far."""
+    def outcome(self) -> Outcome:
+        """Return the results: as sealed, or derived from the journal so far.
+
+        Raises:
+            EvidenceError: where `data/results.json` cannot be read.
+        """
         path, reading = self.folder / RESULTS, self._reading
         if not path.exists():
             return results_of(self.folder, reading)
-        results = read_json(path)
-        if not isinstance(results, dict) or not isinstance(results.get("cases"), list):
-            raise EvidenceError(f"{path}: these are no results", "see hil verify")
-        return results
+        try:
+            return read_outcome(self._bytes(RESULTS))
+        except JsonError as error:
+            raise EvidenceError(f"{path}: these are no results: {error.message}", "see hil verify") from error
+
+    def results(self) -> dict[str, Any]:
+        """Return the same as JSON values."""
+        return as_json(self.outcome())
 
     def catalogue(self) -> Entries:
         """Return the requirements as they were frozen, by id."""
@@ -133,11 +142,11 @@ class Package:
         Raises:
             EvidenceError: where the run has no such recording, or it cannot be read.
         """
-        begun, ended = self._of_recordings
+        begun = self.state.recordings
         if identifier not in begun:
             known = ", ".join(begun) or "none"
             raise EvidenceError(f"{self.name}: there is no recording {identifier!r}", f"it has {known}")
-        return read_recording(self.folder / RECORDINGS, begun[identifier], ended.get(identifier))
+        return read_recording(self.folder / RECORDINGS, begun[identifier], self.state.ended.get(identifier))
 
     def json(self, relative: str) -> Any:  # noqa: ANN401 - JSON holds what it holds
         """Return what a JSON file of the package says; the path is relative to the folder."""

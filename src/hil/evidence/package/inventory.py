@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.evidence.durable import PART
+from hil.evidence.events import End, Frozen, Recovered, Run
 from hil.evidence.folder import JOURNAL, RECORDINGS, REPORT
 from hil.evidence.journal.reader import JournalReading
 from hil.evidence.package.bag import hash_payload
@@ -15,7 +16,7 @@ from hil.model.errors import EvidenceError, Finding
 
 __all__ = ["file_findings", "hashes_at_end", "inventory", "remove_halves"]
 
-_HEAD = (["run", "frozen"], ["run", "recovered"])
+_HEAD = ([Run, Frozen], [Run, Recovered])
 """How a sealed journal begins; a run that was killed before its first case has nothing frozen to name."""
 
 
@@ -45,7 +46,7 @@ def hashes_at_end(reading: JournalReading) -> Mapping[str, str]:
         EvidenceError: where it says nothing.
     """
     last = reading.lines[-1] if reading.lines else None
-    if last is None or last.body["kind"] != "end":
+    if last is None or not isinstance(last.event, End):
         raise EvidenceError("the journal has no end that names the files")
     return _hashes(last.wall.get("files"), "end")
 
@@ -57,7 +58,7 @@ def file_findings(reading: JournalReading, hashes: Mapping[str, str]) -> Iterato
         reading: the journal of a sealed run.
         hashes: path and SHA-256 of every file below `data`, as they are now.
     """
-    if [event["kind"] for event in reading.bodies[:2]] not in _HEAD:
+    if [type(event) for event in reading.events[:2]] not in _HEAD:
         yield Finding(JOURNAL, 0, 0, "its second event does not name what was frozen")
     frozen = _frozen(reading)
     for path, digest in frozen.items():
@@ -75,8 +76,8 @@ def file_findings(reading: JournalReading, hashes: Mapping[str, str]) -> Iterato
 
 
 def _frozen(reading: JournalReading) -> dict[str, str]:
-    lines = [line for line in reading.lines if line.body["kind"] == "frozen"]
-    named = [part.get("files") for line in lines for part in (line.body, line.wall)]
+    lines = [(line.event, line.wall) for line in reading.lines]
+    named = [part for event, wall in lines if isinstance(event, Frozen) for part in (event.files, wall.get("files"))]
     return {path: digest for files in named for path, digest in _hashes(files, "frozen").items()}
 
 

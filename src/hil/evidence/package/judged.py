@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from hil.evidence.journal.reader import Body
+from hil.evidence.events import Check
 from hil.evidence.results.facts import Entries, limit_of
 from hil.model.figure import Figure, FigureStatus
 from hil.model.verdict import Verdict
@@ -18,7 +18,7 @@ __all__ = ["judge_again"]
 _LAST_DIGITS = 1e-9
 
 
-def judge_again(check: Body, catalogue: Entries) -> Iterator[str]:
+def judge_again(check: Check, catalogue: Entries) -> Iterator[str]:
     """Give a sentence for everything in a check's event that does not follow from value, uncertainty and catalogue.
 
     A good verdict must follow exactly. One that is not good may also come from what the event does not tell: a device
@@ -26,64 +26,70 @@ def judge_again(check: Body, catalogue: Entries) -> Iterator[str]:
     data is RECORDED where its figures pass.
 
     Args:
-        check: the body of the event; value, uncertainty and degrees of freedom combine figure and instruments.
+        check: the event; value, uncertainty and degrees of freedom combine figure and instruments.
         catalogue: the frozen requirements, with their limits.
     """
-    name = f"{check['requirement']} {check['parameter']}"
-    entry = catalogue.get(check["requirement"], {})
+    name = f"{check.requirement} {check.parameter}"
+    entry = catalogue.get(check.requirement, {})
     frozen = _frozen_limit(check, entry)
     written = _written_limit(check)
-    if check["requirement"] not in catalogue:
+    if check.requirement not in catalogue:
         yield f"{name}: the frozen catalogue has no such requirement"
     if frozen is not None:
         yield from _against_catalogue(name, written, frozen)
     again = _judge(check, frozen or written)
     due = Verdict.RECORDED if entry.get("kind") == Kind.RECORD and again.verdict is Verdict.PASS else again.verdict
-    if check.get("doubts"):
+    if check.doubts:
         due = Verdict.INCONCLUSIVE
-    verdict = Verdict(check["verdict"])
+    verdict = check.verdict
     if verdict is not due and (verdict.good or not _may_be_worse(check, again)):
         yield f"{name}: the verdict is {verdict}, and its value gives {due} {again.reason}".rstrip()
     tolerance = _tolerance(check, again)
     for field in ("expanded", "margin", "tur"):
-        if not _same(check[field], getattr(again, field), 0.0 if field == "tur" else tolerance):
-            yield f"{name}: {field} is {check[field]}, and its value gives {getattr(again, field)}"
+        if not _same(getattr(check, field), getattr(again, field), 0.0 if field == "tur" else tolerance):
+            yield f"{name}: {field} is {getattr(check, field)}, and its value gives {getattr(again, field)}"
 
 
-def _judge(check: Body, limit: Limit) -> Judgement:
-    if isinstance(check["value"], str):
-        return judge(check["value"], limit)
+def _judge(check: Check, limit: Limit) -> Judgement:
+    if isinstance(check.value, str):
+        return judge(check.value, limit)
     figure = Figure(
-        value=math.nan if check["value"] is None else float(check["value"]),
-        unit=check["unit"],
-        uncertainty=check["uncertainty"],
-        dof=math.inf if check["dof"] is None else check["dof"],
-        status=FigureStatus(check.get("status") or FigureStatus.MEASURED),
+        value=math.nan if check.value is None else check.value,
+        unit=check.unit,
+        uncertainty=check.uncertainty,
+        dof=math.inf if check.dof is None else check.dof,
+        status=FigureStatus(check.status or FigureStatus.MEASURED),
     )
     return judge(figure, limit)
 
 
-def _may_be_worse(check: Body, again: Judgement) -> bool:
-    if check["value"] is None or (check["verdict"] == Verdict.INCONCLUSIVE and "status" not in check):
+def _may_be_worse(check: Check, again: Judgement) -> bool:
+    if check.value is None or (check.verdict is Verdict.INCONCLUSIVE and check.status is None):
         return True
     return again.margin is not None and abs(again.margin) <= _tolerance(check, again)
 
 
-def _tolerance(check: Body, again: Judgement) -> float:
+def _tolerance(check: Check, again: Judgement) -> float:
     """Return how far figures in the limit's unit may differ: they are written with 12 digits."""
-    bounds = [float(check["limit"][side]) for side in ("min", "max") if check["limit"][side] is not None]
+    bounds = [float(side) for side in (check.limit.min, check.limit.max) if side is not None]
     value = again.value if isinstance(again.value, float) and math.isfinite(again.value) else 0.0
     return _LAST_DIGITS * max(abs(number) for number in (value, again.expanded or 0.0, *bounds))
 
 
-def _written_limit(check: Body) -> Limit:
-    rest = {"parameter": check["parameter"], "of": [], "unit": check["limit_unit"] or "", "min_tur": None}
-    return limit_of({**check["limit"], **rest, "decision": check["decision"]})
+def _written_limit(check: Check) -> Limit:
+    return Limit(
+        parameter=check.parameter,
+        unit=check.limit_unit,
+        minimum=check.limit.min,
+        maximum=check.limit.max,
+        equals=check.limit.equals,
+        decision=check.decision,
+    )
 
 
-def _frozen_limit(check: Body, entry: Mapping[str, Any]) -> Limit | None:
+def _frozen_limit(check: Check, entry: Mapping[str, Any]) -> Limit | None:
     limits = entry.get("limits") or []
-    return next((limit_of(item) for item in limits if item["parameter"] == check["parameter"]), None)
+    return next((limit_of(item) for item in limits if item["parameter"] == check.parameter), None)
 
 
 def _against_catalogue(name: str, written: Limit, frozen: Limit) -> Iterator[str]:

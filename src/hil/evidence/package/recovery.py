@@ -8,13 +8,13 @@ from pathlib import Path
 from hil.evidence import events
 from hil.evidence.durable import read_plain
 from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE, hold, is_sealed
-from hil.evidence.journal.reader import Body, cut_torn_tail, read_journal, require_known_format
+from hil.evidence.journal.reader import cut_torn_tail, read_journal, require_known_format
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.bag import MANIFEST, digest_of_manifest, make_read_only
 from hil.evidence.package.sealing import SEAL_ERRORS, ReportWriter, finish, not_sealed, seal, write_end
 from hil.evidence.recordings.rows import Rows
+from hil.evidence.state import RunState, fold
 from hil.model.errors import EvidenceError, Refused
-from hil.model.verdict import Verdict
 
 __all__ = ["EXIT_CODE", "recover"]
 
@@ -53,39 +53,32 @@ def _seal_as_it_is(folder: Path, write_reports: ReportWriter) -> str:
         raise EvidenceError(f"{folder.name}: {reading.findings[0]}", "a damaged journal is not sealed; keep the folder")
     if not reading.lines:
         raise Refused(f"{folder.name}: nothing was recorded", "the folder can be deleted")
-    kinds = {event["kind"] for event in reading.bodies}
-    if "end" in kinds:
+    state = fold(reading.events)
+    if state.end:
         return finish(folder, write_reports)
     with Journal(folder / JOURNAL, reserve=folder / RESERVE) as journal:
-        if "results" in kinds:
-            _write_end(folder, journal, reading.bodies)
+        if state.results:
+            write_end(folder, journal, exit_code=0 if state.results.verdict.good else 1)
             return finish(folder, write_reports)
-        if torn or "recovered" not in kinds:
+        if torn or not state.recovered:
             text = "the run was interrupted and is sealed as it is"
             journal.write(events.Recovered(torn_bytes=torn, text=text), journal.last_t)
-        _end_recordings(folder, journal, reading.bodies)
+        _end_recordings(folder, journal, state)
         return seal(folder, journal, exit_code=EXIT_CODE, write_reports=write_reports)
 
 
-def _write_end(folder: Path, journal: Journal, bodies: tuple[Body, ...]) -> None:
-    verdict = Verdict(next(event["verdict"] for event in bodies if event["kind"] == "results"))
-    write_end(folder, journal, exit_code=0 if verdict.good else 1)
+def _end_recordings(folder: Path, journal: Journal, state: RunState) -> None:
+    for recording, begun in state.recordings.items():
+        if recording not in state.ended:
+            _end_recording(folder, journal, begun)
 
 
-def _end_recordings(folder: Path, journal: Journal, bodies: tuple[Body, ...]) -> None:
-    ended = {event["recording"] for event in bodies if event["kind"] == "recording-end"}
-    begun = {event["recording"]: event for event in bodies if event["kind"] == "recording"}  # again in a resumed run
-    for recording, event in begun.items():
-        if recording not in ended:
-            _end_recording(folder, journal, event)
-
-
-def _end_recording(folder: Path, journal: Journal, begun: Body) -> None:
-    identifier = begun["recording"]
+def _end_recording(folder: Path, journal: Journal, begun: events.Recording) -> None:
+    identifier = begun.recording
     rows = Rows(
         folder / RECORDINGS / f"{identifier}.rows",
         recording=identifier,
-        channels=[(channel["name"], channel["unit"]) for channel in begun["channels"]],
+        channels=[(channel.name, channel.unit) for channel in begun.channels],
         on_block=partial(_write_rows, journal, identifier),
     )
     end = rows.finish()

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-from hil.documents.canonical import canonical
 from hil.evidence import events
 from hil.evidence.durable import DISK_FULL, sync_folder, write_whole
 from hil.evidence.folder import CHECKPOINT, INBOX, JOURNAL, RECORDINGS, RESERVE, RESULTS, free_reserve, is_sealed
 from hil.evidence.inbox import Message, poll
-from hil.evidence.journal.reader import Body, JournalReading, read_journal
+from hil.evidence.journal.reader import JournalReading, read_journal
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.bag import (
     MANIFEST,
@@ -28,6 +26,8 @@ from hil.evidence.package.inventory import inventory, remove_halves
 from hil.evidence.package.listing import list_folder
 from hil.evidence.recordings.hdf5 import convert
 from hil.evidence.results.derived import results_of
+from hil.evidence.results.outcome import write_outcome
+from hil.evidence.state import RunState, fold
 from hil.model.errors import EvidenceError
 
 __all__ = ["SEAL_ERRORS", "ReportWriter", "event_of", "finish", "info_of", "not_sealed", "seal", "write_end"]
@@ -94,14 +94,14 @@ def _write_results(folder: Path, journal: Journal) -> None:
         journal.write(event_of(message), journal.last_t, beside=message.beside)
     reading = read_journal(folder / JOURNAL)
     journal.sync()  # rows are removed below, and their hashes stand in the ends of the recordings
-    if wrong := _convert_all(folder, reading.bodies):
+    if wrong := _convert_all(folder, fold(reading.events)):
         for text in wrong:
             journal.write(events.Anomaly(text=text), journal.last_t)
         reading = read_journal(folder / JOURNAL)
     results = results_of(folder, reading)
-    data = canonical(results)
+    data = write_outcome(results)
     write_whole(folder / RESULTS, data)
-    found = events.Results(sha256=hashlib.sha256(data).hexdigest(), verdict=results["verdict"])
+    found = events.Results(sha256=hashlib.sha256(data).hexdigest(), verdict=results.verdict)
     journal.write(found, journal.last_t)
 
 
@@ -135,7 +135,7 @@ def info_of(folder: Path, identifier: str, reading: JournalReading) -> bytes:
         identifier=identifier,
         date=str(reading.lines[-1].wall.get("utc", ""))[:10],
         content=reading.content_digest,
-        version=str(reading.lines[0].body.get("version", "")),
+        version=run.version if (run := fold(reading.events[:1]).run) else "",
     )
 
 
@@ -157,14 +157,12 @@ def event_of(message: Message) -> events.Event:
             return events.Anomaly(text=f"inbox, {message.kind} by {by or 'nobody'}: {text}")
 
 
-def _convert_all(folder: Path, bodies: Sequence[Body]) -> list[str]:
+def _convert_all(folder: Path, state: RunState) -> list[str]:
     """Convert every recording; return what is wrong with some, a sentence each."""
-    ends = {event["recording"]: event for event in bodies if event["kind"] == "recording-end"}
-    begun = {event["recording"]: event for event in bodies if event["kind"] == "recording"}  # again in a resumed run
     waiting: list[Path] = []
     wrong = []
-    for event in begun.values():
-        wrong.append(_convert_one(folder / RECORDINGS, event, ends.get(event["recording"]), waiting))
+    for name, begun in state.recordings.items():
+        wrong.append(_convert_one(folder / RECORDINGS, begun, state.ended.get(name), waiting))
         if len(waiting) >= _MOST_FILES or sum(rows.stat().st_size for rows in waiting) >= _MOST_BYTES:
             _let_go(waiting)
     _let_go(waiting)
@@ -180,9 +178,9 @@ def _let_go(waiting: list[Path]) -> None:
         waiting.pop().unlink()
 
 
-def _convert_one(place: Path, begun: Body, ended: Mapping[str, Any] | None, waiting: list[Path]) -> str:
+def _convert_one(place: Path, begun: events.Recording, ended: events.RecordingEnd | None, waiting: list[Path]) -> str:
     """Convert a recording, add its rows to those that wait for their removal, and say what is wrong with it."""
-    identifier = begun["recording"]
+    identifier = begun.recording
     rows, hdf5 = place / f"{identifier}.rows", place / f"{identifier}.h5"
     if ended is None:
         raise EvidenceError(f"recording {identifier} has not ended", "recordings end before the run is sealed")

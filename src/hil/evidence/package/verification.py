@@ -11,12 +11,12 @@ from pathlib import Path
 from hil.evidence.durable import read_plain, sha256_of
 from hil.evidence.folder import JOURNAL, SEAL, is_held, is_run, is_sealed
 from hil.evidence.journal.reader import UnknownFormat, read_journal, require_known_format
-from hil.evidence.journal.standing import standing
 from hil.evidence.package.bag import INFO, digest_of_manifest, identifier_of, manifest_text, payload_of
-from hil.evidence.package.consistent import content_findings, guarded, results_event
+from hil.evidence.package.consistent import content_findings, guarded
 from hil.evidence.package.intact import bag_findings
 from hil.evidence.package.listing import list_folder, shown
 from hil.evidence.safed import was_safed
+from hil.evidence.state import fold, standing
 from hil.model.errors import EvidenceError, Finding
 
 __all__ = ["State", "Verification", "verify"]
@@ -106,17 +106,18 @@ def _verify_sealed(folder: Path) -> Verification:
         findings.append(replace(finding, message=finding.message.replace(f"{folder}/", "")))
     if findings:
         return Verification(folder=folder, state=State.DAMAGED, findings=tuple(dict.fromkeys(findings)))
+    told = fold(reading.events)
     return Verification(
         folder=folder,
         state=State.SEALED,
         findings=(),
         evidence_digest=digest_of_manifest(manifest_text(hashes)),
         content_digest=reading.content_digest,
-        verdict=str(results_event(reading)["verdict"]),
+        verdict=str(told.results.verdict) if told.results else "",
         run=identifier_of(read_plain(folder / INFO).decode()),
-        source=str(reading.bodies[0].get("source", "")),
-        deviates=bool(reading.bodies[0].get("deviations")) or any(each.get("deviation") for each in reading.bodies),
-        complete=not {"recovered", "stop"} & {event.kind() for event in standing(reading.events)},
+        source=told.run.source if told.run else "",
+        deviates=bool(told.deviations),
+        complete=not fold(standing(reading.events)).interrupted,
     )
 
 
@@ -135,7 +136,7 @@ def _verify_unsealed(folder: Path, state: State) -> Verification:
     except EvidenceError as error:
         unread = (_unsealed(state), *findings, Finding(JOURNAL, 0, 0, error.message))
         return Verification(folder=folder, state=state, findings=unread)
-    if not running and was_safed(folder, reading.bodies):
+    if not running and was_safed(folder, reading.events):
         state = State.SAFED
     findings.insert(0, _unsealed(state))
     findings += reading.findings

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hil.evidence.durable import PART, sync_file
+from hil.evidence.events import Channel, Recording, RecordingEnd
 from hil.evidence.recordings.columns import Columns
 from hil.evidence.recordings.datasets import (
     Dataset,
@@ -89,7 +90,7 @@ class Recorded:
         return {name: each[first:end].copy() for name, each in {"time": self.time, **self.arrays}.items()}
 
 
-def convert(rows: Path, hdf5: Path, *, begun: Mapping[str, Any], ended: Mapping[str, Any]) -> None:
+def convert(rows: Path, hdf5: Path, *, begun: Recording, ended: RecordingEnd) -> None:
     """Turn a row file into HDF5, and prove by reading back that nothing was lost.
 
     The HDF5 file is on the disk, but maybe not its name: the rows may be removed once the folder is synced. A row file
@@ -98,8 +99,8 @@ def convert(rows: Path, hdf5: Path, *, begun: Mapping[str, Any], ended: Mapping[
     Args:
         rows: the row file, which stays.
         hdf5: the file to write; it is there whole or not at all.
-        begun: the body of the `recording` event.
-        ended: the body of the `recording-end` event.
+        begun: the recording.
+        ended: its end.
 
     Raises:
         EvidenceError: where the rows are not those that the journal names.
@@ -107,60 +108,60 @@ def convert(rows: Path, hdf5: Path, *, begun: Mapping[str, Any], ended: Mapping[
     found = read_rows(rows)
     part = hdf5.with_name(hdf5.name + PART)
     write_hdf5(found, part, begun=begun, ended=ended)
-    ((count, digest),) = hashes_of(part, [ended["rows"]])
-    if found.rows != ended["rows"] or count != ended["rows"] or digest != ended["sha256"]:
+    ((count, digest),) = hashes_of(part, [ended.rows])
+    if found.rows != ended.rows or count != ended.rows or digest != ended.sha256:
         raise EvidenceError(
-            f"{rows}: {found.rows} rows with hash {digest}, but the journal names {ended['rows']} rows with hash"
-            f" {ended['sha256']}",
+            f"{rows}: {found.rows} rows with hash {digest}, but the journal names {ended.rows} rows with hash"
+            f" {ended.sha256}",
             "keep the folder as it is; the recording was changed behind the run's back",
         )
     part.replace(hdf5)
 
 
-def write_hdf5(found: RowsFile, path: Path, *, begun: Mapping[str, Any], ended: Mapping[str, Any]) -> None:
+def write_hdf5(found: RowsFile, path: Path, *, begun: Recording, ended: RecordingEnd) -> None:
     """Write the rows as HDF5: dataset `time`, and one per channel in group `channels`; same rows, same bytes."""
     import h5py  # noqa: PLC0415 - slow to import
 
-    names = [channel["name"] for channel in begun["channels"]]
+    names = [channel.name for channel in begun.channels]
     with h5py.File(path, "w", libver=("v110", "v110")) as file:
         describe(file.id, {**_facts(begun, ended), "order": names or [""]})
         group = file.create_group("channels")
         sets = [add_dataset(file, "time", found.rows), *(add_dataset(group, name, found.rows) for name in names)]
-        for dataset, facts in zip(sets, [_TIME, *begun["channels"]], strict=True):
-            describe(dataset, {key: value for key, value in facts.items() if key != "name"})
+        for dataset, facts in zip(sets, [_TIME, *map(_facts_of_channel, begun.channels)], strict=True):
+            describe(dataset, facts)
         for place, block in enumerate(row_blocks(found, PIECE)):
             for dataset, column in zip(sets, table(block, found.width).T.copy(), strict=True):
                 write_part(dataset, place * PIECE, column)
     sync_file(path)
 
 
-def read_recording(folder: Path, begun: Mapping[str, Any], ended: Mapping[str, Any] | None) -> Recorded:
+def read_recording(folder: Path, begun: Recording, ended: RecordingEnd | None) -> Recorded:
     """Return a recording from HDF5, or from its rows where the run is not sealed yet.
 
     Args:
         folder: the run's `data/recordings`.
-        begun: the body of the `recording` event.
-        ended: the body of the `recording-end` event, None while it is going on.
+        begun: the recording.
+        ended: its end, None while it is going on.
 
     Raises:
         EvidenceError: where neither file can be read.
     """
-    name, hdf5 = begun["recording"], folder / f"{begun['recording']}.h5"
+    name, hdf5 = begun.recording, folder / f"{begun.recording}.h5"
     columns: Mapping[str, NDArray[np.float64]]
     if hdf5.exists():
-        columns = _Stored(hdf5) if ended and ended.get("rows", 0) > BLOCK else read_hdf5(hdf5)
+        columns = _Stored(hdf5) if ended and ended.rows > BLOCK else read_hdf5(hdf5)
     else:
         columns = _columns(read_rows(folder / f"{name}.rows"))
     return Recorded(
         id=name,
-        name=begun["name"],
-        rate=float(begun["rate"]),
+        name=begun.name,
+        rate=float(begun.rate),
         time=columns["time"],
         arrays=columns if isinstance(columns, _LATER) else {key: columns[key] for key in columns if key != "time"},
-        units={channel["name"]: channel["unit"] for channel in begun["channels"]},
-        instruments={channel["name"]: channel["instrument"] for channel in begun["channels"]},
-        source=begun["source"],
-        complete=bool(ended and ended["complete"]),
+        units={channel.name: channel.unit for channel in begun.channels},
+        instruments={channel.name: channel.instrument for channel in begun.channels},
+        source=begun.source,
+        complete=bool(ended and ended.complete),
     )
 
 
@@ -283,7 +284,16 @@ def _sets(file: Any) -> dict[str, Dataset]:  # noqa: ANN401 - h5py publishes no 
     return {"time": open_dataset(file, "time"), **channels}
 
 
-def _facts(begun: Mapping[str, Any], ended: Mapping[str, Any]) -> dict[str, Any]:
-    facts = {key: begun[key] for key in ("recording", "name", "case", "step", "rate", "duration", "source")}
-    facts |= {key: ended[key] for key in ("rows", "sha256", "complete", "gaps")}
-    return {"format": 1} | facts
+def _facts(begun: Recording, ended: RecordingEnd) -> dict[str, Any]:
+    facts = {key: getattr(begun, key) for key in ("recording", "name", "case", "step", "rate", "duration", "source")}
+    facts |= {key: getattr(ended, key) for key in ("rows", "sha256", "complete", "gaps")}
+    return {"format": 1} | {key: _as_json(value) for key, value in facts.items()}
+
+
+def _facts_of_channel(channel: Channel) -> dict[str, Any]:
+    return {key: _as_json(getattr(channel, key)) for key in ("calibration", "instrument", "uncertainty", "unit")}
+
+
+def _as_json(value: object) -> object:
+    """Return a value as JSON has it, where a whole number is an integer; so the attributes of all packages are."""
+    return int(value) if type(value) is float and value.is_integer() else value

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
-from hil.evidence.journal.reader import Body
 from hil.evidence.results.facts import Facts
+from hil.evidence.results.outcome import CaseOutcome
+from hil.evidence.state import RunState
 from hil.model.identity import Purpose, Source
 from hil.model.verdict import Verdict
 
@@ -14,68 +14,67 @@ __all__ = ["reasons_against"]
 
 
 def reasons_against(
-    identifier: str, verdict: Verdict, results: Mapping[str, Any], events: Sequence[Body], facts: Facts
+    identifier: str, verdict: Verdict, cases: Sequence[CaseOutcome], state: RunState, facts: Facts
 ) -> list[str]:
     """Return every reason why this run cannot close the requirement; none means that it can.
 
     Args:
         identifier: the requirement.
         verdict: its verdict in this run.
-        results: the results as far as they are derived: run, cases, interrupted, tripped, safe.
-        events: the journal's events before the results.
+        cases: the cases that carry it.
+        state: what the events before the results tell.
         facts: frozen catalogue, calibration, and the run's last day.
     """
-    cases = [case for case in results["cases"] if identifier in case["requirements"]]
-    used = {name: source for case in cases for name, source in case["used"].items()}
-    checks = [check for case in cases for check in case["checks"] if check["requirement"] == identifier]
+    used = {name: source for case in cases for name, source in case.used.items()}
+    checks = [check for case in cases for check in case.checks if check.requirement == identifier]
     reasons = [] if verdict.good else [f"its verdict is {verdict}"]
     if not cases:
         reasons.append("no planned case carries it")
     if identifier not in facts.catalogue:
         reasons.append("it is not in the frozen catalogue")
-    reasons.extend(_against_sources(results["run"], used))
-    reasons.extend(_against_run(results))
-    reasons.extend(_against_dut(results["run"], events))
-    names = {name for check in checks for name in check["instruments"]} | _recorded_by(cases, events)
+    reasons.extend(_against_sources(state, used))
+    reasons.extend(_against_run(state))
+    reasons.extend(_against_dut(state))
+    names = {name for check in checks for name in check.instruments} | _recorded_by(cases, state)
     names |= {name for name in used if facts.calibration.get(name, {}).get("due")}
     reasons.extend(_against_calibration(sorted(names), facts))
     return reasons
 
 
-def _recorded_by(cases: Sequence[Mapping[str, Any]], events: Sequence[Body]) -> set[str]:
-    recordings = {identifier for case in cases for identifier in case["recordings"]}
-    begun = [event for event in events if event["kind"] == "recording" and event["recording"] in recordings]
-    return {channel["instrument"] for event in begun for channel in event["channels"]}
+def _recorded_by(cases: Sequence[CaseOutcome], state: RunState) -> set[str]:
+    begun = [state.recordings[name] for case in cases for name in case.recordings]
+    return {channel.instrument for event in begun for channel in event.channels}
 
 
-def _against_sources(run: Body, used: Mapping[str, str]) -> Iterator[str]:
-    if run.get("source") != Source.HARDWARE:
-        yield f"{str(run.get('source', 'unknown')).upper()}: the run's source"
-    for source in sorted({*used.values()} - {Source.HARDWARE}):
-        names = ", ".join(sorted(name for name, its in used.items() if its == source))
-        yield f"{source.upper()}: {names}"
+def _against_sources(state: RunState, used: Mapping[str, str]) -> Iterator[str]:
+    source = state.run.source if state.run else None
+    if source is not Source.HARDWARE:
+        yield f"{(source or 'unknown').upper()}: the run's source"
+    for each in sorted({*used.values()} - {Source.HARDWARE}):
+        names = ", ".join(sorted(name for name, its in used.items() if its == each))
+        yield f"{each.upper()}: {names}"
 
 
-def _against_run(results: Mapping[str, Any]) -> Iterator[str]:
-    purpose = results["run"].get("purpose")
-    if purpose not in {item for item in Purpose if item.closes}:
+def _against_run(state: RunState) -> Iterator[str]:
+    purpose: Purpose | None = state.run.purpose if state.run else None
+    if purpose is None or not purpose.closes:
         yield f"the purpose {purpose} does not close requirements"
-    for deviation in results["run"].get("deviations", []):
+    for deviation in state.deviations:
         yield f"deviation: {deviation}"
-    if results["interrupted"]:
+    if state.interrupted:
         yield "the run was interrupted"
-    if results["tripped"]:
+    if state.trip:
         yield "the envelope tripped"
-    if results["safe"] is not True:
+    if state.safe is not True:
         yield "the bench was not proven safe at the end"
 
 
-def _against_dut(run: Body, events: Sequence[Body]) -> Iterator[str]:
-    if not run.get("dut", {}).get("serial"):
+def _against_dut(state: RunState) -> Iterator[str]:
+    if state.run is None or not state.run.dut.serial:
         yield "the device under test has no serial number"
-    for event in events:
-        if event["kind"] == "gate" and not event["ok"]:
-            yield f"readiness gate {event['name']}: {event['detail']}"
+    for gate in state.gates:
+        if not gate.ok:
+            yield f"readiness gate {gate.name}: {gate.detail}"
 
 
 def _against_calibration(instruments: Sequence[str], facts: Facts) -> Iterator[str]:

@@ -11,6 +11,7 @@ from typing import Any
 
 from hil.documents.canonical import JsonError, canonical, parse_strict
 from hil.evidence.durable import read_plain, write_whole
+from hil.evidence.events import Results
 from hil.evidence.folder import CALIBRATION, CATALOGUE
 from hil.evidence.journal.reader import JournalReading
 from hil.model.errors import EvidenceError
@@ -73,7 +74,7 @@ def facts_of(folder: Path, reading: JournalReading) -> Facts:
     Raises:
         EvidenceError: where a frozen file cannot be read.
     """
-    before = list(takewhile(lambda line: line.body["kind"] != "results", reading.lines))
+    before = takewhile(lambda line: not isinstance(line.event, Results), reading.lines)
     return Facts(
         catalogue=_frozen(folder / CATALOGUE, "requirements"),
         calibration=_frozen(folder / CALIBRATION, "instruments"),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from hil.evidence import events
 from hil.evidence.events import EventSink
+from hil.evidence.results.ruling import rule, silence
 from hil.executive.cases.artifacts import Artifacts
 from hil.executive.cases.checks import CheckFailed, Checks
 from hil.executive.cases.effects import Effects
@@ -24,10 +25,7 @@ from hil.model.identity import Source
 from hil.model.verdict import NO_CHECK, Verdict, worst
 from hil.requirements.requirement import Kind, Requirement
 
-__all__ = ["ANSWERS", "CaseRun", "Outcome"]
-
-ANSWERS = "answers"
-"""A requirement with a limit on this parameter speaks of whether its device answers at all."""
+__all__ = ["CaseRun", "Outcome"]
 
 _MOST_NAMED = 4
 _ADDRESS = re.compile(r" at 0x[0-9A-Fa-f]{8,}")
@@ -134,19 +132,13 @@ class CaseRun:
 
     def outcome(self) -> Outcome:
         """Return the verdict as it stands now."""
-        requirements = {name: self._requirement(item) for name, item in self.requirements.items()}
-        case = worst(requirements.values())
         reasons = (*([self._skipped] if self._skipped else []), *self._check_reasons())
         problems = [*self._problems, *self._let_through()]
         problems += [f"Diverged: {self.effects.diverged}"] if self.effects.diverged else []
-        if problems or self._bench_faults or self.scheduler.tripped:
-            case = Verdict.ERROR
-        elif self._aborted:
-            case = Verdict.ABORTED
-        elif self._skipped:
-            case = worst((case, Verdict.NOT_RUN)) if requirements else Verdict.NOT_RUN
-        if case in {Verdict.ERROR, Verdict.ABORTED}:
-            requirements = {name: worst((verdict, case)) for name, verdict in requirements.items()}
+        failed = problems or self._bench_faults or self.scheduler.tripped
+        ended = Verdict.ERROR if failed else Verdict.ABORTED if self._aborted else None
+        requirements = {name: self._requirement(item, ended) for name, item in self.requirements.items()}
+        case = ended or worst(requirements.values() or ([Verdict.NOT_RUN] if self._skipped else []))
         trip = [self.scheduler.tripped.text] if self.scheduler.tripped else []
         told = (*trip, *problems, *self._bench_faults, *self._dut_faults, *reasons)
         if not requirements and not self._skipped:
@@ -179,14 +171,14 @@ class CaseRun:
     def _took_too_long(self) -> None:
         self._problems.append(f"the case took longer than its {self.planned.max_duration_s:g} s of bench time")
 
-    def _requirement(self, requirement: Requirement) -> Verdict:
-        verdicts = [item.verdict for item in self.check.evaluated if item.requirement == requirement.id]
-        missing = self._missing(requirement)
-        if self._dut_faults:
-            verdicts.append(Verdict.FAIL if _speaks_of_answers(requirement) else Verdict.INCONCLUSIVE)
-        elif missing and not self._skipped:
-            verdicts.append(Verdict.NOT_EVALUATED)
-        return worst([*verdicts, Verdict.NOT_RUN] if self._skipped else verdicts)
+    def _requirement(self, requirement: Requirement, ended: Verdict | None) -> Verdict:
+        return rule(
+            [item.verdict for item in self.check.evaluated if item.requirement == requirement.id],
+            missing=bool(self._missing(requirement)),
+            silent=silence(limit.parameter for limit in requirement.limits) if self._dut_faults else None,
+            taken_out=bool(self._skipped),
+            ended=ended,
+        )
 
     def _missing(self, requirement: Requirement) -> list[str]:
         """Return the checks that a requirement did not get; of many of one parameter the first and the last."""
@@ -213,7 +205,3 @@ class CaseRun:
                 name = requirement.records.recording if requirement.records else ""
                 reasons.append(f"{requirement.id} got no whole recording '{name}'")
         return tuple(reasons)
-
-
-def _speaks_of_answers(requirement: Requirement) -> bool:
-    return any(limit.parameter == ANSWERS for limit in requirement.limits)

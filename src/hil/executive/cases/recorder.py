@@ -190,17 +190,7 @@ class Recorder:
         return digest
 
     def _finished(self, facts: RecordingFacts, sources: tuple[Facade, ...], report: StreamReport | None) -> Recording:
-        begun = {
-            "recording": facts.id,
-            "name": facts.name,
-            "rate": facts.rate,
-            "source": facts.source,
-            "channels": [
-                {"name": channel.name, "unit": channel.unit, "instrument": channel.instrument}
-                for channel in facts.channels
-            ],
-        }
-        recorded = read_recording(self._store.recordings, begun, {"complete": True})
+        recorded = replace(read_recording(self._store.recordings, facts.begun, None), complete=True)
         voids = self._store.voids(facts.id)
         self._taken.append({"facts": facts, "recorded": recorded, "voids": voids})
         return Recording(recorded, _uncertainties(facts, recorded, sources), report, voids)

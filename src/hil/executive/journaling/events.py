@@ -10,7 +10,7 @@ import msgspec
 
 from hil.clock.port import Clock
 from hil.evidence.events import NOTHING, Event
-from hil.evidence.journal.standing import Entry
+from hil.evidence.journal.past import Entry
 from hil.evidence.journal.writer import Journal
 from hil.executive.ending.stop import StopFlags
 from hil.model.errors import Diverged, EvidenceError

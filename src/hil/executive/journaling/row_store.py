@@ -12,7 +12,7 @@ import msgspec
 from hil.evidence import events
 from hil.evidence.events import EventSink
 from hil.evidence.folder import RECORDINGS, RESERVE
-from hil.evidence.journal.standing import Entry
+from hil.evidence.journal.past import Entry
 from hil.evidence.recordings.row_file import NUMBER, read_rows, table
 from hil.evidence.recordings.rows import Rows
 from hil.model.errors import Diverged, EvidenceError
@@ -53,6 +53,30 @@ class RecordingFacts:
     duration: float | None
     source: Source
     continues: bool = False
+
+    @property
+    def begun(self) -> events.Recording:
+        """The event with which it begins."""
+        return events.Recording(
+            recording=self.id,
+            name=self.name,
+            case=self.case,
+            step=self.step,
+            channels=tuple(
+                events.Channel(
+                    name=channel.name,
+                    unit=channel.unit,
+                    instrument=channel.instrument,
+                    calibration=channel.calibration,
+                    uncertainty=channel.uncertainty,
+                )
+                for channel in self.channels
+            ),
+            rate=self.rate,
+            duration=self.duration,
+            source=self.source,
+            continues=self.continues,
+        )
 
 
 class OpenRecording:
@@ -126,27 +150,7 @@ class RowStore:
 
     def begin(self, facts: RecordingFacts) -> OpenRecording:
         """Write the beginning down and open the row file."""
-        begun = events.Recording(
-            recording=facts.id,
-            name=facts.name,
-            case=facts.case,
-            step=facts.step,
-            channels=tuple(
-                events.Channel(
-                    name=channel.name,
-                    unit=channel.unit,
-                    instrument=channel.instrument,
-                    calibration=channel.calibration,
-                    uncertainty=channel.uncertainty,
-                )
-                for channel in facts.channels
-            ),
-            rate=facts.rate,
-            duration=facts.duration,
-            source=facts.source,
-            continues=facts.continues,
-        )
-        self._journal.write(begun)
+        self._journal.write(facts.begun)
         rows = self._rows_of(facts)
         recording = OpenRecording(facts, rows, self._journal, self._open.remove)
         self._open.append(recording)

@@ -15,7 +15,7 @@ from hil.documents.suggest import did_you_mean, nearest
 from hil.evidence.events import Answer as Given
 from hil.evidence.events import Effect, Event
 from hil.evidence.journal.reader import JournalLine
-from hil.evidence.journal.standing import standing
+from hil.evidence.state import standing
 from hil.executive.people.questions import Answer, AnswerSource, Declined, Elsewhere, Question, form, spoken, understood
 from hil.model.errors import Diverged
 from hil.model.notation import Text

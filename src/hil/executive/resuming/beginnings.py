@@ -11,11 +11,11 @@ from hil.clock import wall
 from hil.clock.port import NANOSECONDS
 from hil.evidence import events
 from hil.evidence.folder import JOURNAL, RECORDINGS, create, is_sealed, renew_reserve, require_space
-from hil.evidence.journal.past import Past
-from hil.evidence.journal.standing import Entry, entries, standing
+from hil.evidence.journal.past import Entry, Past, entries
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.contents import Package
 from hil.evidence.recordings.reverting import revert
+from hil.evidence.state import standing
 from hil.executive.cases.effects import Recall
 from hil.executive.journaling.events import Events
 from hil.executive.resuming.earlier import Earlier, not_opened
@@ -90,7 +90,7 @@ class ReplayedRun(NewRun):
         self._package = package
         self.recall = Recall(package.of(events.Effect), _ANSWERED)
         self.entries = entries(package.of(events.Resumed))
-        self.not_opened = not_opened(package.events())
+        self.not_opened = not_opened(package.standing)
         self.void_rows = self._rows
 
     def _rows(self, part: events.Voided) -> NDArray[np.float64]:
@@ -132,7 +132,7 @@ class ResumedRun(NewRun):
         if is_sealed(folder) or (folder / JOURNAL).stat().st_size != self.earlier.size:
             raise Refused(f"{folder.name}: another process went on with it meanwhile", "see it with hil status")
         renew_reserve(folder)
-        revert(folder / RECORDINGS, (line.body for line in self.earlier.lines if line.body["kind"] == "recording"))
+        revert(folder / RECORDINGS, self.earlier.state.recordings.values())
 
     def past(self, journal: Journal) -> Resumption:
         """Return the events that come again."""

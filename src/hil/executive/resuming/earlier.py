@@ -7,16 +7,16 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from hil.bench.gate import Gate
 from hil.clock import wall
 from hil.clock.port import NANOSECONDS
 from hil.evidence import events
-from hil.evidence.events.codec import KINDS
 from hil.evidence.folder import JOURNAL, hold, is_sealed
+from hil.evidence.journal.past import Entry, entries
 from hil.evidence.journal.reader import Body, JournalLine, cut_torn_tail, read_journal, require_known_format
-from hil.evidence.journal.standing import Entry, entries, standing_bodies
+from hil.evidence.state import RunState, fold, standing
 from hil.executive.journaling.checkpoints import read_checkpoint
 from hil.executive.watching.keeper import FIRST_ARMING
 from hil.model.errors import EvidenceError, Refused
@@ -25,8 +25,14 @@ from hil.wire.checkpoint import Checkpoint
 
 __all__ = ["Boundary", "Earlier", "find_earlier", "not_opened"]
 
-_HEAD = frozenset({"anomaly", "frozen", "orphan", "planned", "run"})
-_AFTER = {"end": "has ended", "recovered": "is being sealed", "results": "has ended"}
+_Event = TypeVar("_Event", bound=events.Event)
+
+_HEAD = (events.Anomaly, events.Frozen, events.Orphan, events.Planned, events.Run)
+_AFTER: Mapping[type[events.Event], str] = {
+    events.End: "has ended",
+    events.Recovered: "is being sealed",
+    events.Results: "has ended",
+}
 """Events after which there is nothing to go on with."""
 
 
@@ -82,7 +88,7 @@ class Earlier:
     def come_again(self) -> tuple[JournalLine, ...]:
         """The lines up to where it is entered again."""
         last = self.boundary.sequence if self.boundary else math.inf
-        return tuple(line for line in self.lines if line.body["seq"] <= last)
+        return tuple(line for line in self.lines if line.event.seq <= last)
 
     @property
     def entries(self) -> tuple[Entry, ...]:
@@ -92,30 +98,34 @@ class Earlier:
     @property
     def not_opened(self) -> Mapping[int, Gate]:
         """The gates of the host that ended its armings, see `BenchKeeper`."""
-        return not_opened(line.body for line in self.lines)
+        return not_opened(line.event for line in self.lines)
 
     @property
     def next_recording(self) -> int:
         """A number that no recording has yet."""
-        begun = (str(line.body["recording"]) for line in self.lines if line.body["kind"] == "recording")
-        return max((int(name[:3]) for name in begun if name[:3].isdigit()), default=0) + 1
+        return max((int(name[:3]) for name in self.state.recordings if name[:3].isdigit()), default=0) + 1
 
     @property
     def begun_behind(self) -> tuple[str, ...]:
         """The recordings of no case that were begun behind where it is entered: those of the watch behind its end."""
-        begun = (line.body for line in self.lines if line.body["kind"] == "recording" and line.body["case"] is None)
         last = self.boundary.sequence if self.boundary else math.inf
-        return tuple(dict.fromkeys(str(event["recording"]) for event in begun if event["seq"] > last))
+        begun = self.state.recordings.values()
+        return tuple(event.recording for event in begun if event.case is None and event.seq > last)
 
     @property
-    def run(self) -> Body:
-        """The body of its first event."""
-        return self.head[0].body
+    def state(self) -> RunState:
+        """What its events tell, void ones included."""
+        return fold(line.event for line in (*self.head, *self.lines))
+
+    @property
+    def run(self) -> events.Run:
+        """What it was asked for."""
+        return self.of_head(events.Run)
 
     @property
     def live(self) -> bool:
         """Whether its bench is outside of its process, and went on without it."""
-        return "live" in self.run
+        return self.run.live is not None
 
     @property
     def last_wall(self) -> Body:
@@ -125,7 +135,7 @@ class Earlier:
     @property
     def last_ns(self) -> int:
         """The latest instant of its bench that was written down."""
-        return round(max((line.body["t"] for line in self.lines), default=0.0) * NANOSECONDS)
+        return round(max((line.event.t for line in self.lines), default=0.0) * NANOSECONDS)
 
     @property
     def stood_s(self) -> float:
@@ -133,36 +143,34 @@ class Earlier:
 
         By boot time, which nobody sets; by the time of day where the machine was started anew.
         """
-        if not self.live:
+        if self.run.live is None:
             return 0.0
         last, now = self.last_wall, wall.stamp()
         same = last["boot_id"] == now.boot_id
         passed = now.boot - float(last["boot"]) if same else wall.seconds_since(str(last["utc"]))
-        return max(0.0, passed) * float(self.run["live"]["speed"]) + self._behind_s
+        return max(0.0, passed) * self.run.live.speed + self._behind_s(self.run.live.speed)
 
-    @property
-    def _behind_s(self) -> float:
-        """How far bench time was behind the present at the newest event: as long as a suspend right before it."""
-        speed = float(self.run["live"]["speed"])
+    def _behind_s(self, speed: float) -> float:
+        """Return how far bench time lagged at the newest event: as long as a suspend right before it."""
         lags: list[float] = []
         for line in self.lines:
-            if line.body["kind"] == "resumed":  # the clock began anew
+            if isinstance(line.event, events.Resumed):  # the clock began anew
                 lags.clear()
-            lags.append(float(line.wall["boot"]) * speed - line.body["t"])
+            lags.append(float(line.wall["boot"]) * speed - line.event.t)
         return lags[-1] - min(lags) if lags else 0.0
 
     @property
     def resumes(self) -> int:
         """How often it was resumed before."""
-        return sum(line.body["kind"] == "resumed" for line in self.lines)
+        return len(self.state.resumptions)
 
-    def of_head(self, kind: str) -> JournalLine:
-        """Return the first event of a kind in the head.
+    def of_head(self, kind: type[_Event]) -> _Event:
+        """Return the event of a kind in the head.
 
         Raises:
             Refused: where there is none.
         """
-        found = next((line for line in self.head if line.body["kind"] == kind), None)
+        found = next((line.event for line in self.head if isinstance(line.event, kind)), None)
         if found is None:
             raise Refused(f"{self.folder.name}: the run had not begun", "delete the folder and start it anew")
         return found
@@ -183,7 +191,7 @@ def find_earlier(folder: Path) -> Earlier:
     reading = read_journal(folder / JOURNAL)
     if reading.findings:
         raise Refused(f"{folder.name}: {reading.findings[0]}", "a damaged journal is not gone on with; keep the folder")
-    head = tuple(takewhile(lambda line: line.body["kind"] in _HEAD, reading.lines))
+    head = tuple(takewhile(lambda line: isinstance(line.event, _HEAD), reading.lines))
     earlier = Earlier(
         folder=folder,
         head=head,
@@ -192,9 +200,9 @@ def find_earlier(folder: Path) -> Earlier:
         torn=torn,
         checkpoint=read_checkpoint(folder),
     )
-    earlier.of_head("planned")
+    earlier.of_head(events.Planned)
     for line in earlier.lines:
-        if (kind := line.body["kind"]) in _AFTER:
+        if (kind := type(line.event)) in _AFTER:
             raise Refused(f"{folder.name}: the run {_AFTER[kind]}", "seal it as it is with hil seal")
     return replace(earlier, boundary=_boundary(earlier))
 
@@ -215,40 +223,42 @@ def _boundary(earlier: Earlier) -> Boundary | None:
     entered at the beginning of the recording that was going on, if it continues, else of the turn of a loop, else of
     the case, else at the end of the case before.
     """
-    bodies = standing_bodies([line.body for line in (*earlier.head, *earlier.lines)])
-    stop = next((event for event in bodies if event["kind"] == "stop"), None)
+    stands = standing(line.event for line in (*earlier.head, *earlier.lines))
+    stop = next((event for event in stands if isinstance(event, events.Stop)), None)
     if stop is None and not earlier.live:
         return None
-    if stop is not None and not stop.get("resumable"):
+    if stop is not None and not stop.resumable:
         raise Refused(f"{earlier.folder.name}: the run was asked to stop for good", "seal it as it is with hil seal")
-    own = [event for event in bodies if KINDS[event["kind"]].origin is events.Origin.COURSE]
-    ended = {event["recording"] for event in own if event["kind"] == "recording-end" and event["complete"]}
+    own = [event for event in stands if event.recurs]
+    ended = {event.recording for event in own if isinstance(event, events.RecordingEnd) and event.complete}
     found = [(place, event) for place, event in enumerate(own, 1) if _can_be_entered(event, ended)]
     if not found:
         raise Refused(f"{earlier.folder.name}: no case had begun", "seal it as it is, and start a new run")
     place, event = found[-1]
-    kept = event["recording"] if event["kind"] == "recording" else ""
-    over = event["kind"] == "case-end" and not _left(earlier, own, stopped=stop is not None)
-    return Boundary(place, event["seq"], round(event["t"] * NANOSECONDS), kept, over)
+    kept = event.recording if isinstance(event, events.Recording) else ""
+    over = isinstance(event, events.CaseEnd) and not _left(earlier, own, stopped=stop is not None)
+    return Boundary(place, event.seq, round(event.t * NANOSECONDS), kept, over)
 
 
-def _left(earlier: Earlier, own: Sequence[Body], *, stopped: bool) -> set[str]:
+def _left(earlier: Earlier, own: Sequence[events.Event], *, stopped: bool) -> set[str]:
     """Return the planned cases that have no outcome; what a stop kept from running is still to be run."""
-    ends = {"case-end"} if stopped else {"case-end", "not-run"}
-    ended = {event["case"] for event in own if event["kind"] in ends and event.get("verdict") != Verdict.ABORTED}
-    return {str(case["case"]) for case in earlier.of_head("planned").body["cases"]} - ended
+    ended = {each.case for each in own if isinstance(each, events.CaseEnd) and each.verdict is not Verdict.ABORTED}
+    left_out = {each.case for each in own if isinstance(each, events.NotRun)}
+    return {case.case for case in earlier.of_head(events.Planned).cases} - ended - (set() if stopped else left_out)
 
 
-def _can_be_entered(event: Body, ended: Collection[str]) -> bool:
-    kind = event["kind"]
-    if kind == "recording":
-        return bool(event.get("continues")) and event["recording"] not in ended
-    if kind == "case-end":
-        return bool(event["verdict"] != Verdict.ABORTED)
-    return kind == "case" or (kind == "step" and "turn" in event)
+def _can_be_entered(event: events.Event, ended: Collection[str]) -> bool:
+    match event:
+        case events.Recording():
+            return event.continues and event.recording not in ended
+        case events.CaseEnd():
+            return event.verdict is not Verdict.ABORTED
+        case events.Step():
+            return event.turn is not None
+    return isinstance(event, events.Case)
 
 
-def not_opened(events: Iterable[Mapping[str, Any]]) -> dict[int, Gate]:
+def not_opened(happened: Iterable[events.Event]) -> dict[int, Gate]:
     """Return the gate of the host that ended an arming, per arming that one ended.
 
     An arming is told by the `void_to` of the entry at which it was done, the first one by `FIRST_ARMING`. What the
@@ -256,13 +266,13 @@ def not_opened(events: Iterable[Mapping[str, Any]]) -> dict[int, Gate]:
     """
     found: dict[int, Gate] = {}
     arming: int | None = FIRST_ARMING
-    for event in events:
-        kind = event["kind"]
-        if kind == "resumed" and event.get("entry"):
-            arming = event["entry"]["void_to"]
-        elif kind == "armed" or (kind == "gate" and not event["ok"]):
-            arming = None
-        elif kind == "host-gate" and not event["ok"] and arming is not None:
-            found[arming] = Gate(event["name"], ok=False, detail=event["detail"])
+    for event in happened:
+        if isinstance(event, events.Resumed):
+            arming = event.entry.void_to if event.entry else arming
+        elif isinstance(event, events.HostGate):
+            if not event.ok and arming is not None:
+                found[arming] = Gate(event.name, ok=False, detail=event.detail)
+                arming = None
+        elif isinstance(event, events.Armed) or (isinstance(event, events.Gate) and not event.ok):
             arming = None
     return found

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from hil.bench.bound import BoundBench
 from hil.clock.port import NANOSECONDS
 from hil.evidence.folder import TRANSCRIPT
-from hil.evidence.journal.standing import Entry
+from hil.evidence.journal.past import Entry
 from hil.executive.journaling.record import Record
 from hil.executive.resuming.beginnings import NewRun
 from hil.executive.resuming.earlier import Boundary, Earlier

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from hil.documents.canonical import JsonError, parse_strict
+from hil.evidence import events
 from hil.evidence.durable import read_plain
 from hil.executive.people.answers import SIMULATED_PERSON
 from hil.executive.resuming.earlier import Earlier
@@ -14,7 +15,6 @@ from hil.executive.setup.configuration import Configuration, Request
 from hil.executive.setup.head import PlannedCase, freeze
 from hil.executive.setup.software import software_identity
 from hil.model.errors import EvidenceError, Refused
-from hil.model.identity import Purpose, Source
 
 __all__ = ["changes", "deviation_of", "require_answers", "require_same_cases", "resumed_request"]
 
@@ -56,7 +56,7 @@ def resumed_request(
         Refused: if its bench was served and no folder is named, or the other way round.
     """
     run = earlier.run
-    was_served = bool(run.get("live", {}).get("served"))
+    was_served = run.live is not None and run.live.served
     if was_served and served is None:
         raise Refused(
             f"{earlier.folder.name}: its bench was served by another process", "name its folder with --served"
@@ -65,21 +65,21 @@ def resumed_request(
         raise Refused(f"{earlier.folder.name}: its bench was not served", "leave --served out")
     return Request(
         start=start,
-        plans=tuple(run["plans"]),
-        bench=str(run["bench"]),
-        dut=str(run["dut"]["serial"]),
-        source=Source(run["source"]),
-        purpose=Purpose(run["purpose"]),
-        operator=str(run["operator"]),
-        skips=dict(run["skips"]),
-        overrides=dict(run["overrides"]),
+        plans=run.plans,
+        bench=run.bench,
+        dut=run.dut.serial,
+        source=run.source,
+        purpose=run.purpose,
+        operator=run.operator,
+        skips=dict(run.skips or {}),
+        overrides=dict(run.overrides or {}),
         answers=answers,
         person=person,
         output=earlier.folder.parent,
         served=served,
-        epoch=str(run["epoch"]) if earlier.live else "",
-        unattended=bool(run.get("unattended", False)),
-        on_call=str(run.get("on_call", "")),
+        epoch=(run.epoch or "") if earlier.live else "",
+        unattended=run.unattended,
+        on_call=run.on_call or "",
         acknowledge_within_s=acknowledge_within_s,
     )
 
@@ -88,7 +88,7 @@ def changes(earlier: Earlier, configuration: Configuration) -> tuple[str, ...]:
     """Return what has changed since the run began: a sentence for each part, with the files."""
     with tempfile.TemporaryDirectory(prefix="hil-resume-") as folder:
         now = freeze(configuration, Path(folder)).files
-    then: Mapping[str, str] = earlier.of_head("frozen").body["files"]
+    then = earlier.of_head(events.Frozen).files
     differing = sorted(path for path in {*then, *now} - {_REGISTER} if then.get(path) != now.get(path))
     return tuple(_told(differing))
 
@@ -125,8 +125,8 @@ def require_answers(earlier: Earlier, request: Request) -> None:
     Raises:
         Refused: with whoever has answered.
     """
-    events = (line.body for line in earlier.lines)
-    others = sorted({str(event["by"]) for event in events if event["kind"] == "answer"} - {SIMULATED_PERSON})
+    answers = (line.event for line in earlier.lines if isinstance(line.event, events.Answer))
+    others = sorted({answer.by for answer in answers} - {SIMULATED_PERSON})
     if others and request.answers is None and not request.person and not request.unattended:
         raise Refused(
             f"{earlier.folder.name}: questions were answered by {', '.join(others)} so far",
@@ -140,7 +140,7 @@ def require_same_cases(earlier: Earlier, planned: Sequence[PlannedCase]) -> None
     Raises:
         Refused: with those that are missing or new.
     """
-    then = [str(case["case"]) for case in earlier.of_head("planned").body["cases"]]
+    then = [case.case for case in earlier.of_head(events.Planned).cases]
     now = [case.id for case in planned]
     if then != now:
         differing = sorted(set(then) ^ set(now)) or ["their order"]

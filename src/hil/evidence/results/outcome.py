@@ -1,0 +1,188 @@
+"""The results of a run as a type, and the strict codec of `data/results.json`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+
+from hil.documents.canonical import JsonError, parse_strict
+from hil.evidence.events import Check, Part, Run
+from hil.evidence.events.codec import decode
+from hil.evidence.events.quick_json import plain, quick_canonical
+from hil.model.verdict import Verdict
+
+__all__ = [
+    "FORMAT",
+    "AttemptOutcome",
+    "CaseOutcome",
+    "CaseVerdict",
+    "HoldOutcome",
+    "Outcome",
+    "RequirementOutcome",
+    "StepOutcome",
+    "as_json",
+    "read_outcome",
+    "write_outcome",
+]
+
+FORMAT = 2
+"""What is written; format 1 did not tell when the bench was held in the course of a case."""
+
+_OF_EVENT = frozenset({"kind", "seq", "t"})
+
+
+class AttemptOutcome(Part, frozen=True, kw_only=True):
+    """What became of one attempt of a case; the verdict is None if it did not end."""
+
+    attempt: int
+    verdict: Verdict | None
+    reasons: tuple[str, ...]
+
+
+class StepOutcome(Part, frozen=True, kw_only=True):
+    """What became of one step; outcome and duration in s are None if it did not end."""
+
+    path: tuple[str, ...]
+    number: str
+    outcome: str | None
+    duration: float | None
+
+
+class HoldOutcome(Part, frozen=True, kw_only=True):
+    """When the bench was held in the course of a case, for how long in s, by whom and why."""
+
+    t: float
+    duration: float | None
+    by: str
+    text: str
+
+
+class CaseOutcome(Part, frozen=True, kw_only=True):
+    """What became of one case; checks and steps are those of its last attempt.
+
+    Attributes:
+        case: its id.
+        title: the first line of its docstring.
+        plan: its plan.
+        verdict: the worst of its attempts and requirements.
+        reasons: why, a sentence each.
+        requirements: the verdict on each requirement.
+        duration: bench time in s, None if it did not end.
+        attempts: its attempts, in order.
+        used: the instruments that it used, with their source.
+        checks: its checks.
+        steps: its steps, in order.
+        recordings: the ids of its recordings.
+        holds: when the bench was held; None in format 1.
+    """
+
+    case: str
+    title: str
+    plan: str
+    verdict: Verdict
+    reasons: tuple[str, ...]
+    requirements: Mapping[str, Verdict]
+    duration: float | None
+    attempts: tuple[AttemptOutcome, ...]
+    used: Mapping[str, str]
+    checks: tuple[Check, ...]
+    steps: tuple[StepOutcome, ...]
+    recordings: tuple[str, ...]
+    holds: tuple[HoldOutcome, ...] | None = None
+
+
+class CaseVerdict(Part, frozen=True, kw_only=True):
+    """What one case says of a requirement."""
+
+    case: str
+    verdict: Verdict
+
+
+class RequirementOutcome(Part, frozen=True, kw_only=True):
+    """What became of one requirement.
+
+    Attributes:
+        id: the requirement.
+        rev: its revision; this and what follows is None if the frozen catalogue does not hold it.
+        text: what it asks for.
+        kind: its kind.
+        method: its verification method.
+        source: where it comes from.
+        verdict: the worst of all planned cases that carry it.
+        cases: what each of them says.
+        checks: how many checks it got.
+        eligible: whether this run can close it.
+        reasons: why not, a sentence each.
+    """
+
+    id: str
+    rev: int | None
+    text: str | None
+    kind: str | None
+    method: str | None
+    source: str | None
+    verdict: Verdict
+    cases: tuple[CaseVerdict, ...]
+    checks: int
+    eligible: bool
+    reasons: tuple[str, ...]
+
+
+class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What a run came to; all of it is derived from the journal and the frozen catalogue.
+
+    Attributes:
+        format: the number of the format.
+        run: what the run was asked for, with the deviations of its resumptions; None if it never began.
+        interrupted: whether it did not come to its own end.
+        tripped: whether the envelope was left.
+        safe: whether every way to the safe state proved every output safe, None if there was none.
+        content_digest: SHA-256 over the journal's bodies before the results.
+        cases: the cases, in the order of the plan.
+        requirements: the requirements, by id.
+        counts: how many cases have which verdict.
+        verdict: the run's verdict.
+    """
+
+    format: int
+    run: Run | None
+    interrupted: bool
+    tripped: bool
+    safe: bool | None
+    content_digest: str
+    cases: tuple[CaseOutcome, ...]
+    requirements: tuple[RequirementOutcome, ...]
+    counts: Mapping[Verdict, int]
+    verdict: Verdict
+
+
+def write_outcome(outcome: Outcome) -> bytes:
+    """Return the content of `data/results.json`."""
+    return quick_canonical(as_json(outcome))
+
+
+def as_json(outcome: Outcome) -> dict[str, Any]:
+    """Return the results as JSON values."""
+    run = {} if outcome.run is None else plain(outcome.run)
+    told = plain(outcome)
+    return {**told, "run": {name: value for name, value in run.items() if name not in _OF_EVENT}}
+
+
+def read_outcome(data: bytes) -> Outcome:
+    """Return the results that `data/results.json` tells.
+
+    Raises:
+        JsonError: for what is not strict JSON, and for a missing, unknown or mistyped field, which it names.
+    """
+    found = parse_strict(data)
+    run = found.get("run") if isinstance(found, dict) else None
+    if not isinstance(found, dict) or not isinstance(run, dict):
+        raise JsonError("results tell of a run")
+    asked = decode({**run, "kind": Run.kind(), "seq": 0, "t": 0.0}) if run else None
+    try:
+        outcome = msgspec.convert({**found, "run": None}, Outcome)
+    except msgspec.ValidationError as error:
+        raise JsonError(str(error).replace("$.", "")) from None
+    return msgspec.structs.replace(outcome, run=asked)

@@ -1,0 +1,317 @@
+"""The state of a run: the one fold of its events."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import takewhile
+from typing import Generic, TypeVar
+
+import msgspec
+
+from hil.evidence.events import (
+    Anomaly,
+    Armed,
+    Attachment,
+    Case,
+    CaseEnd,
+    Check,
+    End,
+    Event,
+    Fault,
+    Gate,
+    Hold,
+    HoldEnd,
+    Note,
+    NotRun,
+    Origin,
+    Planned,
+    PlannedCase,
+    Recording,
+    RecordingEnd,
+    Recovered,
+    Results,
+    Resumed,
+    Rows,
+    Run,
+    SafeEnd,
+    Step,
+    StepEnd,
+    Stop,
+    Trip,
+)
+from hil.model.verdict import Verdict
+
+__all__ = ["CaseState", "RunState", "Span", "before_results", "fold", "standing"]
+
+_Begun = TypeVar("_Begun", bound=Event)
+_Ended = TypeVar("_Ended", bound=Event)
+
+
+@dataclass(slots=True)
+class Span(Generic[_Begun, _Ended]):
+    """Something that has begun, and has ended unless `ended` is None."""
+
+    begun: _Begun
+    ended: _Ended | None = None
+
+
+@dataclass(slots=True)
+class CaseState:
+    """What the events tell of one planned case; checks and steps are those of the last attempt.
+
+    Nothing declares a retry, so that no attempt replaces another: `earlier` keeps what the attempts before the last
+    one came to, and `times` how often the case was planned.
+    """
+
+    planned: PlannedCase
+    times: int = 1
+    earlier: dict[str, list[Verdict]] = field(default_factory=dict)
+    attempts: list[Span[Case, CaseEnd]] = field(default_factory=list)
+    end: CaseEnd | None = None
+    checks: list[Check] = field(default_factory=list)
+    steps: list[Span[Step, StepEnd]] = field(default_factory=list)
+    recordings: list[str] = field(default_factory=list)
+    holds: list[Span[Hold, HoldEnd]] = field(default_factory=list)
+    not_run: list[str] = field(default_factory=list)
+    dut_fault: bool = False
+
+    @property
+    def own_verdict(self) -> Verdict:
+        """How the case ended, whatever its checks say."""
+        if self.end is not None:
+            return self.end.verdict
+        return Verdict.ABORTED if self.attempts else Verdict.NOT_RUN
+
+    @property
+    def own_verdicts(self) -> list[Verdict]:
+        """How every attempt ended, and NOT_RUN for one that is missing."""
+        before = [each.ended.verdict if each.ended else Verdict.ABORTED for each in self.attempts[:-1]]
+        missing = bool(self.attempts) and not self.all_begun
+        return [*before, self.own_verdict, *([Verdict.NOT_RUN] if missing else [])]
+
+    @property
+    def all_begun(self) -> bool:
+        """Whether there was an attempt for every time that the case was planned."""
+        return len(self.attempts) >= self.times
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the case ended so."""
+        if self.end is not None:
+            return self.end.reasons
+        if self.attempts:
+            return ("the run ended within this case",)
+        return tuple(self.not_run) or ("the run ended before this case",)
+
+    @property
+    def step(self) -> Step | None:
+        """The innermost step that has not ended."""
+        return next((each.begun for each in reversed(self.steps) if each.ended is None), None)
+
+    def plan_again(self, planned: PlannedCase) -> None:
+        """Take in that two bodies have this case's id: what one of them carries, both do."""
+        self.times += 1
+        carried = (*self.planned.requirements, *planned.requirements)
+        self.planned = msgspec.structs.replace(self.planned, requirements=carried)
+
+    def begin(self, event: Case) -> None:
+        """Begin an attempt."""
+        if self.attempts:
+            for check in self.checks:
+                self.earlier.setdefault(check.requirement, []).append(check.verdict)
+            for name in self.planned.requirements:
+                said = self.end.requirements.get(name) if self.end else None
+                self.earlier.setdefault(name, []).append(said or self.own_verdict)
+        self.attempts.append(Span(event))
+        self.end, self.checks, self.steps, self.dut_fault = None, [], [], False
+
+    def finish(self, event: CaseEnd) -> None:
+        """End the attempt."""
+        self.end = event
+        if self.attempts:
+            self.attempts[-1].ended = event
+
+    def end_step(self, event: StepEnd) -> None:
+        """End the innermost step of this number."""
+        for each in reversed(self.steps):
+            if each.begun.number == event.number and each.ended is None:
+                each.ended = event
+                return
+
+
+class RunState:
+    """What the events of a run tell, taken one by one.
+
+    Attributes:
+        run: what it was asked for, None before its first event.
+        cases: the planned cases by id, in order, and whatever else was run.
+        present: the case that is going on, None between cases.
+        recordings: the beginning of every recording by id, in order; the last one where it began twice.
+        ended: the ends of recordings by id, those included whose beginning is missing.
+        rows: per recording the hashes that the journal has of its first rows.
+        gates: the readiness gates of the bench.
+        attachments: the files that were attached or made.
+        added: notes, attachments and anomalies since the first gate.
+        resumptions: when the run was resumed.
+        trip: how the envelope was left first, if it was.
+        stop: why the run was ended early, None if it was not, and once it is armed anew.
+        stopped: whether it was ever ended early.
+        recovered: whether it was sealed as it is.
+        armed: whether the bench was ever armed.
+        safe: whether every way to the safe state proved every output safe, None before the first.
+        results: that the results were derived, if they were.
+        end: how it ended, None before.
+        t: bench time of the newest event in s.
+    """
+
+    def __init__(self) -> None:
+        self.run: Run | None = None
+        self.cases: dict[str, CaseState] = {}
+        self.present: CaseState | None = None
+        self.recordings: dict[str, Recording] = {}
+        self.ended: dict[str, RecordingEnd] = {}
+        self.rows: dict[str, dict[int, str]] = {}
+        self.gates: list[Gate] = []
+        self.attachments: list[Attachment] = []
+        self.added: list[Note | Attachment | Anomaly] = []
+        self.resumptions: list[Resumed] = []
+        self.trip: Trip | None = None
+        self.stop: Stop | None = None
+        self.stopped = self.recovered = self.armed = False
+        self.safe: bool | None = None
+        self.results: Results | None = None
+        self.end: End | None = None
+        self.t = 0.0
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the run did not come to its own end."""
+        return self.stopped or self.recovered or self.run is None
+
+    @property
+    def deviations(self) -> tuple[str, ...]:
+        """How the run deviates from its plan, resumptions included."""
+        asked = self.run.deviations if self.run else ()
+        return (*asked, *(each.deviation for each in self.resumptions if each.deviation))
+
+    def take(self, event: Event) -> None:
+        """Take the next event."""
+        self.t = event.t
+        match event:
+            case Step() | StepEnd() | Check() | Fault() | Case() | CaseEnd() | NotRun():
+                self._of_case(event)
+            case Recording():
+                self.recordings[event.recording] = event
+                self.rows.setdefault(event.recording, {})
+                if event.case is not None:
+                    self._case(event.case).recordings.append(event.recording)
+            case Rows():
+                self.rows.setdefault(event.recording, {})[event.rows] = event.sha256
+            case RecordingEnd():
+                self.rows.setdefault(event.recording, {})[event.rows] = event.sha256
+                self.ended[event.recording] = event
+            case Hold() | HoldEnd():
+                self._hold(event)
+            case Gate() if event.origin is Origin.COURSE:
+                self.gates.append(event)
+                self.stop = None
+            case Trip():
+                self.trip = self.trip or event
+            case SafeEnd():
+                self.safe = event.ok and self.safe is not False
+            case _:
+                self._of_run(event)
+
+    def _of_run(self, event: Event) -> None:  # noqa: C901 - one case per kind of event
+        match event:
+            case Run():
+                self.run = self.run or event
+            case Planned():
+                self._plan(event)
+            case Armed():
+                self.armed = True
+            case Stop():
+                self.stop, self.stopped = event, True
+            case Recovered():
+                self.recovered = True
+            case Resumed():
+                self.resumptions.append(event)
+            case Results():
+                self.results = event
+            case End():
+                self.end = event
+            case Note() | Attachment() | Anomaly():
+                if isinstance(event, Attachment):
+                    self.attachments.append(event)
+                if self.gates:  # anomalies before are those of the catalogue's sources
+                    self.added.append(event)
+
+    def _of_case(self, event: Step | StepEnd | Check | Fault | Case | CaseEnd | NotRun) -> None:
+        case = self._case(event.case)
+        match event:
+            case Case():
+                case.begin(event)
+                self.present = case
+            case CaseEnd():
+                case.finish(event)
+                self.present = None
+            case NotRun():
+                case.not_run.append(event.reason)
+            case Check():
+                case.checks.append(event)
+            case Step():
+                case.steps.append(Span(event))
+            case StepEnd():
+                case.end_step(event)
+            case Fault():
+                case.dut_fault = case.dut_fault or event.dut
+
+    def _plan(self, event: Planned) -> None:
+        for planned in event.cases:
+            if planned.case in self.cases:
+                self.cases[planned.case].plan_again(planned)
+            else:
+                self.cases[planned.case] = CaseState(planned)
+
+    def _case(self, name: str) -> CaseState:
+        if name not in self.cases:
+            unplanned = PlannedCase(case=name, title="", plan="", requirements=(), max_duration=0.0)
+            self.cases[name] = CaseState(unplanned)
+        return self.cases[name]
+
+    def _hold(self, event: Hold | HoldEnd) -> None:
+        if self.present is None:
+            return
+        if isinstance(event, Hold):
+            self.present.holds.append(Span(event))
+        elif self.present.holds:
+            self.present.holds[-1].ended = event
+
+
+def standing(events: Iterable[Event]) -> tuple[Event, ...]:
+    """Return the events that stand: a run that was resumed after a stop left some that are void.
+
+    What came from outside the run's own course is never void.
+    """
+    events = tuple(events)
+    entries = [each.entry for each in events if isinstance(each, Resumed) and each.entry]
+    void = [(entry.boundary, entry.void_to) for entry in entries]
+    return tuple(
+        event
+        for event in events
+        if event.origin is Origin.OUTSIDE or not any(after < event.seq <= last for after, last in void)
+    )
+
+
+def before_results(events: Iterable[Event]) -> Iterator[Event]:
+    """Give the events from which the results are derived."""
+    return takewhile(lambda event: not isinstance(event, Results), events)
+
+
+def fold(events: Iterable[Event]) -> RunState:
+    """Return the state of a run after these events."""
+    state = RunState()
+    for event in events:
+        state.take(event)
+    return state
