@@ -166,7 +166,7 @@ def test_a_test_that_the_tester_ends_is_an_error(tmp_path):
     assert "than the parameter longest_half_cycle, the cycler's setting 'time', allows" in fault["hint"]
     assert "fuse" not in fault["hint"]
     assert ran.verdicts() == {"test_charge": "ERROR"}
-    assert "bench safe, every line proven" in ran.out
+    assert "bench safe: every output proven" in ran.out
 
 
 def test_lines_that_are_lost_show(tmp_path):

@@ -90,7 +90,7 @@ def test_a_fault_that_ends_the_run(scene, tmp_path, fault):
     (verdict,) = ran.verdicts().values()
     assert verdict in {"ERROR", "NOT_RUN"}
     assert words in ran.reasons("test_charge")
-    assert "bench safe, every line proven" in ran.out
+    assert "bench safe: every output proven" in ran.out
     assert scene.still_on() == {}
 
 
@@ -190,7 +190,7 @@ def test_a_cooler_that_does_nothing(scene, tmp_path, moment):
     assert ran.verdicts() == {"test_degradation": "ERROR"}
     expected = "have not come to 40 degC" if moment == "0 h" else "no temperature below 11.5 within 840 s"
     assert expected in ran.reasons("test_degradation")
-    assert "bench safe, every line proven" in ran.out
+    assert "bench safe: every output proven" in ran.out
     assert scene.still_on() == {}
 
 

@@ -80,7 +80,7 @@ def test_the_whole_plan_with_the_firmware(firmware):
     """Ten cycles run to their end in four minutes, no line is lost, the bench is safe and the package whole."""
     ended, package = firmware
     assert ended.code == 1
-    assert "bench safe, every line proven" in ended.out
+    assert "bench safe: every output proven" in ended.out
     found = checks(package)
     assert found["EPS-BAT-010", "lost_lines", None]["value"] == 0
     assert found["EPS-BAT-007", "charge_time", "10"]["verdict"] == "RECORDED"
@@ -125,7 +125,7 @@ def test_the_firmware_ends_the_plan_by_its_own_limits(tmp_path, changes, paramet
     ended, package = ran(with_firmware(tmp_path, changes), "--parameter", parameter)
     assert (ended.code, package.results()["cases"][0]["verdict"]) == (1, "ERROR")
     assert f"ended its test by itself, it says '{reason}'" in ended.out
-    assert "bench safe, every line proven" in ended.out
+    assert "bench safe: every output proven" in ended.out
 
 
 def test_a_firmware_that_hangs_is_reset_and_told(tmp_path):
@@ -134,7 +134,7 @@ def test_a_firmware_that_hangs_is_reset_and_told(tmp_path):
     ended, package = ran(with_firmware(tmp_path, {clock: '      truth: {converter_hangs: "12000", clock_drift:'}))
     assert (ended.code, package.results()["cases"][0]["verdict"]) == (1, "ERROR")
     assert "it has started anew (boot 43, WATCHDOG): its relays are open" in ended.out
-    assert "bench safe, every line proven" in ended.out
+    assert "bench safe: every output proven" in ended.out
 
 
 def test_the_firmware_opens_its_relays_when_nobody_is_left(tmp_path, monkeypatch):

@@ -333,7 +333,7 @@ def test_a_full_disk_ends_the_run_safe_and_with_words(tmp_path, small_disk):
     told = re.search(rf"stopped by a full disk, and not sealed: {small_disk} has ([0-9 ]+) bytes free\n", ended.out)
     assert told
     assert int(told[1].replace(" ", "")) < 10_000_000
-    assert f"free some space there, then go on with hil resume {folder}, or seal it as it is" in ended.out
+    assert f"free some space there, then resume it with hil resume {folder}, or seal it as it is" in ended.out
     assert f"stopped by a full disk, and not sealed: {small_disk} has" in (workspace.root / "told.json").read_text()
 
     refused = workspace.hil("resume", str(folder))

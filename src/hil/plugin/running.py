@@ -177,7 +177,7 @@ def _leave_as_it_is(session: Session, word: Word, error: Diverged) -> NoReturn:
     folder = session.folder
     if session.flags.reason:
         _leave_for_later(folder, word)  # on the way to the safe state it leaves its record
-    told = f"hil: {folder.name} cannot be gone on with: {error.first}"
+    told = f"hil: {folder.name} cannot be resumed: {error.first}"
     _complain(told, "     it is as it was; seal it with hil seal")
     word.leave(_INTERNAL)
 

@@ -39,7 +39,7 @@ def test_a_terminal_has_one_line_that_is_written_again(monkeypatch):
 def test_elsewhere_there_is_a_line_every_hour():
     """A log of weeks says now and then that the run goes on, without a control character."""
     _, written = ticked(io.StringIO(), 10.0, 3500.0, 3601.0, 3700.0, 7300.0, text="[1/2]")
-    assert written == "  still going on: [1/2]\n" * 2
+    assert written == "  still running: [1/2]\n" * 2
 
 
 def test_a_question_has_the_terminal_for_itself(monkeypatch):

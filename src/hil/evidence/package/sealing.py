@@ -58,7 +58,7 @@ def seal(folder: Path, journal: Journal, *, exit_code: int, write_reports: Repor
         EvidenceError: where the disk is full or fails, or there is not enough memory; the folder stays as it is, and
             can be recovered.
     """
-    then = "go on with hil resume, or seal it as it is with hil seal"
+    then = "resume it with hil resume, or seal it as it is with hil seal"
     try:
         _write_results(folder, journal)
         then = "seal it with hil seal"

@@ -83,7 +83,7 @@ class StopFlags:
         self.reason = self.reason or reason
 
     def leave_off(self, reason: str) -> None:
-        """Ask the run to end safe and stay open, so that it is gone on with once the reason is away.
+        """Ask the run to end safe and stay open, so that it can be resumed once the reason is gone.
 
         Asked again and again, it is no more urgent than a person's first word, and changes nothing of that. Before the
         first case there is nothing to go on with, and the run ends for good.

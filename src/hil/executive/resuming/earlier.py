@@ -190,7 +190,7 @@ def find_earlier(folder: Path) -> Earlier:
         torn = _cut(folder)
     reading = read_journal(folder / JOURNAL)
     if reading.findings:
-        raise Refused(f"{folder.name}: {reading.findings[0]}", "a damaged journal is not gone on with; keep the folder")
+        raise Refused(f"{folder.name}: {reading.findings[0]}", "a damaged journal cannot be resumed; keep the folder")
     head = tuple(takewhile(lambda line: isinstance(line.event, _HEAD), reading.lines))
     earlier = Earlier(
         folder=folder,

@@ -1,4 +1,4 @@
-"""What is said of a run that was stopped and stays open: why, and how it is gone on with."""
+"""What is said of a run that was stopped and stays open: why, and how it is resumed."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def left_open_lines(folder: Path, reason: str) -> list[str]:
         reason: why it was stopped; of a full disk which one, and how much of it is free now, is told, too.
     """
     if reason != DISK_FULL:
-        return [f"stopped, and not sealed: go on with hil resume {folder.name}"]
-    ways = f"go on with hil resume {folder}, or seal it as it is with hil seal {folder}"
+        return [f"stopped, and not sealed: resume it with hil resume {folder.name}"]
+    ways = f"resume it with hil resume {folder}, or seal it as it is with hil seal {folder}"
     return [f"stopped by a full disk, and not sealed: {_disk(folder)}", f"free some space there, then {ways}"]
 
 

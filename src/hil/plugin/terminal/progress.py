@@ -118,7 +118,7 @@ class Progress:
         self._line(f"  {event['by']} gave {'the code' if event['ok'] else 'a wrong code'} back", _good(event["ok"]))
 
     def _armed(self, _: Mapping[str, Any]) -> None:
-        self._line("armed: every readiness gate holds", "green")
+        self._line("armed: every readiness gate passed", "green")
 
     def _case(self, event: Mapping[str, Any]) -> None:
         self._told = []
@@ -222,7 +222,7 @@ class Progress:
 
     def _safe_end(self, event: Mapping[str, Any]) -> None:
         self._line("")
-        words = "bench safe, every line proven" if event["ok"] else "THE BENCH COULD NOT BE PROVEN SAFE"
+        words = "bench safe: every output proven" if event["ok"] else "THE BENCH COULD NOT BE PROVEN SAFE"
         self._line(words, _good(event["ok"]))
         if not event["ok"]:
             self._line("go to the bench, and switch off by hand what is NOT SAFE above", "bold")

@@ -46,7 +46,7 @@ class StatusLine:
                 self._stream.write(f"{_CLEAR}{self._text()[: self._width() - 1]}")
                 self._shown = True
             else:
-                self._stream.write(f"  still going on: {self._text()}\n")
+                self._stream.write(f"  still running: {self._text()}\n")
             self._stream.flush()
 
     def clear(self) -> None:
