@@ -17,14 +17,15 @@ only a failure by more than U95.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import lru_cache
 
 from hil.model.figure import Figure, FigureStatus
 from hil.model.verdict import Verdict
 from hil.requirements.requirement import Decision, Limit
 from hil.requirements.units import convert, scale
 
-__all__ = ["Judgement", "judge"]
+__all__ = ["Judgement", "combined", "judge"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,9 +77,37 @@ def judge(figure: Figure | str, limit: Limit, *, instrument_uncertainty: float |
             decision=limit.decision,
             reason="a word is due, found a number",
         )
-    known = _known(figure, limit, instrument_uncertainty)
+    found = combined(figure, limit, instrument_uncertainty)
+    uncertainty = None if found.uncertainty is None else _finite(found.uncertainty)
+    known = _known(found.value, uncertainty, found.dof, limit)
     verdict, reason = _verdict(known, limit, figure.status)
-    return replace(known, verdict=verdict, reason=reason)
+    return Judgement(
+        verdict=verdict,
+        value=found.value,
+        unit=limit.unit,
+        uncertainty=uncertainty,
+        dof=found.dof,
+        expanded=known.expanded,
+        margin=known.margin,
+        tur=known.tur,
+        decision=limit.decision,
+        reason=reason,
+    )
+
+
+def combined(figure: Figure, limit: Limit, instrument_uncertainty: float | None) -> Figure:
+    """Return a figure in the limit's unit, with the instruments' uncertainty added; a limit without unit leaves it.
+
+    Raises:
+        UnitError: where the units do not convert.
+    """
+    if limit.equals is not None or not limit.unit:
+        return Figure(value=figure.value, unit=figure.unit, status=figure.status)
+    uncertainty, dof = _combined(figure, instrument_uncertainty)
+    value = convert(figure.value, figure.unit, limit.unit)
+    if uncertainty is not None:
+        uncertainty *= scale(figure.unit, limit.unit)
+    return Figure(value=value, unit=limit.unit, uncertainty=uncertainty, dof=dof, status=figure.status)
 
 
 def _judge_word(word: str, limit: Limit) -> Judgement:
@@ -91,43 +120,40 @@ def _judge_word(word: str, limit: Limit) -> Judgement:
     return Judgement(verdict=verdict, value=word, unit="", decision=limit.decision, reason=reason)
 
 
-def _known(figure: Figure, limit: Limit, instrument_uncertainty: float | None) -> Judgement:
-    """Return all that is known before the verdict, which is INCONCLUSIVE so far."""
-    uncertainty, dof = _combined(figure, instrument_uncertainty)
-    value = convert(figure.value, figure.unit, limit.unit)
-    if uncertainty is not None:
-        uncertainty = _finite(uncertainty * scale(figure.unit, limit.unit))
+@dataclass(slots=True)
+class _Known:
+    """What a verdict follows from, in the limit's unit: value, limits, guard band, and how well the value is known."""
+
+    value: float
+    low: float
+    high: float
+    expanded: float | None
+    guard: float | None
+    margin: float | None
+    tur: float | None
+
+
+def _known(value: float, uncertainty: float | None, dof: float, limit: Limit) -> _Known:
     expanded = None if uncertainty is None else _finite(_coverage(dof) * uncertainty)
-    low, high = _bounds(limit)
-    guard = _guard(limit, expanded)
-    margin = None
+    low = -math.inf if limit.minimum is None else float(limit.minimum)
+    high = math.inf if limit.maximum is None else float(limit.maximum)
+    guard = 0.0 if limit.decision is Decision.SIMPLE else expanded
+    margin = tur = None
     if limit.bounded and math.isfinite(value) and guard is not None:
         margin = min(value - (low + guard), (high - guard) - value)
-    tur = None
     if limit.minimum is not None and limit.maximum is not None and expanded:
         tur = _finite((high - low) / (2 * expanded))
-    return Judgement(
-        verdict=Verdict.INCONCLUSIVE,
-        value=value,
-        unit=limit.unit,
-        uncertainty=uncertainty,
-        dof=dof,
-        expanded=expanded,
-        margin=margin,
-        tur=tur,
-        decision=limit.decision,
-    )
+    return _Known(value, low, high, expanded, guard, margin, tur)
 
 
-def _verdict(known: Judgement, limit: Limit, status: FigureStatus) -> tuple[Verdict, str]:
-    value = float(known.value)
+def _verdict(known: _Known, limit: Limit, status: FigureStatus) -> tuple[Verdict, str]:
+    value, low, high = known.value, known.low, known.high
     obstacle = _obstacle(known, limit, status)
     if obstacle:
         return Verdict.INCONCLUSIVE, obstacle
     if not limit.bounded:
         return Verdict.RECORDED, ""
-    low, high = _bounds(limit)
-    guard = _guard(limit, known.expanded) or 0.0
+    guard = known.guard or 0.0
     coarse = _too_coarse(known, limit)
     band = (known.expanded or math.inf) if coarse else guard
     # An upper limit bounds the true value from above only: it can pass a maximum, and fail nothing.
@@ -140,9 +166,9 @@ def _verdict(known: Judgement, limit: Limit, status: FigureStatus) -> tuple[Verd
     return Verdict.INCONCLUSIVE, _between(low, high, guard, limit.unit)
 
 
-def _obstacle(known: Judgement, limit: Limit, status: FigureStatus) -> str:
+def _obstacle(known: _Known, limit: Limit, status: FigureStatus) -> str:
     """Return why this value can show nothing, an empty string where it can."""
-    value = float(known.value)
+    value = known.value
     if not math.isfinite(value):
         return f"the value is {value}, not a finite number"
     if status in {FigureStatus.NOT_OBSERVABLE, FigureStatus.MODEL_REJECTED}:
@@ -156,16 +182,15 @@ def _obstacle(known: Judgement, limit: Limit, status: FigureStatus) -> str:
     return ""
 
 
-def _too_coarse(known: Judgement, limit: Limit) -> str:
+def _too_coarse(known: _Known, limit: Limit) -> str:
     """Return why the uncertainty is too large for the limit, an empty string where it is not."""
-    low, high = _bounds(limit)
     if limit.min_tur is not None:
         if known.tur is None:
             return f"the test uncertainty ratio is not known, at least {limit.min_tur} is required"
         if not known.tur >= float(limit.min_tur):
             return f"the test uncertainty ratio is {known.tur:.3g}, at least {limit.min_tur} is required"
-    guard = _guard(limit, known.expanded)
-    if guard is not None and low + guard > high - guard:
+    guard = known.guard
+    if guard is not None and known.low + guard > known.high - guard:
         return f"the guard band of {guard:.3g} {limit.unit} leaves no acceptance zone"
     return ""
 
@@ -197,16 +222,6 @@ def _with(number: str, unit: str) -> str:
     return number if unit == "1" else f"{number} {unit}"
 
 
-def _bounds(limit: Limit) -> tuple[float, float]:
-    low = -math.inf if limit.minimum is None else float(limit.minimum)
-    high = math.inf if limit.maximum is None else float(limit.maximum)
-    return low, high
-
-
-def _guard(limit: Limit, expanded: float | None) -> float | None:
-    return 0.0 if limit.decision is Decision.SIMPLE else expanded
-
-
 def _combined(figure: Figure, instrument: float | None) -> tuple[float | None, float]:
     """Combine in quadrature; degrees of freedom by Welch and Satterthwaite (GUM, equation G.2b).
 
@@ -228,6 +243,7 @@ def _finite(number: float) -> float | None:
     return number if math.isfinite(number) else None
 
 
+@lru_cache(maxsize=1024)
 def _coverage(dof: float) -> float:
     from scipy.special import ndtri, stdtrit  # noqa: PLC0415 - only checks pay for it
 

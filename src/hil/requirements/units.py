@@ -54,6 +54,7 @@ def check_unit(text: str) -> str | None:
     return None
 
 
+@lru_cache(maxsize=1024)
 def compatible(one: str, other: str) -> bool:
     """Return whether numbers in one unit convert to the other.
 

@@ -17,7 +17,7 @@ from hil.executive.cases.steps import Steps, one_line
 from hil.model.errors import HilError, Misused
 from hil.model.figure import Figure, FigureStatus
 from hil.model.verdict import Verdict
-from hil.requirements.decision import Judgement, judge
+from hil.requirements.decision import Judgement, combined, judge
 from hil.requirements.requirement import Kind, Limit, Requirement
 from hil.requirements.units import UnitError
 
@@ -166,16 +166,7 @@ class Checks:
         doubts: tuple[str, ...] = (),
     ) -> None:
         """Judge what will be written down, to the digits that will be written down, so that anybody can judge again."""
-        judgement = judge(found, limit, instrument_uncertainty=added)
-        if isinstance(judgement.value, float) and not isinstance(found, str) and math.isfinite(judgement.value):
-            written = Figure(
-                value=_digits(judgement.value),
-                unit=judgement.unit,
-                uncertainty=None if judgement.uncertainty is None else _digits(judgement.uncertainty),
-                dof=_digits(judgement.dof),
-                status=found.status,
-            )
-            judgement = judge(written, limit)
+        judgement = judge(found if isinstance(found, str) else _written(found, limit, added), limit)
         status = found.status.value if isinstance(found, Figure) else ""
         if judgement.verdict is Verdict.INCONCLUSIVE and _too_coarse(judgement, limit):
             judgement = replace(judgement, reason=self._placed(requirement, judgement.reason))
@@ -256,6 +247,21 @@ def _digits(number: float) -> float:
     return float(f"{number:.12g}")
 
 
+def _written(found: Figure, limit: Limit, added: float | None) -> Figure:
+    """Return a figure in the limit's unit and in the digits that will be written down."""
+    figure = combined(found, limit, added)
+    if not math.isfinite(figure.value):
+        return figure
+    uncertainty = figure.uncertainty
+    return Figure(
+        value=_digits(figure.value),
+        unit=figure.unit,
+        uncertainty=None if uncertainty is None or not math.isfinite(uncertainty) else _digits(uncertainty),
+        dof=_digits(figure.dof),
+        status=figure.status,
+    )
+
+
 def _told(number: float | None) -> float | None:
     """Return a number for the journal, None where it is not finite."""
     return None if number is None or not math.isfinite(number) else _digits(number)
@@ -292,10 +298,13 @@ def given(value: object, limit: Limit, what: str) -> Figure | str:
 _HINT = "give a Figure of one number and its unit, or a text where a word is due"
 
 
+_STATUSES = frozenset(FigureStatus)
+
+
 def _figure(figure: Figure, what: str) -> Figure:
     if not isinstance(figure.unit, str):
         raise Misused(f"{what}: the unit of a figure is a text, found {_named(figure.unit)}", _HINT)
-    if figure.status not in set(FigureStatus):
+    if figure.status not in _STATUSES:
         raise Misused(f"{what}: {_named(figure.status)} is no status of a figure", "take one of FigureStatus")
     uncertainty = figure.uncertainty
     return Figure(
@@ -318,7 +327,7 @@ def _number(value: object, what: str) -> float:
 
 def _is_number(value: object) -> TypeGuard[Real]:
     """Return whether this is one real number; Python's flag only looks like one, and NumPy's not even that."""
-    return not isinstance(value, bool) and isinstance(value, Real)
+    return type(value) is float or (not isinstance(value, bool) and isinstance(value, Real))
 
 
 def _named(value: object) -> str:
