@@ -54,12 +54,6 @@ FADES = (
 )
 """Changes per cycle: the parameter, the column, and its unit."""
 
-FADE_COLUMNS = (
-    *("quantity", "unit", "slope", "low", "high", "probability"),
-    *("theil_sen", "theil_sen_low", "theil_sen_high", "significant_from", "life_ends"),
-)
-"""Columns of the table of fades; slopes are per cycle, the last two are cycles."""
-
 NO_SOAK = "the tester's firmware is of level 1: it begins a half-cycle at once, and waits for no temperature"
 
 

@@ -7,10 +7,9 @@ import math
 import pytest
 
 from hil.analysis import sampling
-from hil.analysis.allan.rest import rest_mean
-from hil.analysis.gyroscope.c_header import as_c_header
+from hil.analysis.allan.noise import rest_mean
 from hil.analysis.gyroscope.calibrate import calibrate
-from hil.analysis.gyroscope.interchange import as_json, from_json
+from hil.analysis.gyroscope.interchange import as_c_header, as_json, from_json
 from hil.analysis.gyroscope.readings import Reading
 from hil.analysis.gyroscope.self_check import export_disagreements
 from hil.analysis.statistics import not_observable

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hil.analysis import sampling
-from hil.analysis.allan import averaging
+from hil.analysis.allan import noise as averaging
 from hil.analysis.allan.noise import characterise
 from hil.analysis.statistics import not_observable
 from hil.model.figure import Figure

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from hil.analysis.allan.deviation import ESTIMATORS, deviation
-from hil.analysis.quality.gate import Facts
-from hil.analysis.quality.recording import tripped
+from hil.analysis.quality import Facts, tripped
 
 SAMPLES = 1_440_000  # four hours at 100 Hz
 RECORD = np.random.default_rng(1).standard_normal(SAMPLES)

@@ -11,7 +11,7 @@ import sweeps
 from allantools import ci
 from scipy.special import stdtrit
 
-from hil.analysis.allan import estimators
+from hil.analysis.allan import deviation as estimators
 from hil.analysis.allan.confidence import degrees, edf, total_bias
 from hil.analysis.allan.deviation import ESTIMATORS, deviation
 from hil.analysis.allan.fit import TERMS, variances

@@ -13,11 +13,10 @@ import pytest
 from scipy import integrate, stats
 
 from hil.analysis.battery.counted import net
-from hil.analysis.battery.crossing import first_fall, first_rise
 from hil.analysis.battery.cycles import cycles, equivalent_full_cycles
 from hil.analysis.battery.fade import fade
 from hil.analysis.battery.gates import Declared, Told, judge, tripped
-from hil.analysis.battery.half_cycle import Limits, flow
+from hil.analysis.battery.half_cycle import Limits, first_fall, first_rise, flow
 from hil.analysis.battery.incremental import incremental_capacity
 from hil.analysis.battery.integration import cumulative, one_way
 from hil.analysis.battery.series import series

@@ -58,15 +58,6 @@ class Response:
             raise ValueError(f"axes are x, y and z, got {axis!r}")
         return _along(self, np.eye(3)[_AXES.index(axis)])
 
-    def even_magnitude(self) -> Figure:
-        """Return the length of the even part; noise alone makes it about 1.6 times its uncertainty on one axis."""
-        length = float(np.linalg.norm(self.even))
-        if not self.observable:
-            return not_observable(self.unit, length)
-        # The sum over the three axes is what the length stands for when it is noise, and an upper bound otherwise.
-        spread = math.sqrt(float(np.trace(self.even_covariance)))
-        return Figure(value=length, unit=self.unit, uncertainty=spread, dof=self.dof)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Direction:

@@ -12,16 +12,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.analysis.allan.averaging import MovingAverage, best_average
 from hil.analysis.allan.deviation import deviation
-from hil.analysis.allan.noise import characterise
-from hil.analysis.allan.rest import rest_mean
-from hil.analysis.gyroscope.c_header import as_c_header
+from hil.analysis.allan.noise import MovingAverage, best_average, characterise, rest_mean
 from hil.analysis.gyroscope.calibrate import calibrate
-from hil.analysis.gyroscope.calibration import ALIGNED, CalibratedRate
+from hil.analysis.gyroscope.calibration import ALIGNED, CalibratedRate, Polynomial
 from hil.analysis.gyroscope.fitting import fit
-from hil.analysis.gyroscope.interchange import as_document, as_json, fingerprint, from_document, from_json, printed
-from hil.analysis.gyroscope.polynomial import Polynomial
+from hil.analysis.gyroscope.interchange import (
+    as_c_header,
+    as_document,
+    as_json,
+    fingerprint,
+    from_document,
+    from_json,
+    printed,
+)
 from hil.analysis.gyroscope.readings import Reading, responses
 from hil.analysis.gyroscope.self_check import export_disagreements
 from hil.model.errors import Refused

@@ -7,9 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from hil.analysis.quality.gate import Facts
-from hil.analysis.quality.noise import density_agrees
-from hil.analysis.quality.recording import judge, tripped
+from hil.analysis.quality import Facts, density_agrees, judge, tripped
 from hil.model.errors import Refused
 
 LSB = 1.0 / 131.0

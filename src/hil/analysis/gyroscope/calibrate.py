@@ -10,9 +10,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.analysis.gyroscope.calibration import ALIGNED, CalibratedRate, Calibration, Matrix
+from hil.analysis.gyroscope.calibration import ALIGNED, CalibratedRate, Calibration, Matrix, Polynomial
 from hil.analysis.gyroscope.fitting import Fit, fit
-from hil.analysis.gyroscope.polynomial import Polynomial
 from hil.analysis.gyroscope.readings import Reading, Response, responses
 from hil.analysis.statistics import effective_dof
 from hil.model.errors import Refused

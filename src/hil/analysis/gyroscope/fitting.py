@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.analysis.gyroscope.polynomial import Polynomial
+from hil.analysis.gyroscope.calibration import Polynomial
 from hil.analysis.statistics import effective_dof
 from hil.model.errors import Refused
 from hil.model.figure import Figure

@@ -28,7 +28,7 @@ class Reading:
     Attributes:
         temperature: in degC.
         means: mean by axis, all of one unit, each with the uncertainty of a mean (see
-            `hil.analysis.allan.rest.rest_mean`).
+            `hil.analysis.allan.noise.rest_mean`).
         rates: true rate by axis, in the same unit; axes that are absent do not turn.
     """
 

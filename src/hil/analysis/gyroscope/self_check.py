@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hil.analysis.gyroscope.calibrate import CalibrationReport
-from hil.analysis.gyroscope.calibration import Calibration
+from hil.analysis.gyroscope.calibration import Calibration, Polynomial
 from hil.analysis.gyroscope.fitting import Fit
-from hil.analysis.gyroscope.polynomial import Polynomial
 
 __all__ = ["Rejection", "disagreements", "export_disagreements"]
 

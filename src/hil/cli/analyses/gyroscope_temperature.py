@@ -162,8 +162,7 @@ def _checked(report: CalibrationReport) -> None:
 
 
 def _write(report: CalibrationReport, export: Path | None, c_header: Path | None) -> None:
-    from hil.analysis.gyroscope.c_header import as_c_header  # noqa: PLC0415 - start-up stays light
-    from hil.analysis.gyroscope.interchange import as_json  # noqa: PLC0415 - start-up stays light
+    from hil.analysis.gyroscope.interchange import as_c_header, as_json  # noqa: PLC0415 - slow to import
 
     for path, render in ((export, as_json), (c_header, as_c_header)):
         if path is None:

@@ -6,10 +6,9 @@ import json
 import math
 
 from hil.analysis.gyroscope.calibrate import CalibrationReport
-from hil.analysis.gyroscope.calibration import Calibration
+from hil.analysis.gyroscope.calibration import Calibration, Polynomial
 from hil.analysis.gyroscope.fitting import Candidate, Fit
 from hil.analysis.gyroscope.interchange import as_document, fingerprint
-from hil.analysis.gyroscope.polynomial import Polynomial
 from hil.cli.analyses.allan_text import stated
 from hil.model.figure import Figure
 from hil.report.tables import aligned

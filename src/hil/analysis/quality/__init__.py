@@ -1,1 +1,0 @@
-"""Gates that a recording must pass before anything is concluded from it."""
