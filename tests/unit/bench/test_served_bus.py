@@ -148,9 +148,9 @@ def test_a_restored_world_has_the_board_and_what_is_behind_it():
     with bound(obc_bench()) as bench:
         bench.buses["adcs"].write_byte_data(0x68, 0x4F, 0x26)
         bench.clock.sleep(0.2)
-        state = bench.world.state()
+        state, now_ns = bench.world.state(), bench.clock.now_ns()
     with bound(obc_bench()) as other:
-        other.clock.wait_until(state["now_ns"])
+        other.clock.wait_until(now_ns)
         other.world.restore(state)
         assert other.world.state() == state
         assert other.buses["adcs"].read_byte_data(0x68, 0x4F) == 0x26

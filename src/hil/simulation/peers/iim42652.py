@@ -30,7 +30,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import Annotated, ClassVar, cast
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,12 +50,13 @@ from hil.simulation.peers.iim42652_registers import (
     pin_setting,
 )
 from hil.simulation.peers.model import PeerModel, PeerSetup
-from hil.simulation.peers.sensors.chip import Datasheet, Fitted, Kept, OtherIdentity, SensorPeer, number_at
+from hil.simulation.peers.sensors.chip import Datasheet, Fitted, OtherIdentity, SensorPeer, number_at
 from hil.simulation.peers.sensors.elements import Die, RateElement, limited
 from hil.simulation.peers.sensors.fifo import Fifo
 from hil.simulation.peers.sensors.grid import Grid
 from hil.simulation.peers.sensors.pin import Pin
 from hil.simulation.peers.sensors.sampler import Bits, Sampler, Samples
+from hil.wire.checkpoint import Kept
 
 __all__ = ["MODEL", "Asleep", "Iim42652", "TemperatureRaw", "build"]
 
@@ -114,7 +115,16 @@ class Iim42652(SensorPeer):
         read_only=READ_ONLY,
         select=Register.REG_BANK_SEL,
     )
-    kept: ClassVar[tuple[str, ...]] = ("_stamp", "_start_ns", "_valid_ns", "_off_ns", "_reset_ns")
+    _stamp: Kept[int]
+    _start_ns: Kept[int]
+    _valid_ns: Kept[int]
+    _off_ns: Kept[int | None]
+    _reset_ns: Kept[int]
+    _element: Kept[RateElement]
+    _fifo: Kept[Fifo]
+    _sampler: Kept[Sampler]
+    _pin: Kept[Pin]
+    _naps: Kept[Alarms]
 
     def __init__(
         self, fitted: Fitted, element: RateElement, die: Die, *, acceleration: tuple[float, ...], odr_error: float
@@ -138,30 +148,22 @@ class Iim42652(SensorPeer):
             faults=fitted.faults,
         )
         self._readers = self._computed()
-        self._parts |= {name: cast("Kept", getattr(self, f"_{name}")) for name in ("fifo", "sampler", "pin")}
         self._stamp = self._start_ns = self._valid_ns = self._reset_ns = 0
-        self._off_ns: int | None = None
+        self._off_ns = None
 
     def on_interrupt(self, callback: Callable[[], None]) -> None:
         """Call back at every rising edge of INT1."""
         self._pin.listen(callback)
 
-    def state(self) -> Mapping[str, object]:
-        """Return registers, samples, FIFO, pin and noise."""
-        return {**super().state(), "noise": self._element.state()}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        super().restore(state)
+    def restored(self) -> None:
+        """Read what the registers ask for."""
         self._setting = Setting.read(self._registers)
-        self._begin()
-        self._element.restore(cast("list[object]", state["noise"]))
 
     def _connected(self) -> None:
         self._pin.attach(self._clock)
         self._sampler.attach(self._clock)
         naps = [(fault.start_ns, self._fall_asleep) for fault in self._faults.of(Asleep)]
-        self._parts["naps"] = Alarms(self._clock, naps)
+        self._naps = Alarms(self._clock, naps)
 
     def _settle(self) -> None:
         self._sampler.settle()

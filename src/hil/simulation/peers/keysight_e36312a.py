@@ -41,9 +41,7 @@ MODEL = model_of(
         identity="Keysight Technologies,E36312A,{serial},{firmware}",
         serial="MY00000001",
         firmware="2.1.0-1.0.4-1.12",
-        ratings={
-            number: Rating.programmable(*rating) for number, rating in {1: (6, 5), 2: (25, 1), 3: (25, 1)}.items()
-        },
+        ratings={1: _SIX, 2: _TWENTY_FIVE, 3: _TWENTY_FIVE},
         deviates=OutputTruth(),
         rows=(
             Reading("MEASure[:SCALar][:VOLTage][:DC]", SupplyOutput.read_volts, _NR3),

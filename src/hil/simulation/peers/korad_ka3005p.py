@@ -12,15 +12,14 @@ the current is limited; the other bits of the status byte (beeper, lock) stand s
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import cast
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Fault, Faults, Identity
 from hil.simulation.peers.alarm import Alarm
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.supply_output import OutputTruth, Rating, RefuseOff, SupplyOutput, read_output_truth
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
 __all__ = ["MODEL", "KoradKa3005p", "KoradOutput", "StrayByte", "build"]
@@ -31,7 +30,6 @@ _LONGEST_COMMAND = 32
 _ON, _PROTECTED, _BEEPER, _CONSTANT_VOLTAGE = 0x40, 0x20, 0x10, 0x01
 _OVER_VOLTS, _OVER_AMPERES = 0.02, 0.002
 _RATING = Rating(30.0, 5.0, 31.0, 5.1, 33.0)  # settings up to 31 V and 5.1 A; its protections have no level
-_KEPT = ("trips_on_voltage", "trips_on_current")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,8 +42,8 @@ class StrayByte(Fault):
 class KoradOutput(SupplyOutput):
     """The output; its protections have no level of their own, they trip at what is set."""
 
-    trips_on_voltage = False
-    trips_on_current = False
+    trips_on_voltage: Kept[bool] = False
+    trips_on_current: Kept[bool] = False
 
     def protect(self, now_ns: int) -> None:
         """Switch off where a protection is on and its setting is exceeded."""
@@ -61,18 +59,8 @@ class KoradOutput(SupplyOutput):
         """Whether a protection could trip without another command."""
         return self.on and (self.trips_on_voltage or self.trips_on_current)
 
-    def state(self) -> Mapping[str, object]:
-        """Return settings as JSON values."""
-        return {**super().state(), **{key: getattr(self, key) for key in _KEPT}}
 
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        for key in _KEPT:
-            setattr(self, key, cast("bool", state[key]))
-        super().restore(state)
-
-
-class KoradKa3005p:
+class KoradKa3005p(Stateful):
     """The supply: bytes until a silence are a command.
 
     Args:
@@ -81,6 +69,13 @@ class KoradKa3005p:
         faults: what goes wrong.
         command_ns: how long a command takes after its last byte and the silence.
     """
+
+    _output: Kept[KoradOutput]
+    _inbox: Kept[bytes]
+    _working: Kept[bytes]
+    _quiet: Kept[Alarm]
+    _due: Kept[Alarm]
+    _watching: Kept[Alarm]
 
     def __init__(self, identity: bytes, output: KoradOutput, faults: Faults, *, command_ns: int) -> None:
         self._identity = identity
@@ -91,9 +86,6 @@ class KoradKa3005p:
         self._working = b""
         self._line: Line
         self._clock: PeerClock
-        self._quiet: Alarm
-        self._due: Alarm
-        self._watching: Alarm
 
     def attach(self, line: Line, clock: PeerClock) -> None:
         """Connect the line; the output starts off."""
@@ -110,26 +102,6 @@ class KoradKa3005p:
         self._inbox = (self._inbox + data)[:_LONGEST_COMMAND]
         if data:
             self._quiet.set(self._clock.now_ns() + _SILENCE_NS)
-
-    def state(self) -> Mapping[str, object]:
-        """Return settings and what is being worked on."""
-        return {
-            "output": dict(self._output.state()),
-            "inbox": self._inbox.hex(),
-            "working": self._working.hex(),
-            "quiet": self._quiet.state(),
-            "due": self._due.state(),
-            "watching": self._watching.state(),
-        }
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self._output.restore(cast("dict[str, object]", state["output"]))
-        self._inbox = bytes.fromhex(cast("str", state["inbox"]))
-        self._working = bytes.fromhex(cast("str", state["working"]))
-        self._quiet.restore(state["quiet"])
-        self._due.restore(state["due"])
-        self._watching.restore(state["watching"])
 
     def _ended(self) -> None:
         """Take what came as a command."""

@@ -9,11 +9,10 @@ at the ends of 16 bits.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from math import sqrt
-from typing import ClassVar, Self, cast
+from typing import ClassVar, Self
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Saturated, Stuck
@@ -23,6 +22,7 @@ from hil.simulation.peers.sensors.chip import Datasheet, Fitted, OtherIdentity, 
 from hil.simulation.peers.sensors.elements import AXES, Die, FieldElement
 from hil.simulation.peers.sensors.grid import Grid
 from hil.simulation.peers.sensors.registers import RegisterFile
+from hil.wire.checkpoint import Kept
 
 __all__ = ["MODEL", "Lis3mdl", "build"]
 
@@ -109,7 +109,13 @@ class Lis3mdl(SensorPeer):
         increment=0x80,
         follows={_DATA.stop - 1: _DATA.start},
     )
-    kept: ClassVar[tuple[str, ...]] = ("_held", "_frozen", "_read", "_latched")
+    _conversion: Kept[_Conversion]
+    _held: Kept[list[int]]
+    _frozen: Kept[list[int] | None]
+    _read: Kept[list[int]]
+    _latched: Kept[dict[int, list[int]]]
+    _single: Kept[Alarm]
+    _changes: Kept[Alarms]
 
     def __init__(self, fitted: Fitted, element: FieldElement, die: Die) -> None:
         super().__init__(fitted)
@@ -118,10 +124,9 @@ class Lis3mdl(SensorPeer):
         self._conversion = _Conversion()
         self._made: tuple[_Conversion, int, list[int]] | None = None
         self._held = [0] * 4  # x, y, z, temperature
-        self._frozen: list[int] | None = None
+        self._frozen = None
         self._read = [0, 0, 0]
-        self._latched: dict[str, list[int]] = {}
-        self._single: Alarm
+        self._latched = {}
         self._readers = {
             _STATUS: self._status,
             **{register: partial(self._data, register - _DATA.start) for register in _DATA},
@@ -129,21 +134,11 @@ class Lis3mdl(SensorPeer):
             _CTRL3: self._mode,
         }
 
-    def state(self) -> Mapping[str, object]:
-        """Return registers, conversions and what was read of them."""
-        return {**super().state(), "conversion": list(astuple(self._conversion))}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        super().restore(state)
-        self._conversion = _Conversion(*cast("list[int]", state["conversion"]))
-
     def _connected(self) -> None:
         self._single = Alarm(self._clock, self._take_single)
         stuck = self._faults.of(Stuck)
         changes = [((fault.start_ns, self._freeze), (fault.end_ns, self._thaw)) for fault in stuck]
-        self._parts["single"] = self._single
-        self._parts["changes"] = Alarms(self._clock, [change for pair in changes for change in pair])
+        self._changes = Alarms(self._clock, [change for pair in changes for change in pair])
 
     def _was_reset(self) -> None:
         self._conversion, self._held = _Conversion(), [0] * 4
@@ -184,10 +179,10 @@ class Lis3mdl(SensorPeer):
     def _data(self, place: int) -> int:
         """Return one byte of an axis; with block data update an axis keeps still until both were read."""
         axis, high = divmod(place, 2)
-        value, count, halves = self._latched.pop(str(axis), None) or (self._reading(axis), self._count(), 0)
+        value, count, halves = self._latched.pop(axis, None) or (self._reading(axis), self._count(), 0)
         halves |= 1 << high
         if halves != 0b11 and self._registers[_CTRL5] & _BLOCK_DATA_UPDATE:
-            self._latched[str(axis)] = [value, count, halves]
+            self._latched[axis] = [value, count, halves]
         if high:
             self._read[axis] = count
         return value >> 8 * high & 0xFF

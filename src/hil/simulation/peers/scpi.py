@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
+from hil.wire.checkpoint import Kept, Stateful
+
 __all__ = ["ErrorQueue", "ScpiError", "channel_list", "keyword", "number", "split", "units", "word"]
 
 _QUEUE = 20
@@ -40,11 +42,13 @@ class ScpiError(Exception):
         self.code = code
 
 
-class ErrorQueue:
+class ErrorQueue(Stateful):
     """First in, first out, 20 entries; when it is full the last becomes `Error queue overflow`."""
 
+    codes: Kept[list[int]]
+
     def __init__(self) -> None:
-        self.codes: list[int] = []
+        self.codes = []
 
     def push(self, code: int) -> None:
         """Note an error."""

@@ -15,6 +15,7 @@ from typing import Literal, cast
 from hil.simulation.faults import Fault, Faults, Identity
 from hil.simulation.peers.scpi import ErrorQueue, ScpiError, keyword, number, units, word
 from hil.simulation.peers.supply_output import OutputTruth, Rating, SupplyOutput
+from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["By", "Clear", "Commands", "Manual", "Numbers", "Reading", "Row", "Setting", "Switch"]
 
@@ -136,7 +137,7 @@ class Manual:
 _Action = Callable[[int, Sequence[str]], str | None]
 
 
-class Commands:
+class Commands(Stateful):
     """Executes program messages on outputs.
 
     Args:
@@ -145,6 +146,9 @@ class Commands:
         outputs: the outputs by number.
         faults: what goes wrong.
     """
+
+    errors: Kept[ErrorQueue]
+    _selected: Kept[int]
 
     def __init__(self, manual: Manual, identity: str, outputs: Mapping[int, SupplyOutput], faults: Faults) -> None:
         self._manual = manual
@@ -172,15 +176,6 @@ class Commands:
         except ScpiError as error:
             self.errors.push(error.code)
         return ";".join(replies)
-
-    def state(self) -> Mapping[str, object]:
-        """Return error queue and selection."""
-        return {"errors": list(self.errors.codes), "selected": self._selected}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self.errors.codes = list(cast("list[int]", state["errors"]))
-        self._selected = cast("int", state["selected"])
 
     def _units(self, message: str) -> Sequence[tuple[_Action, int, Sequence[str]]]:
         """Return what a message asks for; a header that is not known raises when its turn comes."""

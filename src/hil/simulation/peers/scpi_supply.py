@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import cast
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.peers.alarm import Alarm
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.scpi_manual import Commands, Manual
 from hil.simulation.peers.supply_output import SupplyOutput, read_outputs
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
 __all__ = ["ScpiSupply", "model_of"]
@@ -19,7 +19,7 @@ _MOST_LINES = 256
 _WATCH_NS = 10_000_000
 
 
-class ScpiSupply:
+class ScpiSupply(Stateful):
     """The supply: lines end with a line feed, are executed one after the other, and are answered in order.
 
     Args:
@@ -29,8 +29,16 @@ class ScpiSupply:
         times_ns: `Manual.seconds` of this one.
     """
 
+    _commands: Kept[Commands]
+    _outputs: Kept[dict[int, SupplyOutput]]
+    _inbox: Kept[bytes]
+    _lines: Kept[list[str]]
+    _ready_ns: Kept[int]
+    _due: Kept[Alarm]
+    _watching: Kept[Alarm]
+
     def __init__(
-        self, manual: Manual, commands: Commands, outputs: Mapping[int, SupplyOutput], times_ns: Mapping[str, int]
+        self, manual: Manual, commands: Commands, outputs: dict[int, SupplyOutput], times_ns: Mapping[str, int]
     ) -> None:
         self._manual = manual
         self._commands = commands
@@ -39,12 +47,10 @@ class ScpiSupply:
         self._measure_ns = times_ns.get("measure_time", self._command_ns)
         self._pause_ns = times_ns.get("pause_time")
         self._inbox = b""
-        self._lines: list[str] = []
+        self._lines = []
         self._ready_ns = 0
         self._line: Line
         self._clock: PeerClock
-        self._due: Alarm
-        self._watching: Alarm
 
     def attach(self, line: Line, clock: PeerClock) -> None:
         """Connect the line; every output starts off."""
@@ -72,29 +78,6 @@ class ScpiSupply:
             self._lines.append(text)
             if len(self._lines) == 1:
                 self._begin()
-
-    def state(self) -> Mapping[str, object]:
-        """Return settings, error queue and what is still to be executed."""
-        return {
-            "outputs": {str(number): output.state() for number, output in self._outputs.items()},
-            "commands": dict(self._commands.state()),
-            "inbox": self._inbox.hex(),
-            "lines": list(self._lines),
-            "ready_ns": self._ready_ns,
-            "due": self._due.state(),
-            "watching": self._watching.state(),
-        }
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        for number, values in cast("dict[str, dict[str, object]]", state["outputs"]).items():
-            self._outputs[int(number)].restore(values)
-        self._commands.restore(cast("dict[str, object]", state["commands"]))
-        self._inbox = bytes.fromhex(cast("str", state["inbox"]))
-        self._lines = list(cast("list[str]", state["lines"]))
-        self._ready_ns = cast("int", state["ready_ns"])
-        self._due.restore(state["due"])
-        self._watching.restore(state["watching"])
 
     def _begin(self) -> None:
         takes_ns = self._measure_ns if "MEAS" in self._lines[0].upper() else self._command_ns

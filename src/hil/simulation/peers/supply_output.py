@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import inf
-from typing import Annotated, Self, cast
+from typing import Annotated, Self
 
 from hil.model.notation import one_of, whole
 from hil.simulation.faults import Fault, Faults
@@ -13,6 +13,7 @@ from hil.simulation.peers.model import PeerSetup
 from hil.simulation.plants.terminal import Terminal
 from hil.simulation.seeds import Stream
 from hil.simulation.truth import Truth
+from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = [
     "NOT_A_NUMBER",
@@ -159,7 +160,7 @@ def read_outputs(setup: PeerSetup, ratings: Mapping[int, Rating], usual: OutputT
     }
 
 
-class SupplyOutput:
+class SupplyOutput(Stateful):
     """One output: settings, protection, and what hangs on it.
 
     Args:
@@ -170,6 +171,17 @@ class SupplyOutput:
         faults: of the whole instrument.
         noise: streams of the voltage and the current reading.
     """
+
+    volts: Kept[float]
+    limit: Kept[float]
+    protection: Kept[float]
+    over_current_level: Kept[float | None]
+    over_voltage_on: Kept[bool]
+    current_protection: Kept[bool]
+    on: Kept[bool]
+    over_voltage: Kept[bool]
+    over_current: Kept[bool]
+    _stuck_on: Kept[bool]
 
     def __init__(
         self,
@@ -279,14 +291,8 @@ class SupplyOutput:
         giving = self.on or self._stuck_on
         self._terminal.drive(self._given_volts() if giving else 0.0, self._given_limit())
 
-    def state(self) -> Mapping[str, object]:
-        """Return settings and latches as JSON values."""
-        return {key: getattr(self, key) for key in _STATE}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned; a plant restores itself, so that only a resistor is driven again."""
-        for key in _STATE:
-            setattr(self, key, cast("float | bool", state[key]))
+    def restored(self) -> None:
+        """Drive a resistor again; a plant restores itself."""
         self.apply()
 
     def _given_volts(self) -> float:
@@ -294,20 +300,6 @@ class SupplyOutput:
 
     def _given_limit(self) -> float:
         return max(0.0, self.limit * (1 + self._truth.output_current_gain) + self._truth.output_current_offset)
-
-
-_STATE = (
-    "volts",
-    "limit",
-    "protection",
-    "over_current_level",
-    "over_voltage_on",
-    "current_protection",
-    "on",
-    "over_voltage",
-    "over_current",
-    "_stuck_on",
-)
 
 
 def _rounded(value: float, resolution: float) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Annotated, ClassVar, Protocol, cast
+from typing import Annotated, ClassVar
 
 from hil.clock.port import NANOSECONDS
 from hil.model.notation import matching
@@ -14,6 +14,7 @@ from hil.simulation.peers.model import PeerSetup
 from hil.simulation.peers.sensors.registers import RegisterFile
 from hil.simulation.plants.terminal import SignalPoint
 from hil.simulation.truth import TruthError
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Nack, PeerClock
 
 __all__ = ["Datasheet", "Fitted", "Kept", "OtherIdentity", "SensorPeer", "number_at"]
@@ -102,38 +103,27 @@ class Fitted:
         return cls(address, setup.connections.signal("power"), round(boot_s * NANOSECONDS), setup.faults)
 
 
-class Kept(Protocol):
-    """A part of a peer that says its state."""
-
-    def state(self) -> object:
-        """Return everything as JSON values."""
-        ...
-
-    def restore(self, state: object, /) -> None:
-        """Go on from what `state` returned."""
-        ...
-
-
-class SensorPeer:
+class SensorPeer(Stateful):
     """The sensor: registers behind a pointer, silent without power and while it boots.
 
     A chip's class defines what follows a write and what is computed for a read, in `_store`, `_readers` and `_burst`;
-    `_was_reset` and `_connected` are told. What it has to keep are the parts in `_parts` and the attributes in `kept`.
+    `_was_reset` and `_connected` are told. What it has to keep it marks as `Kept`.
 
     Args:
         fitted: where it is, and how it is fed.
     """
 
     sheet: ClassVar[Datasheet]
-    kept: ClassVar[tuple[str, ...]] = ()
+    _ready_ns: Kept[int | None]
+    _pointer: Kept[int]
+    _registers: Kept[RegisterFile]
 
     def __init__(self, fitted: Fitted) -> None:
         self._fitted = fitted
         self._faults = fitted.faults
         self._registers = RegisterFile(self.sheet.reset, self.sheet.read_only, self.sheet.select)
         self._readers: Mapping[int, Callable[[], int]] = {}
-        self._parts: dict[str, Kept] = {"registers": cast("Kept", self._registers)}
-        self._ready_ns: int | None = None
+        self._ready_ns = None
         self._pointer = 0
         self._clock: PeerClock
 
@@ -176,18 +166,6 @@ class SensorPeer:
                 data += self._load(register).to_bytes(self.sheet.width, "big")
                 self._step()
         return bytes(data[:count])
-
-    def state(self) -> Mapping[str, object]:
-        """Return registers, pointer, power and what the chip keeps."""
-        values = {name: getattr(self, name) for name in ("_ready_ns", "_pointer", *self.kept)}
-        return values | {name: part.state() for name, part in self._parts.items()}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        for name in ("_ready_ns", "_pointer", *self.kept):
-            setattr(self, name, state[name])
-        for name, part in self._parts.items():
-            part.restore(state[name])
 
     def _connected(self) -> None:
         """The clock is there: make alarms."""

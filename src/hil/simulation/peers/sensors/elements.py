@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Self, cast
 
@@ -112,6 +112,7 @@ class RateElement:
         self._name = setup.instrument.name
         self._bias = np.array(self._truth.bias).T[:, :, np.newaxis]
         self._scale = np.array(self._truth.scale).T[:, :, np.newaxis]
+        self._begun: tuple[int, float, float] | None = None
         self._noise: list[RateNoise] = []
 
     def begin(self, start_ns: int, *, rate: float, bandwidth: float) -> None:
@@ -122,6 +123,7 @@ class RateElement:
             rate: of samples [Hz].
             bandwidth: noise bandwidth of the filter [Hz].
         """
+        self._begun = (start_ns, rate, bandwidth)
         self._noise = [
             RateNoise(self._streams(f"{axis} from {start_ns}"), levels, rate=rate, bandwidth=bandwidth)
             for axis, levels in zip(AXES, self._truth.noise, strict=True)
@@ -129,7 +131,7 @@ class RateElement:
 
     def stop(self) -> None:
         """Sense nothing."""
-        self._noise = []
+        self._begun, self._noise = None, []
 
     def measured(self, first: int, ends_ns: NDArray[np.int64], degrees: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return what the axes give, shape (3, n) [deg/s], for samples from number `first` on.
@@ -144,14 +146,19 @@ class RateElement:
             seen[axis] += noise.samples(first - 1, ends_ns.size)
         return seen
 
-    def state(self) -> list[Mapping[str, object]]:
-        """Return the state of the noise of every axis."""
-        return [noise.state() for noise in self._noise]
+    def state(self) -> Mapping[str, object]:
+        """Return what has begun, and the state of the noise of every axis."""
+        return {"begun": self._begun, "noise": [noise.state() for noise in self._noise]}
 
-    def restore(self, state: Sequence[object]) -> None:
-        """Go on from what `state` returned for samples that `begin` has begun."""
-        for noise, carried in zip(self._noise, state, strict=True):
-            noise.restore(cast("Mapping[str, object]", carried))
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from what `state` returned."""
+        begun = cast("tuple[int, float, float] | None", state["begun"])
+        if begun is None:
+            self.stop()
+            return
+        self.begin(begun[0], rate=begun[1], bandwidth=begun[2])
+        for noise, carried in zip(self._noise, cast("list[Mapping[str, object]]", state["noise"]), strict=True):
+            noise.restore(carried)
 
     def _streams(self, prefix: str) -> Callable[[str], Stream]:
         return lambda kind: self._seeds.stream(self._name, f"{prefix} {kind}")

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import cast
+from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["Fifo"]
 
@@ -11,13 +10,17 @@ _EMPTY = b"\xff"
 _MOST_LOST = 0xFFFF
 
 
-class Fifo:
+class Fifo(Stateful):
     """Packets of one size.
 
     Args:
         size: bytes that it holds.
         packet: bytes of a packet, until `flush` says otherwise.
     """
+
+    packet: Kept[int]
+    lost: Kept[int]
+    _data: Kept[bytearray]
 
     def __init__(self, size: int, packet: int) -> None:
         self._size = size
@@ -62,13 +65,3 @@ class Fifo:
         """Forget everything; packets have this size from now on."""
         self._data.clear()
         self.packet, self.lost = packet, 0
-
-    def state(self) -> Mapping[str, object]:
-        """Return it as JSON values."""
-        return {"data": self._data.hex(), "lost": self.lost, "packet": self.packet}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self._data = bytearray.fromhex(cast("str", state["data"]))
-        self.lost = cast("int", state["lost"])
-        self.packet = cast("int", state["packet"])

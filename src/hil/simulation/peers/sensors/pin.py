@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import NamedTuple
 
 from hil.simulation.peers.alarm import Alarm
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import PeerClock
 
 __all__ = ["Pin", "PinSetting"]
@@ -27,19 +28,21 @@ class PinSetting(NamedTuple):
     pulse_ns: int
 
 
-class Pin:
+class Pin(Stateful):
     """Tells whoever listens of rising edges; active low, it is the end of a pulse that rises.
 
     Args:
         look: what the registers say of it now.
     """
 
+    _asserted: Kept[bool]
+    _rising: Kept[Alarm]
+
     def __init__(self, look: Callable[[], PinSetting]) -> None:
         self._look = look
         self._listeners: list[Callable[[], None]] = []
         self._asserted = False
         self._clock: PeerClock
-        self._rising: Alarm
 
     def attach(self, clock: PeerClock) -> None:
         """Connect the clock."""
@@ -72,15 +75,6 @@ class Pin:
         """Be as after power-on."""
         self._asserted = False
         self._rising.clear()
-
-    def state(self) -> Mapping[str, object]:
-        """Return it as JSON values."""
-        return {"asserted": self._asserted, "rising": self._rising.state()}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self._asserted = bool(state["asserted"])
-        self._rising.restore(state["rising"])
 
     def _rise(self) -> None:
         for callback in self._listeners:

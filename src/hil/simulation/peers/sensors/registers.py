@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Container, Mapping
-from typing import cast
+
+from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["RegisterFile"]
 
@@ -11,7 +12,7 @@ _SIZE = 0x80
 _BANKS = 8
 
 
-class RegisterFile:
+class RegisterFile(Stateful):
     """Plain storage with banks; what a register does is its owner's business.
 
     Args:
@@ -20,11 +21,14 @@ class RegisterFile:
         select: the register that selects a bank, and is in every bank; None where there are no banks.
     """
 
+    bank: Kept[int]
+    _values: Kept[dict[int, int]]
+
     def __init__(self, reset: Mapping[int, int], read_only: Container[int], select: int | None = None) -> None:
         self._reset = reset
         self._read_only = read_only
         self._select = select
-        self._values: dict[int, int] = dict(reset)
+        self._values = dict(reset)
         self.bank = 0
 
     def __getitem__(self, register: int) -> int:
@@ -46,12 +50,3 @@ class RegisterFile:
     def reset(self) -> None:
         """Bring back the values after power-on."""
         self._values, self.bank = dict(self._reset), 0
-
-    def state(self) -> Mapping[str, object]:
-        """Return everything as JSON values."""
-        return {"bank": self.bank, "values": {str(key): value for key, value in sorted(self._values.items())}}
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        self.bank = cast("int", state["bank"])
-        self._values = {int(key): value for key, value in cast("dict[str, int]", state["values"]).items()}

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple, cast
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.sensors.fifo import Fifo
 from hil.simulation.peers.sensors.grid import Grid
 from hil.simulation.peers.sensors.pin import Pin
+from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import PeerClock
 
 __all__ = ["Bits", "FifoSetting", "Sampler", "Samples"]
@@ -61,7 +62,7 @@ class FifoSetting(NamedTuple):
     sources: int
 
 
-class Sampler:
+class Sampler(Stateful):
     """Samples are made in rows, when somebody looks, at the latest after a second, and when an interrupt is due.
 
     Args:
@@ -74,6 +75,15 @@ class Sampler:
         pin: tells of them.
         faults: `stuck` gives the last healthy sample again and again.
     """
+
+    _grid: Kept[Grid | None]
+    status: Kept[int]
+    newest: Kept[list[int]]
+    _settled: Kept[int]
+    _edge: Kept[bool]
+    _held: Kept[list[int] | None]
+    _next: Kept[Alarm]
+    _stucks: Kept[Alarms]
 
     def __init__(
         self,
@@ -95,15 +105,13 @@ class Sampler:
         self._fifo = fifo
         self._pin = pin
         self._faults = faults
-        self._grid: Grid | None = None
+        self._grid = None
         self.status = 0
         self.newest = list(asleep)
         self._settled = 0
         self._edge = False
-        self._held: list[int] | None = None
+        self._held = None
         self._clock: PeerClock
-        self._next: Alarm
-        self._stucks: Alarms
 
     def attach(self, clock: PeerClock) -> None:
         """Connect the clock."""
@@ -154,31 +162,6 @@ class Sampler:
             self._next.clear()
         else:
             self._next.set(when_ns)
-
-    def state(self) -> Mapping[str, object]:
-        """Return it as JSON values."""
-        return {
-            "grid": self._grid and [self._grid.start_ns, self._grid.period_ns],
-            "status": self.status,
-            "newest": list(self.newest),
-            "settled": self._settled,
-            "edge": self._edge,
-            "held": self._held,
-            "next": self._next.state(),
-            "stucks": self._stucks.state(),
-        }
-
-    def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
-        grid = cast("tuple[int, float] | None", state["grid"])
-        self._grid = grid and Grid(*grid)
-        self.status = cast("int", state["status"])
-        self.newest = list(cast("list[int]", state["newest"]))
-        self._settled = cast("int", state["settled"])
-        self._edge = bool(state["edge"])
-        self._held = cast("list[int] | None", state["held"])
-        self._next.restore(state["next"])
-        self._stucks.restore(state["stucks"])
 
     def _push(self, samples: Samples, setting: FifoSetting) -> None:
         fifo, level = self._fifo, setting.watermark
