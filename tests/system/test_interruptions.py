@@ -14,6 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
+import sweeps
 from workspaces import DUT, STARTED, executive, finish, kill, make
 
 from hil.cli.main import main
@@ -155,7 +156,7 @@ def test_two_signals_end_a_case_that_only_computes(tmp_path):
 def test_two_signals_at_any_moment_cut_nothing_in_two(tmp_path):
     """Whatever the executive is at when both signals come, the journal's chain and the package are whole."""
     pauses = random.Random(7)
-    for number in range(6):
+    for number in range(sweeps.chosen(2, 6)):
         workspace, process = started(tmp_path / str(number))
         time.sleep(pauses.uniform(0.0, 0.3))
         process.send_signal(signal.SIGINT)
@@ -183,10 +184,10 @@ def moment(line) -> float:
 
 @pytest.mark.timeout(600)
 def test_a_killed_run_loses_nothing_that_was_told(tmp_path):
-    """Killed at any of 30 moments, a run is found incomplete, whole up to the kill, and sealed as it is."""
+    """Killed at any of many moments, a run is found incomplete, whole up to the kill, and sealed as it is."""
     moments = random.Random(20260101)
     workspace = make(tmp_path / "workspace", LONG)
-    for number in range(30):
+    for number in range(sweeps.chosen(5, 30)):
         process = workspace.start_run("--output", str(tmp_path / f"reports-{number}"))
         until(process, "armed" if number % 3 else "plan small")
         time.sleep(moments.uniform(0.0, 1.0))

@@ -9,11 +9,12 @@ import signal
 from pathlib import Path
 
 import pytest
+import sweeps
 from live_runs import live_workspace, running, seconds_until, served
 
 pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(1200)]
 
-TIMES = int(os.environ.get("HIL_STRESS", "3"))
+TIMES = int(os.environ.get("HIL_STRESS", sweeps.chosen("1", "3")))
 """How often each ending is tried."""
 
 SPEED = float(os.environ.get("HIL_SPEED", "4"))
@@ -76,9 +77,9 @@ def await_end_of(process):
     ("signals", "code"),
     [
         ([signal.SIGINT], 2),
-        ([signal.SIGINT, signal.SIGINT], 2),
+        pytest.param([signal.SIGINT, signal.SIGINT], 2, marks=pytest.mark.soak),
         ([signal.SIGTERM], 2),
-        ([signal.SIGHUP], 2),
+        pytest.param([signal.SIGHUP], 2, marks=pytest.mark.soak),
     ],
     ids=["one-ctrl-c", "two-ctrl-c", "sigterm", "sighup"],
 )
