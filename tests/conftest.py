@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import sys
 
+import pytest
 import sweeps
 
 _GREW = 100  # modules; about a third of what the first whole run of a process imports
@@ -30,13 +31,21 @@ def pytest_collection_modifyitems(config, items):
     items[:] = [item for item in items if not item.get_closest_marker("soak")]
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _no_collection_after_each_run():
+    """Let a run within a test end without pytest's own garbage collections; those of the outer session stay."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("_pytest.unraisableexception.gc_collect_harder", lambda *_: None, raising=False)
+        yield
+
+
 def pytest_collection_finish():
     """Leave what was collected out of every later garbage collection: it stays until the end."""
     _freeze()
 
 
 def pytest_runtest_setup():
-    """Leave out as well what the tests have imported meanwhile; each run of a plan ends with two collections."""
+    """Leave out as well what the tests have imported meanwhile."""
     if len(sys.modules) > _frozen_with + _GREW:
         _freeze()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -9,7 +10,17 @@ import pytest
 import sweeps
 from workspaces import Ran, agreed, make, module, said_of
 
+from hil.evidence.journal.writer import Journal
 from hil.model.verdict import Verdict, worst
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _quick_disk():
+    """Sync nothing in this process: what only a power cut would take is proven in `tests/unit/evidence`."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(os, "fsync", lambda _: None)
+        patched.setitem(Journal.__init__.__kwdefaults__, "sync", lambda _: None)
+        yield
 
 
 @dataclass(frozen=True)
