@@ -79,18 +79,18 @@ def _in_lines(follower: Follower, pause: Pause) -> None:
     """Show what happens as the run itself shows it; what happened before is told in one line."""
     progress = Progress(sys.stdout)
     for line in follower.read():
-        progress.pass_by(line.body)
+        progress.pass_by(line.event)
     click.echo(one_line(follower.outlook, follower.readings()))
     told = wall.monotonic()
     while follower.goes_on():
         pause(_REFRESH_S)
         for line in follower.read():
-            progress(line.body)
+            progress(line.event)
         if wall.monotonic() - told >= _LINE_S:
             told = wall.monotonic()
             click.echo(f"  {one_line(follower.outlook, follower.readings())}")
     for line in follower.read():
-        progress(line.body)
+        progress(line.event)
 
 
 def _in_place(follower: Follower, pause: Pause) -> None:

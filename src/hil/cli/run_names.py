@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hil.documents.suggest import did_you_mean
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:
+    from hil.evidence.events import Event
     from hil.report.live.following import Follower
 
 __all__ = ["LATEST", "answer_of", "find_run", "find_running", "latch_word", "reports_folder", "shown"]
@@ -87,15 +88,15 @@ def latch_word(folder: Path) -> str:
     return f"latched until hil ack {folder.name}" if waits_for_ack(folder) else ""
 
 
-def answer_of(follower: Follower, awaited: Collection[str]) -> Mapping[str, Any] | None:
+def answer_of(follower: Follower, *awaited: type[Event]) -> Event | None:
     """Return the next event of one of these kinds, None where none comes in time or the run ends."""
     from hil.clock import wall  # noqa: PLC0415 - only when it is used
 
     end = wall.monotonic() + _PATIENCE_S
     while wall.monotonic() < end and follower.goes_on():
         for line in follower.read():
-            if line.body["kind"] in awaited:
-                return line.body
+            if isinstance(line.event, awaited):
+                return line.event
         wall.pause(_LOOK_S)
     return None
 

@@ -11,6 +11,7 @@ from typed_events import event_of
 
 from hil.bench.lease import Lease, latch_bench, latches_of
 from hil.cli.main import main
+from hil.evidence.events import Reached
 from hil.evidence.folder import GUARDIAN, hold
 from hil.evidence.inbox import peek
 from hil.evidence.package.verification import verify
@@ -167,14 +168,14 @@ def test_a_safed_run_is_not_resumed_before_it_is_acknowledged(reports):
 @pytest.mark.parametrize(
     ("answer", "code", "told"),
     [
-        ({"kind": "reached", "ok": True}, 0, "the code is right; the run now arms the bench"),
-        ({"kind": "reached", "ok": False}, 1, "refused: this is not the code that the run is waiting for"),
+        (Reached(by="Ada", ok=True), 0, "the code is right; the run now arms the bench"),
+        (Reached(by="Ada", ok=False), 1, "refused: this is not the code that the run is waiting for"),
         (None, 0, "the run has not read the code yet"),
     ],
 )
 def test_the_run_answers_whether_the_code_is_right(reports, capsys, monkeypatch, answer, code, told):
     """It is asked through its inbox, by name."""
-    monkeypatch.setattr("hil.cli.commands.ack.answer_of", lambda _, kinds: answer if kinds == {"reached"} else None)
+    monkeypatch.setattr("hil.cli.commands.ack.answer_of", lambda _, kind: answer if kind is Reached else None)
     with hold(reports / SAFED):
         ended = said(capsys, "ack", SAFED, "--code", " K7 ", "--by", "Ada")
     assert ended[0] == code

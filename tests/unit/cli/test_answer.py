@@ -36,7 +36,7 @@ def told(tmp_path, monkeypatch):
         monkeypatch.setattr(answer, "find_running", lambda _: tmp_path)
         monkeypatch.setattr(answer, "_read", lambda _: write(*meanwhile) or "yes")
         monkeypatch.setattr(
-            answer, "answer_of", lambda follower, _: next((line.body for line in follower.read()), None)
+            answer, "answer_of", lambda follower, *_: next((line.event for line in follower.read()), None)
         )
         return answer.command.callback(run="latest", answer="", by="Ada")
 

@@ -40,7 +40,7 @@ def test_the_person_on_call_has_the_time_that_is_given(tmp_path, monkeypatch, op
     requests = []
 
     def resume(folder, request, *_, **__):
-        line = JournalLine(number=1, event=event_of("run", **RUN), body=RUN, wall={}, raw=b"", rest=b"")
+        line = JournalLine(number=1, event=event_of("run", **RUN), wall={}, raw=b"", rest=b"")
         requests.append(request(Earlier(folder=folder, head=(line,), lines=(), size=0)))
         return 0
 

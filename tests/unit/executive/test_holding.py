@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 from case_parts import Written
+from typed_events import event_of
 
 from hil.clock.virtual import VirtualClock
 from hil.executive.ending.stop import StopFlags, Stopped
@@ -55,7 +56,7 @@ class Scheduler:
         self.seen.append(self.deadline_ns)
         if self.ending:
             raise self.ending
-        self.holding({"kind": "hold-asked", "release": True, "by": "Eve", "text": ""})
+        self.holding(event_of(kind="hold-asked", release=True, by="Eve", text=""))
 
 
 @pytest.fixture
@@ -83,8 +84,8 @@ def hold(bench, ending=None):
     holding = Holding(bench, StopFlags(), written, scheduler)
     scheduler.holding = holding
     drive = {"kind": "effect", "effect": "drives", "name": "supply.coil.enable", "arguments": {}, "t": 0.0}
-    holding(drive)
-    holding({"kind": "hold-asked", "release": False, "by": "Ada", "text": "door"})
+    holding(event_of(**drive))
+    holding(event_of(kind="hold-asked", release=False, by="Ada", text="door"))
     try:
         holding.tick()
     except (Stopped, Tripped, NoReply) as error:
@@ -130,7 +131,7 @@ def driven(*calls):
     """Return what is driven after these calls of `output.operation` with their arguments."""
     found = Driven()
     for second, (name, arguments) in enumerate(calls):
-        found.take({"kind": "effect", "effect": "drives", "name": name, "arguments": arguments, "t": float(second)})
+        found.take(event_of(kind="effect", effect="drives", name=name, arguments=arguments, t=float(second)))
     return found
 
 
@@ -144,11 +145,11 @@ def test_the_last_call_of_each_operation_is_driven_again():
     five, six = {"voltage": 5.0, "current": 1.0}, {"voltage": 6.0, "current": 1.0}
     found = driven(("supply.a.configure", five), ("supply.a.enable", {}), ("supply.a.configure", six))
     assert told(found.of("supply.a")) == [("configure", six), ("enable", {})]
-    found.take({"kind": "effect", "effect": "drives", "name": "supply.a.disable", "arguments": {}, "t": 3.0})
+    found.take(event_of(kind="effect", effect="drives", name="supply.a.disable", arguments={}, t=3.0))
     assert told(found.of("supply.a")) == [("disable", {})]
-    found.take({"kind": "effect", "effect": "drives", "name": "thermal.hold", "arguments": {}, "raised": "NoReply"})
+    found.take(event_of(kind="effect", effect="drives", name="thermal.hold", arguments={}, raised="NoReply"))
     assert found.of("thermal") == ()
-    found.take({"kind": "rest"})
+    found.take(event_of(kind="rest"))
     assert found.of("supply.a") == ()
 
 

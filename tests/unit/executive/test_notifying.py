@@ -9,6 +9,7 @@ import sys
 
 import pytest
 from case_parts import Written
+from typed_events import event_of
 
 from hil.executive.people.notifying import Notifier
 
@@ -33,7 +34,7 @@ def notified(place, command, *events, limit_s=10.0, code=0):
     notifier = Notifier(command, place, limit_s)
     notifier.attach("run-1", written)
     for event in events:
-        notifier(event)
+        notifier(event_of(**event))
         notifier.tick()
     notifier.finish(code)
     with pytest.raises(ChildProcessError):  # nothing is left to be reaped
@@ -92,7 +93,7 @@ def test_a_question_is_told_of_only_while_it_waits(tmp_path):
     written = Written()
     notifier.attach("r", written)
     for event in (question, answer):
-        notifier(event)
+        notifier(event_of(**event))
     notifier.tick()
     notifier.finish(0)
     assert [event["event"] for event in written.events] == ["end"]

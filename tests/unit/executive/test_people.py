@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 from case_parts import Written
+from typed_events import event_of
 
 from hil.executive.people.on_call import OnCall, People, require_unattended
 from hil.executive.people.questions import Answer, Declined
@@ -41,7 +42,7 @@ def called(on_call, phone, give, turns=3):
 
     def idle():
         code = give(phone.code)
-        on_call({"kind": "reached", "by": "Ada", "ok": on_call.knows(code)})
+        on_call(event_of(kind="reached", by="Ada", ok=on_call.knows(code)))
         return next(left, None) is not None
 
     return on_call.reach(idle)
@@ -103,8 +104,8 @@ class Saying:
 def confirmed(people, *, name="fuse", safety=True, value=True):
     """Let a case ask, and somebody answer."""
     question = {"kind": "question", "name": name, "form": "confirm", "text": f"Is the {name} in?"}
-    people({**question, **({"safety": True} if safety else {})})
-    people({"kind": "answer", "name": name, "value": value, "by": "Ada"})
+    people(event_of(**{**question, **({"safety": True} if safety else {})}))
+    people(event_of(kind="answer", name=name, value=value, by="Ada"))
 
 
 @pytest.mark.parametrize(
@@ -141,7 +142,7 @@ def test_nobody_on_call_means_not_armed():
     assert gate.detail == "the notification was not sent: exit code 3"
     phone = Phone()
     people = People(OnCall("Ada", RUN, 600, phone, Written()), Saying(True), Written(), lambda: True)
-    people._idle = lambda: people({"kind": "reached", "by": "Bob", "ok": True}) is None
+    people._idle = lambda: people(event_of(kind="reached", by="Bob", ok=True)) is None
     (gate,) = people.gates()
     assert (gate.ok, gate.detail) == (True, "Ada was reached")
 

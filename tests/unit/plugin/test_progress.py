@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 
 import pytest
+from typed_events import event_of
 
 from hil.plugin.terminal.progress import Progress
 
@@ -14,7 +15,7 @@ def shown(*events):
     stream = io.StringIO()
     progress = Progress(stream)
     for event in events:
-        progress(event)
+        progress(event_of(**event))
     return stream.getvalue()
 
 

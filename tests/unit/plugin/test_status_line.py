@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 
+from typed_events import event_of
+
 from hil.plugin.terminal.progress import Progress
 from hil.plugin.terminal.status_line import StatusLine
 
@@ -48,9 +50,9 @@ def test_a_question_has_the_terminal_for_itself(monkeypatch):
     stream = Terminal()
     progress = Progress(stream)
     progress._status._now = lambda: 1e9
-    progress({"kind": "question", "t": 0.0})
+    progress(event_of(kind="question", t=0.0))
     progress.tick()
     assert "\x1b[2K" not in stream.getvalue()
-    progress({"kind": "effect", "effect": "asks", "t": 0.0})
+    progress(event_of(kind="effect", effect="asks", t=0.0))
     progress.tick()
     assert "\x1b[2K" in stream.getvalue()

@@ -48,7 +48,7 @@ def test_new_events_are_read_once_and_half_a_line_later(tmp_path):
         assert first > 0
         assert follower.read() == []
         (tmp_path / JOURNAL).write_bytes(whole)
-        assert [line.body["kind"] for line in follower.read()] == ["case"]
+        assert [line.event.kind() for line in follower.read()] == ["case"]
     assert follower.read() == []
     assert (follower.outlook.case, follower.goes_on(), follower.sealed()) == ("test_rest", False, False)
     assert follower.age is None  # of another boot
@@ -58,9 +58,14 @@ def test_new_events_are_read_once_and_half_a_line_later(tmp_path):
 def test_what_is_no_event_is_passed_over(tmp_path):
     """A damaged journal is followed as far as it can be understood."""
     (tmp_path / "data").mkdir()
-    lines = [b"\xff", b"[1]", b'{"body":{"kind":"planned","t":1},"prev":"","wall":{}}', b'{"body":{"kind":7},"wall":1}']
+    lines = [
+        b"\xff",
+        b"[1]",
+        b'{"body":{"cases":[],"kind":"planned","t":1},"prev":"","wall":{}}',
+        b'{"body":{"kind":7},"wall":1}',
+    ]
     (tmp_path / JOURNAL).write_bytes(b"\n".join([*lines, b""]))
-    assert [line.body["kind"] for line in Follower(tmp_path).read()] == ["planned"]
+    assert [line.event.kind() for line in Follower(tmp_path).read()] == ["planned"]
 
 
 @pytest.fixture
@@ -164,7 +169,7 @@ def test_a_limit_shows_its_own_reading_where_that_is_newer(fed):
     assert [str(reading) for reading in follower.readings()] == ["0.1 A", "0.7 K/min"]
     store(fed, "001-rest", (1.0, 5.0, 0.11))
     assert [str(reading) for reading in follower.readings() if reading.watched] == ["0.1 A", "0.7 K/min"]
-    follower.outlook.take({"kind": "recording-end", "t": 120.0, "recording": "001-rest"})
+    follower.outlook.take(event_of(kind="recording-end", t=120.0, recording="001-rest"))
     assert follower.outlook.fed == {}
 
 
@@ -173,7 +178,7 @@ def test_a_recording_that_is_void_is_read_no_more():
     outlook = Outlook()
     for number, identifier in enumerate(("001-a", "002-b"), 5):
         fields = recording(identifier, "rest", "test_rest", ("x", "V"))
-        outlook.take({"kind": "recording", "t": 2.0, "seq": 2 * number, **fields})
-        outlook.take({"kind": "fed", "t": 2.0, "seq": 2 * number + 1, "limit": identifier, "recording": identifier})
-    outlook.take({"kind": "resumed", "t": 9.0, "seq": 20, "entry": {"boundary": 11}})
+        outlook.take(event_of(**{"kind": "recording", "t": 2.0, "seq": 2 * number, **fields}))
+        outlook.take(event_of(kind="fed", t=2.0, seq=2 * number + 1, limit=identifier, recording=identifier))
+    outlook.take(event_of(kind="resumed", t=9.0, seq=20, entry={"boundary": 11}))
     assert (list(outlook.recordings), outlook.fed) == (["001-a"], {"001-a": "001-a"})

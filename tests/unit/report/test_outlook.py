@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from typed_events import event_of
 
 from hil.report.live.lines import one_line
 from hil.report.live.outlook import Outlook
@@ -12,7 +13,7 @@ def taken(*events) -> Outlook:
     """Return the outlook after these events, each a kind, a time and its fields."""
     outlook = Outlook()
     for kind, t, fields in events:
-        outlook.take({"kind": kind, "t": t, **fields})
+        outlook.take(event_of(**{"kind": kind, "t": t, **fields}))
     return outlook
 
 
@@ -36,7 +37,7 @@ def test_declared_durations_bound_what_is_left():
     outlook = taken(planned(a=100.0, b=50.0, c=30.0), ("case", 10.0, {"case": "a"}))
     outlook.at(40.0)
     assert outlook.left().at_most == pytest.approx(70 + 50 + 30)
-    outlook.take({"kind": "not-run", "t": 40.0, "case": "c"})
+    outlook.take(event_of(kind="not-run", t=40.0, case="c"))
     assert outlook.left().at_most == pytest.approx(70 + 50)
 
 
@@ -68,7 +69,7 @@ def test_a_recording_with_a_duration_tells_what_is_left():
     outlook = taken(planned(a=1e5), ("case", 0.0, {"case": "a"}), recording(60.0, "a", 3600.0))
     outlook.at(660.0)
     assert outlook.left().case == pytest.approx(3000.0)
-    outlook.take({"kind": "recording-end", "t": 3660.0, "recording": "r"})
+    outlook.take(event_of(kind="recording-end", t=3660.0, recording="r"))
     assert outlook.left().case is None
 
 
@@ -87,7 +88,7 @@ def test_time_on_hold_is_no_time_of_the_case():
     """What passed while the bench was held does not bring a case nearer to its bound."""
     outlook = taken(planned(a=100.0), ("case", 0.0, {"case": "a"}), ("hold", 10.0, {"text": "door"}))
     assert outlook.held == "door"
-    outlook.take({"kind": "hold-end", "t": 40.0})
+    outlook.take(event_of(kind="hold-end", t=40.0))
     assert (outlook.held, outlook.left().at_most) == (None, pytest.approx(90.0))
 
 

@@ -75,12 +75,13 @@ def written_down(folder: Path) -> list[Path]:
 
 
 def _of_run(folder: Path) -> Iterator[dict[str, object]]:
+    from hil.evidence.events.quick_json import plain  # noqa: PLC0415 - heavy
     from hil.evidence.journal.reader import read_journal  # noqa: PLC0415 - heavy
 
     with suppress(EvidenceError):
         for line in read_journal(folder / JOURNAL).lines:
-            if line.body["kind"] in _OF_BENCH:
-                yield {**line.body, "event": line.body["kind"], "utc": line.wall.get("utc", "")}
+            if (kind := line.event.kind()) in _OF_BENCH:
+                yield {**plain(line.event), "event": kind, "utc": line.wall.get("utc", "")}
 
 
 def _tell(folder: Path) -> None:
@@ -107,6 +108,7 @@ def _run_or_latched(asked: str) -> Path:
 
 
 def _reached(run: str, by: str, code: str) -> int:
+    from hil.evidence.events import Reached  # noqa: PLC0415 - only when it is used
     from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
     from hil.report.live.following import Follower  # noqa: PLC0415 - only when it is used
 
@@ -116,11 +118,11 @@ def _reached(run: str, by: str, code: str) -> int:
     follower = Follower(folder)
     follower.read()
     post(folder, "reached", by=by.strip(), text=code.strip())
-    answer = answer_of(follower, {"reached"})
+    answer = answer_of(follower, Reached)
     if answer is None:
         click.echo("the run has not read the code yet; hil status shows whether it is still running")
         return 0
-    if not answer["ok"]:
+    if isinstance(answer, Reached) and not answer.ok:
         click.echo("refused: this is not the code that the run is waiting for", err=True)
         return 1
     click.echo("the code is right; the run now arms the bench")

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -12,6 +11,8 @@ from hil.cli.run_names import answer_of, find_running
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:
+    from hil.evidence.events import AskedAgain
+    from hil.evidence.events import Question as Asked
     from hil.executive.people.questions import Question
 
 __all__ = ["command"]
@@ -27,6 +28,7 @@ def command(run: str, answer: str, by: str) -> int:
     Without ANSWER, show the question and read the answer from this terminal; a safety confirmation is always given
     this way. Exit codes: 0, or 1 if the run does not take the answer.
     """
+    from hil.evidence.events import Anomaly, Answer  # noqa: PLC0415 - only when it is used
     from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
     from hil.report.live.following import Follower  # noqa: PLC0415 - only when it is used
     from hil.report.page.incidents import answered  # noqa: PLC0415 - only when it is used
@@ -43,29 +45,30 @@ def command(run: str, answer: str, by: str) -> int:
         click.echo(f"not taken: '{question.name}' is no longer asked", err=True)
         return 1
     post(folder, "answer", text=said, by=name, question=question.name)
-    told = answer_of(follower, {"answer", "anomaly"})
+    told = answer_of(follower, Answer, Anomaly)
     if told is None:
         click.echo("the run has not read the answer yet; hil status shows whether it is still running")
         return 0
-    if told["kind"] == "anomaly":
-        click.echo(f"not taken: {told['text']}", err=True)
+    if isinstance(told, Anomaly):
+        click.echo(f"not taken: {told.text}", err=True)
         return 1
-    click.echo(f"answered {told['name']}: {answered(told['value'])} ({told['by']})")
+    if isinstance(told, Answer):
+        click.echo(f"answered {told.name}: {answered(told.value)} ({told.by})")
     return 0
 
 
-def _asked(run: str, asked: Mapping[str, Any] | None) -> Question:
+def _asked(run: str, asked: Asked | AskedAgain | None) -> Question:
     from hil.executive.people.questions import Question  # noqa: PLC0415 - heavy
 
     if asked is None:
         raise Refused(f"{run} is not asking anything", "hil status shows what it is doing")
     return Question(
-        name=str(asked["name"]),
-        form=str(asked["form"]),
-        text=str(asked["text"]),
-        options=tuple(asked["options"]),
-        unit=str(asked.get("unit", "")),
-        safety=bool(asked.get("safety", False)),
+        name=asked.name,
+        form=asked.form,
+        text=asked.text,
+        options=asked.options,
+        unit=getattr(asked, "unit", ""),
+        safety=asked.safety,
     )
 
 

@@ -19,6 +19,7 @@ def command(run: str, *, release: bool, reason: str, by: str) -> int:
 
     Exit codes: 0 if the bench is held or released, or if the run does not answer in time; 1 if it refuses.
     """
+    from hil.evidence.events import Hold, HoldEnd, HoldRefused  # noqa: PLC0415 - only when it is used
     from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
     from hil.evidence.package.listing import shown  # noqa: PLC0415 - only when it is used
     from hil.report.live.following import Follower  # noqa: PLC0415 - only when it is used
@@ -27,23 +28,23 @@ def command(run: str, *, release: bool, reason: str, by: str) -> int:
     follower = Follower(folder)
     follower.read()
     post(folder, "release" if release else "hold", by=by, text=reason)
-    answer = answer_of(follower, {"hold-end" if release else "hold", "hold-refused"})
+    answer = answer_of(follower, HoldEnd if release else Hold, HoldRefused)
     if answer is None:
         click.echo(
             f"the run will {'continue' if release else 'hold'} at its next scheduling point; hil status shows it"
         )
         return 0
-    if answer["kind"] == "hold-refused":
-        click.echo(f"refused: {shown(str(answer['text']))}", err=True)
+    if isinstance(answer, HoldRefused):
+        click.echo(f"refused: {shown(answer.text)}", err=True)
         return 1
-    if release:
+    if isinstance(answer, HoldEnd):
         click.echo(
             "the bench is as it was before the hold, and the run continues"
-            if answer["how"] == "released"
+            if answer.how == "released"
             else "the hold ended"
         )
-        return 0 if answer["how"] == "released" else 1
-    for line in answer["outputs"]:
-        word = "" if line["ok"] else "NOT "
-        click.echo(shown(f"{line['output']} {word}{line['state']}, {line['detail']}"))
-    return 0 if all(line["ok"] for line in answer["outputs"]) else 1
+        return 0 if answer.how == "released" else 1
+    outputs = answer.outputs if isinstance(answer, Hold) else ()
+    for each in outputs:
+        click.echo(shown(f"{each.output} {'' if each.ok else 'NOT '}{each.state}, {each.detail}"))
+    return 0 if all(each.ok for each in outputs) else 1

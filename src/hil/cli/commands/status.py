@@ -61,7 +61,7 @@ def status_lines(folder: Path) -> list[str]:
         ("loop", ", ".join(str(turns) for turns in outlook.turns)),
         ("bench time", bench_time(max(found.t, outlook.t))),
         ("time left", str(outlook.left() or "")),
-        ("question", "" if outlook.asked is None else f"{outlook.asked['text']} hil answer {folder.name}"),
+        ("question", "" if outlook.asked is None else f"{outlook.asked.text} hil answer {folder.name}"),
         ("held", "" if outlook.held is None else outlook.held or "yes"),
         ("stopped by", found.stopped),
         ("last event", "" if found.age is None else f"{duration(found.age)} ago"),

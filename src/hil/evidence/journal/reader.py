@@ -15,7 +15,7 @@ from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.durable import open_plain, read_plain, sync_file, sync_folder
 from hil.evidence.events import Event, Results
 from hil.evidence.events.codec import decode, encode
-from hil.evidence.events.quick_json import quick_canonical
+from hil.evidence.events.quick_json import plain, quick_canonical
 from hil.evidence.folder import JOURNAL, TORN
 from hil.model.errors import EvidenceError, Finding
 
@@ -62,7 +62,6 @@ class JournalLine:
     Attributes:
         number: the line's number, from 1.
         event: the event.
-        body: the same as JSON.
         wall: what is true of this place and moment only: the stamp, and hashes of files that hold such things.
         raw: the body's bytes.
         rest: the line's bytes after the body.
@@ -70,10 +69,14 @@ class JournalLine:
 
     number: int
     event: Event
-    body: Body
     wall: Body
     raw: bytes
     rest: bytes
+
+    @property
+    def body(self) -> Body:
+        """The event as JSON."""
+        return plain(self.event)  # type: ignore[no-any-return]  # an object, for an event
 
     @property
     def canonical(self) -> bool:
@@ -200,7 +203,7 @@ def _reading(stream: BinaryIO) -> JournalReading:
             first = first if number > 1 else body
             cut = raw.rfind(_BEFORE_PREVIOUS)
             line = JournalLine(
-                number=number, event=decode(body), body=body, wall=wall, raw=raw[len(_START) : cut], rest=raw[cut:-1]
+                number=number, event=decode(body), wall=wall, raw=raw[len(_START) : cut], rest=raw[cut:-1]
             )
         except JsonError as error:
             findings.append(_finding(number, error.message))
@@ -251,8 +254,8 @@ def _shared(fields: Mapping[str, Any]) -> dict[str, Any]:
 def _out_of_place(line: JournalLine, named: str, previous: str) -> Iterator[Finding]:
     if named != previous:
         yield _finding(line.number, "the chain is broken: this line, or the one before it, is not the one written")
-    if line.body.get("seq") != line.number - 1:
-        yield _finding(line.number, f"sequence number {line.body.get('seq')} where {line.number - 1} is due")
+    if line.event.seq != line.number - 1:
+        yield _finding(line.number, f"sequence number {line.event.seq} where {line.number - 1} is due")
 
 
 def _finding(line: int, message: str) -> Finding:

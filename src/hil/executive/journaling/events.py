@@ -20,8 +20,8 @@ __all__ = ["DISK_FULL", "Events", "Listener", "Retraced"]
 DISK_FULL = "disk full"
 """The reason of a stop that the disk asked for."""
 
-Listener = Callable[[Mapping[str, object]], None]
-"""Takes one event body; what it raises would stop a run, so it must not raise."""
+Listener = Callable[[Event], None]
+"""Takes one event, with its bench time; what it raises would stop a run, so it must not raise."""
 
 
 class Retraced(Protocol):
@@ -111,16 +111,16 @@ class Events:
             if not self._comes_again(event, t):
                 self._append(event, t, beside)
             if self._listeners:
-                self.show({"kind": event.kind(), **msgspec.to_builtins(event), "t": t})
+                self.show(msgspec.structs.replace(event, t=t))
             self._count += event.recurs
         if event.recurs:
             self.behind(self._count)
 
-    def show(self, body: Mapping[str, object]) -> None:
+    def show(self, event: Event) -> None:
         """Show an event to whoever listens."""
         for listener in tuple(self._listeners):
             try:
-                listener(body)
+                listener(event)
             except (OSError, ValueError):  # a display that is gone: what it is given would wait in its buffer for ever
                 self._listeners.remove(listener)
             except (Exception, SystemExit):  # noqa: BLE001, S112 - the bench must not hear of it

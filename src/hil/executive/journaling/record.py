@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from io import FileIO
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import Protocol
 
 from hil.bench.bound import BoundBench
 from hil.bench.lease import Lease, refuse_latched
+from hil.evidence.events import Event, HoldEnd
 from hil.evidence.folder import JOURNAL, RESERVE, TRANSCRIPT, hold
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.sealing import ReportWriter, seal
@@ -168,9 +169,9 @@ class Record:
         self.upkeep.keep_time()
         self.transcript.flush()
 
-    def _released(self, event: Mapping[str, object]) -> None:
+    def _released(self, event: Event) -> None:
         """Do not let a run that is killed now begin amid a hold that is over."""
-        if event["kind"] == "hold-end" and self._checkpoints is not None:
+        if isinstance(event, HoldEnd) and self._checkpoints is not None:
             self._checkpoints.soon()
 
     def _note_progress(self) -> None:

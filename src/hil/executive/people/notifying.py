@@ -7,11 +7,10 @@ import signal
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from hil.clock import wall
 from hil.documents.canonical import canonical
@@ -75,25 +74,25 @@ class Notifier:
         """Begin, for the run of this name, which has this journal, if it is not over."""
         self._run, self._journal = run, journal
 
-    def __call__(self, event: Mapping[str, Any]) -> None:
+    def __call__(self, event: events.Event) -> None:
         """Take one event of the run."""
-        match event["kind"]:
-            case "trip":
-                self._send("trip", str(event["text"]))
-            case "monitor-late" if event["limit"] not in self._late:
-                self._late.add(event["limit"])
-                self._send("stale", str(event["text"]))
-            case "question" | "asked-again":
-                self._question = str(event["text"])
-            case "answer" | "confirmed" | "effect":
+        match event:
+            case events.Trip():
+                self._send("trip", event.text)
+            case events.MonitorLate() if event.limit not in self._late:
+                self._late.add(event.limit)
+                self._send("stale", event.text)
+            case events.Question() | events.AskedAgain():
+                self._question = event.text
+            case events.Answer() | events.Confirmed() | events.Effect():
                 self._question = ""
-            case "case-end":
+            case events.CaseEnd():
                 self._question = ""
-                self._verdicts[str(event["case"])] = Verdict(event["verdict"])
-            case "not-run":
-                self._verdicts[str(event["case"])] = Verdict.NOT_RUN
-            case "planned":
-                self._planned = len(event["cases"])
+                self._verdicts[event.case] = event.verdict
+            case events.NotRun():
+                self._verdicts[event.case] = Verdict.NOT_RUN
+            case events.Planned():
+                self._planned = len(event.cases)
 
     def send(self, event: str, text: str) -> Callable[[], str | None]:
         """Notify of something that is no event of the run; return what tells what became of it.

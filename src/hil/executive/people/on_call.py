@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Iterator
 
 from hil.bench.connections import cut_path_shortfall
 from hil.bench.gate import Gate
@@ -89,10 +88,10 @@ class OnCall:
         self._code = ""
         self._by = ""
 
-    def __call__(self, event: Mapping[str, Any]) -> None:
+    def __call__(self, event: events.Event) -> None:
         """Take one event of the run."""
-        if event["kind"] == "reached" and event["ok"]:
-            self._by = str(event["by"])
+        if isinstance(event, events.Reached) and event.ok:
+            self._by = event.by
 
     def knows(self, code: str) -> bool:
         """Return whether this is the code that was sent last, and nobody has given it back so far."""
@@ -154,14 +153,14 @@ class People:
         self._asked: Question | None = None
         self._confirmed: dict[tuple[str, str], Question] = {}
 
-    def __call__(self, event: Mapping[str, Any]) -> None:
+    def __call__(self, event: events.Event) -> None:
         """Take one event of the run."""
-        if event["kind"] == "question":
-            name, form, text = str(event["name"]), str(event["form"]), str(event["text"])
-            self._asked = Question(name=name, form=form, text=text, safety=True) if event.get("safety") else None
-        elif event["kind"] == "answer" and (asked := self._asked) is not None:
+        if isinstance(event, events.Question):
+            asked_for = Question(name=event.name, form=event.form, text=event.text, safety=True)
+            self._asked = asked_for if event.safety else None
+        elif isinstance(event, events.Answer) and (asked := self._asked) is not None:
             self._asked = None
-            if event["value"] is True:
+            if event.value is True:
                 self._confirmed[asked.name, asked.text] = asked
         elif self._on_call is not None:
             self._on_call(event)

@@ -143,7 +143,7 @@ class ResumedRun(NewRun):
     ) -> None:
         """Show the first events, which stand there already."""
         for line in self.earlier.head:
-            journal.show(line.body)
+            journal.show(line.event)
 
 
 class Resumption(Past):

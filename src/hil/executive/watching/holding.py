@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from typing import Literal
 
 from hil.bench.bound import BoundBench
 from hil.bench.safe_off import SafeResult, make_safe
@@ -21,7 +21,7 @@ from hil.wire.replay import HOLD, HOLD_END
 
 __all__ = ["Call", "Driven", "Holding"]
 
-_ENDS = frozenset({"case", "rest", "safe"})
+_ENDS = (events.Case, events.Rest)
 """Kinds of events after which nothing is driven any more: each case drives what it needs itself."""
 
 
@@ -46,13 +46,13 @@ class Driven:
     def __init__(self) -> None:
         self._calls: dict[str, dict[str, Call]] = {}
 
-    def take(self, event: Mapping[str, Any]) -> None:
+    def take(self, event: events.Event) -> None:
         """Take one event."""
-        if event["kind"] in _ENDS:
+        if isinstance(event, _ENDS):
             self._calls.clear()
-        elif event["kind"] == "effect" and event["effect"] == "drives" and "raised" not in event:
-            output, _, operation = event["name"].rpartition(".")
-            self._drove(output, operation, event["arguments"], event["t"])
+        elif isinstance(event, events.Effect) and event.effect == "drives" and not event.raised:
+            output, _, operation = event.name.rpartition(".")
+            self._drove(output, operation, event.arguments, event.t)
 
     def of(self, output: str) -> tuple[Call, ...]:
         """Return the calls that bring an output to where it was."""
@@ -89,7 +89,7 @@ _BENCH = "bench"
 _PATIENCE_S = 0.05
 _LONGEST_APART_S = 5.0
 
-Event = Mapping[str, Any]
+_NOBODY = events.HoldAsked(release=True, by="", text="")
 
 
 class Holding:
@@ -111,13 +111,13 @@ class Holding:
         self._journal = journal
         self._scheduler = scheduler
         self._driven = Driven()
-        self._wanted: Event | None = None
-        self._released: Event | None = None
+        self._wanted: events.HoldAsked | None = None
+        self._released: events.HoldAsked | None = None
         self._held = False
 
-    def __call__(self, event: Event) -> None:
+    def __call__(self, event: events.Event) -> None:
         """Learn from an event what is driven, and who asks for what."""
-        if event["kind"] == "hold-asked":
+        if isinstance(event, events.HoldAsked):
             self._asked(event)
         else:
             self._driven.take(event)
@@ -164,7 +164,7 @@ class Holding:
             lasted_ns = self._scheduler.now_ns() - began_ns
             self._scheduler.deadline_ns = None if deadline_ns is None else deadline_ns + lasted_ns
         self._mark(HOLD)
-        self._hold({"by": "", "text": "it was held when the run was interrupted"})
+        self._hold(events.HoldAsked(release=False, by="", text="it was held when the run was interrupted"))
 
     def drives(self) -> bool:
         """Return whether the case has an output on, by what it has driven."""
@@ -185,11 +185,11 @@ class Holding:
             self._issue(call)
             before = call
 
-    def _asked(self, event: Event) -> None:
-        problem = self._against(release=event["release"])
+    def _asked(self, event: events.HoldAsked) -> None:
+        problem = self._against(release=event.release)
         if problem:
-            self._journal.write(events.HoldRefused(by=event["by"], text=problem))
-        elif event["release"]:
+            self._journal.write(events.HoldRefused(by=event.by, text=problem))
+        elif event.release:
             self._released = event
         else:
             self._wanted = event
@@ -205,7 +205,7 @@ class Holding:
             return f"the bench {self._bench.spec.name} has no hold state: its bench file has no 'hold'"
         return "" if self._scheduler.watching else "the bench is in its safe state already"
 
-    def _hold(self, asked: Event) -> None:
+    def _hold(self, asked: events.HoldAsked) -> None:
         began_ns, began = self._scheduler.now_ns(), wall.monotonic()
         deadline_ns, self._scheduler.deadline_ns = self._scheduler.deadline_ns, None
         how: Literal["released", "ended"] = "ended"
@@ -213,7 +213,7 @@ class Holding:
         try:
             results = self._take()
             outputs = tuple(events.Brought(**asdict(each)) for each in results)
-            self._journal.write(events.Hold(by=asked["by"], text=asked["text"], outputs=outputs))
+            self._journal.write(events.Hold(by=asked.by, text=asked.text, outputs=outputs))
             self._end_unless_held(results)
             self._scheduler.watch_from_now()
             while self._released is None:
@@ -225,10 +225,11 @@ class Holding:
             how = "released"
         finally:
             lasted_ns = self._scheduler.now_ns() - began_ns
-            released, self._released, self._held = self._released or {"by": "", "text": ""}, None, False
+            released = _NOBODY if self._released is None else self._released
+            self._released, self._held = None, False
             self._scheduler.deadline_ns = None if deadline_ns is None else deadline_ns + lasted_ns
             lasted = round(lasted_ns / NANOSECONDS, 9)
-            ended = events.HoldEnd(how=how, by=released["by"], text=released["text"], duration=lasted)
+            ended = events.HoldEnd(how=how, by=released.by, text=released.text, duration=lasted)
             self._journal.write(ended, beside={"held": round(wall.monotonic() - began, 3)})
 
     def _take(self) -> list[SafeResult]:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
 from rich.console import Console
 from rich.text import Text
 
-from hil.model.verdict import Verdict
+from hil.evidence import events
+from hil.evidence.events.quick_json import plain
 from hil.plugin.terminal.status_line import StatusLine
 from hil.report.live.lines import one_line
 from hil.report.live.outlook import Outlook
@@ -54,7 +54,7 @@ class Progress:
     def __init__(self, stream: TextIO, *, verbose: bool = False) -> None:
         self._console = _Console(file=stream, highlight=False, soft_wrap=True, emoji=False, markup=False)
         self._verbose = verbose
-        self._cases: dict[str, Mapping[str, Any]] = {}
+        self._cases: dict[str, events.PlannedCase] = {}
         self._begun = False
         self._told: list[str] = []
         self._left_out: Counter[str] = Counter()
@@ -66,21 +66,21 @@ class Progress:
         """Show from now on what the run in this folder reads."""
         self._readings = Readings(folder)
 
-    def pass_by(self, event: Mapping[str, Any]) -> None:
+    def pass_by(self, event: events.Event) -> None:
         """Take an event in without a word, for a run that is joined amid it."""
         self._outlook.take(event)
-        if event["kind"] == "planned":
+        if isinstance(event, events.Planned):
             self._planned(event)
-        self._begun = self._begun or event["kind"] == "gate"
+        self._begun = self._begun or type(event) is events.Gate
 
     def tick(self) -> None:
         """Refresh the line at the foot, if that is due."""
         self._status.tick()
 
-    def __call__(self, event: Mapping[str, Any]) -> None:
+    def __call__(self, event: events.Event) -> None:
         """Show one event."""
         self._outlook.take(event)
-        show = getattr(self, f"_{event['kind'].replace('-', '_')}", None)
+        show = getattr(self, f"_{event.kind().replace('-', '_')}", None)
         if show is not None:
             show(event)
 
@@ -88,143 +88,139 @@ class Progress:
         readings = self._readings.newest(self._outlook) if self._readings else []
         return one_line(self._outlook, readings)
 
-    def _run(self, event: Mapping[str, Any]) -> None:
-        dut = event["dut"]
-        self._line(f"plan {', '.join(event['plans'])} on bench {event['bench']} ({event['source']})", "bold")
-        self._line(f"DUT {dut['serial']}, {dut['title'] or dut['part']}, {dut['model']}; purpose {event['purpose']}")
-        for deviation in event["deviations"]:
+    def _run(self, event: events.Run) -> None:
+        dut = event.dut
+        self._line(f"plan {', '.join(event.plans)} on bench {event.bench} ({event.source})", "bold")
+        self._line(f"DUT {dut.serial}, {dut.title or dut.part}, {dut.model}; purpose {event.purpose}")
+        for deviation in event.deviations:
             self._line(f"deviation: {deviation}", "yellow")
 
-    def _planned(self, event: Mapping[str, Any]) -> None:
-        self._cases = {case["case"]: case for case in event["cases"]}
+    def _planned(self, event: events.Planned) -> None:
+        self._cases = {case.case: case for case in event.cases}
 
-    def _orphan(self, event: Mapping[str, Any]) -> None:
-        for case in event["cases"]:
+    def _orphan(self, event: events.Orphan) -> None:
+        for case in event.cases:
             self._line(f"{_short(case)} carries no requirement", "yellow")
 
-    def _gate(self, event: Mapping[str, Any]) -> None:
+    def _gate(self, event: events.Gate) -> None:
         self._begun = True
-        if self._verbose or not event["ok"]:
-            self._line(
-                f"  {'ok  ' if event['ok'] else 'NOT OK'} {event['name']}: {event['detail']}", _good(event["ok"])
-            )
+        if self._verbose or not event.ok:
+            self._line(f"  {'ok  ' if event.ok else 'NOT OK'} {event.name}: {event.detail}", _good(event.ok))
 
     _host_gate = _gate
 
-    def _called(self, event: Mapping[str, Any]) -> None:
-        self._line(f"  {event['text']}", "bold")
+    def _called(self, event: events.Called) -> None:
+        self._line(f"  {event.text}", "bold")
 
-    def _reached(self, event: Mapping[str, Any]) -> None:
-        self._line(f"  {event['by']} gave {'the code' if event['ok'] else 'a wrong code'} back", _good(event["ok"]))
+    def _reached(self, event: events.Reached) -> None:
+        self._line(f"  {event.by} gave {'the code' if event.ok else 'a wrong code'} back", _good(event.ok))
 
-    def _armed(self, _: Mapping[str, Any]) -> None:
+    def _armed(self, _: events.Event) -> None:
         self._line("armed: every readiness gate passed", "green")
 
-    def _case(self, event: Mapping[str, Any]) -> None:
+    def _case(self, event: events.Case) -> None:
         self._told = []
-        title = self._cases.get(event["case"], {}).get("title", "")
+        title = planned.title if (planned := self._cases.get(event.case)) else ""
         self._line("")
-        self._line(f"[{self._outlook.ended + 1}/{len(self._cases)}] {_short(event['case'])}  {title}", "bold")
+        self._line(f"[{self._outlook.ended + 1}/{len(self._cases)}] {_short(event.case)}  {title}", "bold")
 
-    def _step(self, event: Mapping[str, Any]) -> None:
-        depth = len(event["path"]) - 1
+    def _step(self, event: events.Step) -> None:
+        depth = len(event.path) - 1
         if self._verbose or depth == 0:
-            self._line(f"  {bench_time(event['t'])}  {'  ' * depth}{event['number']} {event['path'][-1]}", "dim")
+            self._line(f"  {bench_time(event.t)}  {'  ' * depth}{event.number} {event.path[-1]}", "dim")
 
-    def _effect(self, event: Mapping[str, Any]) -> None:
+    def _effect(self, event: events.Effect) -> None:
         self._status.quiet = False
-        if self._verbose and event["effect"] == "drives":
-            arguments = ", ".join(f"{key}={value}" for key, value in event["arguments"].items())
-            self._line(f"                {event['name']}({arguments})", "dim")
+        if self._verbose and event.effect == "drives":
+            arguments = ", ".join(f"{key}={value}" for key, value in event.arguments.items())
+            self._line(f"                {event.name}({arguments})", "dim")
 
-    def _question(self, _: Mapping[str, Any]) -> None:
+    def _question(self, _: events.Event) -> None:
         """Leave the terminal to whoever answers."""
         self._status.clear()
         self._status.quiet = True
 
     _asked_again = _question
 
-    def _confirmed(self, event: Mapping[str, Any]) -> None:
+    def _confirmed(self, event: events.Confirmed) -> None:
         self._status.quiet = False
-        self._line(f"  confirmed again {event['name']}: {answered(event['value'])} ({event['by']})")
+        self._line(f"  confirmed again {event.name}: {answered(event.value)} ({event.by})")
 
-    def _answer(self, event: Mapping[str, Any]) -> None:
-        self._line(f"  answered {event['name']}: {answered(event['value'])} ({event['by']})")
+    def _answer(self, event: events.Answer) -> None:
+        self._line(f"  answered {event.name}: {answered(event.value)} ({event.by})")
 
-    def _check(self, event: Mapping[str, Any]) -> None:
-        of = f" of {event['of']}" if event["of"] else ""
-        value = measured(event["value"], event["expanded"], event["unit"])
-        limit = limit_text(event["limit"], event["limit_unit"])
-        reason = f"  {event['reason']}" if event["reason"] else ""
-        self._told.append(f"{event['requirement']} {event['parameter']}{of} is {event['verdict']}: ")
+    def _check(self, event: events.Check) -> None:
+        of = f" of {event.of}" if event.of else ""
+        value = measured(event.value, event.expanded, event.unit)
+        limit = limit_text(plain(event.limit), event.limit_unit)
+        reason = f"  {event.reason}" if event.reason else ""
+        self._told.append(f"{event.requirement} {event.parameter}{of} is {event.verdict}: ")
         asked = f"({limit})  " if limit else ""
-        text = Text(f"  {event['requirement']} {event['parameter']}{of} = {value}  {asked}")
-        text.append(event["verdict"], _STYLES[event["verdict"]])
+        text = Text(f"  {event.requirement} {event.parameter}{of} = {value}  {asked}")
+        text.append(event.verdict, _STYLES[event.verdict])
         text.append(reason)
         self._print(text)
 
-    def _fault(self, event: Mapping[str, Any]) -> None:
-        self._line(f"  {'DUT' if event['dut'] else 'bench'} fault, {event['message']}", "bold red")
-        if event["hint"]:
-            self._line(f"    {event['hint']}")
+    def _fault(self, event: events.Fault) -> None:
+        self._line(f"  {'DUT' if event.dut else 'bench'} fault, {event.message}", "bold red")
+        if event.hint:
+            self._line(f"    {event.hint}")
 
-    def _trip(self, event: Mapping[str, Any]) -> None:
-        self._line(f"  TRIP {event['limit']}: {event['text']}", "bold red")
+    def _trip(self, event: events.Trip) -> None:
+        self._line(f"  TRIP {event.limit}: {event.text}", "bold red")
 
-    def _case_end(self, event: Mapping[str, Any]) -> None:
+    def _case_end(self, event: events.CaseEnd) -> None:
         text = Text("  ")
-        text.append(event["verdict"], _STYLES[event["verdict"]])
-        text.append(f"  {duration(event['duration'])} of bench time")
+        text.append(event.verdict, _STYLES[event.verdict])
+        text.append(f"  {duration(event.duration)} of bench time")
         self._print(text)
-        for reason in in_short(Verdict(event["verdict"]), event["reasons"]):
+        for reason in in_short(event.verdict, event.reasons):
             if not reason.startswith(tuple(self._told)):  # it stands beside its check
                 self._line(f"    {reason}")
 
-    def _not_run(self, event: Mapping[str, Any]) -> None:
+    def _not_run(self, event: events.NotRun) -> None:
         """Show the first case of each reason; the closing block names them all."""
-        self._left_out[event["reason"]] += 1
-        if self._left_out[event["reason"]] == 1:
-            self._line(f"{_short(event['case'])} NOT_RUN: {event['reason']}", "yellow")
-        elif self._left_out[event["reason"]] == 2:
+        self._left_out[event.reason] += 1
+        if self._left_out[event.reason] == 1:
+            self._line(f"{_short(event.case)} NOT_RUN: {event.reason}", "yellow")
+        elif self._left_out[event.reason] == 2:
             self._line("further cases are NOT_RUN for the same reason", "yellow")
 
-    def _stop(self, event: Mapping[str, Any]) -> None:
-        self._line(f"stopped by {event['reason']}", "bold magenta")
+    def _stop(self, event: events.Stop) -> None:
+        self._line(f"stopped by {event.reason}", "bold magenta")
 
-    def _hold(self, event: Mapping[str, Any]) -> None:
-        self._line(f"  HELD: {noted(event['text'], event['by'])}", "bold yellow")
+    def _hold(self, event: events.Hold) -> None:
+        self._line(f"  HELD: {noted(event.text, event.by)}", "bold yellow")
 
-    def _hold_end(self, event: Mapping[str, Any]) -> None:
+    def _hold_end(self, event: events.HoldEnd) -> None:
         self._line(
-            f"  hold {event['how']}: {noted(event['text'], event['by'])}"
-            if event["how"] == "released"
-            else "  hold ended",
+            f"  hold {event.how}: {noted(event.text, event.by)}" if event.how == "released" else "  hold ended",
             "yellow",
         )
 
-    def _hold_refused(self, event: Mapping[str, Any]) -> None:
-        self._line(f"  hold refused: {noted(event['text'], event['by'])}", "yellow")
+    def _hold_refused(self, event: events.HoldRefused) -> None:
+        self._line(f"  hold refused: {noted(event.text, event.by)}", "yellow")
 
-    def _note(self, event: Mapping[str, Any]) -> None:
-        self._line(f"  note: {noted(event['text'], event['by'])}")
+    def _note(self, event: events.Note) -> None:
+        self._line(f"  note: {noted(event.text, event.by)}")
 
-    def _attachment(self, event: Mapping[str, Any]) -> None:
-        self._line(f"  attachment: {attached(event['file'], event['text'], event['by'])}")
+    def _attachment(self, event: events.Attachment) -> None:
+        self._line(f"  attachment: {attached(event.file, event.text, event.by)}")
 
-    def _anomaly(self, event: Mapping[str, Any]) -> None:
+    def _anomaly(self, event: events.Anomaly) -> None:
         if self._verbose or self._begun:  # before the first gate they are those of the catalogue's sources
-            self._line(f"  anomaly: {event['text']}", "yellow")
+            self._line(f"  anomaly: {event.text}", "yellow")
 
-    def _safe(self, event: Mapping[str, Any]) -> None:
-        if self._verbose or not event["ok"]:
-            word = "safe" if event["ok"] else "NOT SAFE"
-            self._line(f"  {word}: {event['output']} {event['state']}, {event['detail']}", _good(event["ok"]))
+    def _safe(self, event: events.Safe) -> None:
+        if self._verbose or not event.ok:
+            word = "safe" if event.ok else "NOT SAFE"
+            self._line(f"  {word}: {event.output} {event.state}, {event.detail}", _good(event.ok))
 
-    def _safe_end(self, event: Mapping[str, Any]) -> None:
+    def _safe_end(self, event: events.SafeEnd) -> None:
         self._line("")
-        words = "bench safe: every output proven" if event["ok"] else "THE BENCH COULD NOT BE PROVEN SAFE"
-        self._line(words, _good(event["ok"]))
-        if not event["ok"]:
+        words = "bench safe: every output proven" if event.ok else "THE BENCH COULD NOT BE PROVEN SAFE"
+        self._line(words, _good(event.ok))
+        if not event.ok:
             self._line("go to the bench, and switch off by hand what is NOT SAFE above", "bold")
 
     def _line(self, text: str, style: str = "") -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,8 @@ from typing import Any
 from hil.clock import wall
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.durable import open_plain
+from hil.evidence.events import Event
+from hil.evidence.events.codec import decode
 from hil.evidence.folder import JOURNAL, is_held, is_sealed
 from hil.report.live.outlook import Outlook
 from hil.report.live.readings import Reading, Readings
@@ -24,7 +25,7 @@ _BLOCK = 8_000_000
 class Line:
     """One event with what stands beside it."""
 
-    body: Mapping[str, Any]
+    event: Event
     wall: Mapping[str, Any]
 
 
@@ -65,8 +66,7 @@ class Follower:
             for raw in block.splitlines():
                 line = _line(raw)
                 if line is not None:
-                    with suppress(LookupError, TypeError, ValueError):  # `hil verify` tells what is wrong with it
-                        self.outlook.take(line.body)
+                    self.outlook.take(line.event)
                     found.append(line)
         if found:
             self._last = found[-1]
@@ -103,9 +103,7 @@ def _line(raw: bytes) -> Line | None:
     """Return one event, None for what is no event: `hil verify` tells what is wrong with a journal."""
     try:
         value = parse_strict(raw)
+        body, beside = (value.get("body"), value.get("wall")) if isinstance(value, dict) else (None, None)
+        return Line(decode(body), beside if isinstance(beside, dict) else {}) if isinstance(body, dict) else None
     except JsonError:
         return None
-    body, beside = (value.get("body"), value.get("wall")) if isinstance(value, dict) else (None, None)
-    if not isinstance(body, dict) or not isinstance(body.get("kind"), str):
-        return None
-    return Line(body, beside if isinstance(beside, dict) else {})

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from typing import Any
 
+from hil.evidence import events
+from hil.model.verdict import Verdict
 from hil.report.numbers import duration
 
 __all__ = ["Left", "Outlook", "Turns"]
 
-Body = Mapping[str, Any]
-
+_CUT_SHORT = frozenset({Verdict.ABORTED, Verdict.ERROR, Verdict.NOT_RUN})
 _TURN = re.compile(r"(.+) (\d+) of (\d+)", re.DOTALL)
 
 
@@ -94,10 +94,10 @@ class Outlook:
         self.t = 0.0
         self.planned = self.ended = 0
         self.case = ""
-        self.recordings: dict[str, Body] = {}
+        self.recordings: dict[str, events.Recording] = {}
         self.fed: dict[str, str] = {}
         self.held: str | None = None
-        self.asked: Body | None = None
+        self.asked: events.Question | events.AskedAgain | None = None
         self._limits: dict[str, float] = {}
         self._waiting: dict[str, None] = {}
         self._took: dict[str, _Seen] = {}
@@ -115,10 +115,10 @@ class Outlook:
         """The loops that are going on, the outermost first."""
         return tuple(step.turns for step in self._steps if step.turns)
 
-    def take(self, event: Body) -> None:
+    def take(self, event: events.Event) -> None:
         """Take one event."""
-        self.at(float(event.get("t", 0.0)))
-        take = getattr(self, f"_{event['kind'].replace('-', '_')}", None)
+        self.at(event.t)
+        take = getattr(self, f"_{event.kind().replace('-', '_')}", None)
         if take is not None:
             take(event)
 
@@ -142,9 +142,9 @@ class Outlook:
         if not self.case:
             return None
         recording = [
-            max(0.0, each["duration"] - (self.t - each["t"]))
+            max(0.0, each.duration - (self.t - each.t))
             for each in self.recordings.values()
-            if each["duration"] is not None and each["case"] == self.case
+            if each.duration is not None and each.case == self.case
         ]
         usual = self._usual(self.case)
         known = self._left_of_loop()
@@ -169,37 +169,37 @@ class Outlook:
     def _spent(self) -> float:
         return self.t - self._began - self._paused
 
-    def _planned(self, event: Body) -> None:
-        self._limits = {case["case"]: float(case["max_duration"]) for case in event["cases"]}
+    def _planned(self, event: events.Planned) -> None:
+        self._limits = {case.case: case.max_duration for case in event.cases}
         self._waiting = dict.fromkeys(self._limits)
         self.planned = len(self._limits)
 
-    def _case(self, event: Body) -> None:
-        self._waiting.pop(event["case"], None)
-        self.case, self._began, self._paused = event["case"], self.t, 0.0
+    def _case(self, event: events.Case) -> None:
+        self._waiting.pop(event.case, None)
+        self.case, self._began, self._paused = event.case, self.t, 0.0
         self._steps, self._loops = [], {}
 
-    def _question(self, event: Body) -> None:
+    def _question(self, event: events.Question | events.AskedAgain) -> None:
         self.asked = event
 
-    def _answer(self, _: Body) -> None:
+    def _answer(self, _: events.Event) -> None:
         self.asked = None
 
     _asked_again = _question
     _confirmed = _effect = _answer
 
-    def _case_end(self, event: Body) -> None:
+    def _case_end(self, event: events.CaseEnd) -> None:
         self.asked = None
-        if event["verdict"] not in {"ABORTED", "ERROR", "NOT_RUN"}:
-            self._took.setdefault(_function(event["case"]), _Seen()).add(self._spent())
+        if event.verdict not in _CUT_SHORT:
+            self._took.setdefault(_function(event.case), _Seen()).add(self._spent())
         self.ended += 1
         self.case, self._steps = "", []
 
-    def _not_run(self, event: Body) -> None:
-        self._waiting.pop(event["case"], None)
+    def _not_run(self, event: events.NotRun) -> None:
+        self._waiting.pop(event.case, None)
 
-    def _step(self, event: Body) -> None:
-        *above, name = event["path"]
+    def _step(self, event: events.Step) -> None:
+        *above, name = event.path
         found = _TURN.fullmatch(name)
         turns, key = None, (*above, name)
         if found and 0 < int(found[2]) <= int(found[3]):
@@ -207,37 +207,37 @@ class Outlook:
             key = (*above, found[1], found[3])
             if turns.turn == 1 or key not in self._loops:
                 self._loops[key] = _Seen()
-        self._steps.append(_Step(f"{event['number']} {name}", key, turns))
+        self._steps.append(_Step(f"{event.number} {name}", key, turns))
 
-    def _step_end(self, _: Body) -> None:
+    def _step_end(self, _: events.Event) -> None:
         if not self._steps:
             return
         step = self._steps.pop()
         if step.turns:
             self._loops[step.key].add(self.t - step.turns.began)
 
-    def _recording(self, event: Body) -> None:
-        self.recordings[event["recording"]] = event
+    def _recording(self, event: events.Recording) -> None:
+        self.recordings[event.recording] = event
 
-    def _recording_end(self, event: Body) -> None:
-        self._close({event["recording"]})
+    def _recording_end(self, event: events.RecordingEnd) -> None:
+        self._close({event.recording})
 
-    def _fed(self, event: Body) -> None:
-        self.fed[event["limit"]] = event["recording"]
+    def _fed(self, event: events.Fed) -> None:
+        self.fed[event.limit] = event.recording
 
-    def _resumed(self, event: Body) -> None:
+    def _resumed(self, event: events.Resumed) -> None:
         """Close the recordings that a run began behind the event at which it was entered again: they are void."""
-        after = event["entry"]["boundary"] if event.get("entry") else math.inf
-        self._close({name for name, begun in self.recordings.items() if begun.get("seq", 0) > after})
+        after = event.entry.boundary if event.entry else math.inf
+        self._close({name for name, begun in self.recordings.items() if begun.seq > after})
 
     def _close(self, names: Collection[str]) -> None:
         self.recordings = {name: begun for name, begun in self.recordings.items() if name not in names}
         self.fed = {limit: name for limit, name in self.fed.items() if name not in names}
 
-    def _hold(self, event: Body) -> None:
-        self.held, self._held_at = str(event["text"]), self.t
+    def _hold(self, event: events.Hold) -> None:
+        self.held, self._held_at = event.text, self.t
 
-    def _hold_end(self, _: Body) -> None:
+    def _hold_end(self, _: events.Event) -> None:
         self.held = None
         self._paused += self.t - self._held_at
 

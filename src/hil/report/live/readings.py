@@ -13,6 +13,7 @@ from typing import Any
 
 from hil.documents.canonical import JsonError
 from hil.evidence.durable import open_plain
+from hil.evidence.events import Recording
 from hil.evidence.folder import RECORDINGS
 from hil.model.errors import HilError
 from hil.report.frozen import parse
@@ -78,40 +79,38 @@ class Readings:
 
     def newest(self, outlook: Outlook) -> list[Reading]:
         """Return the newest value of every channel of the open recordings, and let the outlook know their time."""
-        begun = dict(sorted(outlook.recordings.items(), key=lambda item: item[1]["case"] is None))
+        begun = dict(sorted(outlook.recordings.items(), key=lambda item: item[1].case is None))
         rows = {name: row for name, event in begun.items() if (row := self._last(name, event)) is not None}
         found: list[Reading] = []
         for name, row in rows.items():
             outlook.at(row[0])
-            feeding = outlook.fed.get(begun[name]["name"], "") if begun[name]["case"] is None else ""
+            feeding = outlook.fed.get(begun[name].name, "") if begun[name].case is None else ""
             if feeding in rows and rows[feeding][0] >= row[0]:
                 found.append(self._fed(begun[name], feeding, begun[feeding], rows[feeding]))
             else:
                 found.extend(self._reading(begun[name], place, row) for place in range(1, len(row)))
         return found
 
-    def _last(self, name: str, begun: Mapping[str, Any]) -> tuple[float, ...] | None:
-        return _last_row(self._folder / RECORDINGS / f"{name}.rows", len(begun["channels"]) + 1)
+    def _last(self, name: str, begun: Recording) -> tuple[float, ...] | None:
+        return _last_row(self._folder / RECORDINGS / f"{name}.rows", len(begun.channels) + 1)
 
-    def _fed(
-        self, begun: Mapping[str, Any], feeding: str, stream: Mapping[str, Any], row: tuple[float, ...]
-    ) -> Reading:
+    def _fed(self, begun: Recording, feeding: str, stream: Recording, row: tuple[float, ...]) -> Reading:
         """Return what a limit is judged on while rows come: the envelope takes no readings of its own then."""
-        alike = [(channel["name"], channel["unit"]) for channel in stream["channels"]]
-        wanted = begun["channels"][0]
-        plain = self._limits.get(begun["name"], {}).keys() <= _PLAIN
-        known = plain and (wanted["name"], wanted["unit"]) in alike
-        value = row[1 + alike.index((wanted["name"], wanted["unit"]))] if known else None
+        alike = [(channel.name, channel.unit) for channel in stream.channels]
+        wanted = begun.channels[0]
+        plain = self._limits.get(begun.name, {}).keys() <= _PLAIN
+        known = plain and (wanted.name, wanted.unit) in alike
+        value = row[1 + alike.index((wanted.name, wanted.unit))] if known else None
         return replace(self._reading(begun, 1, (row[0], math.nan)), value=value, fed=feeding)
 
-    def _reading(self, begun: Mapping[str, Any], place: int, row: tuple[float, ...]) -> Reading:
-        channel, watched = begun["channels"][place - 1], begun["case"] is None
-        limit = self._limits.get(begun["name"], {}) if watched else {}
+    def _reading(self, begun: Recording, place: int, row: tuple[float, ...]) -> Reading:
+        channel, watched = begun.channels[place - 1], begun.case is None
+        limit = self._limits.get(begun.name, {}) if watched else {}
         return Reading(
-            recording=begun["name"],
-            channel=channel["name"],
+            recording=begun.name,
+            channel=channel.name,
             value=row[place],
-            unit=channel["unit"],
+            unit=channel.unit,
             t=row[0],
             watched=watched,
             minimum=_bound(limit.get("min")),
