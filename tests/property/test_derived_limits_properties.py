@@ -63,7 +63,7 @@ LIMITS = {
 
 def monitor_of(spec):
     """Return a monitor that is never read."""
-    return Monitor(spec, lambda: Figure(value=0.0, unit=spec.unit), 0, derivation_of(spec, spec.derived))
+    return Monitor(spec, lambda: Figure(value=0.0, unit=spec.unit), 0, derivation_of(spec))
 
 
 def feed_of(*specs):
@@ -150,7 +150,7 @@ def test_a_constant_current_adds_up_to_current_times_time(amperes, volts, steps)
         limit(quantity, unit, high=1e9, since="phase", **CHARGING)
         for quantity, unit in (("charge", "A.h"), ("energy", "W.h"), ("duration", "s"))
     ]
-    derivations = [derivation_of(spec, spec.derived) for spec in specs]
+    derivations = [derivation_of(spec) for spec in specs]
     instants = np.concatenate(([0], np.cumsum(steps)))
     numbers = {"voltage": volts, "current": amperes}
     for at_ms in instants.tolist():

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, cast
 
-from hil.bench.bound import BoundBench, build, url_of
-from hil.bench.connections import server_of
+from hil.bench.bound import BoundBench, build, publish_recorded, url_of
 from hil.clock.virtual import VirtualClock
 from hil.documents.findings import Findings
 from hil.documents.node import Place, place_at
@@ -19,9 +17,7 @@ from hil.simulation.ends import simulated_ends
 from hil.simulation.world import truth_errors
 from hil.wire.checkpoint import Checkpoint
 from hil.wire.exchange import publish_bus, publish_stream
-from hil.wire.handover import Handed
 from hil.wire.replay import Handover, Playback
-from hil.wire.replayed_ends import ReplayedBus, ReplayedStream
 from hil.wire.transcript import Transcript
 
 __all__ = ["bind_replayed", "bind_resumed", "bind_simulated", "check_twin", "simulated_twin"]
@@ -65,7 +61,6 @@ def bind_resumed(
     """
     twin = simulated_twin(spec)
     clock = VirtualClock(twin.epoch)
-    ends: dict[str, Handed[Any]] = {}
 
     def go_on() -> None:
         clock.wait_until(checkpoint.at_ns)
@@ -80,13 +75,7 @@ def bind_resumed(
 
     handover = None if asked else Handover(checkpoint.operations, checkpoint.at_ns, go_on)
     playback = Playback(record, clock, where, handover)
-    for instrument in spec.instruments:
-        if server_of(spec, instrument):
-            continue
-        recorded = ReplayedBus if instrument.bus else ReplayedStream
-        end = ends[instrument.name] = Handed(recorded(instrument.name, playback))
-        publish = publish_bus if instrument.bus else publish_stream
-        publish(url_of(Source.SIMULATED, spec, instrument.name), cast("Any", end))
+    ends = publish_recorded(spec, Source.SIMULATED, playback)
     bench = build(spec, Source.SIMULATED, clock, transcript, playback=playback)
     if asked:
         bench.go_on = go_on
@@ -104,8 +93,6 @@ def bind_replayed(
 ) -> BoundBench:
     """Build the bench on a recorded transcript behind `replay://` ports.
 
-    What hangs on a bus that an instrument serves has no record of its own: its bytes are in that instrument's.
-
     Args:
         spec: the bench file.
         transcript: where every operation is noted.
@@ -116,14 +103,7 @@ def bind_replayed(
     """
     clock = VirtualClock(spec.simulated.epoch if spec.simulated else "1970-01-01T00:00:00Z")
     playback = Playback(record, clock, where)
-    for instrument in spec.instruments:
-        url = url_of(Source.REPLAYED, spec, instrument.name)
-        if server_of(spec, instrument):
-            continue
-        if instrument.bus:
-            publish_bus(url, ReplayedBus(instrument.name, playback))
-        else:
-            publish_stream(url, ReplayedStream(instrument.name, playback))
+    publish_recorded(spec, Source.REPLAYED, playback)
     bench = build(spec, Source.REPLAYED, clock, transcript, playback=playback)
     bench.outside, bench.speed = outside, speed
     return bench

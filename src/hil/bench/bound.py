@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any, cast
 
 from hil.bench.connections import clamps_of, server_of, servers_first
 from hil.clock.live import LiveClock
@@ -18,15 +19,17 @@ from hil.model.identity import Source
 from hil.simulation.person import Person
 from hil.simulation.world import World
 from hil.wire.checkpoint import Checkpoint
-from hil.wire.exchange import withdraw
+from hil.wire.exchange import publish_bus, publish_stream, withdraw
+from hil.wire.handover import Handed
 from hil.wire.opening import open_bus, open_port
 from hil.wire.port import I2cBus
 from hil.wire.replay import Playback
+from hil.wire.replayed_ends import ReplayedBus, ReplayedStream
 from hil.wire.simulated_line import SimulatedLine
 from hil.wire.tap import TappedPort
 from hil.wire.transcript import Transcript
 
-__all__ = ["BoundBench", "build", "url_of"]
+__all__ = ["BoundBench", "build", "publish_recorded", "url_of"]
 
 
 @dataclass(kw_only=True)
@@ -149,6 +152,21 @@ def build(
         bench.close()
         raise
     return bench
+
+
+def publish_recorded(spec: BenchSpec, source: Source, playback: Playback) -> dict[str, Handed[Any]]:
+    """Let a record answer at every end of a bench, until something else is handed to the ends, which are returned.
+
+    What hangs on a bus that an instrument serves has no record of its own: its bytes are in that instrument's.
+    """
+    ends: dict[str, Handed[Any]] = {}
+    for instrument in spec.instruments:
+        if server_of(spec, instrument) is None:
+            recorded = ReplayedBus if instrument.bus else ReplayedStream
+            end = ends[instrument.name] = Handed(recorded(instrument.name, playback))
+            publish = publish_bus if instrument.bus else publish_stream
+            publish(url_of(source, spec, instrument.name), cast("Any", end))
+    return ends
 
 
 def _connect(bench: BoundBench, instrument: InstrumentSpec) -> Connection:

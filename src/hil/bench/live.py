@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
-from hil.bench.bound import BoundBench, build, url_of
+from hil.bench.bound import BoundBench, build, publish_recorded, url_of
 from hil.bench.connections import server_of
 from hil.bench.port_identity import WrongPort, is_serial_device, port_gates
 from hil.bench.serving import ends_of
@@ -17,10 +17,8 @@ from hil.model.bench import BenchSpec
 from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
 from hil.wire.exchange import publish_bus, publish_stream
-from hil.wire.handover import Handed
 from hil.wire.opening import hardware_bus
 from hil.wire.replay import Playback
-from hil.wire.replayed_ends import ReplayedBus, ReplayedStream
 from hil.wire.transcript import Transcript
 from hil.wire.unreachable import Unreachable
 
@@ -129,14 +127,7 @@ def bind_live_again(
     """
     clock = LiveClock(epoch, speed=reach.speed)
     playback = Playback(record, clock, where)
-    ends: dict[str, Handed[Any]] = {}
-    for instrument in spec.instruments:
-        if server_of(spec, instrument):
-            continue
-        recorded = ReplayedBus if instrument.bus else ReplayedStream
-        end = ends[instrument.name] = Handed(recorded(instrument.name, playback))
-        publish = publish_bus if instrument.bus else publish_stream
-        publish(url_of(reach.source, spec, instrument.name), cast("Any", end))
+    ends = publish_recorded(spec, reach.source, playback)
     bench = build(spec, reach.source, clock, transcript, playback=playback, live=clock)
     bench.speed = reach.speed
 

@@ -9,7 +9,7 @@ from hil.bench.derived.derivation import INTEGRALS, TIMES, UNITS, Derivation
 from hil.bench.derived.quantities import derivation_of
 from hil.bench.envelope import Monitor
 from hil.clock.port import NANOSECONDS
-from hil.model.envelope import Derived, EnvelopeLimit
+from hil.model.envelope import EnvelopeLimit
 from hil.model.figure import Figure
 
 __all__ = ["self_test"]
@@ -21,9 +21,9 @@ _VOLTS = 4.0
 _Row = tuple[int, tuple[float, ...]]
 
 
-def _rehearsals(limit: EnvelopeLimit, how: Derived, derivation: Derivation) -> Iterator[tuple[list[_Row], bool]]:
+def _rehearsals(limit: EnvelopeLimit, derivation: Derivation) -> Iterator[tuple[list[_Row], bool]]:
     """Yield courses of rows, and whether the limit must trip on them: instants in ns, and a number per source."""
-    told = _Course(limit, how, derivation)
+    told = _Course(limit, derivation)
     yield [(0, told.at(math.nan, told.amperes))] * limit.debounce, True
     yield from _sums(told) if limit.quantity in INTEGRALS else _levels(told)
 
@@ -31,18 +31,17 @@ def _rehearsals(limit: EnvelopeLimit, how: Derived, derivation: Derivation) -> I
 class _Course:
     """Builds rows of one limit."""
 
-    def __init__(self, limit: EnvelopeLimit, how: Derived, derivation: Derivation) -> None:
+    def __init__(self, limit: EnvelopeLimit, derivation: Derivation) -> None:
         self.limit = limit
-        self.how = how
         self._sources = derivation.sources
-        self.amperes = max(1.0, 2 * (how.threshold or 0.0)) * (-1 if how.flow == "discharging" else 1)
+        self.amperes = max(1.0, 2 * (limit.threshold or 0.0)) * (-1 if limit.flow == "discharging" else 1)
 
     def at(self, number: float, amperes: float) -> tuple[float, ...]:
         """Return numbers of all sources: what is watched comes first, a current is the flow, anything else 4 V or 0."""
         first = () if self.limit.quantity in INTEGRALS else (number,)
         others = self._sources[len(first) :]
         rest = [amperes if name == "current" else _VOLTS for _, name in others]
-        if self.how.against:
+        if self.limit.against:
             rest[-1] = 0.0
         if not first and math.isnan(number):
             rest[0] = number
@@ -56,7 +55,7 @@ class _Course:
 
     def moving(self, slope: float, amperes: float) -> list[_Row]:
         """Return rows of a quantity that goes up by `slope` of the limit's unit."""
-        over_s = self.how.over_s or 0.0
+        over_s = self.limit.over_s or 0.0
         unit_s = TIMES[self.limit.unit.partition("/")[2]]
         seconds = [0.0, *(over_s * (1 + place) for place in range(self.limit.debounce))]
         return [(round(each * NANOSECONDS), self.at(slope * each / unit_s, amperes)) for each in seconds]
@@ -78,7 +77,7 @@ def _sums(told: _Course) -> Iterator[tuple[list[_Row], bool]]:
     half = told.lasting(seconds * 0.6, told.amperes)
     turned = half[-1][0] + _STEP_NS
     again = told.lasting(seconds * 0.6, told.amperes, turned + _STEP_NS)
-    yield [*half, (turned, told.at(0.0, -told.amperes)), *again], told.how.since == "arm"
+    yield [*half, (turned, told.at(0.0, -told.amperes)), *again], told.limit.since == "arm"
     yield [*half, (turned, told.at(0.0, 0.0)), *again], True
 
 
@@ -98,9 +97,9 @@ def _levels(told: _Course) -> Iterator[tuple[list[_Row], bool]]:
             yield course(beyond, told.amperes), True
             if lowest <= within <= highest:
                 yield course(within, told.amperes), False
-            if told.how.flow:
+            if told.limit.flow:
                 yield course(beyond, 0.0), False
-            if told.how.flow in {"charging", "discharging"}:
+            if told.limit.flow in {"charging", "discharging"}:
                 yield course(beyond, -told.amperes), False
 
 
@@ -109,11 +108,11 @@ def _stuck(told: _Course) -> Iterator[tuple[list[_Row], bool]]:
     seconds = (told.limit.maximum or 0.0) * UNITS["unchanged"][told.limit.unit]
     yield told.lasting(seconds * _BEYOND, told.amperes), True
     yield told.lasting(seconds * _WITHIN, told.amperes), False
-    if told.how.flow:
+    if told.limit.flow:
         yield told.lasting(seconds * _BEYOND, 0.0), False
     half = told.lasting(seconds * 0.6, told.amperes)
     left = half[-1][0] + _STEP_NS
-    moved = (left, told.at(2 * (told.how.band or 0.0) + 1.0, told.amperes))
+    moved = (left, told.at(2 * (told.limit.band or 0.0) + 1.0, told.amperes))
     yield [*half, moved, *told.lasting(seconds * 0.6, told.amperes, left + _STEP_NS)], False
 
 
@@ -123,8 +122,8 @@ def self_test(limit: EnvelopeLimit) -> bool:
     Tried are a value beyond each bound, a value that is no number, and a value inside; where the quantity is derived,
     courses of numbers that come to such values, and such as look like them.
     """
-    if limit.derived is not None:
-        return _derived_self_test(limit, limit.derived)
+    if limit.is_derived:
+        return _derived_self_test(limit)
     low = limit.minimum if limit.minimum is not None else -math.inf
     high = limit.maximum if limit.maximum is not None else math.inf
     inside = min(max(0.0, low), high)
@@ -134,9 +133,9 @@ def self_test(limit: EnvelopeLimit) -> bool:
     return all(_trips(limit, value) for value in bad) and not _trips(limit, inside)
 
 
-def _derived_self_test(limit: EnvelopeLimit, how: Derived) -> bool:
-    for rows, trips in _rehearsals(limit, how, derivation_of(limit, how)):
-        derivation = derivation_of(limit, how)
+def _derived_self_test(limit: EnvelopeLimit) -> bool:
+    for rows, trips in _rehearsals(limit, derivation_of(limit)):
+        derivation = derivation_of(limit)
         monitor = Monitor(limit, lambda: Figure(value=math.nan, unit=limit.unit), 0, derivation)
         found = [monitor.judge(monitor.counted(Figure(value=derivation.row(*row), unit=limit.unit)), 0) for row in rows]
         if any(found) is not trips:

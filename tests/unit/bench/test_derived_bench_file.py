@@ -35,7 +35,7 @@ def load(root, changes):
 def test_the_committed_limits_are_read(tmp_path):
     """Every kind of them is there, and each one trips as it must."""
     spec = load(tmp_path, {})
-    derived = {limit.id: limit for limit in spec.envelope if limit.derived}
+    derived = {limit.id: limit for limit in spec.envelope if limit.is_derived}
     assert {limit.quantity for limit in derived.values()} == {
         "charge",
         "energy",

@@ -41,7 +41,7 @@ class Bench:
     def __init__(self, spec):
         self.now_ns = 0
         self.numbers = []
-        self.derivation = derivation_of(spec, spec.derived)
+        self.derivation = derivation_of(spec)
         self.monitor = Monitor(spec, self.read, 0, self.derivation)
 
     def read(self):

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from hil.bench.derived.course import Course, Room, direction, flow_bounds
-from hil.model.envelope import Derived, EnvelopeLimit
+from hil.model.envelope import EnvelopeLimit
 
 __all__ = ["INTEGRALS", "TIMES", "UNITS", "Derivation", "Watching"]
 
@@ -66,15 +66,15 @@ class Derivation(Protocol):
 class Watching:
     """What all derivations have in common: their limit, their sources, and the flow without which it does not count."""
 
-    def __init__(self, limit: EnvelopeLimit, how: Derived, *quantities: str) -> None:
-        if how.flow and "current" not in quantities:
+    def __init__(self, limit: EnvelopeLimit, *quantities: str) -> None:
+        if limit.flow and "current" not in quantities:
             quantities = (*quantities, "current")
         self.sources = tuple((limit.output, quantity) for quantity in quantities)
         self.applies = True
-        self._threshold = how.threshold or 0.0
-        self._flows = {"": (-1, 0, 1), "charging": (1,), "discharging": (-1,), "flowing": (-1, 1)}[how.flow]
-        self._gated = bool(how.flow)
-        self._current = quantities.index("current") if how.flow else 0
+        self._threshold = limit.threshold or 0.0
+        self._flows = {"": (-1, 0, 1), "charging": (1,), "discharging": (-1,), "flowing": (-1, 1)}[limit.flow]
+        self._gated = bool(limit.flow)
+        self._current = quantities.index("current") if limit.flow else 0
         self._lowest = -math.inf if limit.minimum is None else limit.minimum
         self._highest = math.inf if limit.maximum is None else limit.maximum
 

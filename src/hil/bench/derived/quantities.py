@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from hil.bench.derived.course import AHEAD_NS, NONE, Course, Room, flow_bounds, micro
 from hil.bench.derived.derivation import INTEGRALS, TIMES, UNITS, Derivation, Watching
 from hil.clock.port import NANOSECONDS
-from hil.model.envelope import MADE_OF, Derived, EnvelopeLimit
+from hil.model.envelope import MADE_OF, EnvelopeLimit
 
 __all__ = ["Gated", "Integral", "Slope", "Unchanged", "derivation_of"]
 
@@ -28,13 +28,13 @@ class Integral(Watching):
     By trapezoids between rows, of uA or uW and ns in whole numbers: the sum does not depend on how rows come.
     """
 
-    def __init__(self, limit: EnvelopeLimit, how: Derived) -> None:
-        super().__init__(limit, how, *MADE_OF[limit.quantity])
+    def __init__(self, limit: EnvelopeLimit) -> None:
+        super().__init__(limit, *MADE_OF[limit.quantity])
         self._quantity = limit.quantity
         self._timed = limit.quantity == "duration"
         self._per_unit = UNITS[limit.quantity][limit.unit] * _HALF_NS * (1 if self._timed else _MICRO)
         self._wanted = self._flows[0]
-        self._phased = how.since == "phase"
+        self._phased = limit.since == "phase"
         self._sum = 0
         self._at_ns: int | None = None
         self._weight = 0
@@ -107,11 +107,11 @@ class Integral(Watching):
 class Unchanged(Watching):
     """For how long a quantity has not left its band around where it was; with a flow, the time of that flow counts."""
 
-    def __init__(self, limit: EnvelopeLimit, how: Derived) -> None:
-        super().__init__(limit, how, how.of)
-        self._of = how.of
+    def __init__(self, limit: EnvelopeLimit) -> None:
+        super().__init__(limit, limit.of)
+        self._of = limit.of
         self._per_unit = UNITS["unchanged"][limit.unit] * _HALF_NS
-        self._band = how.band or 0.0
+        self._band = limit.band or 0.0
         self._from = math.nan
         self._sum = 0
         self._at_ns: int | None = None
@@ -175,10 +175,10 @@ class Unchanged(Watching):
 class Slope(Watching):
     """Change of a quantity over a time: against the newest row that is as old at least; 0 until there is one."""
 
-    def __init__(self, limit: EnvelopeLimit, how: Derived) -> None:
-        super().__init__(limit, how, how.of)
-        self._of = how.of
-        self._over_ns = round((how.over_s or 0.0) * NANOSECONDS)
+    def __init__(self, limit: EnvelopeLimit) -> None:
+        super().__init__(limit, limit.of)
+        self._of = limit.of
+        self._over_ns = round((limit.over_s or 0.0) * NANOSECONDS)
         self._unit_ns = TIMES[limit.unit.partition("/")[2]] * NANOSECONDS
         self._steepest = min(self._highest, -self._lowest)
         self._flow = 0
@@ -247,12 +247,12 @@ class Slope(Watching):
 class Gated(Watching):
     """What is read, counted only while a current flows, and less what another output reads where it is held against."""
 
-    def __init__(self, limit: EnvelopeLimit, how: Derived) -> None:
-        super().__init__(limit, how, limit.quantity)
+    def __init__(self, limit: EnvelopeLimit) -> None:
+        super().__init__(limit, limit.quantity)
         self._quantity = limit.quantity
-        self._against = bool(how.against)
-        if how.against:
-            self.sources = (*self.sources, (how.against, limit.quantity))
+        self._against = bool(limit.against)
+        if limit.against:
+            self.sources = (*self.sources, (limit.against, limit.quantity))
 
     def row(self, at_ns: int, numbers: Sequence[float]) -> float:
         """See `Derivation`."""
@@ -284,10 +284,10 @@ class Gated(Watching):
         del now_ns
 
 
-def derivation_of(limit: EnvelopeLimit, how: Derived) -> Derivation:
+def derivation_of(limit: EnvelopeLimit) -> Derivation:
     """Return what computes the quantity of a limit."""
     if limit.quantity in INTEGRALS:
-        return Integral(limit, how)
+        return Integral(limit)
     if limit.quantity == "unchanged":
-        return Unchanged(limit, how)
-    return Slope(limit, how) if limit.quantity == "slope" else Gated(limit, how)
+        return Unchanged(limit)
+    return Slope(limit) if limit.quantity == "slope" else Gated(limit)

@@ -53,7 +53,7 @@ def _problems(spec: BenchSpec, wire: Wire) -> Iterator[str]:
 def _measured(spec: BenchSpec, cycler: str) -> bool:
     """Return whether the envelope holds the battery's voltage down."""
     return any(
-        (limit.output, limit.quantity, limit.derived) == (cycler, "voltage", None) and limit.maximum is not None
+        (limit.output, limit.quantity, limit.is_derived) == (cycler, "voltage", False) and limit.maximum is not None
         for limit in spec.envelope
     )
 

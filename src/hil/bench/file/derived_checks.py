@@ -9,7 +9,7 @@ from hil.bench.file.complaints import Complaints, known, listed, quantity_of
 from hil.documents.suggest import did_you_mean
 from hil.instruments.registry import ROLES, quantity_units, role_of, unit_of
 from hil.model.bench import BenchSpec, Wire
-from hil.model.envelope import MADE_OF, Derived, EnvelopeLimit
+from hil.model.envelope import MADE_OF, EnvelopeLimit
 from hil.model.notation import Path
 
 __all__ = ["air", "derived"]
@@ -25,16 +25,16 @@ _OF_WHAT_IS_READ = (*_FLOW, "against")
 _DIRECTIONS = ("charging", "discharging")
 
 
-def derived(spec: BenchSpec, at: Path, limit: EnvelopeLimit, how: Derived) -> Complaints:
+def derived(spec: BenchSpec, at: Path, limit: EnvelopeLimit) -> Complaints:
     """Check one limit on a derived quantity."""
     if limit.quantity in MADE_OF:
-        yield from _unit(at, limit, how)
+        yield from _unit(at, limit)
     else:
         units = quantity_units()
         yield from known(at, "quantity", limit.quantity, (*units, *MADE_OF))
         if limit.quantity in units:
             yield from quantity_of(at, limit.output, limit.quantity, limit.unit)
-    for problem in (*_keys(limit, how), *_sources(spec, limit, how), *_numbers(limit)):
+    for problem in (*_keys(limit), *_sources(spec, limit), *_numbers(limit)):
         yield at, f"{limit.id}: {problem}"
 
 
@@ -58,50 +58,35 @@ def air(spec: BenchSpec) -> Complaints:
 
 def _guarded(spec: BenchSpec, wire: Wire, lowest: float) -> bool:
     return any(
-        (limit.output, limit.quantity, limit.derived) == (wire.name, "temperature", None)
+        (limit.output, limit.quantity, limit.is_derived) == (wire.name, "temperature", False)
         and limit.minimum is not None
         and limit.minimum >= lowest
         for limit in spec.envelope
     )
 
 
-def _given(how: Derived) -> dict[str, bool]:
-    return {
-        "of": bool(how.of),
-        "while": bool(how.flow),
-        "threshold": how.threshold is not None,
-        "since": bool(how.since),
-        "over": how.over_s is not None,
-        "band": how.band is not None,
-        "against": bool(how.against),
-    }
-
-
-def _keys(limit: EnvelopeLimit, how: Derived) -> Iterator[str]:
+def _keys(limit: EnvelopeLimit) -> Iterator[str]:
     """What a quantity needs, what it takes besides, and nothing else."""
-    given = _given(how)
+    given = limit.derivation
     needed = _NEEDED.get(limit.quantity, ())
     allowed = (*needed, *_ALLOWED.get(limit.quantity, _OF_WHAT_IS_READ))
-    for key, there in given.items():
-        if key in needed and not there:
-            yield f"{limit.quantity} needs '{key}'"
-        elif there and key not in allowed:
-            yield f"{limit.quantity} takes no '{key}'"
-    if "threshold" not in needed and given["while"] != given["threshold"]:
+    yield from (f"{limit.quantity} needs '{key}'" for key in needed if key not in given)
+    yield from (f"{limit.quantity} takes no '{key}'" for key in given if key not in allowed)
+    if "threshold" not in needed and ("while" in given) != ("threshold" in given):
         yield "'while' and 'threshold' belong together: from the threshold on, a current flows"
-    if limit.quantity in INTEGRALS and how.flow == "flowing":
+    if limit.quantity in INTEGRALS and limit.flow == "flowing":
         yield f"{limit.quantity} adds up in one direction: while is charging or discharging"
-    if how.flow and limit.quantity not in INTEGRALS and "current" in {how.of, limit.quantity}:
+    if limit.flow and limit.quantity not in INTEGRALS and "current" in {limit.of, limit.quantity}:
         yield "a current cannot be the condition of its own limit"
 
 
-def _unit(at: Path, limit: EnvelopeLimit, how: Derived) -> Complaints:
+def _unit(at: Path, limit: EnvelopeLimit) -> Complaints:
     if limit.quantity == "slope":
-        unit = unit_of(limit.output, how.of) or next(iter(quantity_units().get(how.of, ())), "")
+        unit = unit_of(limit.output, limit.of) or next(iter(quantity_units().get(limit.of, ())), "")
         if not unit:
             return
         base = {"degC": "K"}.get(unit, unit)
-        name, units = f"slope of {how.of}", [f"{base}/{time}" for time in TIMES]
+        name, units = f"slope of {limit.of}", [f"{base}/{time}" for time in TIMES]
     else:
         name, units = limit.quantity, list(UNITS[limit.quantity])
     if limit.unit and limit.unit not in units:
@@ -109,25 +94,25 @@ def _unit(at: Path, limit: EnvelopeLimit, how: Derived) -> Complaints:
         yield at, f"{name} is given in {listed} here, not in '{limit.unit}'{did_you_mean(limit.unit, units)}"
 
 
-def _sources(spec: BenchSpec, limit: EnvelopeLimit, how: Derived) -> Iterator[str]:
+def _sources(spec: BenchSpec, limit: EnvelopeLimit) -> Iterator[str]:
     """What is derived needs what it is derived from."""
     role, units = role_of(limit.output), quantity_units()
-    if how.of and how.of not in units:
-        yield f"unknown quantity '{how.of}'{did_you_mean(how.of, units)}"
-    made_of = {*MADE_OF.get(limit.quantity, ()), *({how.of} & set(units)), *(("current",) if how.flow else ())}
+    if limit.of and limit.of not in units:
+        yield f"unknown quantity '{limit.of}'{did_you_mean(limit.of, units)}"
+    made_of = {*MADE_OF.get(limit.quantity, ()), *({limit.of} & set(units)), *(("current",) if limit.flow else ())}
     for name in sorted(made_of) if role else ():
         if role and name not in role.quantities:
             yield f"{limit.output} has no {name}, of which this is made"
     outputs = [wire.name for wire in spec.wiring]
-    if not how.against:
+    if not limit.against:
         return
-    other = role_of(how.against)
-    if how.against not in outputs:
-        yield f"unknown output '{how.against}'{did_you_mean(how.against, outputs)}"
-    elif how.against == limit.output:
+    other = role_of(limit.against)
+    if limit.against not in outputs:
+        yield f"unknown output '{limit.against}'{did_you_mean(limit.against, outputs)}"
+    elif limit.against == limit.output:
         yield f"{limit.output} cannot be held against itself"
     elif limit.quantity in units and other and limit.quantity not in other.quantities:
-        yield f"{how.against} has no {limit.quantity}"
+        yield f"{limit.against} has no {limit.quantity}"
 
 
 def _numbers(limit: EnvelopeLimit) -> Iterator[str]:

@@ -102,8 +102,8 @@ def envelope(spec: BenchSpec) -> Complaints:
     seen: set[str] = set()
     for at, limit in listed("envelope", spec.envelope):
         yield from known(at, "output", limit.output, _outputs(spec))
-        if limit.derived:
-            yield from derived(spec, at, limit, limit.derived)
+        if limit.is_derived:
+            yield from derived(spec, at, limit)
         else:
             yield from quantity_of(at, limit.output, limit.quantity, limit.unit)
         for problem in _bound_problems(limit):

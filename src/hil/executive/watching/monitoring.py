@@ -131,9 +131,9 @@ class Monitoring:
 
 def monitor_of(bench: BoundBench, limit: EnvelopeLimit) -> Monitor:
     """Return the monitor of one limit."""
-    if limit.derived is None:
+    if not limit.is_derived:
         return Monitor(limit, _reading(bench, limit.output, limit.quantity), 0)
-    derivation = derivation_of(limit, limit.derived)
+    derivation = derivation_of(limit)
     return Monitor(limit, _derived_reading(bench, limit, derivation), 0, derivation)
 
 
