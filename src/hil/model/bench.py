@@ -32,6 +32,7 @@ from hil.model.notation import (
 __all__ = [
     "BenchHead",
     "BenchSpec",
+    "Bounds",
     "Bus",
     "CalibratedRange",
     "Calibration",
@@ -196,25 +197,26 @@ class Wire:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Clamp:
+class Bounds:
+    """The range of one quantity of one output."""
+
+    output: Text
+    quantity: Text
+    unit: Text
+    minimum: Number = field(metadata={"alias": "min"})
+    maximum: Number = field(metadata={"alias": "max"})
+
+
+class Clamp(Bounds):
     """The range that settings of one output may have; anything beyond is not sent."""
 
-    output: Text
-    quantity: Text
-    unit: Text
-    minimum: Number = field(metadata={"alias": "min"})
-    maximum: Number = field(metadata={"alias": "max"})
+    __slots__ = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Proof:
+class Proof(Bounds):
     """How a safe state is proven: this read must be within these bounds."""
 
-    output: Text
-    quantity: Text
-    unit: Text
-    minimum: Number = field(metadata={"alias": "min"})
-    maximum: Number = field(metadata={"alias": "max"})
+    __slots__ = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

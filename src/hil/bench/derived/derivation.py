@@ -89,3 +89,9 @@ class Watching:
     def flow_through(self, course: Course) -> int | None:
         """Return the direction of all rows, None where it is not one; 0 where the limit always counts."""
         return course.flow(self._threshold) if self._gated else 0
+
+    def pause(self) -> None:
+        """See `Derivation`; what remembers nothing has nothing to forget."""
+
+    def settle(self, now_ns: int) -> None:
+        """See `Derivation`; what remembers nothing has no instant."""

@@ -22,7 +22,24 @@ _WITHIN = 0.999
 """Rounding does not use up the rest."""
 
 
-class Integral(Watching):
+class _Counting(Watching):
+    """What grows from row to row: when the last one was, and in which direction the current flowed then."""
+
+    def __init__(self, limit: EnvelopeLimit, *quantities: str) -> None:
+        super().__init__(limit, *quantities)
+        self._at_ns: int | None = None
+        self._flow: int | None = None
+
+    def pause(self) -> None:
+        """See `Derivation`; what was counted stays."""
+        self._at_ns = self._flow = None
+
+    def settle(self, now_ns: int) -> None:
+        """See `Derivation`."""
+        self._at_ns = None if self._at_ns is None else now_ns
+
+
+class Integral(_Counting):
     """Charge, energy or duration of one direction of the current, since it last flowed the other way or since arm.
 
     By trapezoids between rows, of uA or uW and ns in whole numbers: the sum does not depend on how rows come.
@@ -36,9 +53,7 @@ class Integral(Watching):
         self._wanted = self._flows[0]
         self._phased = limit.since == "phase"
         self._sum = 0
-        self._at_ns: int | None = None
         self._weight = 0
-        self._flow: int | None = None
 
     def row(self, at_ns: int, numbers: Sequence[float]) -> float:
         """See `Derivation`."""
@@ -96,15 +111,11 @@ class Integral(Watching):
 
     def pause(self) -> None:
         """See `Derivation`; what was counted stays."""
-        self._at_ns = self._flow = None
+        super().pause()
         self._weight = 0
 
-    def settle(self, now_ns: int) -> None:
-        """See `Derivation`."""
-        self._at_ns = None if self._at_ns is None else now_ns
 
-
-class Unchanged(Watching):
+class Unchanged(_Counting):
     """For how long a quantity has not left its band around where it was; with a flow, the time of that flow counts."""
 
     def __init__(self, limit: EnvelopeLimit) -> None:
@@ -114,9 +125,7 @@ class Unchanged(Watching):
         self._band = limit.band or 0.0
         self._from = math.nan
         self._sum = 0
-        self._at_ns: int | None = None
         self._counts = 0
-        self._flow: int | None = None
 
     def row(self, at_ns: int, numbers: Sequence[float]) -> float:
         """See `Derivation`."""
@@ -162,14 +171,6 @@ class Unchanged(Watching):
         return Room(
             self._at_ns + min(AHEAD_NS, left_ns), {self._of: (-math.inf, math.inf), **self.flow_room(self._flow)}
         )
-
-    def pause(self) -> None:
-        """See `Derivation`; what was counted stays."""
-        self._at_ns = self._flow = None
-
-    def settle(self, now_ns: int) -> None:
-        """See `Derivation`."""
-        self._at_ns = None if self._at_ns is None else now_ns
 
 
 class Slope(Watching):
@@ -275,13 +276,6 @@ class Gated(Watching):
         """See `Derivation`."""
         bounds = {self._quantity: (self._lowest, self._highest), "current": (-math.inf, math.inf)}
         return None if self._against else Room(2**62, bounds)
-
-    def pause(self) -> None:
-        """See `Derivation`; it remembers nothing."""
-
-    def settle(self, now_ns: int) -> None:
-        """See `Derivation`; it remembers nothing."""
-        del now_ns
 
 
 def derivation_of(limit: EnvelopeLimit) -> Derivation:
