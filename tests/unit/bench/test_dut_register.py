@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hil.bench.file.duts import find_dut, load_duts
+from hil.bench.file.reading import find_dut, load_duts
 from hil.documents.findings import Findings
 from hil.model.errors import Refused
 from hil.model.identity import Model

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from hil.bench.file import cutting_checks, derived_checks, limit_checks
+from hil.bench.file import cutting_checks, limit_checks
 from hil.bench.file.complaints import Complaints, known, listed, named, usable
 from hil.clock.virtual import VirtualClock
 from hil.documents.declared import Document
@@ -37,7 +37,7 @@ def check_bench(document: Document[BenchSpec], findings: Findings, *, driven: bo
         limit_checks.clamps,
         limit_checks.reduced_levels,
         limit_checks.envelope,
-        derived_checks.air,
+        limit_checks.air,
         limit_checks.safe_steps,
         limit_checks.covered,
         cutting_checks.charging,

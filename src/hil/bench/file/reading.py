@@ -1,7 +1,8 @@
-"""Read a bench file: every section, every finding at once."""
+"""Read a bench file and the register of devices under test: everything that is wrong at once."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from hil.bench.file.checks import check_bench
@@ -11,10 +12,11 @@ from hil.documents.findings import Findings
 from hil.documents.suggest import did_you_mean
 from hil.model.bench import BenchSpec
 from hil.model.errors import ConfigurationError, Refused
+from hil.model.identity import Dut
 
-__all__ = ["SCHEMA", "bench_names", "load_bench", "read_bench"]
+__all__ = ["bench_names", "find_dut", "load_bench", "load_duts"]
 
-SCHEMA = "hil/bench/1"
+_BENCH = "hil/bench/1"
 
 
 def bench_names(benches: Path) -> tuple[str, ...]:
@@ -43,20 +45,13 @@ def load_bench(benches: Path, name: str, root: Path, *, driven: bool = True) -> 
         )
     findings = Findings()
     path = benches / name / "bench.yaml"
-    spec = read_bench(path, str(path.relative_to(root)), findings, driven=driven)
-    if spec is None or len(findings):
+    document = read_document(path, str(path.relative_to(root)), findings, BenchSpec, schema=_BENCH)
+    if document is not None:
+        _check_name(document, path, findings)
+        check_bench(document, findings, driven=driven)
+        _check_certificates(document, path.parent, findings)
+    if document is None or len(findings):
         raise ConfigurationError(tuple(findings))
-    return spec
-
-
-def read_bench(path: Path, shown: str, findings: Findings, *, driven: bool = True) -> BenchSpec | None:
-    """Read one bench file and add what is wrong to the findings; None where nothing could be read."""
-    document = read_document(path, shown, findings, BenchSpec, schema=SCHEMA)
-    if document is None:
-        return None
-    _check_name(document, path, findings)
-    check_bench(document, findings, driven=driven)
-    _check_certificates(document, path.parent, findings)
     return document.model
 
 
@@ -90,3 +85,44 @@ def _certificate_problem(folder: Path, certificate: str) -> str:
         reason = getattr(error, "strerror", None) or "its path leads nowhere"
         return f"the certificate '{certificate}' cannot be read: {reason}"
     return ""
+
+
+_DUTS = "hil/duts/1"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Register:
+    """The file of the register."""
+
+    duts: tuple[Dut, ...]
+
+
+def load_duts(path: Path, shown: str, findings: Findings) -> tuple[Dut, ...]:
+    """Read the register and add what is wrong to the findings."""
+    document = read_document(path, shown, findings, _Register, schema=_DUTS)
+    if document is None:
+        return ()
+    duts: dict[str, Dut] = {}
+    for index, dut in enumerate(document.model.duts):
+        if dut.serial and dut.serial in duts:
+            findings.add(
+                document.place(("duts", index, "serial")), f"serial number '{dut.serial}' is in the register twice"
+            )
+        duts.setdefault(dut.serial, dut)
+    return tuple(duts.values())
+
+
+def find_dut(duts: tuple[Dut, ...], serial: str, shown: str) -> Dut:
+    """Return the device of that serial number.
+
+    Raises:
+        Refused: if it is not in the register.
+    """
+    for dut in duts:
+        if dut.serial == serial:
+            return dut
+    known = [dut.serial for dut in duts]
+    raise Refused(
+        f"no device under test '{serial}' in {shown}{did_you_mean(serial, known)}",
+        f"registered are: {', '.join(known) or 'none'}",
+    )

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from hil.bench.binding import check_twin, simulated_twin
-from hil.bench.file.duts import find_dut, load_duts
-from hil.bench.file.reading import load_bench
+from hil.bench.file.reading import find_dut, load_bench, load_duts
 from hil.bench.live import Reach, reach_of_hardware, reach_of_served
 from hil.documents.findings import Findings
 from hil.documents.suggest import did_you_mean
