@@ -6,13 +6,19 @@ import math
 
 import pytest
 
-from hil.analysis.battery.gates import Declared
-from hil.analysis.battery.half_cycle import Limits, end_uncertainty
-from hil.analysis.battery.series import series
-from hil.analysis.battery.steps import StepKind
-from hil.analysis.battery.summary import summarise
-from hil.analysis.statistics import not_observable
-from hil.model.figure import Figure
+from hil.analysis import (
+    Certainty,
+    Column,
+    Declared,
+    Limits,
+    StepKind,
+    as_csv,
+    not_observable,
+    observed,
+    series,
+    summarise,
+)
+from hil.plan import Figure
 
 OF_THE_DECLARATION = {"capacity_ratio", "energy_ratio"}
 """Gates that speak against what the maker declares as much as against the tester."""
@@ -67,52 +73,16 @@ OF_TABLE_1 = "EPS-BAT-007"
 BEYOND_TABLE_1 = "EPS-BAT-008"
 
 
-class Certainty:
-    """How well the tester knows: standard uncertainties by its certificate, None where it has none."""
-
-    def __init__(self, recording):
-        self.voltage = recording.uncertainty("voltage")
-        self.current = recording.uncertainty("current")
-        self.temperature = recording.uncertainty("temperature")
-        stream = recording.stream
-        self.clock = None if stream.drift is None else math.hypot(stream.drift, stream.drift_uncertainty)
-
-    def time(self, seconds):
-        """Of a time [s]: a line at each end, and the clock of the tester, which not every firmware tells."""
-        return None if self.clock is None else math.hypot(LINE_S / math.sqrt(6.0), self.clock * seconds)
-
-    def time_to(self, seconds, meter, sensitivity):
-        """Of a time [s] to a level: what the meter has too much moves it, by `sensitivity` [s] per unit."""
-        own = self.time(seconds)
-        if own is None or meter is None or math.isnan(sensitivity):
-            return None
-        return math.hypot(own, meter * sensitivity)
-
-    def end_of(self, half):
-        """Of the last voltage [V]: the end came behind the last line."""
-        if self.voltage is None or math.isnan(half.last_change):
-            return None
-        return end_uncertainty(self.voltage, half.last_change)
-
-    def charge(self, half):
-        """Of a charge [Ah]: what the tester's current has too much, it has all the time."""
-        return None if self.current is None else self.current * half.duration / S_PER_H
-
-    def energy(self, half):
-        """Of an energy [Wh]."""
-        if self.current is None or self.voltage is None:
-            return None
-        return math.hypot(self.charge(half) * half.mean_voltage, self.voltage * half.charge)
-
-    def ratio(self, made, value):
-        """Of an efficiency: an offset of the current adds to the one half-cycle what it takes from the other."""
-        if self.current is None:
-            return None
-        return value * sum(self.charge(half) / half.charge for half in (made.charge, made.discharge))
-
-    def resistance(self, change):
-        """Of a resistance over a change of current [A]."""
-        return None if self.voltage is None else math.sqrt(2.0) * self.voltage / abs(change)
+def certainty_of(recording):
+    """Return how well the tester knows: by its certificate, and by its clock, which not every firmware tells."""
+    return Certainty(
+        interval=LINE_S,
+        voltage=recording.uncertainty("voltage"),
+        current=recording.uncertainty("current"),
+        temperature=recording.uncertainty("temperature"),
+        drift=recording.stream.drift,
+        drift_uncertainty=recording.stream.drift_uncertainty,
+    )
 
 
 def of_half(half, kind, known):
@@ -193,19 +163,10 @@ def end_currents(lines):
     }
 
 
-def printed(value, decimals):
-    """Return a number as the table has it, empty where there is none."""
-    return f"{value:.{decimals}f}" if math.isfinite(value) else ""
-
-
-def as_csv(rows):
-    """Return the table of iterations as text, one line each."""
-    head = ",".join(["iteration", *(name if unit == "1" else f"{name} [{unit}]" for name, unit, _ in TABLE)])
-    lines = [
-        ",".join([f"{number}", *(printed(row[name].value, decimals) for name, _, decimals in TABLE)])
-        for number, row in rows.items()
-    ]
-    return "\n".join([head, *lines, ""])
+def table(rows):
+    """Return the table of iterations as text, one line each; empty where there is no number."""
+    columns = [Column("iteration"), *(Column(name, unit, f".{places}f", missing="") for name, unit, places in TABLE)]
+    return as_csv(columns, ([number, *(row[name].value for name, *_ in TABLE)] for number, row in rows.items()))
 
 
 def median_of(cycles, known):
@@ -218,13 +179,6 @@ def median_of(cycles, known):
         Figure(value=half.charge, unit="Ah", uncertainty=known.charge(half)),
         Figure(value=half.energy, unit="Wh", uncertainty=known.energy(half)),
     )
-
-
-def drift_of(stream):
-    """Return the rate of the tester's clock against the bench's, minus 1; not observable where nothing told it."""
-    if stream.drift is None:
-        return not_observable("1")
-    return Figure(value=stream.drift, unit="1", uncertainty=stream.drift_uncertainty)
 
 
 def declared(parameters):
@@ -333,9 +287,9 @@ def test_charge(cell, iterations, check, step, artifact, parameters):
         after = cell.relaxed(parameters.relaxation)
     with step("Look at the record before anything is concluded from it"):
         check("EPS-BAT-010", "lost_lines", test.stream.lost)
-        check("EPS-BAT-010", "clock_drift", drift_of(test.stream))
+        check("EPS-BAT-010", "clock_drift", observed(test.stream.drift, "1", test.stream.drift_uncertainty))
         artifact("starts.csv", cell.starts_as_csv(starts))
-        lines, known = parts_of(test, cell.parts(test, starts)), Certainty(test)
+        lines, known = parts_of(test, cell.parts(test, starts)), certainty_of(test)
         summaries = summaries_of(lines, starts, parameters)
         told = [gate for summary in summaries for gate in summary.gates if gate.ok is False]
         doubts = [str(gate) for gate in told if gate.name not in OF_THE_DECLARATION and not gate.cycles]
@@ -345,7 +299,7 @@ def test_charge(cell, iterations, check, step, artifact, parameters):
         check("EPS-BAT-008", "open_circuit_voltage", after, of="after")
     with step("State the numbers of every cycle"):
         rows = {n: row_of(made.get(n), known, ends.get(n, math.nan)) for n in range(1, cycles + 1)}
-        artifact("iterations.csv", as_csv(rows))
+        artifact("iterations.csv", table(rows))
         own = {number: doubts_of(number, made.get(number), told, ends, parameters) for number in rows}
         stopped = {start.turn - 1 for start in starts}
         for place, (name, _, _) in enumerate(TABLE):

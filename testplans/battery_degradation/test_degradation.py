@@ -8,12 +8,20 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from hil.analysis.battery.cycles import cycles as cycles_of
-from hil.analysis.battery.fade import fade
-from hil.analysis.battery.half_cycle import Limits, end_uncertainty
-from hil.analysis.battery.series import series
-from hil.analysis.statistics import not_observable
-from hil.model.figure import Figure
+from hil.analysis import (
+    Column,
+    Limits,
+    as_csv,
+    end_uncertainty,
+    fade,
+    not_observable,
+    observed,
+    series,
+)
+from hil.analysis import (
+    cycles as cycles_of,
+)
+from hil.plan import Figure
 
 LINE_S = 5.0
 S_PER_H = 3600.0
@@ -174,13 +182,10 @@ def row_of(number, part, limits):
     return row
 
 
-def as_csv(rows):
+def table(rows):
     """Return the table of cycles as text, one line each."""
-    head = ",".join(["cycle", *(name if unit == "1" else f"{name} [{unit}]" for name, unit, _ in COLUMNS)])
-    lines = [
-        ",".join([f"{row['cycle']}", *(f"{row[name]:.{decimals}f}" for name, _, decimals in COLUMNS)]) for row in rows
-    ]
-    return "\n".join([head, *lines, ""])
+    columns = [Column("cycle"), *(Column(name, unit, f".{places}f") for name, unit, places in COLUMNS)]
+    return as_csv(columns, ([row["cycle"], *(row[name] for name, *_ in COLUMNS)] for row in rows))
 
 
 def fades_of(rows, starts, skip):
@@ -197,15 +202,20 @@ def fades_of(rows, starts, skip):
 
 def fades_as_csv(fades):
     """Return what the lines tell as text: least squares with its interval, Theil and Sen, and where life ends."""
-    lines = [
-        "quantity,unit,slope,low,high,probability,theil_sen,theil_sen_low,theil_sen_high,significant_from,life_ends"
-    ]
-    for name, line in fades.items():
-        numbers = (line.slope.value, line.low, line.high, line.probability)
-        numbers += (line.robust, line.robust_low, line.robust_high)
-        told = ",".join(f"{number:.3e}" for number in numbers)
-        lines.append(f"{name},{line.slope.unit},{told},{line.first_significant or ''},{line.end_of_life.cycle:.0f}")
-    return "\n".join([*lines, ""])
+    numbers = ("slope", "low", "high", "probability", "theil_sen", "theil_sen_low", "theil_sen_high")
+    columns = [Column("quantity"), Column("unit"), *(Column(name, form=".3e") for name in numbers)]
+    columns += [Column("significant_from"), Column("life_ends", form=".0f")]
+    return as_csv(
+        columns,
+        (
+            [
+                *(name, line.slope.unit, line.slope.value, line.low, line.high, line.probability),
+                *(line.robust, line.robust_low, line.robust_high),
+                *(line.first_significant or "", line.end_of_life.cycle),
+            ]
+            for name, line in fades.items()
+        ),
+    )
 
 
 def extreme(rows, column, unit, worst, uncertainty):
@@ -252,13 +262,6 @@ def broken_off(rows, end_current):
     ]
 
 
-def drift_of(stream):
-    """Return the rate of the tester's clock against the bench's, minus 1; not observable where nothing told it."""
-    if stream.drift is None:
-        return not_observable("1")
-    return Figure(value=stream.drift, unit="1", uncertainty=stream.drift_uncertainty)
-
-
 @pytest.mark.requirement(
     "EPS-DEG-001",
     "EPS-DEG-002",
@@ -296,9 +299,9 @@ def test_degradation(cell, assembly, record, iterations, check, step, artifact, 
     with step("Look at the record before anything is concluded from it"):
         rows = rows_of(test, parts, parameters)
         artifact("starts.csv", cell.starts_as_csv(starts))
-        artifact("cycles.csv", as_csv(rows))
+        artifact("cycles.csv", table(rows))
         check("EPS-DEG-011", "lost_lines", test.stream.lost, doubts=[] if test.stream.losses_known else [NO_SOAK])
-        check("EPS-DEG-011", "clock_drift", drift_of(test.stream))
+        check("EPS-DEG-011", "clock_drift", observed(test.stream.drift, "1", test.stream.drift_uncertainty))
         check("EPS-DEG-009", "elapsed_ratio", elapsed_ratio(rows, test, parts), doubts=ended)
     with step("Judge charges, discharges and temperatures"):
         charged = [*ended, *broken_off(rows, parameters.end_current)]

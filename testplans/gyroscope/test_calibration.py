@@ -6,15 +6,18 @@ import math
 
 import pytest
 
-from hil.analysis import sampling
-from hil.analysis.allan.noise import rest_mean
-from hil.analysis.gyroscope.calibrate import calibrate
-from hil.analysis.gyroscope.interchange import as_c_header, as_json, from_json
-from hil.analysis.gyroscope.readings import Reading
-from hil.analysis.gyroscope.self_check import export_disagreements
-from hil.analysis.statistics import not_observable
-from hil.model.errors import Refused
-from hil.model.figure import Figure
+from hil.analysis import (
+    Reading,
+    as_c_header,
+    as_json,
+    assess,
+    calibrate,
+    export_disagreements,
+    from_json,
+    not_observable,
+    rest_mean,
+)
+from hil.plan import Figure, Refused
 
 AXES = "xyz"
 REFERENCE = 25.0
@@ -92,7 +95,7 @@ def reading_of(recording, systematic, rates=None):
         systematic: standard uncertainty that all its samples share [deg/s].
         rates: true rate by axis [deg/s], where the table turned.
     """
-    rate = sampling.assess(recording.time).rate
+    rate = assess(recording.time).rate
     means = {axis: rest_mean(recording[axis], rate, recording.unit(axis), systematic=systematic) for axis in AXES}
     return Reading(temperature=float(recording["temperature"].mean()), means=means, rates=rates or {})
 

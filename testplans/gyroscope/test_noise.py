@@ -5,20 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.analysis import sampling
-from hil.analysis.allan import noise as averaging
-from hil.analysis.allan.noise import characterise
-from hil.analysis.statistics import not_observable
-from hil.model.figure import Figure
+from hil.analysis import MovingAverage, assess, characterise, not_observable, observed
+from hil.plan import Figure
 
 AXES = "xyz"
-
-
-def drift_of(stream):
-    """Return the rate of the sampling clock against the bench's, minus 1; not observable where nothing told it."""
-    if stream.drift is None:
-        return not_observable("1")
-    return Figure(value=stream.drift, unit="1", uncertainty=stream.drift_uncertainty)
 
 
 def figures_of(samples, rate, unit, queue, parameters):
@@ -58,9 +48,9 @@ def test_noise_at_rest(chamber, rotation, rate_sensor, doubts_of, record, check,
     with step("Look at the record before anything is concluded from it"):
         doubts = doubts_of(rest, parameters.in_unit("noise_density", "deg/s/sqrt(Hz)"))
         check("ADCS-GYR-015", "lost_frames", rest.stream.lost)
-        check("ADCS-GYR-015", "clock_drift", drift_of(rest.stream))
-    rate = sampling.assess(rest.time).rate
-    queue = averaging.MovingAverage(samples=int(parameters.queue), rate=rate)
+        check("ADCS-GYR-015", "clock_drift", observed(rest.stream.drift, "1", rest.stream.drift_uncertainty))
+    rate = assess(rest.time).rate
+    queue = MovingAverage(samples=int(parameters.queue), rate=rate)
     check("ADCS-GYR-013", "delay", Figure(value=queue.delay, unit="s"))
     for axis in AXES:
         with step(f"Characterise axis {axis}"):

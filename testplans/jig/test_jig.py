@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.analysis import statistics
-from hil.model.figure import Figure
+from hil.analysis import mean
+from hil.plan import Figure
 
 
 @pytest.mark.requirement("JIG-MAG-010")
@@ -24,7 +24,7 @@ def test_background(field, record, check, step, parameters):
     """Without a coil current the jig shows the Earth's field, quietly."""
     with step("Record the background"):
         background = record("background", field, duration=parameters.duration, rate=parameters.rate)
-    mean = {axis: statistics.mean(background[axis], background.unit(axis)) for axis in "xyz"}
+    means = {axis: mean(background[axis], background.unit(axis)) for axis in "xyz"}
     for axis in "xyz":
         samples = background[axis]
         # Standard uncertainty of a standard deviation of n samples: s / sqrt(2 (n - 1)).
@@ -32,7 +32,7 @@ def test_background(field, record, check, step, parameters):
         uncertainty = noise / np.sqrt(2 * (len(samples) - 1))
         figure = Figure(value=noise, unit=background.unit(axis), uncertainty=uncertainty, dof=len(samples) - 1)
         check("JIG-MAG-020", "noise", figure, of=axis)
-    vector = np.array([mean[axis].value for axis in "xyz"])
+    vector = np.array([means[axis].value for axis in "xyz"])
     systematic = np.array([background.uncertainty(axis) for axis in "xyz"])
     magnitude = float(np.linalg.norm(vector))
     figure = Figure(value=magnitude, unit="uT", uncertainty=float(np.linalg.norm(vector / magnitude * systematic)))

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.analysis import coil as coils
-from hil.analysis import magnetics
-from hil.model.figure import Figure
+from hil.analysis import direction, expected_field, field_ratio, linearity, odd_response, resistance
+from hil.plan import Figure
 
 BOARDS = ("x_plus", "x_minus", "y_plus", "y_minus", "z_plus", "z_minus")
 OUTWARD_NORMAL = (0.0, 0.0, 1.0)
@@ -42,7 +41,7 @@ def response_of(repetitions):
     vectors = [[np.column_stack([one[axis] for axis in "xyz"]) for one in phases] for phases in repetitions]
     times = [[one.time.mean() for one in phases] for phases in repetitions]
     plus, zero, minus = zip(*vectors, strict=True)
-    return magnetics.odd_response(plus, zero, minus, times=times, unit=repetitions[0][0].unit("z"))
+    return odd_response(plus, zero, minus, times=times, unit=repetitions[0][0].unit("z"))
 
 
 def scale_uncertainty(recording):
@@ -67,13 +66,13 @@ def test_polarity(board, operator, coil, field, record, check, step, iterations,
     with step("Switch the coil off"):
         coil.drive(0)
 
-    found = magnetics.direction(response_of(repetitions), OUTWARD_NORMAL, alignment=parameters.alignment)
+    found = direction(response_of(repetitions), OUTWARD_NORMAL, alignment=parameters.alignment)
     check("ADCS-MTQ-010", "sense", found.sense)
     check("ADCS-MTQ-010", "significance", found.significance)
     check("ADCS-MTQ-010", "angle", found.angle)
 
     voltages, currents = zip(*readings, strict=True)
-    expected = coils.expected_field(
+    expected = expected_field(
         parameters.turns,
         Figure(value=parameters.side_a, unit="m", uncertainty=parameters.side_uncertainty),
         Figure(value=parameters.side_b, unit="m", uncertainty=parameters.side_uncertainty),
@@ -81,8 +80,8 @@ def test_polarity(board, operator, coil, field, record, check, step, iterations,
         currents[0],
     )
     gain = scale_uncertainty(repetitions[0][0])
-    check("ADCS-MTQ-020", "field_ratio", coils.field_ratio(found.projection, expected, gain=gain))
-    check("ADCS-MTQ-030", "resistance", coils.resistance(voltages, currents))
+    check("ADCS-MTQ-020", "field_ratio", field_ratio(found.projection, expected, gain=gain))
+    check("ADCS-MTQ-030", "resistance", resistance(voltages, currents))
 
 
 @pytest.mark.requirement("ADCS-MTQ-040")
@@ -103,10 +102,10 @@ def test_linearity(board, operator, coil, field, record, check, step, iterations
                 repetitions.append(phases)
                 readings += measured
             currents.append(readings[0][1])
-            fields.append(magnetics.direction(response_of(repetitions), OUTWARD_NORMAL).projection)
+            fields.append(direction(response_of(repetitions), OUTWARD_NORMAL).projection)
     with step("Switch the coil off"):
         coil.drive(0)
-    check("ADCS-MTQ-040", "nonlinearity", coils.linearity(currents, fields))
+    check("ADCS-MTQ-040", "nonlinearity", linearity(currents, fields))
 
 
 @pytest.mark.requirement("ADCS-MTQ-060")

@@ -1,1 +1,99 @@
-"""Numbers from arrays: noise, magnetics and statistics, usable from any notebook."""
+"""Numbers from arrays: noise, magnetics and statistics, usable from any notebook.
+
+What plans use stands here under one name each: `from hil.analysis import characterise`. A name is looked up when it is
+asked for, so that nobody waits for what he does not use.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from hil.analysis.allan.deviation import deviation
+    from hil.analysis.allan.noise import MovingAverage, best_average, characterise, rest_mean
+    from hil.analysis.battery.certainty import Certainty
+    from hil.analysis.battery.cycles import cycles
+    from hil.analysis.battery.fade import fade
+    from hil.analysis.battery.gates import Declared
+    from hil.analysis.battery.half_cycle import Limits, end_uncertainty
+    from hil.analysis.battery.series import series
+    from hil.analysis.battery.steps import StepKind
+    from hil.analysis.battery.summary import summarise
+    from hil.analysis.coil import expected_field, field_ratio, linearity, resistance
+    from hil.analysis.gyroscope.calibrate import calibrate
+    from hil.analysis.gyroscope.interchange import as_c_header, as_json, from_json
+    from hil.analysis.gyroscope.readings import Reading
+    from hil.analysis.gyroscope.self_check import export_disagreements
+    from hil.analysis.magnetics import direction, odd_response
+    from hil.analysis.quality import Facts, tripped
+    from hil.analysis.sampling import assess
+    from hil.analysis.statistics import mean, not_observable, observed
+    from hil.analysis.tables import Column, as_csv
+
+__all__ = [
+    "Certainty",
+    "Column",
+    "Declared",
+    "Facts",
+    "Limits",
+    "MovingAverage",
+    "Reading",
+    "StepKind",
+    "as_c_header",
+    "as_csv",
+    "as_json",
+    "assess",
+    "best_average",
+    "calibrate",
+    "characterise",
+    "cycles",
+    "deviation",
+    "direction",
+    "end_uncertainty",
+    "expected_field",
+    "export_disagreements",
+    "fade",
+    "field_ratio",
+    "from_json",
+    "linearity",
+    "mean",
+    "not_observable",
+    "observed",
+    "odd_response",
+    "resistance",
+    "rest_mean",
+    "series",
+    "summarise",
+    "tripped",
+]
+
+_MODULES = {
+    "allan.deviation": ("deviation",),
+    "allan.noise": ("MovingAverage", "best_average", "characterise", "rest_mean"),
+    "battery.certainty": ("Certainty",),
+    "battery.cycles": ("cycles",),
+    "battery.fade": ("fade",),
+    "battery.gates": ("Declared",),
+    "battery.half_cycle": ("Limits", "end_uncertainty"),
+    "battery.series": ("series",),
+    "battery.steps": ("StepKind",),
+    "battery.summary": ("summarise",),
+    "coil": ("expected_field", "field_ratio", "linearity", "resistance"),
+    "gyroscope.calibrate": ("calibrate",),
+    "gyroscope.interchange": ("as_c_header", "as_json", "from_json"),
+    "gyroscope.readings": ("Reading",),
+    "gyroscope.self_check": ("export_disagreements",),
+    "magnetics": ("direction", "odd_response"),
+    "quality": ("Facts", "tripped"),
+    "sampling": ("assess",),
+    "statistics": ("mean", "not_observable", "observed"),
+    "tables": ("Column", "as_csv"),
+}
+_HOMES = {name: module for module, names in _MODULES.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'hil.analysis' has no attribute '{name}'")
+    return getattr(import_module(f"hil.analysis.{_HOMES[name]}"), name)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hil.model.figure import Figure, FigureStatus
 
-__all__ = ["correlation_time", "effective_dof", "mean", "not_observable", "root_sum_square"]
+__all__ = ["correlation_time", "effective_dof", "mean", "not_observable", "observed", "root_sum_square"]
 
 
 def mean(samples: ArrayLike, unit: str, *, systematic: float | None = None) -> Figure:
@@ -102,3 +102,14 @@ def root_sum_square(parts: Iterable[tuple[float, Figure]]) -> tuple[float | None
 def not_observable(unit: str, value: float = math.nan) -> Figure:
     """Return the figure of something that the data do not show; it never passes a check."""
     return Figure(value=value, unit=unit, status=FigureStatus.NOT_OBSERVABLE)
+
+
+def observed(value: float | None, unit: str, uncertainty: float | None = None) -> Figure:
+    """Return a number that something told, NOT_OBSERVABLE where it told none.
+
+    Args:
+        value: in `unit`, or None.
+        unit: of the value.
+        uncertainty: standard uncertainty in `unit`, or None where it is not known.
+    """
+    return not_observable(unit) if value is None else Figure(value=value, unit=unit, uncertainty=uncertainty)

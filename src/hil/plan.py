@@ -1,0 +1,64 @@
+"""What cases and fixtures are written with besides their fixtures: numbers, errors, and the types to annotate with.
+
+A name is looked up when it is asked for: collecting a plan loads no instrument.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from hil.executive.cases.artifacts import Artifacts
+    from hil.executive.cases.checks import Checks
+    from hil.executive.cases.operator import Operator
+    from hil.executive.cases.recorder import Recorder
+    from hil.executive.cases.recording import Recording
+    from hil.executive.cases.steps import Steps
+    from hil.instruments.cycler_role import Cycler
+    from hil.instruments.roles import Gyroscope, Magnetometer, Obc, Relays, RotationTable, Supply, Thermal
+    from hil.model.errors import Implausible, NoReply, NotInTime, Refused
+    from hil.model.figure import Figure, FigureStatus
+
+__all__ = [
+    "Artifacts",
+    "Checks",
+    "Cycler",
+    "Figure",
+    "FigureStatus",
+    "Gyroscope",
+    "Implausible",
+    "Magnetometer",
+    "NoReply",
+    "NotInTime",
+    "Obc",
+    "Operator",
+    "Recorder",
+    "Recording",
+    "Refused",
+    "Relays",
+    "RotationTable",
+    "Steps",
+    "Supply",
+    "Thermal",
+]
+
+_MODULES = {
+    "executive.cases.artifacts": ("Artifacts",),
+    "executive.cases.checks": ("Checks",),
+    "executive.cases.operator": ("Operator",),
+    "executive.cases.recorder": ("Recorder",),
+    "executive.cases.recording": ("Recording",),
+    "executive.cases.steps": ("Steps",),
+    "instruments.cycler_role": ("Cycler",),
+    "instruments.roles": ("Gyroscope", "Magnetometer", "Obc", "Relays", "RotationTable", "Supply", "Thermal"),
+    "model.errors": ("Implausible", "NoReply", "NotInTime", "Refused"),
+    "model.figure": ("Figure", "FigureStatus"),
+}
+_HOMES = {name: module for module, names in _MODULES.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'hil.plan' has no attribute '{name}'")
+    return getattr(import_module(f"hil.{_HOMES[name]}"), name)
