@@ -11,8 +11,9 @@ import msgspec
 
 from hil.evidence.events import Event, Part
 from hil.evidence.events.codec import KINDS, decode
+from hil.evidence.results.outcome import Outcome
 
-__all__ = ["body_of", "event_of", "events_of"]
+__all__ = ["body_of", "event_of", "events_of", "outcome_of"]
 
 
 def event_of(kind: str, **fields: Any) -> Event:
@@ -30,7 +31,14 @@ def body_of(kind: str, **fields: Any) -> dict[str, Any]:
     return {**msgspec.to_builtins(event_of(kind, **fields)), "kind": kind}
 
 
-def _filled(kind: type[Part], fields: Mapping[str, Any]) -> dict[str, Any]:
+def outcome_of(fields: Mapping[str, Any]) -> Outcome:
+    """Return results; fields are JSON values, and those that are missing, inner ones too, are blank."""
+    run = fields.get("run")
+    outcome = msgspec.convert(_filled(Outcome, {**fields, "run": None}), Outcome)
+    return msgspec.structs.replace(outcome, run=event_of("run", **run) if run else None)
+
+
+def _filled(kind: type[msgspec.Struct], fields: Mapping[str, Any]) -> dict[str, Any]:
     hints = get_type_hints(kind)
     known = {name: _fill(hints[name], value) if name in hints else value for name, value in fields.items()}
     blank = {each.name: _blank(hints[each.name]) for each in msgspec.structs.fields(kind) if each.required}

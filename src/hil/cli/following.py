@@ -12,11 +12,11 @@ import click
 
 from hil.cli.run_names import latch_word
 from hil.clock import wall
+from hil.documents.canonical import JsonError
 from hil.evidence.folder import RESULTS
 from hil.evidence.package.listing import shown
-from hil.evidence.results.facts import read_json
+from hil.evidence.results.outcome import read_outcome
 from hil.evidence.runs import RunSummary, status
-from hil.model.errors import EvidenceError
 from hil.plugin.terminal.progress import Progress
 from hil.report.live.following import Follower
 from hil.report.live.lines import facts, one_line, reading_lines
@@ -132,8 +132,8 @@ def _end(follower: Follower) -> Iterator[str]:
     name = follower.folder.name
     if follower.sealed():
         try:
-            yield from closing_lines(read_json(follower.folder / RESULTS))
-        except (EvidenceError, LookupError, TypeError, ValueError):
+            yield from closing_lines(read_outcome((follower.folder / RESULTS).read_bytes()))
+        except (OSError, JsonError):
             yield f"{name} is sealed, but its results cannot be read; hil verify shows why"
         return
     since = follower.last_utc or "its beginning"

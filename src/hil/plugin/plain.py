@@ -60,8 +60,8 @@ class _Seal:
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Tell the run's verdict, which is that of all planned cases, and name the package."""
         if self._campaign.session is not None:
-            results = Package(self._campaign.session.folder).results()
-            terminalreporter.write_line(f"{results['verdict']}  {headline(results)}")
+            results = Package(self._campaign.session.folder).outcome()
+            terminalreporter.write_line(f"{results.verdict}  {headline(results)}")
             terminalreporter.write_line(f"package: {self._campaign.session.folder}")
 
 

@@ -247,10 +247,10 @@ def _findings(folder: Path, digest: str) -> tuple[str, ...]:
 
 
 def _tell(session: Session, digest: str, out: TextIO) -> None:
-    from hil.evidence.results.facts import read_json  # noqa: PLC0415 - not before the run
+    from hil.evidence.results.outcome import read_outcome  # noqa: PLC0415 - not before the run
 
     out.write("\n")
-    out.writelines(f"{line}\n" for line in closing_lines(read_json(session.folder / RESULTS)))
+    out.writelines(f"{line}\n" for line in closing_lines(read_outcome((session.folder / RESULTS).read_bytes())))
     out.write(f"\nevidence digest {digest}\n")
     out.write(f"report  {_shown(session.folder / 'data/report/report.html')}\n")
     out.write(f"{_shown(session.folder)}\n")

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from xml.etree import ElementTree as ET
 
 from hil.evidence.events import Check
+from hil.evidence.results.outcome import CaseOutcome, Outcome
 from hil.model.verdict import Verdict
-from hil.report.material import Body, checks_in, flag, inner, inners, text, texts, verdict
 from hil.report.sentences import warnings
 from hil.report.summary import check_lines
 
@@ -22,7 +22,7 @@ _FAILED = frozenset({Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.NOT_EVALUATED})
 _BROKEN = frozenset({Verdict.ERROR, Verdict.ABORTED})
 
 
-def junit(results: Body, *, run: str, began: str, evidence_digest: str) -> bytes:
+def junit(results: Outcome, *, run: str, began: str, evidence_digest: str) -> bytes:
     """Return the run as JUnit XML: one test case per case, counted by its verdict.
 
     Args:
@@ -31,17 +31,17 @@ def junit(results: Body, *, run: str, began: str, evidence_digest: str) -> bytes
         began: UTC of its first event, ISO 8601.
         evidence_digest: what the reports name.
     """
-    cases = inners(results, "cases")
-    verdicts = [verdict(case) for case in cases]
+    cases = results.cases
+    verdicts = [case.verdict for case in cases]
     counts = {
         "tests": str(len(cases)),
         "failures": str(sum(word in _FAILED for word in verdicts)),
         "errors": str(sum(word in _BROKEN for word in verdicts)),
         "skipped": str(sum(word is Verdict.NOT_RUN for word in verdicts)),
-        "time": _seconds(sum(_duration(case) for case in cases)),
+        "time": _seconds(sum(case.duration or 0.0 for case in cases)),
     }
     root = ET.Element("testsuites", {"name": "hil", **counts})
-    name = _line(", ".join(texts(inner(results, "run"), "plans")) or run)
+    name = _line((", ".join(results.run.plans) if results.run else "") or run)
     stamp = {"timestamp": _line(began.removesuffix("Z"))} if began else {}
     suite = ET.SubElement(root, "testsuite", {"name": name, **stamp, **counts})
     _properties(suite, _facts(results, run, evidence_digest))
@@ -53,41 +53,39 @@ def junit(results: Body, *, run: str, began: str, evidence_digest: str) -> bytes
     return bytes(ET.tostring(root, encoding="UTF-8", xml_declaration=True)) + b"\n"
 
 
-def _facts(results: Body, run: str, evidence_digest: str) -> list[tuple[str, str]]:
-    facts = inner(results, "run")
-    dut = inner(facts, "dut")
-    safe = results.get("safe")
+def _facts(results: Outcome, run: str, evidence_digest: str) -> list[tuple[str, str]]:
+    facts = results.run
+    safe = {None: "not recorded", True: "true", False: "false"}[results.safe]
     return [
         ("run", run),
-        ("verdict", text(results, "verdict")),
+        ("verdict", results.verdict.value),
         ("evidence-digest", evidence_digest),
-        ("content-digest", text(results, "content_digest")),
-        ("bench", text(facts, "bench")),
-        ("source", text(facts, "source")),
-        ("purpose", text(facts, "purpose")),
-        ("operator", text(facts, "operator")),
-        ("dut", " ".join(part for part in (text(dut, "part"), text(dut, "serial")) if part)),
-        ("interrupted", _flag(flag(results, "interrupted"))),
-        ("tripped", _flag(flag(results, "tripped"))),
-        ("safe", "not recorded" if safe is None else _flag(safe is True)),
-        *(("deviation", deviation) for deviation in texts(facts, "deviations")),
+        ("content-digest", results.content_digest),
+        ("bench", facts.bench if facts else ""),
+        ("source", facts.source if facts else ""),
+        ("purpose", facts.purpose if facts else ""),
+        ("operator", facts.operator if facts else ""),
+        ("dut", " ".join(part for part in (facts.dut.part, facts.dut.serial) if part) if facts else ""),
+        ("interrupted", str(results.interrupted).lower()),
+        ("tripped", str(results.tripped).lower()),
+        ("safe", safe),
+        *(("deviation", deviation) for deviation in (facts.deviations if facts else ())),
     ]
 
 
-def _case(suite: ET.Element, case: Body) -> None:
-    word = verdict(case)
+def _case(suite: ET.Element, case: CaseOutcome) -> None:
+    word = case.verdict
     element = ET.SubElement(
         suite,
         "testcase",
-        classname=_line(text(case, "plan")),
-        name=_line(text(case, "case")),
-        time=_seconds(_duration(case)),
+        classname=_line(case.plan),
+        name=_line(case.case),
+        time=_seconds(case.duration or 0.0),
     )
-    _properties(element, [*(("requirement", name) for name in inner(case, "requirements")), ("verdict", word.value)])
-    reasons = texts(case, "reasons")
-    how = {"type": word.value, "message": _line("; ".join(reasons) or word.value)}
+    _properties(element, [*(("requirement", name) for name in case.requirements), ("verdict", word.value)])
+    how = {"type": word.value, "message": _line("; ".join(case.reasons) or word.value)}
     if word in _FAILED or word in _BROKEN:
-        told = [*reasons, *(line for check in checks_in(case) for line in _told(check))]
+        told = [*case.reasons, *(line for check in case.checks for line in _told(check))]
         bad = ET.SubElement(element, "failure" if word in _FAILED else "error", how)
         bad.text = _fit("\n".join(told))
     elif word is Verdict.NOT_RUN:
@@ -104,17 +102,8 @@ def _properties(element: ET.Element, pairs: Iterable[tuple[str, str]]) -> None:
         ET.SubElement(inside, "property", name=_line(name), value=_line(value))
 
 
-def _duration(case: Body) -> float:
-    duration = case.get("duration")
-    return float(duration) if isinstance(duration, int | float) else 0.0
-
-
 def _seconds(duration: float) -> str:
     return f"{duration:.3f}"
-
-
-def _flag(value: bool) -> str:
-    return "true" if value else "false"
 
 
 def _fit(value: str) -> str:

@@ -6,15 +6,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hil.documents.canonical import JsonError
-from hil.evidence.events import Check, Event
-from hil.evidence.events.codec import decode
+from hil.evidence.events import Event
 from hil.evidence.package.bag import INFO, identifier_of
 from hil.evidence.package.contents import Package
 from hil.evidence.recordings.hdf5 import Recorded
+from hil.evidence.results.outcome import Outcome
 from hil.evidence.safed import guardian_lines
 from hil.model.errors import EvidenceError
-from hil.model.verdict import Verdict
 
 if TYPE_CHECKING:
     import numpy as np
@@ -24,7 +22,6 @@ __all__ = [
     "Body",
     "Material",
     "Trace",
-    "checks_in",
     "decimate",
     "flag",
     "flat",
@@ -32,7 +29,6 @@ __all__ = [
     "inners",
     "text",
     "texts",
-    "verdict",
 ]
 
 Body = Mapping[str, object]
@@ -80,9 +76,9 @@ class Material:
         """Return the events that stand, in order."""
         return self._package.standing
 
-    def results(self) -> Body:
+    def results(self) -> Outcome:
         """Return the results."""
-        return self._package.results()
+        return self._package.outcome()
 
     def text(self, relative: str) -> str:
         """Return a file under `data/`, or an empty text where there is none."""
@@ -133,37 +129,6 @@ def texts(body: Body, key: str) -> tuple[str, ...]:
     """Return a field that is a list of texts."""
     value = body.get(key)
     return tuple(str(item) for item in value) if isinstance(value, list | tuple) else ()
-
-
-def verdict(body: Body, key: str = "verdict") -> Verdict:
-    """Return a field that is a verdict.
-
-    Raises:
-        EvidenceError: where it is none of ours.
-    """
-    word = text(body, key)
-    try:
-        return Verdict(word)
-    except ValueError:
-        raise EvidenceError(
-            f"results.json holds the verdict {word!r}, which is none of {', '.join(Verdict)}",
-            "read the package with the version of hil that wrote it",
-        ) from None
-
-
-def checks_in(case: Body) -> tuple[Check, ...]:
-    """Return the checks of a case of the results.
-
-    Raises:
-        EvidenceError: where one of them is damaged.
-    """
-    try:
-        found = tuple(decode(check) for check in inners(case, "checks"))
-    except JsonError as error:
-        raise EvidenceError(
-            f"results.json: case {text(case, 'case')}: {error}", "hil verify shows what is wrong"
-        ) from None
-    return tuple(check for check in found if isinstance(check, Check))
 
 
 def flat(body: Body, before: str = "") -> Iterable[tuple[str, str]]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from hil.evidence.results.outcome import CaseOutcome, HoldOutcome, Outcome, RequirementOutcome
 from hil.model.identity import Source
 from hil.model.verdict import NO_CHECK, Verdict
-from hil.report.material import Body, flag, inner, inners, text, texts, verdict
 from hil.report.numbers import bench_time, duration
 
 __all__ = [
@@ -48,92 +48,90 @@ class Closing:
     requirements: tuple[str, ...]
 
 
-def headline(results: Body) -> str:
+def headline(results: Outcome) -> str:
     """Return how many cases ended how, the worst first."""
-    counts = inner(results, "counts")
-    told = [f"{counts[word]} {_TOLD[word]}" for word in reversed(Verdict) if counts.get(word)]
-    total = len(inners(results, "cases"))
-    return f"{counted(total, 'case')}: {', '.join(told)}." if told else "No case was planned."
+    told = [f"{results.counts[word]} {_TOLD[word]}" for word in reversed(Verdict) if results.counts.get(word)]
+    return f"{counted(len(results.cases), 'case')}: {', '.join(told)}." if told else "No case was planned."
 
 
-def subject(results: Body) -> str:
+def subject(results: Outcome) -> str:
     """Return what was tested where and why, in one line."""
-    run = inner(results, "run")
-    dut = inner(run, "dut")
-    article = " ".join(part for part in (text(dut, "part"), text(dut, "serial")) if part)
-    titled = f"{text(dut, 'title')} ({article})" if text(dut, "title") and article else text(dut, "title") or article
-    parts = (titled, f"bench {text(run, 'bench')}" if text(run, "bench") else "", text(run, "purpose"))
-    return " · ".join(part for part in parts if part)
+    run = results.run
+    if run is None:
+        return ""
+    dut = " ".join(part for part in (run.dut.part, run.dut.serial) if part)
+    titled = f"{run.dut.title} ({dut})" if run.dut.title and dut else run.dut.title or dut
+    return " · ".join(part for part in (titled, f"bench {run.bench}", run.purpose) if part)
 
 
-def source_word(results: Body) -> str:
+def source_word(results: Outcome) -> str:
     """Return what must stand on every page of a run that did not talk to hardware, and nothing otherwise."""
-    source = text(inner(results, "run"), "source")
-    return "" if source == Source.HARDWARE else source.upper() or "SOURCE NOT RECORDED"
+    if results.run is None:
+        return "SOURCE NOT RECORDED"
+    return "" if results.run.source is Source.HARDWARE else results.run.source.upper()
 
 
-def warnings(results: Body) -> tuple[tuple[str, str], ...]:
+def warnings(results: Outcome) -> tuple[tuple[str, str], ...]:
     """Return what a reader must know before reading anything else, as a word and a sentence."""
     return tuple((word, sentence) for told, word, sentence in _warnings(results) if told)
 
 
-def _warnings(results: Body) -> Iterable[tuple[bool, str, str]]:
+def _warnings(results: Outcome) -> Iterable[tuple[bool, str, str]]:
     source = source_word(results)
     why = "the instruments were simulated" if source == "SIMULATED" else "no hardware was driven"
     yield bool(source), source, f"{why}; this run is no evidence about hardware."
-    yield flag(results, "interrupted"), "INTERRUPTED", "the run did not reach its planned end."
-    yield flag(results, "tripped"), "TRIPPED", "the bench left its envelope and was made safe."
-    unsafe = results.get("safe") is False
+    yield results.interrupted, "INTERRUPTED", "the run did not reach its planned end."
+    yield results.tripped, "TRIPPED", "the bench left its envelope and was made safe."
+    unsafe = results.safe is False
     yield unsafe, "NOT SAFE", "at least one output could not be proven in its safe state."
-    unknown = results.get("safe") is None
+    unknown = results.safe is None
     yield unknown, "SAFE STATE UNKNOWN", "the evidence holds no proof that the bench was left safe."
-    deviates = bool(texts(inner(results, "run"), "deviations"))
+    deviates = results.run is not None and bool(results.run.deviations)
     yield deviates, "DEVIATION", "the run deviates from its plan; the report says how."
-    entries = inners(results, "requirements")
-    bare = sum(entry.get("cases") == [] for entry in entries)
+    entries = results.requirements
+    bare = sum(not entry.cases for entry in entries)
     of = f"{bare} of {counted(len(entries), 'requirement')}"
     yield bare > 0, "NOT COVERED", f"{of} {'has' if bare == 1 else 'have'} no case in this run: NOT_RUN."
 
 
-def holds(case: Body) -> tuple[str, ...]:
+def holds(case: CaseOutcome) -> tuple[str, ...]:
     """Return when the bench was held in the course of a case, for how long, by whom and why, a sentence each."""
-    return tuple(_hold(each) for each in inners(case, "holds"))
+    return tuple(_hold(each) for each in case.holds or ())
 
 
-def _hold(each: Body) -> str:
-    lasted = duration(each.get("duration"))
+def _hold(each: HoldOutcome) -> str:
+    lasted = duration(each.duration)
     how_long = f"for {lasted} of bench time" if lasted else "with no end on record"
-    why = f" ({text(each, 'by')}: {text(each, 'text')})" if text(each, "by") else ""
-    return f"the bench was held at {bench_time(each.get('t'))} of bench time {how_long}{why}"
+    why = f" ({each.by}: {each.text})" if each.by else ""
+    return f"the bench was held at {bench_time(each.t)} of bench time {how_long}{why}"
 
 
-def safe_word(results: Body) -> str:
+def safe_word(results: Outcome) -> str:
     """Return how the bench was left."""
-    safe = results.get("safe")
-    return "not recorded" if safe is None else "left safe" if safe else "NOT SAFE"
+    return {None: "not recorded", True: "left safe", False: "NOT SAFE"}[results.safe]
 
 
-def closings(results: Body) -> tuple[Closing, ...]:
+def closings(results: Outcome) -> tuple[Closing, ...]:
     """Return what the run can close first, then each reason against closing, with the requirements it concerns."""
     groups: dict[tuple[bool, str], list[str]] = {}
-    for entry in inners(results, "requirements"):
+    for entry in results.requirements:
         closes = _closes(entry)
-        for reason in (_CAN,) if closes else texts(entry, "reasons") or (f"its verdict is {verdict(entry)}",):
-            groups.setdefault((closes, reason), []).append(text(entry, "id"))
+        for reason in (_CAN,) if closes else entry.reasons or (f"its verdict is {entry.verdict}",):
+            groups.setdefault((closes, reason), []).append(entry.id)
     ordered = sorted(groups.items(), key=lambda group: (not group[0][0], -len(group[1])))
     return tuple(Closing(closes=closes, reason=reason, requirements=tuple(ids)) for (closes, reason), ids in ordered)
 
 
-def common_reasons(results: Body) -> tuple[str, ...]:
+def common_reasons(results: Outcome) -> tuple[str, ...]:
     """Return the reasons against closing that concern every one of several requirements."""
-    total = len(inners(results, "requirements"))
+    total = len(results.requirements)
     groups = closings(results)
     return tuple(group.reason for group in groups if not group.closes and len(group.requirements) == total > 1)
 
 
-def closing_sentence(results: Body) -> str:
+def closing_sentence(results: Outcome) -> str:
     """Return in one line what this run can close."""
-    entries = inners(results, "requirements")
+    entries = results.requirements
     able, total = sum(_closes(entry) for entry in entries), len(entries)
     if not total:
         return "This run covers no requirement."
@@ -144,8 +142,8 @@ def closing_sentence(results: Body) -> str:
     return f"This run can close {able or 'none'} of its {total} requirements."
 
 
-def _closes(requirement: Body) -> bool:
-    return flag(requirement, "eligible") and verdict(requirement).good
+def _closes(requirement: RequirementOutcome) -> bool:
+    return requirement.eligible and requirement.verdict.good
 
 
 def in_short(word: Verdict, reasons: Sequence[str]) -> list[str]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from hil.evidence.events import Check
+from hil.evidence.results.outcome import CaseOutcome, Outcome
 from hil.model.verdict import Verdict
-from hil.report.material import Body, checks_in, inner, inners, text, texts, verdict
 from hil.report.page.as_run import check_row
 from hil.report.sentences import closing_sentence, closings, counted, headline, holds, in_short, source_word, warnings
 from hil.report.tables import labelled
@@ -17,12 +17,11 @@ _INDENT = "  "
 _MOST_NAMED = 6  # requirements or cases of one group; the report names all
 
 
-def closing_lines(results: Body) -> list[str]:
+def closing_lines(results: Outcome) -> list[str]:
     """Return the closing block of a run, without colours; its first line begins with the verdict."""
-    word = verdict(results)
-    lines = [f"{word}  {headline(results)}"]
+    lines = [f"{results.verdict}  {headline(results)}"]
     lines += [f"{_INDENT}{said}: {sentence}" for said, sentence in warnings(results)]
-    for cases in _alike(case for case in inners(results, "cases") if not verdict(case).good):
+    for cases in _alike(case for case in results.cases if not case.verdict.good):
         lines += ["", *(_case_lines(cases[0]) if len(cases) == 1 else _left_out(cases))]
     return [*lines, "", *_worth(results)]
 
@@ -45,31 +44,31 @@ def check_lines(check: Check) -> list[str]:
     return [f"{row.verdict} {row.requirement} {row.parameter}{of}", *labelled(facts, indent=_INDENT)]
 
 
-def _alike(cases: Iterable[Body]) -> Iterable[list[Body]]:
+def _alike(cases: Iterable[CaseOutcome]) -> Iterable[list[CaseOutcome]]:
     """Group cases that were not run for the same reasons; every other one stays alone, and all in their order."""
-    groups: dict[object, list[Body]] = {}
+    groups: dict[object, list[CaseOutcome]] = {}
     for case in cases:
-        alone = verdict(case) is not Verdict.NOT_RUN or bool(inners(case, "checks"))
-        groups.setdefault(text(case, "case") if alone else texts(case, "reasons"), []).append(case)
+        alone = case.verdict is not Verdict.NOT_RUN or bool(case.checks)
+        groups.setdefault(case.case if alone else case.reasons, []).append(case)
     return groups.values()
 
 
-def _left_out(cases: Sequence[Body]) -> Iterator[str]:
+def _left_out(cases: Sequence[CaseOutcome]) -> Iterator[str]:
     yield f"{Verdict.NOT_RUN} {counted(len(cases), 'case')}"
-    yield from (f"{_INDENT}{reason}" for reason in texts(cases[0], "reasons"))
-    shorts = [text(case, "case").rpartition("::")[2] for case in cases]
+    yield from (f"{_INDENT}{reason}" for reason in cases[0].reasons)
+    shorts = [case.case.rpartition("::")[2] for case in cases]
     yield f"{_INDENT}{_first_few(shorts)}"
 
 
-def _case_lines(case: Body) -> Iterator[str]:
-    word = verdict(case)
-    yield f"{word} {text(case, 'case')}"
-    if word is Verdict.NOT_RUN or all(check.verdict.good for check in checks_in(case)):
-        short = sorted(name for name, said in inner(case, "requirements").items() if said == Verdict.NOT_EVALUATED)
+def _case_lines(case: CaseOutcome) -> Iterator[str]:
+    word = case.verdict
+    yield f"{word} {case.case}"
+    if word is Verdict.NOT_RUN or all(check.verdict.good for check in case.checks):
+        short = sorted(name for name, said in case.requirements.items() if said is Verdict.NOT_EVALUATED)
         yield from labelled([("not evaluated", ", ".join(short))], indent=_INDENT)
-    bad = [check for check in checks_in(case) if not check.verdict.good]
+    bad = [check for check in case.checks if not check.verdict.good]
     told = tuple(f"{check.requirement} {check.parameter}" for check in bad)
-    for reason in in_short(word, texts(case, "reasons")):
+    for reason in in_short(word, case.reasons):
         if not reason.startswith(told):  # its check is written out below
             yield f"{_INDENT}{reason}"
     yield from (f"{_INDENT}{sentence}" for sentence in holds(case))
@@ -77,10 +76,10 @@ def _case_lines(case: Body) -> Iterator[str]:
         yield from (f"{_INDENT}{line}" for line in check_lines(check))
 
 
-def _worth(results: Body) -> Iterator[str]:
+def _worth(results: Outcome) -> Iterator[str]:
     source = source_word(results)
     yield closing_sentence(results) + (f" {source}." if source else "")
-    total = len(inners(results, "requirements"))
+    total = len(results.requirements)
     for group in closings(results):
         if not group.closes:
             yield f"{_INDENT}{group.reason} ({_named(group.requirements, total)})"

@@ -13,7 +13,8 @@ from hil.report.page.assemble import facts
 def told(run):
     """Return value by label for a run that lasted two minutes."""
     material = SimpleNamespace(stamps=lambda: ("2026-11-21T20:00:00.5Z", ""), run=lambda: "a-run")
-    return {fact.label: fact.value for fact in facts(material, run, {}, [event_of("end", t=120.0)])}
+    asked = event_of("run", **run) if run else None
+    return {fact.label: fact.value for fact in facts(material, asked, {}, [event_of("end", t=120.0)])}
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 import specimen_run
+from typed_events import outcome_of
 
 from hil.evidence.package.contents import Package
 from hil.model.verdict import Verdict
@@ -21,7 +22,9 @@ EXPECTED = {
 
 def parsed(results, **how):
     """Return the written XML, read back."""
-    written = junit(results, **({"run": "r", "began": "2026-11-21T05:00:00.000000Z", "evidence_digest": "d"} | how))
+    written = junit(
+        outcome_of(results), **({"run": "r", "began": "2026-11-21T05:00:00.000000Z", "evidence_digest": "d"} | how)
+    )
     return ET.fromstring(written)  # noqa: S314 - our own output
 
 

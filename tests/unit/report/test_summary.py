@@ -1,15 +1,17 @@
 import pytest
 import specimen_run
-from typed_events import body_of, event_of
+from typed_events import body_of, event_of, outcome_of
 
+from hil.documents.canonical import JsonError
+from hil.evidence.folder import RESULTS
 from hil.evidence.package.contents import Package
-from hil.model.errors import EvidenceError
+from hil.evidence.results.outcome import read_outcome
 from hil.report.summary import check_lines, closing_lines
 
 
 def test_closing_block_of_a_failed_run(folder):
     """Verdict and counts first, then a block per check that is not good, then what the run can close."""
-    lines = closing_lines(Package(folder).results())
+    lines = closing_lines(Package(folder).outcome())
     assert lines[:3] == [
         "FAIL  5 cases: 1 failed, 1 not run, 3 passed.",
         "  SIMULATED: the instruments were simulated; this run is no evidence about hardware.",
@@ -39,7 +41,7 @@ def test_reasons_that_a_check_tells_are_not_told_twice():
     check = body_of("check", requirement="A-1", parameter="x", verdict="FAIL", value=3, unit="V", reason="too high")
     reasons = ["A-1 x is FAIL: too high", "the case took too long"]
     case = {"case": "c", "verdict": "FAIL", "reasons": reasons, "checks": [check]}
-    lines = closing_lines({"verdict": "FAIL", "run": {}, "cases": [case], "requirements": []})
+    lines = closing_lines(outcome_of({"verdict": "FAIL", "run": {}, "cases": [case], "requirements": []}))
     assert sum("too high" in line for line in lines) == 1
     assert "  the case took too long" in lines
 
@@ -47,8 +49,8 @@ def test_reasons_that_a_check_tells_are_not_told_twice():
 def test_a_run_without_a_word_on_safety_says_so():
     """Nothing on record about the bench's end is a warning, not silence."""
     results = {"verdict": "ABORTED", "run": {"source": "hardware"}, "cases": [], "requirements": [], "safe": None}
-    assert any("SAFE STATE UNKNOWN" in line for line in closing_lines(results))
-    assert not any("SAFE STATE" in line for line in closing_lines(results | {"safe": True}))
+    assert any("SAFE STATE UNKNOWN" in line for line in closing_lines(outcome_of(results)))
+    assert not any("SAFE STATE" in line for line in closing_lines(outcome_of(results | {"safe": True})))
 
 
 def test_run_that_closes_says_so_and_nothing_else():
@@ -59,9 +61,11 @@ def test_run_that_closes_says_so_and_nothing_else():
         "safe": True,
         "counts": {"PASS": 1},
         "cases": [{"case": "a", "verdict": "PASS"}],
-        "requirements": [{"id": "A-1", "verdict": "PASS", "eligible": True, "reasons": []}],
+        "requirements": [
+            {"id": "A-1", "verdict": "PASS", "eligible": True, "cases": [{"case": "a", "verdict": "PASS"}]}
+        ],
     }
-    assert closing_lines(results) == ["PASS  1 case: 1 passed.", "", "This run can close its requirement."]
+    assert closing_lines(outcome_of(results)) == ["PASS  1 case: 1 passed.", "", "This run can close its requirement."]
 
 
 def test_requirements_without_a_case_stand_beside_the_verdict():
@@ -77,15 +81,17 @@ def test_requirements_without_a_case_stand_beside_the_verdict():
         "cases": cases,
         "requirements": [covered, bare],
     }
-    assert closing_lines(results)[1] == "  NOT COVERED: 1 of 2 requirements has no case in this run: NOT_RUN."
-    assert not any("NOT COVERED" in line for line in closing_lines(results | {"requirements": [covered]}))
+    assert (
+        closing_lines(outcome_of(results))[1] == "  NOT COVERED: 1 of 2 requirements has no case in this run: NOT_RUN."
+    )
+    assert not any("NOT COVERED" in line for line in closing_lines(outcome_of(results | {"requirements": [covered]})))
 
 
 def test_eligible_requirement_that_did_not_pass_is_not_closed():
     """A good word of the evidence does not make up for a verdict that is none."""
     entry = {"id": "A-1", "verdict": "NOT_EVALUATED", "eligible": True, "reasons": []}
     results = {"verdict": "NOT_EVALUATED", "run": {"source": "hardware"}, "requirements": [entry]}
-    assert closing_lines(results)[-2:] == [
+    assert closing_lines(outcome_of(results))[-2:] == [
         "This run cannot close its requirement.",
         "  its verdict is NOT_EVALUATED (A-1)",
     ]
@@ -99,7 +105,7 @@ def test_case_names_the_requirements_that_it_left_unevaluated():
         "requirements": {"A-2": "NOT_EVALUATED", "A-1": "PASS"},
         "reasons": [],
     }
-    lines = closing_lines({"verdict": "NOT_EVALUATED", "run": {"source": "hardware"}, "cases": [case]})
+    lines = closing_lines(outcome_of({"verdict": "NOT_EVALUATED", "run": {"source": "hardware"}, "cases": [case]}))
     assert "NOT_EVALUATED a" in lines
     assert "  not evaluated  A-2" in lines
 
@@ -108,13 +114,13 @@ def test_checks_that_an_error_kept_from_being_made_are_told_in_one_line():
     """What went wrong does not drown in what followed from it; a case that came to its end names each."""
     missing = [f"A-{number} got no check of u of 1 to 10 (10 checks)" for number in range(1, 5)]
     case = {"case": "a", "verdict": "ERROR", "requirements": {}, "reasons": ["the load fell silent", *missing]}
-    lines = closing_lines({"verdict": "ERROR", "run": {"source": "hardware"}, "cases": [case]})
+    lines = closing_lines(outcome_of({"verdict": "ERROR", "run": {"source": "hardware"}, "cases": [case]}))
     assert lines[lines.index("ERROR a") + 1 :][:2] == [
         "  the load fell silent",
         "  checks of A-1, A-2, A-3 and A-4 are missing; the report names them",
     ]
     case["verdict"] = "NOT_EVALUATED"
-    lines = closing_lines({"verdict": "NOT_EVALUATED", "run": {"source": "hardware"}, "cases": [case]})
+    lines = closing_lines(outcome_of({"verdict": "NOT_EVALUATED", "run": {"source": "hardware"}, "cases": [case]}))
     assert [f"  {reason}" for reason in missing] == [line for line in lines if "got no check" in line]
 
 
@@ -124,7 +130,7 @@ def test_many_requirements_are_counted():
         {"id": f"A-{place}", "verdict": "PASS", "eligible": place > 8, "reasons": [] if place > 8 else ["late"]}
         for place in range(1, 10)
     ]
-    lines = closing_lines({"verdict": "PASS", "run": {"source": "hardware"}, "requirements": entries})
+    lines = closing_lines(outcome_of({"verdict": "PASS", "run": {"source": "hardware"}, "requirements": entries}))
     assert lines[-2:] == [
         "This run can close 1 of its 9 requirements.",
         "  late (A-1, A-2, A-3, A-4, A-5, A-6 and 2 more)",
@@ -145,10 +151,11 @@ def test_check_that_is_no_number_says_so():
     assert check_lines(event_of("check", **check))[:2] == ["INCONCLUSIVE A-1 current", "  value        not a number"]
 
 
-def test_verdict_of_another_format_is_an_error():
+def test_verdict_of_another_format_is_an_error(folder):
     """A verdict that this version does not know is never shown as if it were understood."""
-    with pytest.raises(EvidenceError, match="the verdict 'SPLENDID', which is none of RECORDED, PASS"):
-        closing_lines({"verdict": "SPLENDID", "run": {}})
+    told = (folder / RESULTS).read_bytes().replace(b'"verdict":"FAIL"', b'"verdict":"SPLENDID"')
+    with pytest.raises(JsonError, match="SPLENDID"):
+        closing_lines(read_outcome(told))
 
 
 def test_cases_that_were_not_run_for_one_reason_are_one_block():
@@ -158,7 +165,7 @@ def test_cases_that_were_not_run_for_one_reason_are_one_block():
         for n in range(8)
     ]
     other = {"case": "test_x.py::test_other", "verdict": "NOT_RUN", "reasons": ["no jig"], "checks": []}
-    lines = closing_lines({"verdict": "NOT_RUN", "run": {}, "cases": [*cases, other], "requirements": []})
+    lines = closing_lines(outcome_of({"verdict": "NOT_RUN", "run": {}, "cases": [*cases, other], "requirements": []}))
     start = lines.index("NOT_RUN 8 cases")
     assert lines[start + 1 : start + 6] == [
         "  stopped by Ada",

@@ -8,13 +8,14 @@ from collections.abc import Mapping, Sequence
 
 from hil.documents.canonical import parse_strict
 from hil.evidence.events import Case, Check, Event, Fed, NotRun, Orphan, Recording, Run
+from hil.evidence.results.outcome import AttemptOutcome, CaseOutcome, Outcome, RequirementOutcome
 from hil.model.identity import Source
 from hil.model.verdict import Verdict
-from hil.report.drawing.checks import charts
+from hil.report.drawing.checks import charts, short
 from hil.report.drawing.panel import Graphic
 from hil.report.drawing.recordings import recording_graphics
 from hil.report.frozen import demands, documents, parse, plan_files, requirement_entries, unspoken
-from hil.report.material import Body, Material, checks_in, flat, inner, inners, text, texts, verdict
+from hil.report.material import Body, Material, flat, inner, inners, text, texts
 from hil.report.numbers import duration, with_unit
 from hil.report.page.as_run import Placed, attributed, checks_of, fed_limits, recording_rows, step_rows, watched_rows
 from hil.report.page.bench import armings, instruments, safe_off, wiring
@@ -61,8 +62,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
     """
     events, results = material.events(), material.results()
     placed = attributed(events)
-    run = inner(results, "run")
-    asked = next((event for event in events if isinstance(event, Run)), None)
+    run = results.run
     bench = parse(material.text("bench/bench.yaml"), "bench/bench.yaml")
     entries, names = requirement_entries(material), _names(results)
     begun = [event for event in events if isinstance(event, Recording)]
@@ -71,15 +71,15 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
     fed = [event for event in events if isinstance(event, Fed)]
     drawn = recording_graphics(material, begun, checks, inners(bench, "envelope"), fed)
     return RunView(
-        title=", ".join(texts(run, "plans")),
+        title=", ".join(run.plans) if run else "",
         subject=subject(results),
         run=material.run(),
         source_word=source_word(results),
-        verdict=verdict(results),
+        verdict=results.verdict,
         headline=headline(results),
         closing=closing_sentence(results),
         warnings=warnings(results),
-        counts=_counts(results),
+        counts=tuple((word.value, results.counts[word]) for word in reversed(Verdict) if results.counts.get(word)),
         closings=closings(results),
         common=common_reasons(results),
         facts=facts(material, run, inner(bench, "bench"), events),
@@ -87,10 +87,8 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         failed=tuple(row for row in checks_of(counting, names) if not row.verdict.good),
         broken=_broken(results, names),
         held=_held(results, names),
-        requirements=tuple(
-            _requirement(entry, entries.get(text(entry, "id"), {}), names) for entry in inners(results, "requirements")
-        ),
-        unspoken=unspoken(entries, {text(entry, "id") for entry in inners(results, "requirements")}),
+        requirements=tuple(_requirement(entry, entries.get(entry.id, {}), names) for entry in results.requirements),
+        unspoken=unspoken(entries, {entry.id for entry in results.requirements}),
         checks=checks_of(placed, names),
         charts=charts(checks),
         cases=_cases(placed, results, drawn),
@@ -104,64 +102,63 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         safe_word=safe_word(results),
         instruments=instruments(bench),
         wiring=wiring(bench),
-        people=people(asked, placed),
+        people=people(run, placed),
         happenings=happenings(placed, names, guarded(material.guardian()), material.sent()),
-        deviations=texts(run, "deviations"),
+        deviations=run.deviations if run else (),
         parameters=_parameters(material),
         software=_software(run, _json(material, "software.json"), _json(material, "place.json")),
-        content_digest=text(results, "content_digest"),
+        content_digest=results.content_digest,
         evidence_digest=evidence_digest,
     )
 
 
-def facts(material: Material, run: Body, bench: Body, events: Sequence[Event]) -> tuple[Fact, ...]:
+def facts(material: Material, run: Run | None, bench: Body, events: Sequence[Event]) -> tuple[Fact, ...]:
     """Return who, what, when and where: label and value, empty where it is not recorded.
 
     Args:
         material: the run's evidence.
-        run: what it was made of, from its results.
+        run: what it was asked for, None where it never began.
         bench: the head of its bench file.
         events: its events, in order.
     """
-    dut = inner(run, "dut")
-    span = _span(run, duration(events[-1].t) if events else "")
-    began, ended = material.stamps()
+    began, ended = (_instant(stamp) for stamp in material.stamps())
+    when = [("Began (UTC)", began), ("Ended (UTC)", ended)]
     return tuple(
         Fact(label=label, value=value)
         for label, value in (
-            ("Device under test", text(dut, "title")),
-            ("Part number", text(dut, "part")),
-            ("Serial number", text(dut, "serial")),
-            ("Model", text(dut, "model")),
-            ("Hardware revision", text(dut, "hardware")),
-            ("Firmware revision", text(dut, "firmware")),
-            ("Purpose", text(run, "purpose")),
-            ("Source", f"{text(run, 'source')}, served by another process" if _served(run) else text(run, "source")),
-            ("Operator", text(run, "operator")),
-            ("Bench", " · ".join(part for part in (text(run, "bench"), text(bench, "title")) if part)),
-            ("Place", text(bench, "place")),
-            ("Began (UTC)", _instant(began)),
-            ("Ended (UTC)", _instant(ended)),
-            ("Bench time", span),
-            ("Plans", ", ".join(texts(run, "plans"))),
+            *(_asked(run, bench) if run else ()),
+            *when,
+            ("Bench time", _span(run, duration(events[-1].t) if events else "")),
+            ("Plans", ", ".join(run.plans) if run else ""),
             ("Run", material.run()),
         )
     )
 
 
-def _served(run: Body) -> bool:
-    return bool(inner(run, "live").get("served"))
+def _asked(run: Run, bench: Body) -> tuple[tuple[str, str], ...]:
+    served = ", served by another process" if run.live and run.live.served else ""
+    return (
+        ("Device under test", run.dut.title),
+        ("Part number", run.dut.part),
+        ("Serial number", run.dut.serial),
+        ("Model", run.dut.model),
+        ("Hardware revision", run.dut.hardware),
+        ("Firmware revision", run.dut.firmware),
+        ("Purpose", run.purpose),
+        ("Source", f"{run.source}{served}"),
+        ("Operator", run.operator),
+        ("Bench", " · ".join(part for part in (run.bench, text(bench, "title")) if part)),
+        ("Place", text(bench, "place")),
+    )
 
 
-def _span(run: Body, lasted: str) -> str:
+def _span(run: Run | None, lasted: str) -> str:
     """Return how long a run lasted in bench time, and what that time was."""
-    live, epoch = inner(run, "live"), text(run, "epoch")
-    if not lasted or text(run, "source") == Source.HARDWARE:
+    if run is None or not lasted or run.source is Source.HARDWARE:
         return lasted
-    if not live:
-        return f"{lasted}, virtual{epoch and ' from '}{epoch}"
-    speed = text(live, "speed").removesuffix(".0")
-    return lasted if speed in {"", "1"} else f"{lasted}, at {speed} times real time"
+    if run.live is None:
+        return f"{lasted}, virtual{f' from {run.epoch}' if run.epoch else ''}"
+    return lasted if run.live.speed == 1 else f"{lasted}, at {run.live.speed:g} times real time"
 
 
 def _instant(stamp: str) -> str:
@@ -176,50 +173,35 @@ def _documents(material: Material) -> tuple[DocumentRow, ...]:
     )
 
 
-def _names(results: Body) -> dict[str, CaseName]:
+def _names(results: Outcome) -> dict[str, CaseName]:
     """Return how tables name each case: what follows its file, unless another case is called the same."""
-    cases = [text(entry, "case") for entry in inners(results, "cases")]
-    shorts = Counter(case.rsplit("::", 1)[-1] for case in cases)
+    shorts = Counter(short(entry.case) for entry in results.cases)
     return {
-        case: CaseName(shown=short if shorts[short] == 1 else case, anchor=f"case-{place}")
-        for place, case in enumerate(cases, 1)
-        for short in (case.rsplit("::", 1)[-1],)
+        entry.case: CaseName(
+            shown=short(entry.case) if shorts[short(entry.case)] == 1 else entry.case, anchor=f"case-{place}"
+        )
+        for place, entry in enumerate(results.cases, 1)
     }
 
 
-def _counts(results: Body) -> tuple[tuple[str, int], ...]:
-    counts = inner(results, "counts")
-    return tuple((word.value, int(text(counts, word))) for word in reversed(Verdict) if counts.get(word))
-
-
-def _requirement(entry: Body, catalogued: Body, names: Mapping[str, CaseName]) -> RequirementRow:
+def _requirement(entry: RequirementOutcome, catalogued: Body, names: Mapping[str, CaseName]) -> RequirementRow:
     return RequirementRow(
-        id=text(entry, "id"),
-        rev=text(entry, "rev"),
-        text=text(entry, "text"),
-        kind=text(entry, "kind"),
-        method=text(entry, "method"),
-        source=text(entry, "source"),
+        result=entry,
         parents=", ".join(texts(catalogued, "parents")),
         level=text(catalogued, "level"),
         stage=text(catalogued, "stage"),
         demands=demands(catalogued),
-        verdict=verdict(entry),
-        cases=tuple((names[text(case, "case")], verdict(case)) for case in inners(entry, "cases")),
-        checks=int(text(entry, "checks") or 0),
-        eligible=entry.get("eligible") is True,
-        reasons=texts(entry, "reasons"),
+        cases=tuple((names[case.case], case.verdict) for case in entry.cases),
         anomaly=text(catalogued, "anomaly"),
     )
 
 
-def _broken(results: Body, names: Mapping[str, CaseName]) -> tuple[BrokenRow, ...]:
+def _broken(results: Outcome, names: Mapping[str, CaseName]) -> tuple[BrokenRow, ...]:
     """Return why cases did not end well of which no check says it, the worst first; one row per verdict and reason."""
     groups: dict[tuple[Verdict, tuple[str, ...]], list[CaseName]] = {}
-    for case in inners(results, "cases"):
-        if not verdict(case).good and all(check.verdict.good for check in checks_in(case)):
-            why = (verdict(case), texts(case, "reasons"))
-            groups.setdefault(why, []).append(names[text(case, "case")])
+    for case in results.cases:
+        if not case.verdict.good and all(check.verdict.good for check in case.checks):
+            groups.setdefault((case.verdict, case.reasons), []).append(names[case.case])
     return tuple(
         BrokenRow(verdict=word, reasons=reasons, named=tuple(cases))
         for worst in reversed(Verdict)
@@ -228,36 +210,32 @@ def _broken(results: Body, names: Mapping[str, CaseName]) -> tuple[BrokenRow, ..
     )
 
 
-def _held(results: Body, names: Mapping[str, CaseName]) -> tuple[tuple[CaseName, str], ...]:
+def _held(results: Outcome, names: Mapping[str, CaseName]) -> tuple[tuple[CaseName, str], ...]:
     """Return when the bench was held in the course of cases that are not good: it may be why."""
-    bad = [case for case in inners(results, "cases") if not verdict(case).good]
-    return tuple((names[text(case, "case")], sentence) for case in bad for sentence in holds(case))
+    bad = [case for case in results.cases if not case.verdict.good]
+    return tuple((names[case.case], sentence) for case in bad for sentence in holds(case))
 
 
-def _cases(events: Sequence[Placed], results: Body, drawn: Mapping[str, tuple[Graphic, ...]]) -> tuple[CaseView, ...]:
+def _cases(
+    events: Sequence[Placed], results: Outcome, drawn: Mapping[str, tuple[Graphic, ...]]
+) -> tuple[CaseView, ...]:
     by_case: dict[str, list[Placed]] = {}
     for each in events:
         by_case.setdefault(each.case, []).append(each)
     return tuple(
-        _case(place, entry, by_case.get(text(entry, "case"), []), drawn.get(text(entry, "case"), ()))
-        for place, entry in enumerate(inners(results, "cases"), 1)
+        _case(place, entry, by_case.get(entry.case, []), drawn.get(entry.case, ()))
+        for place, entry in enumerate(results.cases, 1)
     )
 
 
-def _case(place: int, entry: Body, events: Sequence[Placed], graphics: tuple[Graphic, ...]) -> CaseView:
-    used = inner(entry, "used")
+def _case(place: int, entry: CaseOutcome, events: Sequence[Placed], graphics: tuple[Graphic, ...]) -> CaseView:
     return CaseView(
         anchor=f"case-{place}",
-        begun=verdict(entry) is not Verdict.NOT_RUN or any(isinstance(each.event, Case) for each in events),
-        case=text(entry, "case"),
-        title=text(entry, "title"),
-        plan=text(entry, "plan"),
-        verdict=verdict(entry),
-        reasons=texts(entry, "reasons"),
-        requirements=tuple(flat(inner(entry, "requirements"))),
-        duration=duration(entry.get("duration")),
-        attempts=_attempts(inners(entry, "attempts")),
-        used=", ".join(f"{name} ({source})" for name, source in sorted(used.items())),
+        begun=entry.verdict is not Verdict.NOT_RUN or any(isinstance(each.event, Case) for each in events),
+        result=entry,
+        duration=duration(entry.duration),
+        attempts=_attempts(entry.attempts),
+        used=", ".join(f"{name} ({source})" for name, source in sorted(entry.used.items())),
         steps=step_rows(events),
         checks=checks_of(events, {}),
         recordings=recording_rows(events),
@@ -265,21 +243,20 @@ def _case(place: int, entry: Body, events: Sequence[Placed], graphics: tuple[Gra
     )
 
 
-def _attempts(attempts: Sequence[Body]) -> str:
+def _attempts(attempts: Sequence[AttemptOutcome]) -> str:
     """Return how often a case was tried and how each ended; the ordinary one attempt needs no words."""
     if len(attempts) < 2:
         return ""
-    told = ", ".join(text(attempt, "verdict") or "not ended" for attempt in attempts)
-    return f"{len(attempts)} attempts: {told}"
+    return f"{len(attempts)} attempts: {', '.join(attempt.verdict or 'not ended' for attempt in attempts)}"
 
 
-def _not_run(events: Sequence[Event], results: Body) -> tuple[tuple[str, str, str], ...]:
+def _not_run(events: Sequence[Event], results: Outcome) -> tuple[tuple[str, str, str], ...]:
     """Return case, title and reason of everything that was planned and did not run."""
     said = {event.case: event.reason for event in events if isinstance(event, NotRun)}
     return tuple(
-        (text(entry, "case"), text(entry, "title"), said.get(text(entry, "case")) or "; ".join(texts(entry, "reasons")))
-        for entry in inners(results, "cases")
-        if verdict(entry) is Verdict.NOT_RUN
+        (entry.case, entry.title, said.get(entry.case) or "; ".join(entry.reasons))
+        for entry in results.cases
+        if entry.verdict is Verdict.NOT_RUN
     )
 
 
@@ -296,9 +273,10 @@ def _parameters(material: Material) -> tuple[ParameterRow, ...]:
     )
 
 
-def _software(run: Body, software: Body, place: Body) -> tuple[Fact, ...]:
-    named = (("hil version", text(run, "version")), ("seed", text(run, "seed")))
-    digests = tuple((f"{name} sha256", text(run, name)) for name in ("catalogue", "parameters", "sources"))
+def _software(run: Run | None, software: Body, place: Body) -> tuple[Fact, ...]:
+    named = (("hil version", run.version), ("seed", run.seed)) if run else ()
+    files = {"catalogue": run.catalogue, "parameters": run.parameters, "sources": run.sources} if run else {}
+    digests = tuple((f"{name} sha256", digest) for name, digest in files.items())
     packages = ", ".join(f"{name} {version}" for name, version in flat(inner(software, "packages")))
     rest = (
         (name, value or _ABSENT.get(name.split(".")[0], ""))

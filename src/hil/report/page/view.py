@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from hil.evidence.results.outcome import CaseOutcome, RequirementOutcome
 from hil.model.verdict import Verdict
 from hil.report.drawing.panel import Graphic
 from hil.report.sentences import Closing
@@ -69,21 +70,12 @@ class BrokenRow:
 class RequirementRow:
     """One requirement that the run speaks of; `demands` are its limits and the like, a line each."""
 
-    id: str
-    rev: str
-    text: str
-    kind: str
-    method: str
-    source: str
+    result: RequirementOutcome
     parents: str
     level: str
     stage: str
     demands: tuple[str, ...]
-    verdict: Verdict
     cases: tuple[tuple[CaseName, Verdict], ...]
-    checks: int
-    eligible: bool
-    reasons: tuple[str, ...]
     anomaly: str
 
 
@@ -158,12 +150,7 @@ class CaseView:
 
     anchor: str
     begun: bool
-    case: str
-    title: str
-    plan: str
-    verdict: Verdict
-    reasons: tuple[str, ...]
-    requirements: tuple[tuple[str, str], ...]
+    result: CaseOutcome
     duration: str
     attempts: str
     used: str
