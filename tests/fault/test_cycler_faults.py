@@ -132,6 +132,9 @@ def test_a_peer_that_cannot_notice_is_opened_all_the_same():
         def attach(self, line, clock):
             """Take nothing."""
 
+        def receive(self, data):
+            """Take nothing."""
+
     peer = FaultySerialPeer(Plain(), Faults(), Seeds(1).stream("plain", "faults"))
     peer.attach(Battery(), clock)
     line = SimulatedLine("plain", peer, clock)

@@ -6,6 +6,7 @@ from unittest.mock import Mock
 
 import pytest
 from adcs_bench import adcs, bound
+from case_parts import Written
 
 from hil.bench.envelope import Trip
 from hil.executive.ending.stop import StopFlags
@@ -15,21 +16,29 @@ from hil.model.identity import Dut, Model
 NANO = 1_000_000_000
 
 
-def test_the_bench_is_safe_although_the_trip_cannot_be_told():
-    """Whatever writing raises, every line of the safe-off is taken before it goes on."""
-    told = []
+class Speechless(Written):
+    """Takes events, and fails at a trip."""
 
-    def write(kind, **fields):
-        told.append((kind, fields.get("ok")))
-        if kind == "trip":
+    def write(self, event, *, beside=None):
+        """Take one event."""
+        super().write(event, beside=beside)
+        if self.events[-1]["kind"] == "trip":
             raise RuntimeError("no words")
 
+
+def test_the_bench_is_safe_although_the_trip_cannot_be_told():
+    """Whatever writing raises, every line of the safe-off is taken before it goes on."""
+    told = Speechless()
     with bound(adcs()) as bench:
         dut = Dut(serial="S", part="P", hardware="A", model=Model.EM)
-        keeper = BenchKeeper(bench, dut, StopFlags(), write, Mock(), lambda: None)
+        keeper = BenchKeeper(bench, dut, StopFlags(), told, Mock(), lambda: None)
         bench.roles["supply.sensor"].configure(3.3, 0.02)
         bench.roles["supply.sensor"].enable()
         with pytest.raises(RuntimeError, match="no words"):
             keeper.trip(Trip("coil", 1.0, "A", "too much"))
         assert bench.roles["supply.sensor"].enabled() is False
-    assert told == [("trip", None), *[("safe", True)] * 3, ("safe-end", True)]
+    assert [(event["kind"], event.get("ok")) for event in told.events] == [
+        ("trip", None),
+        *[("safe", True)] * 3,
+        ("safe-end", True),
+    ]

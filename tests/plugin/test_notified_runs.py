@@ -34,7 +34,7 @@ def test_equal_runs_that_notify_have_equal_digests(tmp_path):
     failed = workspace.run()
     assert (failed.code, failed.verdicts()) == (0, {"test_ratio": "PASS"})
     assert failed.package.events("notify-failed")[0]["reason"] == "No such file or directory"
-    assert "nobody notified" in failed.page()
+    assert "notification failed" in failed.page()
 
 
 def test_the_verdict_that_is_told_is_that_of_the_package(tmp_path):

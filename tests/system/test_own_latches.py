@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.bench import latching
+from hil.bench import lease
 from hil.executive.setup.pins import pinned_environment
 from hil.guardian import latch
 
@@ -16,15 +16,15 @@ pytestmark = pytest.mark.system
 
 OF_THE_MACHINE = Path("/var/tmp/hil-latches")  # noqa: S108 - as in production
 ASKED = """
-from hil.bench import latching
+from hil.bench import lease
 from hil.guardian import latch
-print(latching.FOLDER, latch.path_of("x").parent)
+print(lease.FOLDER, latch.path_of("x").parent)
 """
 
 
 def test_a_latch_of_a_test_is_none_of_the_machine(latches):
     """Whether this process makes it, a run in another one, or one without the environment of the tests."""
-    assert latching.FOLDER == latch.path_of("x").parent == latches != OF_THE_MACHINE
+    assert lease.FOLDER == latch.path_of("x").parent == latches != OF_THE_MACHINE
     asked = (sys.executable, "-P", "-c", ASKED)
     told = subprocess.run(asked, env=pinned_environment(), capture_output=True, text=True, check=True)
     assert told.stdout.split() == [str(latches)] * 2
