@@ -9,7 +9,7 @@ from battery_tester import BatteryTester
 
 from hil.instruments.driver import Clamps
 from hil.instruments.eurotherm_3216 import Eurotherm3216Thermal
-from hil.instruments.modbus.session import ModbusSession
+from hil.instruments.modbus_session import ModbusSession
 
 LINES = 5000
 LINES_UNREAD = 80

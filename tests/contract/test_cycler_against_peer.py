@@ -7,7 +7,7 @@ import pytest
 from cycler_bench import Bench, cycler, wire
 
 from hil.clock.virtual import VirtualClock
-from hil.instruments.cycler.driver import BatteryCycler
+from hil.instruments.cycler.tester import BatteryCycler
 from hil.instruments.driver import Clamps, Connection, Outlet
 from hil.model.errors import DeviceFault, NoReply, Refused, Rejected, WrongIdentity
 from hil.model.identity import Identity

@@ -12,11 +12,11 @@ from chamber_bench import chamber
 from cycler_bench import Cell
 from facing import facing
 
-from hil.instruments.cycler.driver import BatteryCycler
+from hil.instruments.cycler.tester import BatteryCycler
 from hil.instruments.eurotherm_3216 import Eurotherm3216
 from hil.instruments.keysight_e36300 import KeysightE36300
 from hil.instruments.korad_ka3005p import KoradKa3005p
-from hil.instruments.newport_esp301.driver import NewportEsp301
+from hil.instruments.newport_esp301 import NewportEsp301
 from hil.instruments.rigol_dp832 import RigolDp832
 from hil.instruments.waveshare_relay import WaveshareRelay
 from hil.model.bench import Proof, Wire
@@ -200,12 +200,12 @@ def _drive_cycler(rig):
 
 def _outputs_on(rig):
     outputs = rig.peer.state()["outputs"]
-    return {number for number, output in outputs.items() if output["on"] or output["_stuck_on"]}
+    return {number for number, output in outputs.items() if output["on"] or output["stuck_on"]}
 
 
 def _korad_on(rig):
     output = rig.peer.state()["output"]
-    return {"1"} if output["on"] or output["_stuck_on"] else set()
+    return {"1"} if output["on"] or output["stuck_on"] else set()
 
 
 def _table_on(rig):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from cycler_page import Battery
 from facing import facing
 
-from hil.instruments.cycler.driver import BatteryCycler
+from hil.instruments.cycler.tester import BatteryCycler
 from hil.model.bench import Wire
 from hil.simulation.peers.cycler.model import MODEL
 

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from facing import facing
 
 from hil.clock.virtual import VirtualClock
-from hil.instruments.newport_esp301.driver import NewportEsp301
+from hil.instruments.newport_esp301 import NewportEsp301
 from hil.model.bench import Clamp, InstrumentSpec, Wire
 from hil.simulation.faults import read_faults
 from hil.simulation.peers.esp301.controller import MODEL

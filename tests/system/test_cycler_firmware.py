@@ -13,7 +13,7 @@ from cycler_page import PAGE, SESSIONS, CyclerUnderTest, sealed
 from facing import facing
 
 from hil.clock.virtual import VirtualClock
-from hil.instruments.cycler.driver import BatteryCycler
+from hil.instruments.cycler.tester import BatteryCycler
 from hil.model.bench import InstrumentSpec
 from hil.model.identity import Identity
 from hil.simulation.peers.cycler.model import MODEL

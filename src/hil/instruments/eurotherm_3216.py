@@ -20,9 +20,8 @@ from hil.clock.port import Clock
 from hil.instruments import settings
 from hil.instruments.driver import Clamps, Connection, Outlet
 from hil.instruments.marks import drives, reads
-from hil.instruments.modbus.line import question, register, register_told
-from hil.instruments.modbus.safing import SILENCE, exchange
-from hil.instruments.modbus.session import ModbusSession
+from hil.instruments.modbus_line import SILENCE, exchange, question, register, register_told
+from hil.instruments.modbus_session import ModbusSession
 from hil.instruments.roles import THERMAL, Thermal
 from hil.instruments.safing import must_be_state
 from hil.model.bench import Proof, Wire

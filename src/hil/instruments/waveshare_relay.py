@@ -14,9 +14,8 @@ from typing import ClassVar
 from hil.instruments import settings
 from hil.instruments.driver import Connection, Outlet
 from hil.instruments.marks import drives, reads
-from hil.instruments.modbus.line import coils, coils_taken, coils_told, question
-from hil.instruments.modbus.safing import SILENCE, exchange
-from hil.instruments.modbus.session import ModbusSession
+from hil.instruments.modbus_line import SILENCE, coils, coils_taken, coils_told, exchange, question
+from hil.instruments.modbus_session import ModbusSession
 from hil.instruments.roles import RELAYS, Relays
 from hil.instruments.safing import must_be_state
 from hil.model.bench import Proof, Wire

@@ -8,7 +8,7 @@ import pytest
 from scripted import ScriptedPort, late
 
 from hil.clock.virtual import VirtualClock
-from hil.instruments.modbus.session import ModbusSession
+from hil.instruments.modbus_session import ModbusSession
 from hil.model.errors import Garbled, NoReply, Rejected
 
 # The first two are published by the vendor of the relay board; the others follow from the same rule.

@@ -7,7 +7,7 @@ from scripted import ScriptedPort, late
 
 from hil.clock.virtual import VirtualClock
 from hil.instruments.driver import Clamps, Connection
-from hil.instruments.newport_esp301.driver import NewportEsp301
+from hil.instruments.newport_esp301 import NewportEsp301
 from hil.model.bench import Clamp, Wire
 from hil.model.errors import ClampExceeded, Garbled, NoReply, Refused, Rejected
 from hil.model.identity import Identity

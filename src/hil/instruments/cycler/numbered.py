@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from binascii import crc_hqx
 
-from hil.instruments.cycler.lines import BANNER, Banner
-from hil.instruments.cycler.told import Told
+from hil.instruments.cycler.lines import BANNER, Banner, Told
 
 __all__ = ["NumberedLines"]
 

@@ -2,25 +2,42 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
 
 from hil.clock.port import Clock
 from hil.instruments.cycler.hearing import FIRMWARE, Hearing
-from hil.instruments.cycler.lines import Banner, fields_of, seal
+from hil.instruments.cycler.lines import Banner, Reading, fields_of, seal
 from hil.instruments.cycler.numbered import NumberedLines
-from hil.instruments.cycler.refusals import refusal
-from hil.model.errors import Garbled, NoReply
+from hil.model.errors import Garbled, NoReply, Rejected
 from hil.wire.port import Port
 
-__all__ = ["Session"]
+__all__ = ["CyclerSession", "Status", "drift_between", "refusal"]
 
 _WAIT_S = 1.0
 _ATTEMPTS = 3
 _LAST_TAG = 65_535
 _SEAL_AND_END = 7
+_FIRMWARE = "compare its firmware with version 2.0 of the protocol"
+_MEANINGS = {
+    "COMMAND": ("it does not know the command {word}", _FIRMWARE),
+    "FIELD": ("it does not understand the field {word}", _FIRMWARE),
+    "RANGE": ("that is lower or higher than {word} may be", "choose a value from the table of its settings"),
+    "BUSY": ("the test {word} runs", "wait for its end, or stop() it"),
+    "STATE": ("its state is {word}", "call prepare() before start(); it acknowledges what ended the last test"),
+    "RUN": ("its last test is {word}", "look who else starts tests on it, and prepare the test anew"),
+    "SETTINGS": ("its settings are not those that were set, their CRC is {word}", "prepare the test anew"),
+    "ORDER": ("its settings contradict each other, the first is {word}", "see the order of settings on its page"),
+    "LIMIT": ("what it measures is beyond {word} already", "look at the battery, its wires, and its limits"),
+}
+_STEP_S = 0.001
+_EXCHANGES = 3
+_BYTE_S = 10 / 9600
 
 
-class Session(Hearing):
+class CyclerSession(Hearing):
     """The host's end of the line, with one command outstanding at a time. See `Hearing`.
 
     Attributes:
@@ -139,3 +156,97 @@ class Session(Hearing):
         if not isinstance(told, NumberedLines):
             raise Garbled(self.device, "it speaks level 1", FIRMWARE)
         return told
+
+
+def refusal(device: str, command: str, words: str) -> Rejected:
+    """Return the fault of an ERROR reply; `words` are the error's name and its word."""
+    name, _, word = words.partition(" ")
+    meaning, hint = _MEANINGS.get(name, (f"it answers ERROR {words}", _FIRMWARE))
+    return Rejected(device, f"it refuses {command}: {meaning.format(word=word)}", hint)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Status:
+    """One exchange of STATE.
+
+    Attributes:
+        run: of the last test, `-` if there was none.
+        relays: `C`, `D` or `-`.
+        reading: what it measures.
+        device_ms: its time without wraps.
+        low_s: bench time before which the stamp was not made: the question was still on the line.
+        high_s: bench time after which it was not made: the reply was on the line.
+    """
+
+    run: str
+    relays: str
+    reading: Reading
+    device_ms: int
+    low_s: float
+    high_s: float
+
+    @classmethod
+    def ask(cls, session: CyclerSession) -> Self:
+        """Ask, and let what the lines have told go on from the reply.
+
+        Raises:
+            DeviceFault: it does not answer, or nonsense.
+        """
+        told = session.numbered()
+        running, sent_s = told.running, session.clock.now()
+        words = session.fields("STATE")
+        received_s = session.clock.now()
+        try:
+            voltage, current, energy, temperature = (float(words[name]) for name in "viet")
+            state, cycle, lines = words["state"].lower(), float(words["cycle"]), int(words["lines"])
+            device_ms = told.resume(lines, int(words["ms"]), state, cycle)
+            found = cls(
+                run=words["run"],
+                relays=words["relays"],
+                reading=(voltage, current, energy, temperature),
+                device_ms=device_ms,
+                low_s=min(sent_s + session.sent_bytes * _BYTE_S, received_s),
+                high_s=max(received_s - session.reply_bytes * _BYTE_S, sent_s),
+            )
+        except (KeyError, ValueError) as error:
+            raise session.nonsense(" ".join(f"{name}={value}" for name, value in words.items())) from error
+        if told.went_back:
+            session.went_back(told, running=running)
+        told.reading, told.read_s, told.heard_s = found.reading, received_s, received_s
+        return found
+
+    @classmethod
+    def ask_for_time(cls, session: CyclerSession) -> Self:
+        """Ask a few times and return the quickest exchange, which dates the device's time best.
+
+        Raises:
+            DeviceFault: as `ask`.
+        """
+        return min((cls.ask(session) for _ in range(_EXCHANGES)), key=lambda status: status.spread_s)
+
+    @property
+    def middle_s(self) -> float:
+        """The bench's time that is taken for that of the device's stamp."""
+        return (self.low_s + self.high_s) / 2
+
+    @property
+    def spread_s(self) -> float:
+        """How far apart the bounds of the stamp are; where the line is faster than it should be, they cross."""
+        return abs(self.high_s - self.low_s)
+
+    @property
+    def uncertainty(self) -> float:
+        """Standard uncertainty of `middle_s` in s: the stamp was made between the bounds, and has steps of 1 ms."""
+        return math.hypot(self.spread_s, _STEP_S) / math.sqrt(12)
+
+
+def drift_between(first: Status, last: Status) -> tuple[float, float] | tuple[None, None]:
+    """Return the rate of the device's clock against the bench's minus 1, and its standard uncertainty.
+
+    It is the quotient of the times between two exchanges, minus 1, where there was any between them.
+    """
+    seconds = last.middle_s - first.middle_s
+    if seconds <= 0:
+        return None, None
+    drift = (last.device_ms - first.device_ms) * _STEP_S / seconds - 1.0
+    return drift, math.hypot(first.uncertainty, last.uncertainty) / seconds

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from hil.instruments.cycler.bare import BareLines
 from hil.instruments.cycler.numbered import NumberedLines
-from hil.instruments.cycler.session import Session
-from hil.instruments.cycler.status import Status, drift_between
+from hil.instruments.cycler.session import CyclerSession, Status, drift_between
 from hil.instruments.sampled import StreamReport
 from hil.model.errors import DeviceFault, Garbled
 
-__all__ = ["CHANNELS", "Stream"]
+__all__ = ["CHANNELS", "CyclerStream"]
 
 CHANNELS = (
     ("voltage", "V"),
@@ -30,7 +29,7 @@ _COLUMNS = 1 + len(CHANNELS)
 _MS_PER_S = 1000.0
 
 
-class Stream:
+class CyclerStream:
     """Begins with its making: rows count from now on.
 
     Args:
@@ -41,7 +40,7 @@ class Stream:
         DeviceFault: the device is silent or talks nonsense.
     """
 
-    def __init__(self, session: Session, attend: Callable[[], None]) -> None:
+    def __init__(self, session: CyclerSession, attend: Callable[[], None]) -> None:
         self._session = session
         self._attend = attend
         self._fault: DeviceFault | None = None

@@ -2,37 +2,69 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import ClassVar
+
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.instruments.cycler.attendance import SILENT_S, Attendance
 from hil.instruments.cycler.hearing import MOST_BYTES
-from hil.instruments.cycler.lines import LINE_S
+from hil.instruments.cycler.lines import BANNER, LINE_S, Reading, Told, seal
 from hil.instruments.cycler.numbered import NumberedLines
-from hil.instruments.cycler.preparing import Preparing
-from hil.instruments.cycler.safing import stopped
-from hil.instruments.cycler.session import Session
-from hil.instruments.cycler.status import Status
-from hil.instruments.cycler.stream import CHANNELS, Stream
-from hil.instruments.cycler.told import Reading, Told
-from hil.instruments.cycler.wiring import Wiring
+from hil.instruments.cycler.preparing import SILENT_S, Attendance, Preparing
+from hil.instruments.cycler.session import CyclerSession, Status
+from hil.instruments.cycler.settings import Wiring
+from hil.instruments.cycler.stream import CHANNELS, CyclerStream
+from hil.instruments.driver import Connection, Outlet
 from hil.instruments.marks import drives, reads
 from hil.instruments.roles import CYCLER
-from hil.instruments.safing import must_be_state
+from hil.instruments.safing import NUMBER, must_be_state, own_bounds
 from hil.instruments.sampled import Channel, StreamReport
-from hil.model.bench import Proof
+from hil.model.bench import Proof, Wire
 from hil.model.errors import NoReply, Refused
 from hil.model.figure import Figure
-from hil.model.safing import SafeBytes
+from hil.model.identity import Identity
+from hil.model.safing import Exchange, SafeBytes
 
-__all__ = ["BatteryTester"]
+__all__ = ["BatteryCycler", "BatteryTester", "stopped"]
 
+_WITHIN_S = 0.6  # a reply's last byte within 0.3 s, and two long lines of 140 bytes that may leave first
+_OVER = rb"(?:IDLE|ENDED|STOPPED|TRIPPED)"
+_SEAL = rb"\*[0-9A-F]{4}\r\n"
+_FIELDS = {"voltage": b"v", "current": b"i", "temperature": b"t"}
 _RATE_HZ = 1 / LINE_S
 _FRESH_S = 1.5 * LINE_S
 _JUST_READ_S = 0.5
 _LONGEST_LINE = 64
 _FILLED_S = MOST_BYTES / _LONGEST_LINE * LINE_S
 _TURNS_PER_BEAT = 6  # due after a third of it, sent in the next turn, seen to be lost in the one after
+
+
+def stopped(name: str, proof: Proof | None) -> SafeBytes:
+    """Return the bytes that open both relays and end a test, and ask for state, relays and what is measured.
+
+    Tag 0 is for whoever does not know what was said before. A killed program may have left a whole START but for its
+    end, which a line feed would let begin a battery's charge. So what is sent first is a question without a line feed
+    before it: after half a line the seal of both together is wrong, and the device throws them away.
+
+    Args:
+        name: of the role instance.
+        proof: how the bench file proves it; voltage, current and temperature of this cycler are asked for.
+    """
+    question, command = seal(":0 STATE"), seal(":0 STOP")
+    fields = dict.fromkeys((b"v", b"i", b"e", b"t"), rb"\S+")
+    between = None
+    for quantity, field in _FIELDS.items():
+        if bounds := own_bounds(name, proof, quantity):
+            fields[field], between = NUMBER, bounds
+    measured = b" ".join(field + b"=" + form for field, form in fields.items())
+    told = rb"(?:\A|\n):0 OK state=" + _OVER + rb" run=\S+ cycle=\d+ relays=- lines=\d+ ms=\d+ " + measured + _SEAL
+    done = rb"(?:\A|\n):0 OK state=" + _OVER + _SEAL
+    return SafeBytes(
+        resync=(Exchange(send=question),),
+        off=(Exchange(send=b"\n" + command, expect=done, within_s=_WITHIN_S),),
+        proof=(Exchange(send=b"\n" + question, expect=told, within_s=_WITHIN_S, between=between),),
+    )
 
 
 class BatteryTester:
@@ -44,13 +76,13 @@ class BatteryTester:
         wiring: level, heartbeat, and the cycles of a level 1 device.
     """
 
-    def __init__(self, name: str, session: Session, wiring: Wiring) -> None:
+    def __init__(self, name: str, session: CyclerSession, wiring: Wiring) -> None:
         self._name = name
         self._session = session
         self._attendance = Attendance(session)
         self._beat_s = wiring.beat_s
         self._preparing = Preparing(session, self._attendance, wiring)
-        self._stream: Stream | None = None
+        self._stream: CyclerStream | None = None
 
     @drives
     def prepare(  # noqa: PLR0913 - see hil.instruments.cycler_role
@@ -195,7 +227,7 @@ class BatteryTester:
         if rate != _RATE_HZ:
             raise Refused(f"{self._session.device} measures at {_RATE_HZ:g} Hz, not at {rate:g} Hz", "record at that")
         self._followed()
-        self._stream = Stream(self._session, self._attendance.attend)
+        self._stream = CyclerStream(self._session, self._attendance.attend)
 
     def drain(self) -> NDArray[np.float64]:
         """Return the rows since the last call, shape (n, 7): time in s since `begin`, and the channels.
@@ -232,7 +264,7 @@ class BatteryTester:
         told = self._session.told
         return told is not None and not told.running and told.state != "idle"
 
-    def _streaming(self) -> Stream:
+    def _streaming(self) -> CyclerStream:
         if self._stream is None:
             raise Refused(f"{self._session.device} does not stream", "call begin() first")
         return self._stream
@@ -257,3 +289,52 @@ class BatteryTester:
             f"no data line for {age:.0f} s" if told.running else "it measures while its test runs only",
             "a device of level 1 cannot be asked; let other instruments watch the battery when it waits",
         )
+
+
+class BatteryCycler:
+    """Driver `cycler`: role `cycler`. A wire may set `level`, `beat` and `cycles`, see `Wiring`.
+
+    Opening the port resets most devices; the driver waits for the banner, or for another line that tells the level.
+    """
+
+    roles: ClassVar[frozenset[str]] = frozenset({"cycler"})
+    resets_on_open: ClassVar[bool] = True
+
+    def __init__(self, connection: Connection) -> None:
+        if connection.port is None:
+            raise Refused(f"{connection.device}: a cycler is reached by a serial port", "give it `port:`")
+        self._session = CyclerSession(connection.device, connection.port, connection.clock)
+
+    def opened_anew(self) -> None:
+        """Forget what the line has told: the opening resets most devices, and a test that ran is over."""
+        self._session.opened_anew()
+
+    def identify(self) -> Identity:
+        """Wait until a line tells the level; ask a device of level 2 who it is, a level 1 device has its banner only.
+
+        Raises:
+            NoReply: no line did.
+            DeviceFault: it does not answer, or nonsense.
+        """
+        if not isinstance(self._session.meet(), NumberedLines):
+            return Identity(model=BANNER.decode("ascii"))
+        found = self._session.identify()
+        return Identity(model=found.name, serial=found.serial, firmware=found.firmware)
+
+    def outlets(self) -> Sequence[Outlet]:
+        """Return one outlet for both relays: on while one is closed, in level 1 while a test runs.
+
+        Raises:
+            DeviceFault: as `identify`.
+        """
+        told = self._session.meet()
+        on = Status.ask(self._session).relays != "-" if isinstance(told, NumberedLines) else told.running
+        return (Outlet(0, on=on),)
+
+    def role(self, wire: Wire) -> BatteryTester:
+        """Return the device in the wire's settings."""
+        if wire.role not in self.roles:
+            raise Refused(f"wiring {wire.name}: a cycler is no {wire.role}", "it fills the role cycler")
+        if wire.channel:
+            raise Refused(f"wiring {wire.name}: a cycler has no channels", "leave `channel` out")
+        return BatteryTester(wire.name, self._session, Wiring.read(wire))

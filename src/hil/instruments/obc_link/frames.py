@@ -6,10 +6,22 @@ import struct
 from binascii import crc_hqx
 from typing import NamedTuple
 
-from hil.instruments.obc_link import cobs
+__all__ = [
+    "DELIMITER",
+    "LONGEST",
+    "MAJOR",
+    "OVERHEAD",
+    "Frame",
+    "FrameReader",
+    "crc",
+    "seal",
+    "stuff",
+    "unseal",
+    "unstuff",
+]
 
-__all__ = ["DELIMITER", "LONGEST", "MAJOR", "OVERHEAD", "Frame", "FrameReader", "crc", "seal", "unseal"]
-
+_FULL = 254
+_FULL_CODE = 0xFF
 MAJOR = 1
 """The major version that this driver speaks."""
 
@@ -22,6 +34,60 @@ OVERHEAD = 6
 
 _LONGEST_STUFFED = LONGEST + LONGEST // 254 + 1
 _HEAD = struct.Struct("<BBH")
+
+
+def stuff(data: bytes) -> bytes:
+    """Return `data` without a zero, so that a zero can part frames; nothing follows a full block that ends the data.
+
+    Source: Cheshire and Baker, Consistent Overhead Byte Stuffing, IEEE/ACM Transactions on Networking 7(2), 1999.
+    """
+    stuffed = bytearray()
+    *others, last = data.split(b"\0")
+    for part in others:
+        rest = _full_blocks(part, stuffed)
+        stuffed.append(len(rest) + 1)
+        stuffed += rest
+    rest = _full_blocks(last, stuffed)
+    if rest or not last:
+        stuffed.append(len(rest) + 1)
+        stuffed += rest
+    return bytes(stuffed)
+
+
+def unstuff(block: bytes) -> bytes:
+    """Return what stands between two delimiters, unstuffed; a final code of 01 behind a full block is allowed.
+
+    Only code bytes are looked at one by one: they become the zeros that they stand for, in place.
+
+    Raises:
+        ValueError: the block is empty, has a zero, or a code points beyond its end.
+    """
+    data = bytearray(block)
+    end = len(block)
+    full: list[int] = []
+    at = 0
+    while at < end:
+        code = block[at]
+        if not code:
+            raise ValueError("a zero within a block")
+        data[at] = 0
+        at += code
+        if code == _FULL_CODE:
+            full.append(at)
+    if at != end or not end:
+        raise ValueError("a block that is cut short")
+    for behind in reversed(full):
+        del data[behind : behind + 1]  # this code byte followed a full block and stands for no zero
+    return bytes(data[1:])
+
+
+def _full_blocks(part: bytes, stuffed: bytearray) -> bytes:
+    """Append the full blocks of `part`, and return what is left of it."""
+    while len(part) >= _FULL:
+        stuffed.append(_FULL_CODE)
+        stuffed += part[:_FULL]
+        part = part[_FULL:]
+    return part
 
 
 class Frame(NamedTuple):
@@ -41,7 +107,7 @@ def crc(data: bytes) -> int:
 def seal(kind: int, sequence: int, payload: bytes = b"") -> bytes:
     """Return a frame as it stands on the line, with its delimiter."""
     data = _HEAD.pack(MAJOR, kind, sequence) + payload
-    return cobs.encode(data + crc(data).to_bytes(2, "little")) + DELIMITER
+    return stuff(data + crc(data).to_bytes(2, "little")) + DELIMITER
 
 
 def unseal(block: bytes) -> Frame:
@@ -50,7 +116,7 @@ def unseal(block: bytes) -> Frame:
     Raises:
         ValueError: it is no frame, whatever is wrong with it.
     """
-    data = cobs.decode(block)
+    data = unstuff(block)
     if not OVERHEAD <= len(data) <= LONGEST:
         raise ValueError(f"{len(data)} bytes are no frame")
     if crc(data[:-2]) != int.from_bytes(data[-2:], "little"):

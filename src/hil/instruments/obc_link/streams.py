@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import median
 
 from hil.clock.port import NANOSECONDS, Clock
-from hil.instruments.obc_link.arrivals import Inbox
-from hil.instruments.obc_link.clock_model import Exchange, estimate
 from hil.instruments.obc_link.messages import Code, Command, program, stream_frame
-from hil.instruments.obc_link.session import BoardRefused, ObcSession
+from hil.instruments.obc_link.session import BoardRefused, Inbox, ObcSession
 from hil.model.errors import DeviceFault, Garbled, NoReply, Refused
 from hil.wire.streaming import StreamFrame, StreamSummary, StreamTransfer
 
-__all__ = ["ObcStream", "begin_stream"]
+__all__ = ["ClockEstimate", "ClockReading", "ObcStream", "begin_stream", "estimate"]
 
+_RESOLUTION_S = 1e-6
+_FEWEST = 3
 _STREAM = 0
 _MICROSECONDS = 1_000_000
 _WATCHDOG_MS = 60_000
@@ -22,6 +25,84 @@ _EXCHANGES_AT_THE_ENDS = 4
 _EXCHANGE_EVERY_S = 10.0
 _SILENCE_S = 2.0
 _PADDING = b"\xa5" * 17  # makes the request as long as its reply, so that both ways take equally long
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockReading:
+    """Four stamps of one exchange: t1 and t4 of the bench, t2 and t3 of the device, all in s."""
+
+    sent: float
+    device_received: float
+    device_sent: float
+    received: float
+
+    @property
+    def offset(self) -> float:
+        """Bench minus device in s, ((t1 - t2) + (t4 - t3)) / 2: RFC 5905, section 8, with the sign of the bench."""
+        return ((self.sent - self.device_received) + (self.received - self.device_sent)) / 2.0
+
+    @property
+    def delay(self) -> float:
+        """Time on the way in s, (t4 - t1) - (t3 - t2): RFC 5905, section 8; half of it bounds the offset's error."""
+        return (self.received - self.sent) - (self.device_sent - self.device_received)
+
+    @property
+    def device_middle(self) -> float:
+        """Device time in the middle of the device's turn, in s."""
+        return (self.device_received + self.device_sent) / 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockEstimate:
+    """What exchanges tell; None where they are too few.
+
+    Attributes:
+        drift: rate of the device's clock against the bench's minus 1.
+        drift_uncertainty: standard uncertainty of `drift`.
+        offset: bench minus device at the last exchange, in s.
+    """
+
+    drift: float | None = None
+    drift_uncertainty: float | None = None
+    offset: float | None = None
+
+
+def estimate(exchanges: Sequence[ClockReading]) -> ClockEstimate:
+    """Estimate drift and offset by a straight line through the offsets of the quicker half.
+
+    Exchanges slower than the median are left out: what made them slow did so on one way only, as a
+    rule (Cristian, Probabilistic clock synchronization, Distributed Computing 3, 1989; RFC 5905 keeps the
+    quickest of eight). The line is fitted by least squares to offset over device time; its slope b is
+    d(bench)/d(device) - 1, so the drift is 1/(1 + b) - 1. Its standard uncertainty comes from the scatter
+    about the line with n - 2 degrees of freedom, which is taken to be no smaller than what the stamps'
+    steps of 1 us alone make of the mean of two: 1 us / sqrt(12) / sqrt(2). A constant difference between
+    the two ways shifts the offset, by half of the delay at most, and leaves the drift alone.
+
+    Args:
+        exchanges: at any distances, in any order.
+    """
+    if not exchanges:
+        return ClockEstimate()
+    middle_delay = median(exchange.delay for exchange in exchanges)
+    kept = [exchange for exchange in exchanges if exchange.delay <= middle_delay]
+    end = max(exchange.device_middle for exchange in exchanges)
+    times = [exchange.device_middle - end for exchange in kept]
+    offsets = [exchange.offset for exchange in kept]
+    count = len(kept)
+    mean_time, mean_offset = math.fsum(times) / count, math.fsum(offsets) / count
+    spread = math.fsum((time - mean_time) ** 2 for time in times)
+    if count < _FEWEST or not spread:
+        return ClockEstimate(offset=mean_offset)
+    pairs = list(zip(times, offsets, strict=True))
+    slope = math.fsum((time - mean_time) * (offset - mean_offset) for time, offset in pairs) / spread
+    residuals = (offset - mean_offset - slope * (time - mean_time) for time, offset in pairs)
+    scatter = math.sqrt(math.fsum(residual**2 for residual in residuals) / (count - 2))
+    least = _RESOLUTION_S / math.sqrt(12.0) / math.sqrt(2.0)
+    return ClockEstimate(
+        drift=-slope / (1.0 + slope),
+        drift_uncertainty=max(scatter, least) / math.sqrt(spread) / (1.0 + slope) ** 2,
+        offset=mean_offset - slope * mean_time,
+    )
 
 
 def begin_stream(
@@ -57,7 +138,7 @@ class ObcStream:
         self._session = session
         self._clock = clock
         self._inbox = Inbox()
-        self._exchanges: list[Exchange] = []
+        self._exchanges: list[ClockReading] = []
         self._ready: list[StreamFrame] = []
         self._heard = clock.now()
         self._asked_times = 0
@@ -173,14 +254,14 @@ class ObcStream:
                 raise self._session.went_back()
             self._exchanges.append(exchange)
 
-    def _exchange(self) -> Exchange:
-        """Exchange TIME, with a request of its own for the second attempt: a repeated one would have old stamps."""
+    def _exchange(self) -> ClockReading:
+        """ClockReading TIME, with a request of its own for the second attempt: a repeated one would have old stamps."""
         try:
             return self._asked()
         except (NoReply, Garbled):
             return self._asked()
 
-    def _asked(self) -> Exchange:
+    def _asked(self) -> ClockReading:
         # The host value is a count: the bench's time would differ in a replay of what hardware sent.
         self._asked_times += 1
         question = struct.pack("<Q", self._asked_times) + _PADDING
@@ -188,7 +269,7 @@ class ObcStream:
         echo, received_us, sent_us = self._session.read("TIME", _stamps, reply.fields)
         if echo != self._asked_times:
             raise Garbled(self._session.device, "TIME was answered with another host value", "look at the firmware")
-        return Exchange(
+        return ClockReading(
             sent=reply.sent_ns / NANOSECONDS,
             device_received=received_us / _MICROSECONDS,
             device_sent=sent_us / _MICROSECONDS,

@@ -10,10 +10,10 @@ from cycler_bench import wire
 from cycler_page import PAGE, SESSIONS
 
 from hil.clock.virtual import VirtualClock
-from hil.instruments.cycler.driver import BatteryCycler
 from hil.instruments.cycler.lines import plain_numbers, seal
-from hil.instruments.cycler.refusals import refusal
+from hil.instruments.cycler.session import refusal
 from hil.instruments.cycler.settings import SETTINGS, checked, crc_of
+from hil.instruments.cycler.tester import BatteryCycler
 from hil.instruments.driver import Clamps, Connection
 from hil.model.bench import Wire
 from hil.model.errors import Garbled, NoReply, Refused

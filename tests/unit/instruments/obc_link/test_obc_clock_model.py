@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from hil.instruments.obc_link.clock_model import ClockEstimate, Exchange, estimate
+from hil.instruments.obc_link.streams import ClockEstimate, ClockReading, estimate
 
 
 def exchanges(seed, *, drift=0.0, count=60, span=600.0, jitter=0.0, asymmetry=0.0):
@@ -18,7 +18,7 @@ def exchanges(seed, *, drift=0.0, count=60, span=600.0, jitter=0.0, asymmetry=0.
         middle = sent + 400e-6 + asymmetry + draw.expovariate(1 / jitter) if jitter else sent + 400e-6 + asymmetry
         received = middle + 400e-6 + (draw.expovariate(1 / jitter) if jitter else 0.0)
         device = round(3.0 + middle * (1.0 + drift), 6)
-        made.append(Exchange(sent=sent, device_received=device, device_sent=device, received=received))
+        made.append(ClockReading(sent=sent, device_received=device, device_sent=device, received=received))
     return made
 
 
@@ -29,14 +29,14 @@ def test_nothing_tells_nothing():
 
 def test_few_exchanges_tell_the_offset_only():
     """Two exchanges, or many at one instant, have no drift with an uncertainty."""
-    one = Exchange(sent=1.0, device_received=4.0, device_sent=4.0, received=1.001)
+    one = ClockReading(sent=1.0, device_received=4.0, device_sent=4.0, received=1.001)
     assert estimate([one]).offset == pytest.approx(-2.9995)
     assert estimate([one] * 5).drift is None
 
 
 def test_offset_and_delay_of_one_exchange():
     """The two quantities of RFC 5905: half the sum of the ways, and the time on the way."""
-    one = Exchange(sent=10.0, device_received=2.001, device_sent=2.003, received=10.006)
+    one = ClockReading(sent=10.0, device_received=2.001, device_sent=2.003, received=10.006)
     assert one.offset == pytest.approx(8.001)
     assert one.delay == pytest.approx(0.004)
 
@@ -68,7 +68,7 @@ def test_slow_exchanges_are_left_out():
     """A few very slow exchanges on one way do not move the estimate."""
     clean = exchanges(1, drift=1e-5)
     slow = [
-        Exchange(
+        ClockReading(
             sent=one.sent,
             device_received=one.device_received,
             device_sent=one.device_sent,

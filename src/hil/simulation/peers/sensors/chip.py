@@ -17,7 +17,7 @@ from hil.simulation.truth import TruthError
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Nack, PeerClock
 
-__all__ = ["Datasheet", "Fitted", "Kept", "OtherIdentity", "SensorPeer", "number_at"]
+__all__ = ["Datasheet", "Fitted", "OtherIdentity", "SensorPeer", "number_at"]
 
 _SIZE = 0x80
 

@@ -8,6 +8,7 @@ bench's clock.
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Protocol
@@ -29,16 +30,20 @@ from pymodbus.pdu.register_message import (
 )
 
 from hil.clock.port import Clock
+from hil.instruments.safing import LONGEST_REPLY_S
+from hil.model.safing import Exchange
 from hil.wire.port import Port
 
 __all__ = [
     "LONGEST_S",
+    "SILENCE",
     "ModbusLine",
     "Reply",
     "coil",
     "coils",
     "coils_taken",
     "coils_told",
+    "exchange",
     "question",
     "register",
     "register_told",
@@ -54,6 +59,10 @@ _READS = {1: ReadCoilsRequest, 3: ReadHoldingRegistersRequest}
 _LOGGER = logging.getLogger("pymodbus")
 _LOGGER.addHandler(logging.NullHandler())
 _LOGGER.propagate = False
+_SILENCE_S = 0.05  # 3.5 characters of 11 bits take 32 ms at 1200 baud, and an adapter may hold bytes for 16 ms
+
+SILENCE = Exchange(send=b"", quiet_s=_SILENCE_S)
+"""What ends half a frame."""
 
 
 class Reply(Protocol):
@@ -188,3 +197,13 @@ def _understood(data: bytes, unit: int) -> tuple[int, Reply | None]:
     """Return how many bytes are done with, and the reply in them; what a bench is told for weeks is told often."""
     used, reply = _FRAMER.handleFrame(data, unit, 0)
     return used, reply
+
+
+def exchange(request: bytes, reply: bytes) -> Exchange:
+    """Return the exchange of a request and the one reply to it that is right, as bytes alone.
+
+    A silence of 3.5 characters ends whatever frame was begun (Modbus over Serial Line V1.02, 2.5.1.1), and a unit
+    throws half a frame away. The reply is compared whole, checksum included, and from the first byte on. So a number in
+    a reply cannot be held to bounds, only to a value.
+    """
+    return Exchange(send=request, expect=rb"\A" + re.escape(reply), within_s=LONGEST_REPLY_S, quiet_s=_SILENCE_S)

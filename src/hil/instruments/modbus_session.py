@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from hil.clock.port import Clock
-from hil.instruments.modbus.line import LONGEST_S, ModbusLine, Reply, coil, coils, question, register
+from hil.instruments.modbus_line import LONGEST_S, ModbusLine, Reply, coil, coils, question, register
 from hil.model.errors import DeviceFault, Garbled, NoReply, Rejected
 from hil.wire.port import Port
 

@@ -1,1 +1,0 @@
-"""Newport ESP301 motion controllers with a rotation stage."""
