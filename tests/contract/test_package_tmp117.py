@@ -230,7 +230,7 @@ def test_air_tends_to_what_is_around_it():
     model = PLANTS["still-air"]
     module = import_module("hil_tmp117.plant")
     assert model.build is module.build
-    air = module.StillAir("air", 10 * MS, 20.0, 30.0, 100.0)
+    air = module.StillAir("air", 10 * MS, module.AirTruth())
     air.advance(100_000 * MS)
     assert air.observe("temperature") == pytest.approx(30.0 - 10.0 / math.e, abs=1e-3)
 

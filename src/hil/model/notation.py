@@ -19,6 +19,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import partial
+from itertools import pairwise
 from typing import Annotated, Any, TypeVar, get_args
 
 __all__ = [
@@ -32,10 +33,12 @@ __all__ = [
     "Flag",
     "Hertz",
     "Nanoseconds",
+    "NotNegative",
     "Notation",
     "Number",
     "Path",
     "Plain",
+    "Positive",
     "Seconds",
     "SomeNanoseconds",
     "Text",
@@ -44,6 +47,7 @@ __all__ = [
     "one_of",
     "read_number",
     "seconds",
+    "vector",
     "whole",
 ]
 
@@ -172,6 +176,11 @@ def seconds(minimum: float = 0.0, *, above: float = -math.inf) -> Notation:
     return Notation(partial(_seconds, minimum=minimum, above=above), minimum)
 
 
+def vector(size: int, *, above: float = -math.inf, rising: bool = False) -> Notation:
+    """Return the notation of a list of so many decimal numbers in quotes, all above a bound, or each above the last."""
+    return Notation(partial(_vector, size=size, above=above, rising=rising), (0.0,) * size)
+
+
 def whole(minimum: int | None = None, maximum: int | None = None) -> Notation:
     """Return the notation of a whole number, decimal or with 0x, in quotes or not."""
     return Notation(partial(_whole, minimum=minimum, maximum=maximum), minimum or 0)
@@ -236,6 +245,23 @@ def _within(value: _Real, minimum: float, maximum: float, above: float = -math.i
     if not value > above:
         raise Complaint(f"must be above {above:.15g}")
     return value
+
+
+def _vector(value: object, size: int, above: float, rising: bool) -> tuple[float, ...]:
+    if not isinstance(value, list) or len(value) != size:
+        raise Complaint(f"must be a list of {size} numbers", found=False)
+    numbers: list[float] = []
+    wrong: dict[Path, Complaint] = {}
+    for place, item in enumerate(value):
+        try:
+            numbers.append(read_number(item, above=above))
+        except Complaint as complaint:
+            wrong[place,] = complaint
+    if wrong:
+        raise Complaint(inner=wrong)
+    if rising and any(after <= before for before, after in pairwise(numbers)):
+        raise Complaint("must be numbers that rise", found=False)
+    return tuple(numbers)
 
 
 def _flag(value: object) -> bool:
@@ -306,6 +332,12 @@ AnyText = Annotated[str, Notation(_text, "")]
 
 Number = Annotated[float, Notation(read_number, 0.0)]
 """The value of a decimal number in quotes."""
+
+Positive = Annotated[float, number(above=0)]
+"""A decimal number in quotes, above zero."""
+
+NotNegative = Annotated[float, number(0)]
+"""A decimal number in quotes, zero or more."""
 
 DecimalText = Annotated[str, Notation(_decimal, "0")]
 """A decimal number in quotes, as it is written."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from math import inf
 from typing import TypeVar
 
@@ -171,6 +172,23 @@ class Truth:
             self._wrong((key,), f"expected a duration of a century at most, not {value}")
             return 0
         return round(duration_ns)
+
+    def part(self, model: type[_Model]) -> _Model:
+        """Return what a section says of one part, by the keys that its model declares; see `hil.model.notation`.
+
+        Every other key is for somebody else. What is wrong is noted, and the part is then as by default.
+
+        Args:
+            model: a frozen dataclass; every field has a default.
+        """
+        keys = [str(each.metadata.get("alias", each.name)) for each in fields(model)]  # type: ignore[arg-type]  # one is
+        self._asked += keys
+        try:
+            values = {key: value for key, value in self._values.items() if key in keys}
+            return declared(model, values, str(self.path[-1]) if self.path else "truth", self.path)
+        except TruthError as error:
+            self._errors += (error, *error.others)
+            return model()
 
     def sections(self, key: str) -> dict[str, Truth]:
         """Return the named sections below a key, empty where the key is absent."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import fields, is_dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import get_args, get_type_hints
 
@@ -52,6 +53,21 @@ def keys_of(model):
 def test_every_declared_key_is_on_its_page(model, page):
     """Whatever key a model declares is named on the page about its file."""
     assert sorted(key for key in keys_of(model) if f"`{key}`" not in page and f"`{key}:" not in page) == []
+
+
+def declared_in_the_simulation():
+    """Return every model that a truth section is read into, and every kind of fault."""
+    for path in READERS:
+        parts = re.findall(r"truth\.part\((\w+)\)", path.read_text(encoding="utf-8"))
+        module = ".".join(path.relative_to(ROOT / "src").with_suffix("").parts)
+        yield from (getattr(import_module(module), name) for name in parts)
+    yield from sorted({kind for name in PEERS for kind in fault_kinds(PEERS[name])}, key=lambda kind: kind.__name__)
+
+
+@pytest.mark.parametrize("model", [*declared_in_the_simulation()], ids=lambda model: model.__name__)
+def test_every_declared_key_of_the_simulation_is_on_its_page(model):
+    """Whatever key a plant, a peer or a fault declares is named on the page about the bench file."""
+    assert sorted(key for key in keys_of(model) if f"`{key}`" not in BENCH_FILE and f"`{key}:" not in BENCH_FILE) == []
 
 
 @pytest.mark.parametrize("path", READERS, ids=lambda path: path.stem)

@@ -132,8 +132,8 @@ def test_cold_raises_the_resistance():
 @pytest.mark.parametrize(
     ("truth", "message"),
     [
-        ({"capacity": "0"}, "expected a number above 0, not 0"),
-        ({"open_circuit": ["3"] * 14}, "expected voltages that rise with the state of charge"),
+        ({"capacity": "0"}, "must be above 0"),
+        ({"open_circuit": ["3"] * 14}, "must be numbers that rise"),
         ({"sink_ambient": "0.2"}, "or the sinks run away"),
         ({"place": "oven"}, "unknown value 'oven'"),
         ({"led": "0.1"}, "unknown key 'led', did you mean 'leads'"),

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from typing import Annotated
+
 import pytest
 
+from hil.model.notation import number, vector, whole
 from hil.simulation.truth import Truth, TruthError
 
 
@@ -85,3 +89,50 @@ def test_tells_everything_at_once_with_its_place():
 def test_refuses_values_of_another_kind(values, read):
     """Each getter refuses what it cannot be, once, and never raises itself."""
     assert len(wrong(values, read)) == 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coil:
+    """One part of a section."""
+
+    turns: Annotated[int, whole(1)] = 10
+    sides: Annotated[tuple[float, ...], vector(2, above=0)] = (1.0, 1.0)
+    heat: Annotated[float, number(0)] = field(default=0.0, metadata={"alias": "heating"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Earth:
+    """Another one."""
+
+    levels: Annotated[tuple[float, ...], vector(3, rising=True)] = (1.0, 2.0, 3.0)
+
+
+def test_parts_of_a_section_are_declared():
+    """Each takes its own keys, by the names of the file; what is left over is unknown."""
+    truth = Truth({"turns": "3", "heating": "0.5", "levels": ["0", "1", "2"], "heat": "1"}, ("truth",))
+    assert truth.part(Coil) == Coil(turns=3, heat=0.5)
+    assert truth.part(Earth) == Earth(levels=(0.0, 1.0, 2.0))
+    with pytest.raises(TruthError, match="unknown key 'heat', did you mean 'heating'") as caught:
+        truth.finish()
+    assert caught.value.path == ("truth", "heat")
+
+
+@pytest.mark.parametrize(
+    ("section", "path", "message"),
+    [
+        ({"turns": "0"}, ("turns",), "must be at least 1"),
+        ({"sides": ["1"]}, ("sides",), "must be a list of 2 numbers"),
+        ({"sides": ["1", "0"]}, ("sides", 1), "must be above 0"),
+        ({"sides": ["one", "2"]}, ("sides", 0), "must be a decimal number in quotes"),
+        ({"heating": "-1"}, ("heating",), "must be at least 0"),
+        ({"levels": ["0", "2", "2"]}, ("levels",), "must be numbers that rise"),
+    ],
+)
+def test_what_a_part_cannot_be_is_told_at_its_place(section, path, message):
+    """With the path of the value."""
+    truth = Truth(section, ("truth",))
+    truth.part(Coil)
+    truth.part(Earth)
+    with pytest.raises(TruthError, match=message) as caught:
+        truth.finish()
+    assert caught.value.path == ("truth", *path)

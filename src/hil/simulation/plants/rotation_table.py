@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, pi, radians, sin, sqrt
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.clock.port import NANOSECONDS
+from hil.model.notation import Notation, Number, number, one_of, read_number, vector
 from hil.simulation.plants.model import PlantModel
 from hil.simulation.plants.plant import Inputs, Plant, Vector
 from hil.simulation.plants.trapezoid import travelled
@@ -23,6 +25,10 @@ _TURN = 360.0
 _SECONDS_PER_HOUR = 3600.0
 
 
+def _per_hour(value: object) -> float:
+    return read_number(value, 0, 100) / _SECONDS_PER_HOUR
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableTruth:
     """What the table really is.
@@ -30,18 +36,18 @@ class TableTruth:
     Attributes:
         ripple: relative amplitude of the rate, once per turn of the motor side.
         tilt: angles [rad] of the table's axis towards the two board axes that follow the mounted one cyclically.
-        earth_rate: [deg/s], 0 for a table on an Earth that does not turn.
+        earth_rate: [deg/s], in files [deg/h]; 0 for a table on an Earth that does not turn.
         latitude: [deg], positive north; the table's axis points up.
         mounting: the board axis along the table's axis at the epoch.
         angle: of the table at the epoch [deg].
     """
 
-    ripple: float = 0.0
-    tilt: tuple[float, float] = (0.0, 0.0)
-    earth_rate: float = 0.0
-    latitude: float = 0.0
-    mounting: str = "z"
-    angle: float = 0.0
+    ripple: Annotated[float, number(0, 0.5)] = 0.0
+    tilt: Annotated[tuple[float, float], vector(2)] = (0.0, 0.0)
+    earth_rate: Annotated[float, Notation(_per_hour, 0.0)] = 0.0
+    latitude: Annotated[float, number(-90, 90)] = 0.0
+    mounting: Annotated[str, one_of("x", "y", "z")] = "z"
+    angle: Number = 0.0
 
 
 class RotationTable(Plant):
@@ -178,15 +184,7 @@ def build(name: str, grid_ns: int, truth: Truth) -> RotationTable:
     Raises:
         TruthError: with everything that is wrong in the section.
     """
-    tilt = truth.vector("tilt", 2, (0.0, 0.0))
-    table = TableTruth(
-        ripple=truth.number("ripple", 0.0, minimum=0, maximum=0.5),
-        tilt=(tilt[0], tilt[1]),
-        earth_rate=truth.number("earth_rate", 0.0, minimum=0, maximum=100) / _SECONDS_PER_HOUR,
-        latitude=truth.number("latitude", 0.0, minimum=-90, maximum=90),
-        mounting=truth.text("mounting", "z", choices=_AXES),
-        angle=truth.number("angle", 0.0),
-    )
+    table = truth.part(TableTruth)
     truth.finish()
     return RotationTable(name, grid_ns, table)
 

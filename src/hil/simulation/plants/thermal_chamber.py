@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.model.notation import NotNegative, Positive, number
 from hil.simulation.plants.model import PlantModel
 from hil.simulation.plants.plant import Inputs, Plant, Vector
 from hil.simulation.truth import Truth
@@ -37,24 +39,24 @@ class ChamberTruth:
         lamp_board, lamp_box: what of the lamp's power ends on the board, and in the air and the walls [W].
     """
 
-    ambient: float = 22.0
-    seebeck: float = 0.05
-    resistance: float = 1.7
-    conductance: float = 0.5
-    current: float = 5.0
-    plate_capacity: float = 140.0
-    board_capacity: float = 60.0
-    die_capacity: float = 5.0
-    box_capacity: float = 60.0
-    sink_capacity: float = 400.0
-    plate_board: float = 3.0
-    board_die: float = 0.04
-    plate_box: float = 0.5
-    board_box: float = 0.1
-    box_ambient: float = 0.5
-    sink_ambient: float = 6.7
-    lamp_board: float = 8.0
-    lamp_box: float = 18.0
+    ambient: Annotated[float, number(-60, 80)] = 22.0
+    seebeck: Positive = 0.05
+    resistance: Positive = 1.7
+    conductance: Positive = 0.5
+    current: Positive = 5.0
+    plate_capacity: Positive = 140.0
+    board_capacity: Positive = 60.0
+    die_capacity: Positive = 5.0
+    box_capacity: Positive = 60.0
+    sink_capacity: Positive = 400.0
+    plate_board: Positive = 3.0
+    board_die: Positive = 0.04
+    plate_box: Positive = 0.5
+    board_box: Positive = 0.1
+    box_ambient: Positive = 0.5
+    sink_ambient: Positive = 6.7
+    lamp_board: NotNegative = 8.0
+    lamp_box: NotNegative = 18.0
 
 
 class ThermalChamber(Plant):
@@ -165,27 +167,7 @@ def build(name: str, grid_ns: int, truth: Truth) -> ThermalChamber:
     Raises:
         TruthError: with everything that is wrong.
     """
-    usual = ChamberTruth()
-    chamber = ChamberTruth(
-        ambient=truth.number("ambient", usual.ambient, minimum=-60, maximum=80),
-        seebeck=truth.number("seebeck", usual.seebeck, above=0),
-        resistance=truth.number("resistance", usual.resistance, above=0),
-        conductance=truth.number("conductance", usual.conductance, above=0),
-        current=truth.number("current", usual.current, above=0),
-        plate_capacity=truth.number("plate_capacity", usual.plate_capacity, above=0),
-        board_capacity=truth.number("board_capacity", usual.board_capacity, above=0),
-        die_capacity=truth.number("die_capacity", usual.die_capacity, above=0),
-        box_capacity=truth.number("box_capacity", usual.box_capacity, above=0),
-        sink_capacity=truth.number("sink_capacity", usual.sink_capacity, above=0),
-        plate_board=truth.number("plate_board", usual.plate_board, above=0),
-        board_die=truth.number("board_die", usual.board_die, above=0),
-        plate_box=truth.number("plate_box", usual.plate_box, above=0),
-        board_box=truth.number("board_box", usual.board_box, above=0),
-        box_ambient=truth.number("box_ambient", usual.box_ambient, above=0),
-        sink_ambient=truth.number("sink_ambient", usual.sink_ambient, above=0),
-        lamp_board=truth.number("lamp_board", usual.lamp_board, minimum=0),
-        lamp_box=truth.number("lamp_box", usual.lamp_box, minimum=0),
-    )
+    chamber = truth.part(ChamberTruth)
     truth.finish()
     return ThermalChamber(name, grid_ns, chamber)
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from math import exp
+from typing import Annotated, ClassVar
 
+from hil.model.notation import Positive, number, vector
 from hil.simulation.plants.battery.ageing import Ageing
 from hil.simulation.plants.battery.open_circuit import OpenCircuit
 from hil.simulation.plants.plant import Vector
@@ -47,8 +49,8 @@ class CellTruth:
         start: state of charge at the epoch [1].
     """
 
-    charge: tuple[float, ...] = (0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0)
-    open_circuit: tuple[float, ...] = (
+    charge: ClassVar[tuple[float, ...]] = (0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0)
+    open_circuit: Annotated[tuple[float, ...], vector(14, rising=True)] = (
         3.0,
         3.288,
         3.438,
@@ -64,17 +66,17 @@ class CellTruth:
         4.128,
         4.2,
     )
-    capacity: float = 2.022
-    resistance: float = 0.146
-    fast_resistance: float = 0.02
-    fast_time: float = 30.0
-    slow_resistance: float = 0.117
-    slow_time: float = 880.0
-    activation: float = 2000.0
-    entropic: float = -2.5e-4
-    fade: float = 5.5e-4
-    growth: float = 1e-3
-    start: float = 0.0
+    capacity: Positive = 2.022
+    resistance: Positive = 0.146
+    fast_resistance: Positive = 0.02
+    fast_time: Positive = 30.0
+    slow_resistance: Positive = 0.117
+    slow_time: Positive = 880.0
+    activation: Annotated[float, number(0, 10_000)] = 2000.0
+    entropic: Annotated[float, number(-0.01, 0.01)] = -2.5e-4
+    fade: Annotated[float, number(0, 1)] = 5.5e-4
+    growth: Annotated[float, number(0, 1)] = 1e-3
+    start: Annotated[float, number(0, 1)] = field(default=0.0, metadata={"alias": "charge"})
 
 
 class Cell:

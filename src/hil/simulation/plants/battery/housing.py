@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
+
+from hil.model.notation import Positive
 
 __all__ = ["Housing", "HousingTruth", "Response", "Warmth"]
 
@@ -38,18 +40,18 @@ class HousingTruth:
         current: through the coolers at full power [A].
     """
 
-    cell_capacity: float = 28.0
-    plate_capacity: float = 140.0
-    box_capacity: float = 300.0
-    cell_box: float = 0.0218
-    cell_plate: float = 1.5
-    plate_box: float = 0.1
-    box_ambient: float = 1.0
-    seebeck: float = 0.05
-    resistance: float = 1.7
-    conductance: float = 0.5
-    sink_ambient: float = 6.7
-    current: float = 5.0
+    cell_capacity: Positive = 28.0
+    plate_capacity: Positive = 140.0
+    box_capacity: Positive = 300.0
+    cell_box: Positive = 0.0218
+    cell_plate: Positive = 1.5
+    plate_box: Positive = 0.1
+    box_ambient: Positive = 1.0
+    seebeck: Positive = 0.05
+    resistance: Positive = field(default=1.7, metadata={"alias": "tec_resistance"})
+    conductance: Positive = field(default=0.5, metadata={"alias": "tec_conductance"})
+    sink_ambient: Positive = 6.7
+    current: Positive = field(default=5.0, metadata={"alias": "tec_current"})
 
 
 class Housing:

@@ -8,6 +8,7 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import ClassVar
 
+from hil.model.notation import NotNegative, Positive
 from hil.simulation.plants.battery.cell import Cell, CellTruth
 from hil.simulation.plants.battery.housing import Housing, HousingTruth
 from hil.simulation.plants.battery.network import Flow, Network
@@ -46,12 +47,12 @@ class WiringTruth:
         load_resistance: of the load besides [ohm], 0 for none.
     """
 
-    leads: float = 0.06
-    fuse: float = 0.04
-    contact: float = 0.02
-    supply_leads: float = 0.06
-    load_current: float = 0.7
-    load_resistance: float = 0.0
+    leads: NotNegative = 0.06
+    fuse: NotNegative = 0.04
+    contact: NotNegative = 0.02
+    supply_leads: Positive = 0.06
+    load_current: NotNegative = 0.7
+    load_resistance: NotNegative = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import exp, log
+
+from hil.model.notation import Positive
 
 __all__ = ["HEALTHY", "STATES", "Thermistor"]
 
@@ -26,8 +28,8 @@ class Thermistor:
         beta: [K].
     """
 
-    nominal: float = 10_000.0
-    beta: float = 3950.0
+    nominal: Positive = field(default=10_000.0, metadata={"alias": "ntc_nominal"})
+    beta: Positive = field(default=3950.0, metadata={"alias": "ntc_beta"})
 
     def ohms(self, celsius: float) -> float:
         """Return the resistance at a temperature."""

@@ -2,13 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import exp
 
+from hil.model.notation import Number, Positive
 from hil.simulation.plants.model import PlantModel
 from hil.simulation.plants.plant import Inputs, Plant, Vector
 from hil.simulation.truth import Truth
 
-__all__ = ["MODEL", "StillAir", "build"]
+__all__ = ["MODEL", "AirTruth", "StillAir", "build"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class AirTruth:
+    """What the air is like.
+
+    Attributes:
+        start: its temperature at the epoch [degC].
+        around: temperature of the box [degC].
+        time: how long it takes to follow [s].
+    """
+
+    start: Number = 20.0
+    around: Number = 30.0
+    time: Positive = 100.0
 
 
 class StillAir(Plant):
@@ -17,14 +34,12 @@ class StillAir(Plant):
     Args:
         name: the plant's name.
         grid_ns: distance of grid points.
-        start: temperature at the epoch [degC].
-        around: temperature of the box [degC].
-        time_s: the time constant [s].
+        truth: what it is like.
     """
 
-    def __init__(self, name: str, grid_ns: int, start: float, around: float, time_s: float) -> None:
-        super().__init__(name, grid_ns, (start,), {"around": around}, frozenset({"temperature"}))
-        self._time_s = time_s
+    def __init__(self, name: str, grid_ns: int, truth: AirTruth) -> None:
+        super().__init__(name, grid_ns, (truth.start,), {"around": truth.around}, frozenset({"temperature"}))
+        self._time_s = truth.time
 
     def step(self, state: Vector, inputs: Inputs, dt: float) -> Vector:
         """Return the temperature `dt` seconds later."""
@@ -39,10 +54,9 @@ class StillAir(Plant):
 
 def build(name: str, grid_ns: int, truth: Truth) -> StillAir:
     """Build the plant from its truth."""
-    start, around = truth.number("start", 20.0), truth.number("around", 30.0)
-    time_s = truth.number("time", 100.0, above=0)
+    air = truth.part(AirTruth)
     truth.finish()
-    return StillAir(name, grid_ns, start, around, time_s)
+    return StillAir(name, grid_ns, air)
 
 
 MODEL = PlantModel(build=build)
