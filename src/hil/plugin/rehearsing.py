@@ -22,8 +22,7 @@ from hil.model.verdict import Verdict
 from hil.plugin.campaign import Opener
 from hil.plugin.launch import launch
 from hil.plugin.opening import open_new
-from hil.report.frozen import requirement_entries
-from hil.report.material import Material
+from hil.report.material import Material, requirement_entries
 from hil.report.procedure import procedure_lines
 
 __all__ = ["Replayed", "procedure", "replay"]

@@ -20,8 +20,7 @@ from hil.evidence.events import (
     StepEnd,
 )
 from hil.evidence.results.derived import BY_CASES
-from hil.report.frozen import demands, unspoken
-from hil.report.material import Body, text
+from hil.report.material import Body, demands, text, unspoken
 from hil.report.numbers import bench_time, duration, number, with_unit
 from hil.report.page.as_run import Placed, attributed, limit_of
 from hil.report.sentences import counted

@@ -3,8 +3,7 @@ from typed_events import events_of
 
 from hil.evidence.events import Step
 from hil.evidence.package.contents import Package
-from hil.report.frozen import demands, requirement_entries
-from hil.report.material import Material
+from hil.report.material import Material, demands, requirement_entries
 from hil.report.procedure import procedure_lines
 
 DRIVE = {"case": "a", "step": "1", "name": "supply.coil.set", "effect": "drives", "result": None}

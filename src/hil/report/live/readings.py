@@ -16,9 +16,8 @@ from hil.evidence.durable import open_plain
 from hil.evidence.events import Recording
 from hil.evidence.folder import RECORDINGS
 from hil.model.errors import HilError
-from hil.report.frozen import parse
 from hil.report.live.outlook import Outlook
-from hil.report.material import inners, text
+from hil.report.material import inners, parse, text
 from hil.report.numbers import number, with_unit
 
 __all__ = ["Reading", "Readings"]

@@ -14,8 +14,21 @@ from hil.model.verdict import Verdict
 from hil.report.drawing.checks import charts, short
 from hil.report.drawing.panel import Graphic
 from hil.report.drawing.recordings import recording_graphics
-from hil.report.frozen import demands, documents, parse, plan_files, requirement_entries, unspoken
-from hil.report.material import Body, Material, flat, inner, inners, text, texts
+from hil.report.material import (
+    Body,
+    Material,
+    demands,
+    documents,
+    flat,
+    inner,
+    inners,
+    parse,
+    plan_files,
+    requirement_entries,
+    text,
+    texts,
+    unspoken,
+)
 from hil.report.numbers import duration, with_unit
 from hil.report.page.as_run import Placed, attributed, checks_of, fed_limits, recording_rows, step_rows, watched_rows
 from hil.report.page.bench import armings, instruments, safe_off, wiring
