@@ -13,8 +13,7 @@ from hil.model.errors import DeviceFault, NoReply, Refused, Rejected, WrongIdent
 from hil.model.identity import Identity
 from hil.wire.exchange import publish_stream, withdraw
 from hil.wire.opening import open_port
-from hil.wire.replay import Playback
-from hil.wire.replayed_ends import ReplayedStream
+from hil.wire.replay import Playback, ReplayedStream
 from hil.wire.transcript import Transcript
 
 LEVEL_1 = {"truth": {"level": "1", "cycles": "1"}, "settings": {"level": "1", "cycles": "1"}}

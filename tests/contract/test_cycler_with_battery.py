@@ -6,9 +6,9 @@ import pytest
 
 from hil.clock.virtual import VirtualClock
 from hil.model.bench import InstrumentSpec
-from hil.simulation.peers.cycler.model import MODEL
+from hil.simulation.peers.cycler.firmware import MODEL
 from hil.simulation.peers.model import Connections, PeerSetup
-from hil.simulation.plants.battery.build import build
+from hil.simulation.plants.battery.plant import build
 from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth
 

@@ -14,7 +14,7 @@ from hil.instruments.eurotherm_3216 import Eurotherm3216
 from hil.model.bench import Wire
 from hil.model.errors import ClampExceeded, DeviceFault, Garbled, NoReply, Refused, Rejected
 from hil.model.identity import Identity
-from hil.simulation.peers.eurotherm.article import MODEL
+from hil.simulation.peers.eurotherm.controller import MODEL
 
 CONNECTS = {"sensor": "chamber.plate", "drive": "chamber.tec", "ambient": "chamber.ambient"}
 QUIET = {"sensor_noise": "0"}

@@ -9,7 +9,7 @@ from sensor_bench import IIM42652, Bench
 from hil.instruments.driver import Clamps, Connection
 from hil.instruments.obc_link.driver import ObcLink
 from hil.model.errors import DeviceFault, NoReply
-from hil.simulation.peers.obc_link.model import MODEL
+from hil.simulation.peers.obc_link.board import MODEL
 from hil.wire.exchange import publish_stream, withdraw
 from hil.wire.opening import open_port
 from hil.wire.simulated_line import SimulatedLine

@@ -7,7 +7,7 @@ import json
 import pytest
 from obc_page import BoardUnderTest, Sensor
 
-from hil.simulation.peers.obc_link.framing import seal
+from hil.simulation.peers.obc_link.uart import seal
 
 IDENTIFY, TIME, I2C, ADC, START, STOP, WATCHDOG, HALT, STATUS, SPEED = range(1, 11)
 FIFO = bytes.fromhex("01682e010830") + (1024).to_bytes(2, "little")

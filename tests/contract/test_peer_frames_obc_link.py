@@ -8,7 +8,7 @@ import pytest
 from obc_page import GOLDEN, BoardUnderTest, Even, golden
 
 from hil.simulation.peers.obc_link.commands import Tally
-from hil.simulation.peers.obc_link.framing import FrameReader, seal
+from hil.simulation.peers.obc_link.uart import FrameReader, seal
 
 
 def opened(data: bytes):

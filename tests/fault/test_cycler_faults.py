@@ -7,7 +7,7 @@ from cycler_page import Battery, CyclerUnderTest, sealed
 
 from hil.clock.virtual import VirtualClock
 from hil.simulation.faults import Faults, read_faults
-from hil.simulation.peers.cycler.model import MODEL
+from hil.simulation.peers.cycler.firmware import MODEL
 from hil.simulation.peers.faulty import FaultySerialPeer
 from hil.simulation.registry import fault_kinds
 from hil.simulation.seeds import Seeds

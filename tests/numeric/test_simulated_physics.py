@@ -7,8 +7,7 @@ import pytest
 from scipy.constants import mu_0
 from scipy.integrate import solve_ivp
 
-from hil.simulation.plants.circuit import drive
-from hil.simulation.plants.coil import CoilAndEarthField, CoilTruth, EarthTruth
+from hil.simulation.plants.coil import CoilAndEarthField, CoilTruth, EarthTruth, drive
 from hil.simulation.plants.magnetics import field_per_ampere, rotation
 
 

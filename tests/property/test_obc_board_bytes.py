@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from obc_page import BoardUnderTest
 
-from hil.simulation.peers.obc_link.framing import FrameReader, seal
+from hil.simulation.peers.obc_link.uart import FrameReader, seal
 
 REQUESTS = st.builds(
     seal,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from hil.simulation.plants.battery.build import build
+from hil.simulation.plants.battery.plant import build
 from hil.simulation.truth import Truth
 
 __all__ = ["GRID_S", "SECOND_NS", "Cycles", "battery"]

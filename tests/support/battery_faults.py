@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import pytest
 
 from hil.executive.ending.stop import StopFlags
-from hil.simulation import ends
+from hil.simulation import world as ends
 from hil.simulation.world import World
 
 __all__ = ["Scene", "loses_its_output", "overshoots", "plant"]

@@ -20,9 +20,9 @@ from hil.instruments.newport_esp301 import NewportEsp301
 from hil.instruments.rigol_dp832 import RigolDp832
 from hil.instruments.waveshare_relay import WaveshareRelay
 from hil.model.bench import Proof, Wire
-from hil.simulation.peers.cycler.model import MODEL as CYCLER
+from hil.simulation.peers.cycler.firmware import MODEL as CYCLER
 from hil.simulation.peers.esp301.controller import MODEL as ESP301
-from hil.simulation.peers.eurotherm.article import MODEL as EUROTHERM
+from hil.simulation.peers.eurotherm.controller import MODEL as EUROTHERM
 from hil.simulation.peers.keysight_e36312a import MODEL as KEYSIGHT
 from hil.simulation.peers.korad_ka3005p import MODEL as KORAD
 from hil.simulation.peers.rigol_dp832 import MODEL as RIGOL

@@ -9,7 +9,7 @@ from chamber_bench import SECOND_NS, chamber
 from hil.clock.virtual import VirtualClock
 from hil.model.bench import InstrumentSpec
 from hil.simulation.faults import read_faults
-from hil.simulation.peers.eurotherm.article import MODEL
+from hil.simulation.peers.eurotherm.controller import MODEL
 from hil.simulation.peers.modbus_rtu import seal
 from hil.simulation.peers.model import Connections, PeerSetup
 from hil.simulation.registry import fault_kinds

@@ -10,7 +10,7 @@ from facing import facing
 
 from hil.instruments.cycler.tester import BatteryCycler
 from hil.model.bench import Wire
-from hil.simulation.peers.cycler.model import MODEL
+from hil.simulation.peers.cycler.firmware import MODEL
 
 __all__ = ["Bench", "Cell", "cycler", "wire"]
 

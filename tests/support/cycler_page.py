@@ -9,7 +9,7 @@ from pathlib import Path
 from hil.clock.virtual import VirtualClock
 from hil.model.bench import InstrumentSpec
 from hil.simulation.faults import read_faults
-from hil.simulation.peers.cycler.model import MODEL
+from hil.simulation.peers.cycler.firmware import MODEL
 from hil.simulation.peers.faulty import FaultySerialPeer
 from hil.simulation.peers.model import Connections, PeerSetup
 from hil.simulation.registry import fault_kinds

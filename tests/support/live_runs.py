@@ -15,7 +15,7 @@ from typing import Any
 from battery_runs import BatteryWorkspace, battery_workspace
 from workspaces import ROOT, Ended, command_line, executive, finish, kill
 
-from hil.simulation.served.client import ask
+from hil.simulation.served.folder import ask
 
 __all__ = ["LiveRun", "Served", "guardian_of", "live_workspace", "put_away", "running", "seconds_until", "served"]
 

@@ -13,8 +13,8 @@ from hil.model.bench import InstrumentSpec
 from hil.simulation.faults import read_faults
 from hil.simulation.peers.faulty import FaultySerialPeer
 from hil.simulation.peers.model import Connections, PeerSetup
-from hil.simulation.peers.obc_link.framing import FrameReader, seal
-from hil.simulation.peers.obc_link.model import MODEL
+from hil.simulation.peers.obc_link.board import MODEL
+from hil.simulation.peers.obc_link.uart import FrameReader, seal
 from hil.simulation.registry import fault_kinds
 from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth

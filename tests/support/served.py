@@ -9,8 +9,8 @@ from pathlib import Path
 
 from hil.bench.file.reading import load_bench
 from hil.simulation.served.bench import ServedBench
+from hil.simulation.served.ends import look
 from hil.simulation.served.server import Server
-from hil.simulation.served.watching import look
 
 __all__ = ["ROOT", "NetworkClient", "SerialClient", "Wall", "bench_of", "serving"]
 

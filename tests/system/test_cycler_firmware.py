@@ -16,9 +16,9 @@ from hil.clock.virtual import VirtualClock
 from hil.instruments.cycler.tester import BatteryCycler
 from hil.model.bench import InstrumentSpec
 from hil.model.identity import Identity
-from hil.simulation.peers.cycler.model import MODEL
+from hil.simulation.peers.cycler.firmware import MODEL
 from hil.simulation.peers.model import Connections, PeerSetup
-from hil.simulation.plants.battery.build import build
+from hil.simulation.plants.battery.plant import build
 from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth
 

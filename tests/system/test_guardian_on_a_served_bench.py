@@ -18,7 +18,7 @@ from hil.bench.file.reading import load_bench
 from hil.bench.live import bind_live, reach_of_served
 from hil.executive.watching.guardian import plan_of
 from hil.guardian import latch
-from hil.simulation.served.client import ask
+from hil.simulation.served.folder import ask
 from hil.wire.transcript import Transcript
 
 pytestmark = [pytest.mark.system, pytest.mark.alone]

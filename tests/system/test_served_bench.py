@@ -19,7 +19,7 @@ from served import ROOT
 from workspaces import command_line
 
 from hil.model.errors import Refused
-from hil.simulation.served.client import ask
+from hil.simulation.served.folder import ask
 
 pytestmark = [pytest.mark.system, pytest.mark.alone]
 

@@ -10,7 +10,7 @@ import pytest
 from told_pages import Command, follow, steps_of
 
 from hil.model.errors import HilError
-from hil.simulation.served.client import ask
+from hil.simulation.served.folder import ask
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"

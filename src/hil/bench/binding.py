@@ -13,8 +13,7 @@ from hil.documents.strict_yaml import read_yaml
 from hil.model.bench import BenchSpec, SimulatedBench
 from hil.model.errors import Refused
 from hil.model.identity import Source
-from hil.simulation.ends import simulated_ends
-from hil.simulation.world import truth_errors
+from hil.simulation.world import simulated_ends, truth_errors
 from hil.wire.checkpoint import Checkpoint
 from hil.wire.exchange import publish_bus, publish_stream
 from hil.wire.replay import Handover, Playback

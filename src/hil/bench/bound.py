@@ -19,12 +19,10 @@ from hil.model.identity import Source
 from hil.simulation.person import Person
 from hil.simulation.world import World
 from hil.wire.checkpoint import Checkpoint
-from hil.wire.exchange import publish_bus, publish_stream, withdraw
-from hil.wire.handover import Handed
+from hil.wire.exchange import Handed, publish_bus, publish_stream, withdraw
 from hil.wire.opening import open_bus, open_port
 from hil.wire.port import I2cBus
-from hil.wire.replay import Playback
-from hil.wire.replayed_ends import ReplayedBus, ReplayedStream
+from hil.wire.replay import Playback, ReplayedBus, ReplayedStream
 from hil.wire.simulated_line import SimulatedLine
 from hil.wire.tap import TappedPort
 from hil.wire.transcript import Transcript

@@ -16,11 +16,10 @@ from hil.clock.live import LiveClock
 from hil.model.bench import BenchSpec
 from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
-from hil.wire.exchange import publish_bus, publish_stream
+from hil.wire.exchange import Unreachable, publish_bus, publish_stream
 from hil.wire.opening import hardware_bus
 from hil.wire.replay import Playback
 from hil.wire.transcript import Transcript
-from hil.wire.unreachable import Unreachable
 
 if TYPE_CHECKING:
     from hil.wire.live_stream import LiveStream

@@ -13,7 +13,7 @@ from hil.bench.connections import server_of
 from hil.clock import wall
 from hil.model.bench import BenchSpec
 from hil.simulation.served.bench import ServedBench
-from hil.simulation.served.client import ask
+from hil.simulation.served.folder import ask
 from hil.simulation.served.server import Server
 
 __all__ = ["ServedEnds", "ends_of", "served"]

@@ -1,4 +1,4 @@
-"""The world of one simulated bench: plants, peers, person, and the clock that moves them."""
+"""The world of one simulated bench: plants, peers, person, the clock that moves them, and the ends of its lines."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import cast
 
 from hil.clock.port import NANOSECONDS
 from hil.clock.virtual import Event, VirtualClock
-from hil.model.bench import Bus, InstrumentSpec, PeerSpec, PlantSpec, SimulatedBench
+from hil.model.bench import BenchSpec, Bus, InstrumentSpec, PeerSpec, PlantSpec, SimulatedBench
 from hil.simulation.faults import Faults, read_faults
 from hil.simulation.peers.faulty import FaultyBusPeer, FaultySerialPeer
 from hil.simulation.peers.model import Connections, PeerModel, PeerSetup
@@ -20,8 +20,10 @@ from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Path, Truth, TruthError, UnknownPlant, suggestion
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import BusPeer, SerialPeer
+from hil.wire.simulated_bus import SimulatedBus
+from hil.wire.simulated_line import SimulatedLine
 
-__all__ = ["DeviceClock", "World", "build_world", "truth_errors"]
+__all__ = ["DeviceClock", "SimulatedEnds", "World", "build_world", "simulated_ends", "truth_errors"]
 
 
 class DeviceClock:
@@ -217,3 +219,42 @@ def _faults(spec: PeerSpec, model: PeerModel, path: Path) -> Faults:
         if name in FAULTS and name not in own:  # of another link, or one that cannot be used: then it is told why
             offered(FAULTS, name, (*path, place, "kind"))
     return read_faults(spec.faults, path, kinds)
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedEnds(Stateful):
+    """The far ends of every port and bus of a simulated bench, and the world behind them."""
+
+    world: Kept[World]
+    lines: Kept[dict[str, SimulatedLine]]
+    buses: dict[str, SimulatedBus]
+
+    def of(self, instrument: InstrumentSpec) -> SimulatedLine | SimulatedBus:
+        """Return the far end of an instrument's line or bus."""
+        return self.buses[instrument.bus] if instrument.bus else self.lines[instrument.name]
+
+
+def simulated_ends(spec: BenchSpec, twin: SimulatedBench, clock: VirtualClock) -> SimulatedEnds:
+    """Build the world of a bench on a clock, and put its peers on lines and buses.
+
+    Args:
+        spec: the bench file.
+        twin: its simulated part.
+        clock: the bench's clock.
+
+    Raises:
+        TruthError: if a truth of plants or peers is wrong.
+    """
+    world = build_world(twin, spec.instruments, clock, spec.buses)
+    lines: dict[str, SimulatedLine] = {}
+    for number, instrument in enumerate(spec.instruments, start=1):
+        if not instrument.bus:
+            peer = world.serial_peers[instrument.name]
+            lines[instrument.name] = SimulatedLine(instrument.name, peer, clock, number=number, baud=instrument.baud)
+            peer.attach(lines[instrument.name], world.clock_of(instrument.name))
+    buses = {
+        bus.name: SimulatedBus(clock, bus.frequency_hz, world.bus_peers.get(bus.name, ()))
+        for bus in spec.buses
+        if not bus.instrument
+    }
+    return SimulatedEnds(world, lines, buses)

@@ -2,14 +2,55 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Generic, NoReturn, Protocol, TypeVar
 
-from hil.model.errors import Refused
+from hil.model.errors import HilError, Refused
 
 if TYPE_CHECKING:
     from hil.wire.port import I2cBus
 
-__all__ = ["FarEnd", "find_bus", "find_stream", "publish_bus", "publish_stream", "withdraw"]
+__all__ = ["FarEnd", "Handed", "Unreachable", "find_bus", "find_stream", "publish_bus", "publish_stream", "withdraw"]
+
+
+class Unreachable:
+    """Stands in for an end, so that what is behind the other ends can be reached; it has the interface of all of them.
+
+    Args:
+        error: why it could not be opened; everything but opening and closing raises it.
+    """
+
+    def __init__(self, error: HilError) -> None:
+        self._error = error
+
+    def opened(self) -> None:
+        """Do nothing."""
+
+    def closed(self) -> None:
+        """Do nothing."""
+
+    def __getattr__(self, name: str) -> NoReturn:
+        raise self._error
+
+
+_End = TypeVar("_End")
+
+
+class Handed(Generic[_End]):
+    """The far end of a byte stream or a bus, whichever end answers behind it; it has the interface of both.
+
+    Args:
+        end: what answers until `hand_to`.
+    """
+
+    def __init__(self, end: _End) -> None:
+        self._end = end
+
+    def hand_to(self, end: _End) -> None:
+        """Let `end` answer from now on; the host does not notice."""
+        self._end = end
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the ends have
+        return getattr(self._end, name)
 
 
 class FarEnd(Protocol):

@@ -10,7 +10,7 @@ from hil.clock.port import Clock
 from hil.model.errors import NoReply, Refused
 from hil.wire.exchange import find_bus
 from hil.wire.port import I2cBus
-from hil.wire.protocols.url_port import UrlPort
+from hil.wire.protocols import UrlPort
 from hil.wire.tap import LONGEST_TRANSACTION, TappedBus, TappedPort
 from hil.wire.transcript import Transcript
 

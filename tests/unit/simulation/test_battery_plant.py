@@ -7,7 +7,7 @@ from math import exp
 import pytest
 from battery_cycles import SECOND_NS, battery
 
-from hil.simulation.plants.battery.build import build
+from hil.simulation.plants.battery.plant import build
 from hil.simulation.plants.plant import Plant
 from hil.simulation.plants.terminal import PlantPort, SignalPoint, observing
 from hil.simulation.truth import Truth, TruthError

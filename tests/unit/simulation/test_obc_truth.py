@@ -10,7 +10,7 @@ from obc_bench import obc_bench
 from obc_page import BoardUnderTest
 
 from hil.simulation.faults import read_faults
-from hil.simulation.peers.obc_link.model import MODEL
+from hil.simulation.peers.obc_link.board import MODEL
 from hil.simulation.registry import fault_kinds
 from hil.simulation.truth import TruthError
 

@@ -9,9 +9,9 @@ from served import Wall, bench_of
 from hil.clock.virtual import VirtualClock
 from hil.model.errors import Refused
 from hil.simulation.registry import PEERS, fault_kinds
-from hil.simulation.served.line import ServedLine
-from hil.simulation.served.pace import Pace
-from hil.simulation.served.state import true_state
+from hil.simulation.served.bench import true_state
+from hil.simulation.served.ends import ServedLine
+from hil.simulation.served.server import Pace
 
 MS = 1_000_000
 SETTINGS = {

@@ -10,8 +10,7 @@ import pytest
 from served import NetworkClient, SerialClient, bench_of, serving
 
 from hil.model.errors import Refused
-from hil.simulation.served.client import ask
-from hil.simulation.served.folder import CONTROL, ServedFolder
+from hil.simulation.served.folder import CONTROL, ServedFolder, ask
 
 RELAYS = bytes.fromhex("01 01 00 00 00 08 3D CC")
 

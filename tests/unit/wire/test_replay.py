@@ -12,8 +12,7 @@ from hil.clock.virtual import VirtualClock
 from hil.model.errors import Diverged, EvidenceError
 from hil.wire.exchange import publish_bus, publish_stream, withdraw
 from hil.wire.opening import open_bus, open_port
-from hil.wire.replay import DISTRESS, HOLD, MONITOR, OVERDUE, Playback
-from hil.wire.replayed_ends import ReplayedBus, ReplayedStream
+from hil.wire.replay import DISTRESS, HOLD, MONITOR, OVERDUE, Playback, ReplayedBus, ReplayedStream
 from hil.wire.simulated_bus import SimulatedBus
 from hil.wire.simulated_line import SimulatedLine
 from hil.wire.transcript import Transcript, read_transcript

@@ -9,10 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.simulation.noise.flicker import Flicker
-from hil.simulation.noise.quantisation import AngleQuantisation
-from hil.simulation.noise.random_walk import RandomWalk
-from hil.simulation.noise.white import White
+from hil.simulation.noise.processes import AngleQuantisation, Flicker, RandomWalk, White
 from hil.simulation.seeds import Stream
 from hil.wire.checkpoint import Kept, StateError, Stateful
 

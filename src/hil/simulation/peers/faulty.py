@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 from hil.simulation.faults import Chatty, Faults, LinkFault
-from hil.simulation.peers.alarm import Alarms
+from hil.simulation.peers.timing import Alarms
 from hil.simulation.seeds import Stream
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import BusPeer, BusServer, Line, Nack, Openable, PeerClock, SerialPeer

@@ -38,7 +38,6 @@ from numpy.typing import NDArray
 from hil.clock.port import NANOSECONDS
 from hil.model.notation import whole
 from hil.simulation.faults import Fault, Saturated, Stuck
-from hil.simulation.peers.alarm import Alarms
 from hil.simulation.peers.iim42652_registers import (
     READ_ONLY,
     RESET,
@@ -56,6 +55,7 @@ from hil.simulation.peers.sensors.fifo import Fifo
 from hil.simulation.peers.sensors.grid import Grid
 from hil.simulation.peers.sensors.pin import Pin
 from hil.simulation.peers.sensors.sampler import Bits, Sampler, Samples
+from hil.simulation.peers.timing import Alarms
 from hil.wire.checkpoint import Kept
 
 __all__ = ["MODEL", "Asleep", "Iim42652", "TemperatureRaw", "build"]

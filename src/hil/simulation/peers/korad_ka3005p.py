@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Fault, Faults, Identity
-from hil.simulation.peers.alarm import Alarm
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.supply_output import OutputTruth, Rating, RefuseOff, SupplyOutput, read_output_truth
+from hil.simulation.peers.timing import Alarm
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 

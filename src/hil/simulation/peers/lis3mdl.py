@@ -16,12 +16,12 @@ from typing import ClassVar, Self
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Saturated, Stuck
-from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.sensors.chip import Datasheet, Fitted, OtherIdentity, SensorPeer, number_at
 from hil.simulation.peers.sensors.elements import AXES, Die, FieldElement
 from hil.simulation.peers.sensors.grid import Grid
 from hil.simulation.peers.sensors.registers import RegisterFile
+from hil.simulation.peers.timing import Alarm, Alarms
 from hil.wire.checkpoint import Kept
 
 __all__ = ["MODEL", "Lis3mdl", "build"]

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from functools import lru_cache
 
 from hil.clock.port import NANOSECONDS
-from hil.simulation.peers.alarm import Alarm
+from hil.simulation.peers.timing import Alarm
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import PeerClock
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from hil.clock.port import NANOSECONDS
-from hil.simulation.peers.alarm import Alarm
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.scpi_manual import Commands, Manual
 from hil.simulation.peers.supply_output import SupplyOutput, read_outputs
+from hil.simulation.peers.timing import Alarm
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 

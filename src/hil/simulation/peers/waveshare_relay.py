@@ -17,9 +17,9 @@ from typing import Annotated
 from hil.clock.port import NANOSECONDS
 from hil.model.notation import whole
 from hil.simulation.faults import Fault, Faults
-from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.modbus_rtu import FrameReader, checked, seal
 from hil.simulation.peers.model import PeerModel, PeerSetup
+from hil.simulation.peers.timing import Alarm, Alarms
 from hil.simulation.plants.terminal import InputPoint
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock

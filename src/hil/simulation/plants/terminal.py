@@ -1,4 +1,4 @@
-"""What hangs on the terminals of simulated instruments: plants, resistors, or nothing."""
+"""What hangs on the terminals of simulated instruments: plants, resistors, or nothing; and the rail that feeds them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hil.simulation.plants.plant import Plant, Port, Value, Vector
 
-__all__ = ["InputPoint", "PlantPort", "Resistor", "SignalPoint", "Terminal", "observing"]
+__all__ = ["InputPoint", "PlantPort", "Power", "Resistor", "SignalPoint", "Terminal", "observing"]
 
 
 class Terminal(Protocol):
@@ -127,3 +127,28 @@ def observing(points: Sequence[SignalPoint | None], unconnected: Vector) -> Call
         return there[0].plant.observing(tuple(point.name for point in there))
     pairs = tuple(zip(points, unconnected, strict=True))
     return lambda _: [tuple([shown if point is None else point.observe() for point, shown in pairs])]
+
+
+_LEAST_VOLTS = 9.0
+"""Below, relays and amplifiers for 12 V let go."""
+
+
+class Power:
+    """Tells whether the rail is there, and when that changes.
+
+    Args:
+        point: the rail's voltage; None where the instrument has power of its own.
+    """
+
+    def __init__(self, point: SignalPoint | None) -> None:
+        self._point = point
+
+    @property
+    def there(self) -> bool:
+        """Whether the rail carries what is needed."""
+        return self._point is None or self._point.observe() >= _LEAST_VOLTS
+
+    def listen(self, callback: Callable[[], None]) -> None:
+        """Call back when the rail may have changed."""
+        if self._point is not None:
+            self._point.plant.listen(callback)

@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import replace
+from math import isfinite
+from typing import TypeVar
 
 from hil.clock.virtual import VirtualClock
 from hil.model.bench import BenchSpec, PeerSpec, SimulatedBench
 from hil.model.errors import Refused
 from hil.simulation.faults import Fault
-from hil.simulation.served.line import ServedLine
+from hil.simulation.plants.plant import Plant
+from hil.simulation.served.ends import ServedLine
 from hil.simulation.truth import TruthError, declared, suggestion
 from hil.simulation.world import World, build_world
 
-__all__ = ["ServedBench"]
+__all__ = ["ServedBench", "true_state"]
 
 
 class ServedBench:
@@ -102,3 +105,81 @@ def _from_now(row: Mapping[str, object], now_ns: int) -> Mapping[str, object]:
 def _written(instant_ns: int) -> str:
     """Write an instant as bench files have it; the fraction is exact."""
     return f"{instant_ns // 1000}.{instant_ns % 1000:03d} us"
+
+
+_Item = TypeVar("_Item")
+
+
+def true_state(bench: ServedBench, path: str) -> object:
+    """Return what stands at a dotted path, all of it for an empty one.
+
+    `plants.coil` has every signal and input of a plant; `plants.coil.field.x` is one signal, `plants.coil.field` a
+    group of them, and where there is no signal of that name it is an input. `peers.psu1.outputs.2.on` is what the peer
+    itself keeps, by the names that it keeps it under; `lines.psu1` tells whether a client is there, and what
+    overflowed.
+
+    Raises:
+        Refused: if there is nothing of that name.
+    """
+    section, _, rest = path.partition(".")
+    name, _, inner = rest.partition(".")
+    world = bench.world
+    known: dict[str, Mapping[str, object]] = {"lines": bench.lines, "peers": world.by_device, "plants": world.plants}
+    if not section:
+        return {key: {item: _part(bench, key, item, "") for item in items} for key, items in known.items()}
+    items = _one_of(known, section)
+    if not name:
+        return {item: _part(bench, section, item, "") for item in items}
+    _one_of(items, name)
+    return _part(bench, section, name, inner)
+
+
+def _part(bench: ServedBench, section: str, name: str, path: str) -> object:
+    if section == "plants":
+        return _of_plant(bench.world.plants[name], path)
+    if section == "peers":
+        state = bench.world.by_device[name].state()
+        # On a byte stream the peer stands behind what goes wrong around it.
+        found: object = state["peer"] if name in bench.lines else state
+    else:
+        line = bench.lines[name]
+        found = {"open": line.is_open, "lost": line.lost}
+    for key in path.split(".") if path else ():
+        found = _inside(found, key)
+    return _plain(found)
+
+
+def _of_plant(plant: Plant, path: str) -> object:
+    signals = sorted(plant.signals)
+    if not path:
+        seen = {name: _plain(plant.observe(name)) for name in signals}
+        return {"signals": seen, "inputs": {name: _plain(value) for name, value in sorted(plant.inputs.items())}}
+    if path in plant.signals:
+        return _plain(plant.observe(path))
+    group = [name for name in signals if name.startswith(f"{path}.")]
+    if group:
+        return {name.removeprefix(f"{path}."): _plain(plant.observe(name)) for name in group}
+    return _plain(_one_of({**dict.fromkeys(signals), **plant.inputs}, path))
+
+
+def _inside(found: object, key: str) -> object:
+    if isinstance(found, list) and key.isdecimal() and int(key) < len(found):
+        return found[int(key)]
+    return _one_of(found if isinstance(found, Mapping) else {}, key)
+
+
+def _one_of(items: Mapping[str, _Item], name: str) -> _Item:
+    if name not in items:
+        raise Refused(f"there is no '{name}'{suggestion(name, tuple(items))}", "ask for the state of '' to see all")
+    return items[name]
+
+
+def _plain(value: object) -> object:
+    """Return a value as JSON has it; numbers that JSON has not are texts, such as `inf`."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not isfinite(value):
+        return str(value)
+    return value

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from hil.model.errors import HilError
-from hil.simulation.served.watching import Watch
+from hil.simulation.served.ends import Watch
 
 __all__ = ["Control"]
 

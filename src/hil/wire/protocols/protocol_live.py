@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hil.wire.protocols.url_port import UrlPort
+from hil.wire.protocols import UrlPort
 
 __all__ = ["Serial"]
 

@@ -7,11 +7,9 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from hil.simulation.peers.cycler.article import Article, Reading
-from hil.simulation.peers.cycler.framing import Command
-from hil.simulation.peers.cycler.output import Output
+from hil.simulation.peers.cycler.lines import Command, Output
 from hil.simulation.peers.cycler.relays import Relays
-from hil.simulation.peers.cycler.sequence import RUNNING, Sequence
-from hil.simulation.peers.cycler.settings import TABLE, Settings, text_of
+from hil.simulation.peers.cycler.sequence import RUNNING, TABLE, Sequence, Settings, text_of
 
 __all__ = ["Commands", "Device"]
 

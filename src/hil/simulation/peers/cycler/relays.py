@@ -8,9 +8,8 @@ from typing import Annotated
 
 from hil.model.notation import one_of
 from hil.simulation.faults import Fault, Faults
-from hil.simulation.peers.alarm import Alarm, Alarms
-from hil.simulation.peers.power import Power
-from hil.simulation.plants.terminal import InputPoint
+from hil.simulation.peers.timing import Alarm, Alarms
+from hil.simulation.plants.terminal import InputPoint, Power
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import PeerClock
 

@@ -6,8 +6,7 @@ import re
 from collections.abc import Callable, Mapping
 
 from hil.simulation.faults import Faults, Identity
-from hil.simulation.peers.esp301.axis import Axis
-from hil.simulation.peers.esp301.errors import ErrorBuffer, EspError
+from hil.simulation.peers.esp301.axis import Axis, ErrorBuffer, EspError
 from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["CommandSet"]

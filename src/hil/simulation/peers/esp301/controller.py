@@ -15,10 +15,10 @@ from __future__ import annotations
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Identity
-from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.esp301.axis import Axis, Drive, NoStop, Slipping, StageTruth, Stalled
 from hil.simulation.peers.esp301.commands import CommandSet
 from hil.simulation.peers.model import PeerModel, PeerSetup
+from hil.simulation.peers.timing import Alarm, Alarms
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 

@@ -10,7 +10,7 @@ from typing import Annotated, Protocol
 from hil.clock.port import NANOSECONDS
 from hil.model.notation import Complaint, Notation
 from hil.simulation.faults import Fault, Faults
-from hil.simulation.peers.alarm import Alarm
+from hil.simulation.peers.timing import Alarm
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import BusPeer, Nack, PeerClock
 

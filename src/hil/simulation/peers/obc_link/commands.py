@@ -1,4 +1,4 @@
-"""The commands of the simulated board, one by one."""
+"""The commands of the simulated board, one by one, and what its analogue inputs see."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from hil.simulation.peers.alarm import Alarm
-from hil.simulation.peers.obc_link.article import CHANNELS, FULL_SCALE, Article
+import numpy as np
+from numpy.typing import NDArray
+
 from hil.simulation.peers.obc_link.bus import BoardBus
 from hil.simulation.peers.obc_link.fields import (
     BUSES,
@@ -22,15 +23,48 @@ from hil.simulation.peers.obc_link.fields import (
     messages_of,
     program_of,
 )
-from hil.simulation.peers.obc_link.framing import LARGEST, VERSION, Frame
 from hil.simulation.peers.obc_link.stream import Stream
-from hil.simulation.peers.obc_link.timing import BoardClock
-from hil.simulation.peers.obc_link.uart import Uart
+from hil.simulation.peers.obc_link.uart import LARGEST, VERSION, Frame, Uart
+from hil.simulation.peers.timing import Alarm, BoardClock
+from hil.simulation.plants.terminal import SignalPoint
 from hil.simulation.seeds import Stream as Noise
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import PeerClock
 
-__all__ = ["MINOR", "READING", "REQUEST_USER", "Commands", "Tally", "Watch"]
+__all__ = ["CHANNELS", "FULL_SCALE", "MINOR", "READING", "REQUEST_USER", "Article", "Commands", "Tally", "Watch"]
+
+CHANNELS = 6
+FULL_SCALE = 4095
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Article:
+    """What this board is: firmware, chip, and what its analogue inputs see.
+
+    Attributes:
+        firmware: version, three numbers.
+        build: eight bytes of the firmware's commit.
+        chip: the twelve bytes of the unique id.
+        ring: bytes for stream frames.
+        reference: VDDA in V.
+        noise: of one conversion, in counts rms.
+        inputs: signals in V by channel; the others are 0 V.
+    """
+
+    firmware: tuple[int, int, int]
+    build: bytes
+    chip: bytes
+    ring: int
+    reference: float
+    noise: float
+    inputs: Mapping[int, SignalPoint]
+
+    def conversions(self, channel: int, noise: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return raw conversions of a channel now, shape as `noise`, which is in units of its standard deviation."""
+        volts = self.inputs[channel].observe() if channel in self.inputs else 0.0
+        counts = np.rint(volts / self.reference * FULL_SCALE + self.noise * noise)
+        return np.clip(counts, 0, FULL_SCALE).astype(np.int64)
+
 
 MINOR = 0
 READING = frozenset({0x01, 0x02, 0x09})

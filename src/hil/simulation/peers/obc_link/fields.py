@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
-from hil.simulation.peers.obc_link.framing import LARGEST, OVERHEAD
+from hil.simulation.peers.obc_link.uart import LARGEST, OVERHEAD
 
 __all__ = [
     "BUSES",

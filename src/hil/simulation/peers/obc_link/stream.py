@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import cast
 
-from hil.simulation.peers.alarm import Alarm
 from hil.simulation.peers.obc_link.bus import OK, BoardBus
 from hil.simulation.peers.obc_link.fields import FifoTransfer, Program, RegisterTransfer, program_of
-from hil.simulation.peers.obc_link.framing import seal
-from hil.simulation.peers.obc_link.timing import BoardClock
-from hil.simulation.peers.obc_link.uart import Uart
+from hil.simulation.peers.obc_link.uart import Uart, seal
+from hil.simulation.peers.timing import Alarm, BoardClock
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import BusPeer, PeerClock
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Faults, Stuck
-from hil.simulation.peers.alarm import Alarm, Alarms
 from hil.simulation.peers.sensors.fifo import Fifo
 from hil.simulation.peers.sensors.grid import Grid
 from hil.simulation.peers.sensors.pin import Pin
+from hil.simulation.peers.timing import Alarm, Alarms
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import PeerClock
 

@@ -6,15 +6,67 @@ from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import pairwise
 from math import exp
 from typing import Annotated, ClassVar
 
 from hil.model.notation import Positive, number, vector
-from hil.simulation.plants.battery.ageing import Ageing
-from hil.simulation.plants.battery.open_circuit import OpenCircuit
 from hil.simulation.plants.plant import Vector
 
-__all__ = ["Cell", "CellTruth", "Flowing", "Tabs", "Warming"]
+__all__ = ["Ageing", "Cell", "CellTruth", "Flowing", "OpenCircuit", "Tabs", "Warming"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ageing:
+    """Ageing by throughput. A cycle is twice the new capacity: once in, once out.
+
+    Attributes:
+        capacity: of the new cell [A.s].
+        fade: relative loss of capacity per cycle [1].
+        growth: relative growth of every resistance per cycle, of the new value [1].
+    """
+
+    capacity: float
+    fade: float
+    growth: float
+
+    def cycles(self, passed: float) -> float:
+        """Return how many full cycles a throughput [A.s], both directions, stands for."""
+        return passed / (2 * self.capacity)
+
+    def aged(self, passed: float) -> tuple[float, float]:
+        """Return the capacity [A.s] after a throughput, and by what factor resistances have grown."""
+        cycles = passed / (2 * self.capacity)
+        return self.capacity * exp(-self.fade * cycles), 1 + self.growth * cycles
+
+
+class OpenCircuit:
+    """A table of open-circuit voltages; beyond its ends the outermost lines go on.
+
+    Args:
+        charges: states of charge [1], rising, at least two.
+        volts: open-circuit voltages there at 25 degC [V], rising.
+
+    Attributes:
+        inner: the states of charge at which one line ends and the next begins.
+        lines: of each line its volts at 0, and its rise [V].
+    """
+
+    def __init__(self, charges: tuple[float, ...], volts: tuple[float, ...]) -> None:
+        self.inner = charges[1:-1]
+        pairs = tuple(zip(charges, volts, strict=True))
+        rises = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(pairs)]
+        self.lines = tuple((v - rise * s, rise) for (s, v), rise in zip(pairs, rises, strict=False))
+
+    def line(self, charge: float) -> tuple[float, float]:
+        """Return the line that holds at a state of charge: its volts at 0, and its rise [V]."""
+        return self.lines[bisect_right(self.inner, charge)]
+
+    def volts(self, charge: float) -> float:
+        """Return the open-circuit voltage at a state of charge."""
+        start, rise = self.line(charge)
+        return start + rise * charge
+
 
 _ZERO_CELSIUS = 273.15
 _REFERENCE = 25.0

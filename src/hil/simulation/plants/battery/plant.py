@@ -10,12 +10,13 @@ from typing import ClassVar
 
 from hil.model.notation import NotNegative, Positive
 from hil.simulation.plants.battery.cell import Cell, CellTruth
-from hil.simulation.plants.battery.housing import Housing, HousingTruth
+from hil.simulation.plants.battery.housing import HEALTHY, STATES, Housing, HousingTruth, Thermistor
 from hil.simulation.plants.battery.network import Flow, Network
-from hil.simulation.plants.battery.sensor import HEALTHY, STATES, Thermistor
+from hil.simulation.plants.model import PlantModel
 from hil.simulation.plants.plant import Inputs, Plant, Port, Value, Vector
+from hil.simulation.truth import Truth
 
-__all__ = ["PLACES", "Battery", "WiringTruth"]
+__all__ = ["MODEL", "PLACES", "Battery", "WiringTruth", "build"]
 
 PLACES = ("container", "assembly")
 """Where a cell can lie: in the metal container alone, or between the halves of the assembly in it."""
@@ -233,3 +234,32 @@ class Battery(Plant):
             room=float(inputs["ambient"]),
             assembled=inputs["place"] == "assembly",
         )
+
+
+def build(name: str, grid_ns: int, truth: Truth) -> Battery:
+    """Build the plant from its truth.
+
+    Raises:
+        TruthError: with everything that is wrong.
+    """
+    cell, wiring, thermistor = truth.part(CellTruth), truth.part(WiringTruth), truth.part(Thermistor)
+    housing = truth.part(HousingTruth)
+    if housing.seebeck * housing.current >= housing.sink_ambient:
+        truth.wrong("sink_ambient", "must be above seebeck * tec_current, or the sinks run away")
+    ambient = truth.number("ambient", 24.5, minimum=-60, maximum=80)
+    place = truth.text("place", PLACES[0], choices=PLACES)
+    truth.finish()
+    return Battery(
+        name,
+        grid_ns,
+        cell=cell,
+        wiring=wiring,
+        housing=housing,
+        thermistor=thermistor,
+        ambient=ambient,
+        place=place,
+    )
+
+
+MODEL = PlantModel(build=build)
+"""The plant model `battery`."""
