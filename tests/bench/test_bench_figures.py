@@ -14,7 +14,9 @@ from hil.bench.binding import bind_simulated
 from hil.bench.bound import url_of
 from hil.bench.envelope import Monitor
 from hil.executive.ending.stop import StopFlags
+from hil.executive.watching.ports import NoMachine
 from hil.executive.watching.scheduler import Scheduler
+from hil.executive.watching.timeline import OnBench
 from hil.wire.opening import open_bus
 from hil.wire.transcript import Transcript
 
@@ -123,12 +125,17 @@ def test_a_reading_over_modbus(bench, cost):
 def test_an_hour_of_an_idle_bench(bench, cost):
     """A bench that is only watched: plants on their grid, two monitors through the bytes."""
     readings = []
-    watch = SimpleNamespace(reading=lambda *reading: readings.append(reading), tick=bench.transcript.flush)
+    watch = SimpleNamespace(
+        reading=lambda *reading: readings.append(reading),
+        tick=bench.transcript.flush,
+        hold_as_recorded=lambda: None,
+    )
 
     def monitor(limit):
         return Monitor(limit, getattr(bench.roles[limit.output], limit.quantity), 0)
 
-    scheduler = Scheduler(bench, [monitor(limit) for limit in bench.spec.envelope], StopFlags(), watch)
+    monitors = [monitor(limit) for limit in bench.spec.envelope]
+    scheduler = Scheduler(bench, monitors, StopFlags(), watch, OnBench(bench, NoMachine()))
     scheduler.watch_from_now()
     minutes = 2
     cost("simulated hour of an idle bench", lambda: scheduler.sleep(60 * minutes), units=minutes / 60, rounds=3)

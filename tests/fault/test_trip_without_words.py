@@ -11,34 +11,35 @@ from case_parts import Written
 from hil.bench.envelope import Trip
 from hil.executive.ending.stop import StopFlags
 from hil.executive.watching.keeper import BenchKeeper
+from hil.executive.watching.ports import NoMachine
+from hil.executive.watching.timeline import OnBench
 from hil.model.identity import Dut, Model
 
 NANO = 1_000_000_000
 
 
-class Speechless(Written):
-    """Takes events, and fails at a trip."""
-
-    def write(self, event, *, beside=None):
-        """Take one event."""
-        super().write(event, beside=beside)
-        if self.events[-1]["kind"] == "trip":
-            raise RuntimeError("no words")
-
-
 def test_the_bench_is_safe_although_the_trip_cannot_be_told():
     """Whatever writing raises, every line of the safe-off is taken before it goes on."""
-    told = Speechless()
+
+    class Wordless(Written):
+        """A journal that no trip can be written to."""
+
+        def write(self, event, *, beside=None):
+            """Take one event."""
+            super().write(event, beside=beside)
+            if event.kind() == "trip":
+                raise RuntimeError("no words")
+
+    written = Wordless()
+
     with bound(adcs()) as bench:
         dut = Dut(serial="S", part="P", hardware="A", model=Model.EM)
-        keeper = BenchKeeper(bench, dut, StopFlags(), told, Mock(), lambda: None)
+        machine = NoMachine()
+        keeper = BenchKeeper(bench, dut, StopFlags(), written, Mock(), machine, OnBench(bench, machine), ())
         bench.roles["supply.sensor"].configure(3.3, 0.02)
         bench.roles["supply.sensor"].enable()
         with pytest.raises(RuntimeError, match="no words"):
             keeper.trip(Trip("coil", 1.0, "A", "too much"))
         assert bench.roles["supply.sensor"].enabled() is False
-    assert [(event["kind"], event.get("ok")) for event in told.events] == [
-        ("trip", None),
-        *[("safe", True)] * 3,
-        ("safe-end", True),
-    ]
+    told = [(event["kind"], event.get("ok")) for event in written.events]
+    assert told == [("trip", None), *[("safe", True)] * 3, ("safe-end", True)]

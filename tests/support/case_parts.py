@@ -23,7 +23,9 @@ from hil.executive.ending.stop import StopFlags
 from hil.executive.journaling.row_store import RowStore
 from hil.executive.people.answers import Nobody
 from hil.executive.setup.head import PlannedCase
+from hil.executive.watching.ports import NoMachine
 from hil.executive.watching.scheduler import Scheduler
+from hil.executive.watching.timeline import OnBench
 from hil.instruments.sampled import Channel
 from hil.model.bench import CalibratedRange, Calibration, InstrumentSpec, Wire
 from hil.model.envelope import EnvelopeLimit
@@ -140,6 +142,9 @@ class Watch:
         """Note the word."""
         self.told.append("give up")
 
+    def hold_as_recorded(self) -> None:
+        """Hold nothing."""
+
     def tick(self) -> None:
         """Count."""
         self.ticks += 1
@@ -231,7 +236,7 @@ def monitor(clock, spec, *, value=5.0, takes=0.004):
 def scheduler(clock, *monitors, flags=None, watch=None):
     """Return a scheduler that watches from now."""
     bench = SimpleNamespace(clock=clock, live=None, playback=None, speed=1.0, transcript=Transcript(None))
-    made = Scheduler(bench, monitors, flags or StopFlags(), watch or Watch())
+    made = Scheduler(bench, monitors, flags or StopFlags(), watch or Watch(), OnBench(bench, NoMachine()))
     made.watch_from_now()
     return made
 
@@ -253,7 +258,6 @@ class Case:
         effects = Effects(self.written, steps, recall, self.flags.undisturbed)
         (folder / "data/recordings").mkdir(parents=True)
         self.store = RowStore(folder, self.written)
-        ids = count(1)
         used: dict[str, str] = {}
         self.run = CaseRun(
             planned=PlannedCase(
@@ -263,7 +267,7 @@ class Case:
             steps=steps,
             effects=effects,
             check=Checks(chosen, steps, self.written, used),
-            record=Recorder(steps, self.scheduler, effects, self.store, Source.SIMULATED, lambda: next(ids)),
+            record=Recorder(steps, self.scheduler, effects, self.store, Source.SIMULATED),
             artifact=Artifacts(steps, effects, self.written, folder / "data/attachments", set()),
             operator=Operator(answers or Nobody(), effects, steps, self.written, self.scheduler.point),
             scheduler=self.scheduler,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from itertools import count
 from pathlib import Path
+from typing import Protocol
 
 from hil.bench.bound import BoundBench
 from hil.evidence import events
@@ -22,24 +22,36 @@ from hil.executive.cases.recorder import Recorder
 from hil.executive.cases.steps import Steps
 from hil.executive.ending.exit_codes import code_of
 from hil.executive.ending.signals import handle_signals
-from hil.executive.ending.stop import Astray, StopFlags, Stopped, Turn, leave_unsealed
-from hil.executive.journaling.events import Listener
+from hil.executive.ending.stop import Astray, StopFlags, Stopped, Turn
+from hil.executive.journaling.events import Caller, Unheard
 from hil.executive.journaling.record import Record
 from hil.executive.people.answers import Answering
 from hil.executive.resuming.beginnings import NewRun
 from hil.executive.resuming.entering import Entering
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import PlannedCase
-from hil.executive.watching.host import host_of
+from hil.executive.watching.host import Attendant, LiveMachine, live_machine
 from hil.executive.watching.keeper import BenchKeeper
+from hil.executive.watching.ports import Machine, NoMachine
+from hil.executive.watching.timeline import timeline_of
 from hil.model.identity import Source
 from hil.model.verdict import Verdict
 from hil.wire.transcript import Transcript
 
-__all__ = ["Session"]
+__all__ = ["Session", "Spectator"]
 
 Binder = Callable[[Transcript, Callable[[], str]], BoundBench]
 """Makes the bench; gets the transcript, and what tells the present step."""
+
+
+class Spectator(Protocol):
+    """Shows what happens in a run, or tells somebody."""
+
+    def __call__(self, event: events.Event, /) -> None:
+        """Take one event."""
+
+    def tick(self) -> None:
+        """Do what is due."""
 
 
 class Session:
@@ -51,12 +63,13 @@ class Session:
         binder: makes the bench.
         answers: makes what answers questions.
         leases: what this run must hold alone, such as the ports of its instruments.
-        listeners: are shown every event.
+        spectators: are shown every event, and get a turn every fraction of a second.
         beginning: what the run begins from: nothing, an interrupted run, or a package.
+        caller: hears of what the run cannot come back from.
 
     Attributes:
         record: what it writes down.
-        at_last: seals and ends the process, for a case that never comes to its end; nothing of the run is left then.
+        machine: drives a bench outside of this process, None for one that lives in it.
     """
 
     def __init__(
@@ -67,25 +80,25 @@ class Session:
         binder: Binder,
         answers: Answering,
         leases: Sequence[str] = (),
-        listeners: Sequence[Listener] = (),
+        spectators: Sequence[Spectator] = (),
         beginning: NewRun | None = None,
+        caller: Caller | None = None,
     ) -> None:
         self.configuration = configuration
         self.flags = StopFlags()
+        self.machine: LiveMachine | None = None
         self.poison = ""
         self.current: CaseRun | None = None
         self._beginning = beginning or NewRun()
+        self._caller = caller or Unheard()
         self._made: set[Path] = set()
-        self._ids = count(1)
         self._verdicts: list[Verdict] = []
         self._attempts: dict[str, int] = {}
         self._stopped = False
         self._open_cases = dict.fromkeys(case.id for case in planned)
-        self.at_last: Callable[[], object] = leave_unsealed
         self._closing = ExitStack()
         try:
-            self._open(planned, binder, answers, leases, listeners)
-            self._may_be_entered()
+            self._open(planned, binder, answers, leases, spectators)
         except BaseException:
             self._closing.close()
             raise
@@ -96,7 +109,7 @@ class Session:
         binder: Binder,
         answers: Answering,
         leases: Sequence[str],
-        listeners: Sequence[Listener],
+        spectators: Sequence[Spectator],
     ) -> None:
         """Take the leases, make the folder, write the head of the journal, and open the bench.
 
@@ -104,32 +117,51 @@ class Session:
         """
         configuration = self.configuration
         alarm = self._closing.enter_context(handle_signals(self.flags))
-        self.record = Record(configuration, self.flags, leases, listeners, self._beginning, self._closing)
-        self.record.begin(planned)
-        self._events = self.record.events
-        self.bench = binder(self.record.transcript, self._where)
-        self._closing.callback(self.bench.close)
-        self.record.follow(self.bench, checkpoints=bool(leases))  # nobody resumes a rehearsal
-        store, tick = self.record.store, self.record.upkeep.tick
-        self.keeper = BenchKeeper(self.bench, configuration.dut, self.flags, self._events, store, tick)
-        self._events.listen(self.keeper.holding)
-        self._events.catch_up = self.keeper.scheduler.follow(lambda: self._events.course)
-        self.flags.make_safe, self.flags.give_up = self.keeper.safe, self.give_up
-        if self.bench.live is not None:
-            host = host_of(self.bench, self.bench.live, self.keeper.scheduler, self.record, configuration)
-            self.keeper.outside, host.drives = host, self.keeper.holding.drives
-            alarm.keep(host.amid, host.between)
-        self._answers = answers(self.bench, self.keeper.scheduler.idle, self.record.upkeep.elsewhere)
+        self.record = record = Record(
+            configuration, self.flags, leases, spectators, self._beginning, self._caller, self._closing
+        )
+        record.begin(planned)
+        self._events = record.events
+        self.bench = bench = binder(record.transcript, self._where)
+        self._closing.callback(bench.close)
+        record.follow(bench, checkpoints=bool(leases))  # nobody resumes a rehearsal
+        machine: Machine = NoMachine()
+        if bench.live is not None:
+            inhibit = configuration.workspace.inhibitor
+            machine = self.machine = live_machine(bench, bench.live, self.flags, record, inhibit)
+        timeline = timeline_of(bench, machine, record.events, self._beginning.not_opened)
+        self.keeper = BenchKeeper(
+            bench,
+            configuration.dut,
+            self.flags,
+            record.events,
+            record.store,
+            machine,
+            timeline,
+            (record.upkeep, *spectators),
+        )
+        record.events.listen(self.keeper.holding)
+        self._entering = Entering(record, bench, self.keeper, self._beginning)
+        record.events.serve(self)
+        self.flags.govern(self)
+        if bench.live is not None and self.machine is not None:
+            alarm.keep(Attendant(self.machine, bench.live, self.keeper.scheduler, self.keeper.holding))
+        self._answers = answers(bench, self.keeper.scheduler.idle, record.upkeep.elsewhere)
 
-    def _may_be_entered(self) -> None:
-        """Enter the run again where it was, or where it was stopped to be resumed."""
-        self.keeper.not_opened = self._beginning.not_opened
-        entering = Entering(self.record, self.bench, self.keeper, self._beginning, self._count_from)
-        if entering.needed:
-            self._events.behind = entering.behind
+    def before_event(self) -> None:
+        """Come to where a resumed or replayed run is, before an event is stamped."""
+        if self.flags.reason and self.record.retraces():
+            self._caller.stopped_early()
+        self.keeper.scheduler.catch_up()
 
-    def _count_from(self, number: int) -> None:
-        self._ids = count(number)
+    def before_line(self) -> None:
+        """Bring what an event of a live bench stands on to the operating system."""
+        if self.machine is not None:
+            self.record.before_line()
+
+    def after_event(self, course: int) -> None:
+        """Enter a resumed run, if this event is where."""
+        self._entering.after(course)
 
     @property
     def folder(self) -> Path:
@@ -157,10 +189,6 @@ class Session:
         effects = Effects(journal, steps, self._beginning.recall, turn.undisturbed)
         requirements = {name: self.configuration.catalogue.requirement(name) for name in planned.requirements}
         self._began_ns = self.bench.clock.now_ns()
-        scheduler.deadline_ns = self._began_ns + round(planned.max_duration_s * 1e9)
-        scheduler.refused = 0
-        if not scheduler.watching:  # the bench was made safe under the case before
-            scheduler.watch_from_now()
         used: dict[str, Source] = {}
         self.current = CaseRun(
             planned=planned,
@@ -168,7 +196,7 @@ class Session:
             steps=steps,
             effects=effects,
             check=Checks(requirements, steps, journal, used),
-            record=Recorder(steps, scheduler, effects, self.record.store, self.bench.source, lambda: next(self._ids)),
+            record=Recorder(steps, scheduler, effects, self.record.store, self.bench.source),
             operator=Operator(self._answers, effects, steps, journal, scheduler.point),
             artifact=Artifacts(steps, effects, journal, self.folder / ATTACHMENTS, self._made),
             scheduler=scheduler,
@@ -176,7 +204,7 @@ class Session:
             source=self.bench.source,
             used=used,
         )
-        scheduler.monitoring.faulted, scheduler.present.held_up = self.current.fault, self.current.raised
+        scheduler.begin_case(self.current, round(planned.max_duration_s * 1e9))
         return self.current
 
     def end(self, run: CaseRun) -> Verdict:
@@ -194,8 +222,7 @@ class Session:
         if self.flags.reason and (self.keeper.scheduler.refused or self.flags.cuts):
             run.raised(Stopped(self.flags.reason))  # whatever the case made of it
         run.close()
-        scheduler = self.keeper.scheduler
-        scheduler.deadline_ns = scheduler.monitoring.faulted = None
+        self.keeper.scheduler.end_case()
         outcome = run.outcome()
         ended = events.CaseEnd(
             case=run.planned.id,
@@ -234,6 +261,10 @@ class Session:
         finally:
             self.keeper.release()
 
+    def make_safe(self) -> None:
+        """Make the bench safe, amid whatever a case does."""
+        self.keeper.safe()
+
     def give_up(self) -> None:
         """End the run from where it is, amid a case that lets no stop and no timeout end it."""
         with self.flags.shielded():
@@ -245,7 +276,7 @@ class Session:
                     self.not_run(case, "the run was ended amid a case that nothing else ended")
                 self.safe()
             finally:
-                self.at_last()
+                self._caller.given_up()
 
     def exit_code(self, pytest_code: int) -> int:
         """Return the run's exit code."""

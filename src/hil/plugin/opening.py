@@ -9,12 +9,12 @@ from hil.bench.binding import bind_resumed, bind_simulated
 from hil.bench.bound import BoundBench
 from hil.bench.live import bind_live, bind_live_again
 from hil.evidence.folder import TRANSCRIPT
-from hil.executive.journaling.events import Listener
+from hil.executive.journaling.events import Caller
 from hil.executive.people.answers import Answered
 from hil.executive.resuming.beginnings import ResumedRun
 from hil.executive.resuming.earlier import Earlier
 from hil.executive.resuming.preconditions import require_same_cases
-from hil.executive.session import Session
+from hil.executive.session import Session, Spectator
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import PlannedCase
 from hil.plugin.terminal.answering import answers_of
@@ -26,7 +26,8 @@ __all__ = ["open_new", "open_resumed"]
 def open_new(
     configuration: Configuration,
     planned: Sequence[PlannedCase],
-    listeners: Sequence[Listener] = (),
+    spectators: Sequence[Spectator] = (),
+    caller: Caller | None = None,
     *,
     alone: bool = False,
 ) -> Session:
@@ -35,7 +36,8 @@ def open_new(
     Args:
         configuration: what the run is made of.
         planned: its cases.
-        listeners: are shown every event.
+        spectators: are shown every event.
+        caller: hears of what the run cannot come back from.
         alone: whether no other run may be on the bench; a rehearsal disturbs nobody.
     """
     answers = answers_of(configuration.request, configuration.workspace.shown)
@@ -45,12 +47,18 @@ def open_new(
         binder=lambda transcript, _where: _bind(configuration, transcript),
         answers=answers,
         leases=_leases(configuration) if alone else [],
-        listeners=listeners,
+        spectators=spectators,
+        caller=caller,
     )
 
 
 def open_resumed(
-    configuration: Configuration, planned: Sequence[PlannedCase], listeners: Sequence[Listener], earlier: Earlier
+    configuration: Configuration,
+    planned: Sequence[PlannedCase],
+    spectators: Sequence[Spectator],
+    caller: Caller,
+    *,
+    earlier: Earlier,
 ) -> Session:
     """Open the session of an interrupted run again, on its record first, and from its checkpoint on on its bench.
 
@@ -67,7 +75,8 @@ def open_resumed(
             earlier.come_again, fresh(bench, idle, elsewhere), lambda: bench.world is not None
         ),
         leases=_leases(configuration),
-        listeners=listeners,
+        spectators=spectators,
+        caller=caller,
         beginning=ResumedRun(earlier),
     )
 

@@ -15,16 +15,17 @@ from hil.evidence.folder import JOURNAL, RESULTS, is_sealed
 from hil.executive.ending.acknowledging import require_acknowledged
 from hil.executive.ending.exit_codes import EXIT_INTERRUPTED
 from hil.executive.people.notifying import Notifier
-from hil.executive.people.on_call import require_unattended
+from hil.executive.people.on_call import OnCall, People, require_unattended
+from hil.executive.people.questions import Declined
 from hil.executive.resuming.earlier import Earlier, find_earlier
 from hil.executive.resuming.preconditions import changes, deviation_of, require_answers
 from hil.executive.session import Session
 from hil.executive.setup.configuration import Configuration, Request, configure
 from hil.executive.setup.head import PlannedCase
 from hil.model.errors import Diverged, EvidenceError, Refused
-from hil.plugin.attending import attend
 from hil.plugin.launch import launch
 from hil.plugin.opening import open_new, open_resumed
+from hil.plugin.terminal.answering import answers_of
 from hil.plugin.terminal.left_open import left_open_lines
 from hil.plugin.terminal.progress import Progress
 from hil.report.summary import closing_lines
@@ -129,57 +130,110 @@ def resume(
 def _run(
     configured: Callable[[], Configuration], opener: Callable[..., Session], out: TextIO, word: Word, verbose: bool
 ) -> int:
-    opened = partial(_open, opener=opener, out=out, verbose=verbose, word=word)
+    process = _RunProcess(opener, out, word, verbose=verbose)
     try:
         configuration = configured()
         require_unattended(configuration)
-        launched = launch(configuration, opened)
+        launched = launch(configuration, process.open)
     except KeyboardInterrupt:
         return _nothing(out, EXIT_INTERRUPTED)
-    if launched.session is None:
-        return _nothing(out, launched.code)
-    return _close(launched.session, launched.code, out, word)
+    return process.close(launched.code)
 
 
-def _open(
-    configuration: Configuration,
-    planned: Sequence[PlannedCase],
-    *,
-    opener: Callable[..., Session],
-    out: TextIO,
-    verbose: bool,
-    word: Word,
-) -> Session:
-    progress = Progress(out, verbose=verbose)
-    notifier = Notifier(configuration.workspace.notify, configuration.workspace.root)
-    session = opener(configuration, planned, listeners=[progress, notifier])
-    progress.follow(session.folder)
-    session.keeper.beside(progress.tick)
-    session.keeper.beside(notifier.tick)
-    notifier.attach(session.folder.name, session.keeper.journal)
-    session.keeper.last = notifier.finish
-    attend(session, notifier)
-    session.record.if_diverged(partial(_leave_as_it_is, session, word))
-    session.record.if_stopped(partial(_leave_for_later, session.folder, word))
-    session.at_last = lambda: word.leave(_close(session, _FAILED, out, word))
-    word.begun(session.folder)
-    return session
+class _RunProcess:
+    """The process that was started for one run, and is left if the run cannot go on.
+
+    Args:
+        opener: opens the session.
+        out: where the run is shown.
+        verbose: whether everything is shown.
+        word: whoever waits for the run's end.
+    """
+
+    def __init__(self, opener: Callable[..., Session], out: TextIO, word: Word, *, verbose: bool) -> None:
+        self._opener = opener
+        self._out = out
+        self._word = word
+        self._verbose = verbose
+        self._session: Session | None = None
+        self._notifier: Notifier | None = None
+
+    def open(self, configuration: Configuration, planned: Sequence[PlannedCase]) -> Session:
+        """Open the session, with everybody who watches it."""
+        progress = Progress(self._out, verbose=self._verbose)
+        notifier = Notifier(configuration.workspace.notify, configuration.workspace.root)
+        session = self._opener(configuration, planned, spectators=[progress, notifier], caller=self)
+        progress.follow(session.folder)
+        notifier.attach(session.folder.name, session.keeper.journal)
+        self._session, self._notifier = session, notifier
+        _attend(session, notifier)
+        self._word.begun(session.folder)
+        return session
+
+    def diverged(self, error: Diverged) -> None:
+        """End the process of a resumed run that does not come to its past again; nothing of it has been driven."""
+        if self._session is None:
+            return
+        if self._session.flags.reason:
+            self.stopped_early()  # on the way to the safe state it leaves its record
+        told = f"hil: {self._session.folder.name} cannot be resumed: {error.first}"
+        _complain(told, "     it is as it was; seal it with hil seal")
+        self._word.leave(_INTERNAL)
+
+    def stopped_early(self) -> None:
+        """End the process of a resumed run that is to stop before it has come to its past again."""
+        if self._session is not None:
+            told = f"hil: {self._session.folder.name} was stopped before it went on"
+            _complain(told, "     it is as it was; hil resume begins again")
+            self._word.leave(EXIT_INTERRUPTED)
+
+    def given_up(self) -> None:
+        """Seal the run, and end the process amid a case that nothing else ends."""
+        self._word.leave(self.close(_FAILED))
+
+    def close(self, pytest_code: int) -> int:
+        """Seal, tell, and return the exit code; what cannot be told changes nothing."""
+        if self._session is None:
+            return _nothing(self._out, pytest_code)
+        return _close(self._session, self._notifier, pytest_code, self._out, self._word)
 
 
-def _leave_for_later(folder: Path, word: Word) -> NoReturn:
-    """End the process of a resumed run that is to stop before it has come to its past again."""
-    _complain(f"hil: {folder.name} was stopped before it went on", "     it is as it was; hil resume begins again")
-    word.leave(EXIT_INTERRUPTED)
+def _attend(session: Session, notifier: Notifier) -> None:
+    """Let the bench be armed only with the people that it needs; one that lives in this process needs nobody.
+
+    Args:
+        session: the run, before its bench is armed.
+        notifier: reaches whoever is on call.
+    """
+    configuration = session.configuration
+    if session.machine is None:
+        return
+
+    def idle() -> bool:
+        session.keeper.tick()
+        return not session.flags.reason
+
+    def pass_by() -> None:
+        if not idle():
+            raise Declined("the run is to end")
+
+    answers = answers_of(configuration.request, configuration.workspace.shown)(
+        session.bench, pass_by, session.record.upkeep.elsewhere
+    )
+    people = People(_on_call(session, notifier), answers, session.keeper.journal, idle)
+    session.record.events.listen(people)
+    session.machine.attend(people)
 
 
-def _leave_as_it_is(session: Session, word: Word, error: Diverged) -> NoReturn:
-    """End the process of a resumed run that does not come to its past again; nothing of it has been driven."""
-    folder = session.folder
-    if session.flags.reason:
-        _leave_for_later(folder, word)  # on the way to the safe state it leaves its record
-    told = f"hil: {folder.name} cannot be resumed: {error.first}"
-    _complain(told, "     it is as it was; seal it with hil seal")
-    word.leave(_INTERNAL)
+def _on_call(session: Session, notifier: Notifier) -> OnCall | None:
+    request = session.configuration.request
+    if not request.unattended:
+        return None
+    on_call = OnCall(
+        request.on_call, session.folder.name, request.acknowledge_within_s, notifier.send, session.keeper.journal
+    )
+    session.record.upkeep.expect(on_call)
+    return on_call
 
 
 def _nothing(out: TextIO, code: int) -> int:
@@ -189,12 +243,13 @@ def _nothing(out: TextIO, code: int) -> int:
     return code
 
 
-def _close(session: Session, pytest_code: int, out: TextIO, word: Word) -> int:
+def _close(session: Session, notifier: Notifier | None, pytest_code: int, out: TextIO, word: Word) -> int:
     """Seal, tell, and return the exit code; what cannot be told changes nothing."""
     code = session.exit_code(pytest_code)
     if session.left_open:
-        return _leave_open(session, code, out)
-    session.keeper.last(code, "")
+        return _leave_open(session, notifier, code, out)
+    if notifier is not None:
+        notifier.finish(code)
     try:
         digest = session.seal(code, write_reports)
     except EvidenceError as error:
@@ -215,10 +270,11 @@ def _close(session: Session, pytest_code: int, out: TextIO, word: Word) -> int:
     return code
 
 
-def _leave_open(session: Session, code: int, out: TextIO) -> int:
+def _leave_open(session: Session, notifier: Notifier | None, code: int, out: TextIO) -> int:
     """Leave a run unsealed that was stopped to be resumed, tell how it goes on, and return the exit code."""
     lines = left_open_lines(session.folder, session.flags.reason)
-    session.keeper.last(code, "; ".join(lines))
+    if notifier is not None:
+        notifier.finish(code, "; ".join(lines))
     session.leave_open()
     with suppress(OSError, ValueError):
         out.writelines(["\n", *(f"{line}\n" for line in (*lines, _shown(session.folder)))])

@@ -49,8 +49,8 @@ def test_a_guardian_that_watches_hears_of_the_run_also_where_no_latch_can_be_wri
 
     monkeypatch.setattr(guarding, "latch_bench", full)
     bench = SimpleNamespace(spec=spec, descriptors={})
-    guard = Guarding(bench, clock, StopFlags(), lambda: None, folder=tmp_path, leases=["psu1"], locks=[])
-    (gate,) = guard.begin()
+    guard = Guarding(bench, clock, StopFlags(), folder=tmp_path, leases=["psu1"], locks=[])
+    (gate,) = guard.begin(SimpleNamespace(fresh_until_ns=None))
     assert not gate.ok
     assert "No space left" in gate.detail
     clock.pulse()

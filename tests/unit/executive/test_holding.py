@@ -41,7 +41,9 @@ class Scheduler:
         self.clock, self.ending = clock, ending
         self.watching, self.deadline_ns, self.faults = True, 10_000_000_000, []
         self.seen = []
-        self.monitoring = SimpleNamespace(faulted=lambda instrument, fault: self.faults.append((instrument, fault)))
+        self.monitoring = SimpleNamespace(
+            case=SimpleNamespace(fault=lambda instrument, fault: self.faults.append((instrument, fault)))
+        )
 
     def now_ns(self):
         """Return the bench's time."""

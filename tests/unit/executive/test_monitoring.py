@@ -18,14 +18,14 @@ def looked():
     turns = []
 
     class Noting(Monitoring):
-        def run(self, until_ns):
+        def run(self, until_ns, timeline):
             turns.append(until_ns)
 
     monitoring = Noting(SimpleNamespace(clock=clock), [], None, None)
 
     def looked(late_s):
         turns.clear()
-        monitoring.run_behind(clock.now_ns() - round(late_s * 1e9))
+        monitoring.run_late(clock.now_ns() - round(late_s * 1e9), None)
         return turns == [clock.now_ns()]
 
     return looked

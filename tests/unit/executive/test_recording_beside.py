@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -301,7 +300,7 @@ def test_rows_do_not_wait_where_they_did_not_in_the_record(tmp_path):
     fed = case.scheduler.fed_by("cycler", {("voltage", "V"): 1}, 10.0)
     assert case.scheduler.pause_allowed(fed, 5.0) == 30.0
     for rows_wait, allowed in ((True, 30.0), (False, 0.0)):
-        case.scheduler._bench.playback = SimpleNamespace(rows_wait=rows_wait)
+        case.scheduler.timeline.rows_wait = rows_wait
         assert case.scheduler.pause_allowed(fed, 5.0) == allowed
 
 

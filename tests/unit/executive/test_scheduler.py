@@ -10,7 +10,9 @@ from case_parts import Watch, limit, monitor, scheduler
 
 from hil.clock.virtual import VirtualClock
 from hil.executive.ending.stop import StopFlags, Stopped
+from hil.executive.watching.ports import NoMachine
 from hil.executive.watching.scheduler import CaseTimeout, Scheduler
+from hil.executive.watching.timeline import OnBench, timeline_of
 from hil.model.errors import NoReply, Tripped
 from hil.wire.transcript import Transcript
 
@@ -104,7 +106,7 @@ def test_nothing_is_read_before_and_after_the_watch():
     """Monitors run from arming to the safe state, in between and not else."""
     clock, watch = VirtualClock(), Watch()
     bench = SimpleNamespace(clock=clock, live=None, playback=None, speed=1.0, transcript=Transcript(None))
-    scheduled = Scheduler(bench, [monitor(clock, limit())], StopFlags(), watch)
+    scheduled = Scheduler(bench, [monitor(clock, limit())], StopFlags(), watch, OnBench(bench, NoMachine()))
     scheduled.sleep(5.0)
     assert watch.readings == []
     scheduled.watch_from_now()
@@ -195,7 +197,7 @@ def test_the_silence_of_a_monitors_device_is_told_to_the_case():
     scheduled._bench.spec = SimpleNamespace(
         instrument=lambda name: {"psu1": instrument}[name], wire=lambda _: SimpleNamespace(instrument="psu1")
     )
-    scheduled.monitoring.faulted = lambda device, fault: told.append((device.name, str(fault)))
+    scheduled.monitoring.case = SimpleNamespace(fault=lambda device, fault: told.append((device.name, str(fault))))
     scheduled.sleep(2.0)
     assert told == [("psu1", "psu1: nothing came")] * 2
     assert clock.now() == pytest.approx(3.2)
@@ -207,6 +209,8 @@ class Record:
     def __init__(self, *turns_ns: int) -> None:
         self.turns = list(turns_ns)
         self.taken: list[int] = []
+
+    rows_wait, in_parts = True, False
 
     def hand_over_if_due(self) -> None:
         """Go on answering."""
@@ -230,7 +234,8 @@ def test_replayed_monitors_follow_the_record():
     """In a replay a monitor runs in the wait in which the record has it, whatever is due."""
     clock, watch, record = VirtualClock(), Watch(), Record(0, 300_000_000, 2_500_000_000)
     bench = SimpleNamespace(clock=clock, live=None, playback=record, speed=1.0, transcript=Transcript(None))
-    scheduled = Scheduler(bench, [monitor(clock, limit(), takes=0.0)], StopFlags(), watch)
+    timeline = timeline_of(bench, NoMachine(), SimpleNamespace(course=0))
+    scheduled = Scheduler(bench, [monitor(clock, limit(), takes=0.0)], StopFlags(), watch, timeline)
     scheduled.watch_from_now()
     scheduled.sleep(2.0)
     assert record.taken == [0, 300_000_000]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+from types import SimpleNamespace
 
 import pytest
 
@@ -96,7 +97,7 @@ def test_the_second_signal_ends_a_case_that_computes():
 def test_a_case_that_swallows_its_cuts_is_given_up():
     """The bench is made safe before the first cut; after some more the run ends where it is."""
     flags, told = StopFlags(), []
-    flags.make_safe, flags.give_up = lambda: told.append("safe"), lambda: told.append("give up")
+    flags.govern(SimpleNamespace(make_safe=lambda: told.append("safe"), give_up=lambda: told.append("give up")))
     flags.request("SIGINT")
     flags.request("SIGINT")
     with flags.case_code():

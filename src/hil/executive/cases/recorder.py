@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -39,7 +39,6 @@ class Recorder:
         effects: where a recording is noted as an effect.
         store: opens row files.
         source: where the bench's bytes come from.
-        ids: gives the next recording's number in the run.
     """
 
     def __init__(
@@ -49,14 +48,12 @@ class Recorder:
         effects: Effects,
         store: RowStore,
         source: Source,
-        ids: Callable[[], int],
     ) -> None:
         self._steps = steps
         self._scheduler = scheduler
         self._effects = effects
         self._store = store
         self._source = source
-        self._ids = ids
         self._taken: list[Mapping[str, object]] = []
         self._beside: list[Taking] = []
 
@@ -138,7 +135,7 @@ class Recorder:
 
     def _facts(self, name: str, sources: tuple[Facade, ...], rate: float, duration: float | None) -> RecordingFacts:
         return RecordingFacts(
-            id=f"{self._ids():03d}-{file_part(self._steps.case)}-{file_part(name)}",
+            id=f"{self._store.next_number():03d}-{file_part(self._steps.case)}-{file_part(name)}",
             name=name,
             case=self._steps.case,
             step=self._steps.number,

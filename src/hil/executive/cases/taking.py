@@ -125,5 +125,5 @@ class Taking:
             }
             if fed := self._scheduler.fed_by(source.wire.name, columns, self.turns.every_s):
                 pause_s = self._scheduler.pause_allowed(fed, 1 / self.facts.rate)
-                self.turns.may_pause(pause_s, together=self._scheduler.together)
+                self.turns.may_pause(pause_s, together=self._scheduler.timeline.rows_together)
                 self.intake.feed = self._scheduler.feed(fed, self.turns.every_s, self.facts.id)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Protocol
 
 from hil.clock import wall
 from hil.executive.ending.stop import StopFlags
 
-__all__ = ["LOOK_S", "Alarm", "handle_signals"]
+__all__ = ["LOOK_S", "Alarm", "Attends", "handle_signals"]
 
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
@@ -57,6 +58,18 @@ def handle_signals(flags: StopFlags) -> Iterator[Alarm]:
             signal.signal(number, action)
 
 
+class Attends(Protocol):
+    """Looks after a bench outside of this process."""
+
+    def amid(self, alone_s: float) -> None:
+        """Look after it where the case's own code may be disturbed, which ran alone for so many seconds."""
+        ...
+
+    def between(self) -> None:
+        """Look after it wherever it rings."""
+        ...
+
+
 class Alarm:
     """Rings in the case's own code: to look after a bench outside of this process, and to cut what does not end.
 
@@ -68,28 +81,24 @@ class Alarm:
         self._flags = flags
         self._before: tuple[float, float] | None = None
         self._handler: object = None
-        self._amid: Callable[[float], None] = lambda _: None
-        self._between: Callable[[], None] = lambda: None
-        self._kept = False
+        self._attendant: Attends | None = None
         self._cut_at = math.inf
 
-    def keep(self, amid: Callable[[float], None], between: Callable[[], None]) -> None:
+    def keep(self, attendant: Attends) -> None:
         """Ring a few times a second from now on.
 
-        A call into C is not disturbed; what rang meanwhile rings behind it. See `StopFlags.interlude`.
+        A call into C is not disturbed; what rang meanwhile rings after it. See `StopFlags.interlude`.
 
         Args:
-            amid: is called where the case's own code may be disturbed.
-            between: is called wherever it rings.
+            attendant: looks after the bench then.
         """
-        self._amid, self._between = amid, between
-        self._kept = True
+        self._attendant = attendant
         self._start(LOOK_S, LOOK_S)
 
     def set(self, seconds: float) -> None:
         """Begin to cut in `seconds`, again and again."""
         self._cut_at = wall.monotonic() + seconds
-        if not self._kept:
+        if self._attendant is None:
             self._start(seconds, _AGAIN_S)
 
     def put_back(self) -> None:
@@ -107,11 +116,12 @@ class Alarm:
             signal.setitimer(signal.ITIMER_REAL, seconds, again_s)
 
     def _ring(self, _number: int, _frame: FrameType | None) -> None:
-        self._between()
+        if self._attendant is not None:
+            self._attendant.between()
         if not self._flags.in_case:
             return
         if wall.monotonic() >= self._cut_at - _SLACK_S:
             self._flags.urgent = True
             self._flags.interrupt()
-        elif self._kept:
-            self._flags.interlude(self._amid)
+        elif self._attendant is not None:
+            self._flags.interlude(self._attendant.amid)

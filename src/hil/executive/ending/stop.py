@@ -7,13 +7,13 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import NoReturn
+from typing import NoReturn, Protocol
 
 from hil.clock import wall
 from hil.evidence.events import NOTHING, Event, EventSink
 from hil.model.errors import HilError
 
-__all__ = ["Astray", "StopFlags", "Stopped", "Turn", "leave_unsealed"]
+__all__ = ["Astray", "EndableRun", "StopFlags", "Stopped", "Turn", "leave_unsealed"]
 
 
 _MOST_CUTS = 10
@@ -26,6 +26,18 @@ class Stopped(BaseException):
 
 class Astray(HilError):
     """Code drives the bench, or writes evidence, from another thread, process or case than the one whose turn it is."""
+
+
+class EndableRun(Protocol):
+    """A run as far as its stop requests end it."""
+
+    def make_safe(self) -> None:
+        """Make the bench safe; called before a case's own code is cut."""
+        ...
+
+    def give_up(self) -> None:
+        """End the run from where it is; called for a case that was cut again and again and goes on."""
+        ...
 
 
 class StopFlags:
@@ -43,8 +55,6 @@ class StopFlags:
         cuts: how often a case's own code was cut.
         turns: how many cases had or have their turn.
         astray: why another thread, process or case was turned away, empty where none was.
-        make_safe: makes the bench safe; called before a case's own code is cut.
-        give_up: ends the run from where it is; called for a case that was cut again and again and goes on.
     """
 
     def __init__(self) -> None:
@@ -59,8 +69,7 @@ class StopFlags:
         self.leave_open = False
         self.urgent = False
         self.astray = ""
-        self.make_safe: Callable[[], None] = lambda: None
-        self.give_up: Callable[[], None] = lambda: None
+        self._run: EndableRun | None = None
 
     @property
     def in_case(self) -> bool:
@@ -76,6 +85,15 @@ class StopFlags:
     def is_copy(self) -> bool:
         """Whether this process is a copy that a case forked."""
         return os.getpid() != self._home[0]
+
+    def govern(self, run: EndableRun) -> None:
+        """Govern this run from now on."""
+        self._run = run
+
+    def give_up(self) -> None:
+        """End the run from where it is: the present case never will."""
+        if self._run is not None:
+            self._run.give_up()
 
     def request(self, reason: str) -> None:
         """Ask the run to end; a second request is urgent. Safe to call from a signal handler."""
@@ -103,8 +121,8 @@ class StopFlags:
         """Raise Stopped for an urgent request if that can be done right here."""
         if self.urgent and self._in_case and not self._undisturbed and not self._shielded:
             self.cuts += 1
-            if self.cuts == 1:
-                self.make_safe()
+            if self.cuts == 1 and self._run is not None:
+                self._run.make_safe()
             if self.cuts > _MOST_CUTS:
                 self.give_up()
             raise Stopped(self.reason)

@@ -12,10 +12,10 @@ from hil.clock.port import Clock
 from hil.evidence.events import NOTHING, Event
 from hil.evidence.journal.past import Entry
 from hil.evidence.journal.writer import Journal
-from hil.executive.ending.stop import StopFlags
+from hil.executive.ending.stop import StopFlags, leave_unsealed
 from hil.model.errors import Diverged, EvidenceError
 
-__all__ = ["DISK_FULL", "Events", "Listener", "Retraced"]
+__all__ = ["DISK_FULL", "Caller", "Eventful", "Events", "Listener", "Retraced", "Unheard"]
 
 DISK_FULL = "disk full"
 """The reason of a stop that the disk asked for."""
@@ -50,6 +50,52 @@ class Retraced(Protocol):
         ...
 
 
+class Eventful(Protocol):
+    """The run whose events they are."""
+
+    def before_event(self) -> None:
+        """Come to where the run is, before the event is stamped."""
+        ...
+
+    def before_line(self) -> None:
+        """Hand what the event stands on to the operating system, before a line of the journal is written."""
+        ...
+
+    def after_event(self, course: int) -> None:
+        """Come after an event of the run's own course, of which there are so many now."""
+        ...
+
+
+class Caller(Protocol):
+    """Whoever called for the run, and hears of what it cannot come back from."""
+
+    def diverged(self, error: Diverged) -> None:
+        """Hear why a resumed run does not come to its past again; nothing is to be written any more."""
+        ...
+
+    def stopped_early(self) -> None:
+        """Hear that a resumed run is to stop before it came to its past again: it cannot."""
+        ...
+
+    def given_up(self) -> None:
+        """Seal and end the process, for a case that never comes to its end; nothing of the run is left then."""
+        ...
+
+
+class Unheard:
+    """Nobody called for the run: what it cannot come back from is raised, or ends the process."""
+
+    def diverged(self, error: Diverged) -> None:
+        """Do nothing: it is raised."""
+
+    def stopped_early(self) -> None:
+        """Do nothing: the stop is raised at the next scheduling point."""
+
+    def given_up(self) -> None:
+        """End the process without a seal."""
+        leave_unsealed()
+
+
 class Events:
     """The one vocabulary between the run and everything downstream.
 
@@ -57,26 +103,19 @@ class Events:
         journal: where every event is written before anybody sees it.
         flags: asked to end the run once the disk is full; later events go in as far as space allows.
         past: the events of a resumed run so far, which come again first and are not written a second time.
-
-    Attributes:
-        ahead: is called before an event is written: what the event stands on goes to the operating system first.
-        catch_up: is called before every event, see `Scheduler.catch_up`.
-        behind: is called with the number of events of the run's own course, after each of them.
-        at_divergence: hears why a resumed run does not come to its past again; nothing is to be written any more.
-        at_stop: is called before every event of a run that was asked to stop.
+        caller: hears why a resumed run does not come to its past again.
     """
 
-    def __init__(self, journal: Journal, flags: StopFlags, past: Retraced | None = None) -> None:
+    def __init__(
+        self, journal: Journal, flags: StopFlags, past: Retraced | None = None, caller: Caller | None = None
+    ) -> None:
         self._journal = journal
         self._flags = flags
         self._past = past
+        self._caller = caller or Unheard()
         self._count = past.course if past else 0
-        self.ahead: Callable[[], None] = lambda: None
-        self.catch_up: Callable[[], None] = lambda: None
-        self.behind: Callable[[int], None] = lambda _: None
-        self.at_divergence: Callable[[Diverged], object] = lambda _: None
-        self.at_stop: Callable[[], None] = lambda: None
         self._clock: Clock | None = None
+        self._run: Eventful | None = None
         self._listeners: list[Listener] = []
 
     @property
@@ -87,6 +126,10 @@ class Events:
     def follow(self, clock: Clock) -> None:
         """Stamp events with this clock from now on; before that they are at zero."""
         self._clock = clock
+
+    def serve(self, run: Eventful) -> None:
+        """Tell this run of every further event before it is written, and after that."""
+        self._run = run
 
     def tick(self) -> None:
         """Bring events to the disk that wait for long, see `Journal.tick`."""
@@ -103,18 +146,18 @@ class Events:
             event: the event, not stamped yet.
             beside: see `Journal.write`.
         """
-        if self._flags.reason:
-            self.at_stop()
+        run = self._run
         with self._flags.undisturbed():  # where bench time came to the present is told by the number of events
-            self.catch_up()
+            if run is not None:
+                run.before_event()
             t = self._now()
             if not self._comes_again(event, t):
                 self._append(event, t, beside)
             if self._listeners:
                 self.show(msgspec.structs.replace(event, t=t))
             self._count += event.recurs
-        if event.recurs:
-            self.behind(self._count)
+        if event.recurs and run is not None:
+            run.after_event(self._count)
 
     def show(self, event: Event) -> None:
         """Show an event to whoever listens."""
@@ -146,8 +189,9 @@ class Events:
         return self._clock.now() if self._clock else 0.0
 
     def _append(self, event: Event, t: float, beside: Mapping[str, object]) -> None:
-        with suppress(OSError):  # a full disk is told by who looks after it
-            self.ahead()
+        if self._run is not None:
+            with suppress(OSError):  # a full disk is told by who looks after it
+                self._run.before_line()
         try:
             self._journal.write(event, t, beside=beside)
         except EvidenceError:
@@ -159,7 +203,7 @@ class Events:
         try:
             again = self._past.take(event, t)
         except Diverged as error:
-            self.at_divergence(error)
+            self._caller.diverged(error)
             raise
         if not again:
             self.end_of_past()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack, suppress
 from io import FileIO
 from pathlib import Path
@@ -16,12 +16,12 @@ from hil.evidence.journal.writer import Journal
 from hil.evidence.package.sealing import ReportWriter, seal
 from hil.executive.ending.stop import StopFlags
 from hil.executive.journaling.checkpoints import Checkpoints
-from hil.executive.journaling.events import Events, Listener, Retraced
+from hil.executive.journaling.events import Caller, Events, Listener, Retraced
 from hil.executive.journaling.row_store import RowStore
 from hil.executive.journaling.upkeep import Upkeep
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import PlannedCase
-from hil.model.errors import Diverged, EvidenceError
+from hil.model.errors import EvidenceError
 from hil.wire.transcript import Transcript, past_lines
 
 __all__ = ["Beginning", "Record"]
@@ -76,6 +76,7 @@ class Record:
         leases: what the run must hold alone.
         listeners: are shown every event.
         beginning: what the run begins from.
+        caller: hears why a resumed run does not come to its past again.
         closing: lets go of folder and leases when the run is over.
     """
 
@@ -86,10 +87,12 @@ class Record:
         leases: Sequence[str],
         listeners: Sequence[Listener],
         beginning: Beginning,
+        caller: Caller,
         closing: ExitStack,
     ) -> None:
         self._configuration = configuration
         self._beginning = beginning
+        self._caller = caller
         self._checkpoints: Checkpoints | None = None
         self._bench: BoundBench | None = None
         self._retraces = beginning.resumes
@@ -97,15 +100,15 @@ class Record:
         closing.enter_context(hold(self.folder))
         beginning.take_over(self.folder)
         self._journal = Journal(self.folder / JOURNAL, reserve=self.folder / RESERVE)
-        self.events = Events(self._journal, flags, beginning.past(self._journal))
+        self.events = Events(self._journal, flags, beginning.past(self._journal), caller)
         for listener in listeners:
             self.events.listen(listener)
-        self.store = RowStore(self.folder, self.events, again=beginning.resumes)
+        self.store = RowStore(self.folder, self.events, again=beginning.resumes, caller=caller)
         past = past_lines(self.folder / TRANSCRIPT) if beginning.resumes else None
         self._sink = FileIO(self.folder / TRANSCRIPT, "a" if past else "w")
         self.transcript = Transcript(self._sink, past)
-        self.upkeep = Upkeep(self.folder, self.events, self.store, self.transcript, flags)
-        self.upkeep.retraces = self.retraces
+        self.transcript.at_divergence = caller.diverged
+        self.upkeep = Upkeep(self.folder, self.events, self.store, self.transcript, flags, self)
 
     def begin(self, planned: Sequence[PlannedCase]) -> None:
         """Write the head of a new run; that of an interrupted one stands there already, and is only shown."""
@@ -115,12 +118,11 @@ class Record:
         """Stamp events with the bench's time, and write down where it is if `checkpoints`."""
         self._bench = bench
         self.events.follow(bench.clock)
-        if bench.live is not None:  # it is not made again from a checkpoint: each event needs the operations before it
-            self.events.ahead = self._ahead
+        if bench.playback is not None:
+            bench.playback.at_divergence = self._caller.diverged
         if checkpoints:
             self._checkpoints = Checkpoints(self.folder, bench)
             self.events.listen(self._released)
-            self.upkeep.checkpoint = self._note_progress
 
     def leave_open(self) -> None:
         """Write down where the bench is, and close everything without a seal, so that the run can be resumed."""
@@ -129,21 +131,6 @@ class Record:
             with suppress(OSError, EvidenceError):  # on a full disk the one before will do
                 self._checkpoints.write()
         self.abandon()
-
-    def if_diverged(self, tell: Callable[[Diverged], object]) -> None:
-        """Let `tell` hear why a resumed run does not come to its past again."""
-        self.events.at_divergence = self.transcript.at_divergence = self.store.at_divergence = tell
-        if self._bench is not None and self._bench.playback is not None:
-            self._bench.playback.at_divergence = tell
-
-    def if_stopped(self, tell: Callable[[], object]) -> None:
-        """Let `tell` hear that a resumed run is to stop before it came to its past again: it cannot."""
-
-        def leave() -> None:
-            if self.retraces():
-                tell()
-
-        self.events.at_stop = leave
 
     def retraces(self) -> bool:
         """Return whether this is a resumed run that has not yet come to all that is written down."""
@@ -164,8 +151,11 @@ class Record:
         self._flush()
         self._journal.close()
 
-    def _ahead(self) -> None:
-        """Come before an event; behind a wake nobody knows whether there is another one."""
+    def before_line(self) -> None:
+        """Come before an event of a live bench; after a wake nobody knows whether there is another one.
+
+        Such a bench is not made again from a checkpoint: each event needs the operations before it.
+        """
         self.upkeep.keep_time()
         self.transcript.flush()
 
@@ -174,7 +164,7 @@ class Record:
         if isinstance(event, HoldEnd) and self._checkpoints is not None:
             self._checkpoints.soon()
 
-    def _note_progress(self) -> None:
+    def note(self) -> None:
         """Write down where the bench is; of a resumed run first that it was resumed."""
         self.events.end_of_past()
         if self._checkpoints is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from hil.evidence.folder import RECORDINGS, RESERVE
 from hil.evidence.journal.past import Entry
 from hil.evidence.recordings.row_file import NUMBER, read_rows, table
 from hil.evidence.recordings.rows import Rows
+from hil.executive.journaling.events import Caller, Unheard
 from hil.model.errors import Diverged, EvidenceError
 from hil.model.identity import Source
 
@@ -121,18 +123,18 @@ class RowStore:
         folder: the run's folder.
         journal: where events are written.
         again: whether rows that the folder holds already are made again, see `Rows`.
+        caller: hears of rows that are others than the folder holds, before that is raised.
 
     Attributes:
-        at_divergence: hears of rows that are others than the folder holds, before that is raised.
-        at_void: hears of the void rows of a recording: its id, and what returns them, shape (rows, 1 + channels).
+        number: the number that the next recording gets.
     """
 
-    def __init__(self, folder: Path, journal: EventSink, *, again: bool = False) -> None:
+    def __init__(self, folder: Path, journal: EventSink, *, again: bool = False, caller: Caller | None = None) -> None:
         self._folder = folder
         self._journal = journal
         self._again = again
-        self.at_divergence: Callable[[Diverged], object] = lambda _: None
-        self.at_void: Callable[[str, Callable[[], NDArray[np.float64]]], object] = lambda *_: None
+        self._caller = caller or Unheard()
+        self.number = 1
         self._open: list[OpenRecording] = []
         self._awaited: dict[str, events.Voided] = {}
         self._voids: dict[str, list[events.Voided]] = {}
@@ -173,9 +175,9 @@ class RowStore:
             )
         except EvidenceError as error:
             if self._again:
-                self.at_divergence(Diverged(str(error)))
+                self._caller.diverged(Diverged(str(error)))
             raise
-        rows.at_divergence = self.at_divergence
+        rows.at_divergence = self._caller.diverged
         return rows
 
     def holds(self, recording: OpenRecording) -> bool:
@@ -199,20 +201,33 @@ class RowStore:
                 void.append(events.Voided(recording=name, first=rows if name == kept else 0, end=rows))
         return void
 
-    def pass_over(self, entry: Entry, void_rows: Callable[[events.Voided], NDArray[np.float64]] | None = None) -> None:
-        """Take over the rows that are not made again.
+    def next_number(self) -> int:
+        """Return the number of the next recording of a case."""
+        self.number += 1
+        return self.number - 1
+
+    def pass_over(
+        self, entry: Entry, void_rows: Callable[[events.Voided], NDArray[np.float64]] | None = None
+    ) -> list[tuple[str, Callable[[], NDArray[np.float64]]]]:
+        """Take over the rows that are not made again; return each recording that has void rows, and what reads them.
 
         Args:
             entry: tells which.
             void_rows: returns rows, shape (rows, 1 + channels), for a run that does not hold them.
         """
         self._void_rows = void_rows
+        self.number = entry.number
         still_open = {each.facts.id: each for each in self._open}
+        void: list[events.Voided] = []
         for part in entry.rows:
             if part.recording in still_open:
                 self._take_over(still_open[part.recording], part)
+                void.append(part)
             else:
                 self._awaited[part.recording] = part
+                void.append(msgspec.structs.replace(part, first=0))
+        read = void_rows or self._held_rows
+        return [(part.recording, partial(read, part)) for part in void if part.first < part.end]
 
     def note_void(self, entry: Entry) -> None:
         """Keep which rows were void when the run had been entered at a place at which it is entered once more."""
@@ -231,9 +246,6 @@ class RowStore:
         else:
             recording.rows.append_rows(self._void_rows(part))
         self._voids.setdefault(part.recording, []).append(part)
-        if part.first < part.end:
-            void_rows = self._void_rows or self._held_rows
-            self.at_void(part.recording, lambda: void_rows(part))
 
     def _held_rows(self, part: events.Voided) -> NDArray[np.float64]:
         found = read_rows(self.recordings / f"{part.recording}.rows")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Protocol
 
 from hil.clock import wall
 from hil.evidence import events
@@ -49,6 +50,26 @@ class Timekeeping:
             self._journal.write(events.ClockJump(text="the machine's time of day was set", seconds=round(jumped, 1)))
 
 
+class RunProgress(Protocol):
+    """How far a run is."""
+
+    def note(self) -> None:
+        """Write down where the bench is, if it is time."""
+        ...
+
+    def retraces(self) -> bool:
+        """Return whether the run still comes to what it came to before; nothing from outside can be taken then."""
+        ...
+
+
+class KnowsCode(Protocol):
+    """Whoever was sent a code."""
+
+    def knows(self, code: str) -> bool:
+        """Return whether this is the code that was sent last."""
+        ...
+
+
 class Upkeep:
     """Brings what waits to the disk and looks into the inbox.
 
@@ -58,21 +79,24 @@ class Upkeep:
         store: the open recordings.
         transcript: what went over the wire.
         flags: asked to end the run when somebody says so, or the disk is full.
+        progress: how far the run is.
 
     Attributes:
-        checkpoint: writes down where the bench is, if it is time.
-        knows_code: tells whether a code is the one that the person on call was sent.
         elsewhere: takes answers to the question that waits.
-        retraces: tells whether the run still comes to what it came to before; nothing from outside can be taken then.
     """
 
     def __init__(
-        self, folder: Path, journal: Events, store: RowStore, transcript: Transcript, flags: StopFlags
+        self,
+        folder: Path,
+        journal: Events,
+        store: RowStore,
+        transcript: Transcript,
+        flags: StopFlags,
+        progress: RunProgress,
     ) -> None:
-        self.checkpoint: Callable[[], None] = lambda: None
-        self.knows_code: Callable[[str], bool] = lambda _: False
         self.elsewhere = Elsewhere()
-        self.retraces: Callable[[], bool] = lambda: False
+        self._progress = progress
+        self._on_call: KnowsCode | None = None
         self._left = waiting(folder)
         self._timekeeping = Timekeeping(journal)
         self._folder = folder
@@ -81,13 +105,17 @@ class Upkeep:
         self._transcript = transcript
         self._flags = flags
 
+    def expect(self, on_call: KnowsCode) -> None:
+        """Compare codes that come in with the one that this person was sent."""
+        self._on_call = on_call
+
     def tick(self) -> None:
         """Do it all."""
         self.keep_time()
-        self._flush(self.checkpoint)
+        self._flush(self._progress.note)
         if not (self._folder / RESERVE).exists():
             self._disk_is_full()
-        if not self.retraces():
+        if not self._progress.retraces():
             for message in poll(self._folder, self._left):
                 self._take(message)
         elif asks_for_end(self._folder, self._left):
@@ -103,7 +131,8 @@ class Upkeep:
             self._flags.leave_open = message.kind == "interrupt" and may_stay_open
             self._flags.request(f"{message.by or 'another terminal'}: {message.text}".rstrip(": "))
         elif message.kind == "reached":
-            self._events.write(events.Reached(by=message.by, ok=self.knows_code(message.text)))
+            known = self._on_call is not None and self._on_call.knows(message.text)
+            self._events.write(events.Reached(by=message.by, ok=known))
         elif message.kind == "answer":
             if problem := self.elsewhere.take(message.name, message.text, message.by):
                 text = f"inbox, answer by {message.by or 'nobody'}: {problem}"

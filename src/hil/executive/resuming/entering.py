@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from hil.bench.bound import BoundBench
 from hil.clock.port import NANOSECONDS
 from hil.evidence.folder import TRANSCRIPT
@@ -35,35 +33,21 @@ class Entering:
         bench: its bench.
         keeper: arms the bench.
         beginning: what the run begins from.
-        number: is told the number of the next recording.
     """
 
-    def __init__(
-        self,
-        record: Record,
-        bench: BoundBench,
-        keeper: BenchKeeper,
-        beginning: NewRun,
-        number: Callable[[int], None],
-    ) -> None:
+    def __init__(self, record: Record, bench: BoundBench, keeper: BenchKeeper, beginning: NewRun) -> None:
         self._record = record
         self._bench = bench
         self._keeper = keeper
         self._places: dict[int, list[Entry]] = {}
         for entry in beginning.entries:
             self._places.setdefault(entry.place, []).append(entry)
-        self._number = number
         self._void_rows = beginning.void_rows
         self._earlier = beginning.earlier
         self._boundary = beginning.earlier.boundary if beginning.earlier else None
 
-    @property
-    def needed(self) -> bool:
-        """Whether there is a place at which the run is entered."""
-        return bool(self._places) or self._boundary is not None
-
-    def behind(self, place: int) -> None:
-        """Enter the run if this is the place; called behind every event of its own course.
+    def after(self, place: int) -> None:
+        """Enter the run if this is the place; called after every event of its own course.
 
         Raises:
             NotArmedAgain: if the bench cannot be armed.
@@ -78,43 +62,38 @@ class Entering:
     def _enter(self, place: int, entries: list[Entry], *, anew: bool) -> None:
         for entry in entries if anew else entries[:-1]:  # entered here once more: what came behind it is void, too
             self._record.store.note_void(entry)
-        over = self._anew(place) if anew else self._as_recorded(entries[-1])
+        entry = self._anew(place) if anew else self._as_recorded(entries[-1])
         if self._bench.outside:
             self._bench.opened_anew()
-        self._keeper.over = over
-        if over:
+        self._keeper.over = entry.over
+        if entry.over:
             return
-        if problem := self._keeper.arm_again():
+        if problem := self._keeper.arm_again(entry.void_to):
             self._keeper.safe()
             raise NotArmedAgain(f"the bench was not armed again: {problem}", "see hil bench check")
         self._keeper.holding.drive_again()
         self._keeper.scheduler.begin_again()
 
-    def _as_recorded(self, entry: Entry) -> bool:
-        """Enter the run where it was entered, and return whether it was over."""
+    def _as_recorded(self, entry: Entry) -> Entry:
+        """Enter the run where it was entered."""
         self._pass_over(entry)
-        self._keeper.arming = entry.void_to
-        at_ns = round(entry.at * NANOSECONDS)
-        if (playback := self._bench.playback) is not None:
-            self._bench.clock.wait_until(playback.look_up_ns(at_ns))
-            playback.hand_over_if_due()
-        self._bench.clock.wait_until(at_ns)
-        return entry.over
+        self._keeper.scheduler.retrace_to(round(entry.at * NANOSECONDS))
+        return entry
 
-    def _anew(self, place: int) -> bool:
-        """Enter the run here now, and return whether it is over."""
+    def _anew(self, place: int) -> Entry:
+        """Enter the run here now."""
         if self._earlier is None or self._boundary is None:
             raise RuntimeError("nothing is entered again")
-        entry = self._entry(place, self._earlier, self._boundary)
+        entry, clock = self._entry(place, self._earlier, self._boundary), self._bench.clock
         self._pass_over(entry)
-        if self._bench.live is None:
-            self._bench.go_on()
-        self._bench.clock.wait_until(self._earlier.last_ns)  # what is recorded now comes behind what is void
-        self._bench.clock.sleep(self._earlier.stood_s)
-        if self._bench.live is not None:  # a clock that follows boot time would let everybody wait for that
-            self._bench.go_on()
+        if not self._earlier.live:
+            self._keeper.scheduler.go_on()
+        clock.wait_until(self._earlier.last_ns)  # what is recorded now comes after what is void
+        clock.sleep(self._earlier.stood_s)
+        if self._earlier.live:  # a clock that follows boot time would let everybody wait for that
+            self._keeper.scheduler.go_on()
         self._record.events.end_of_past(entry)
-        return entry.over
+        return entry
 
     def _entry(self, place: int, earlier: Earlier, boundary: Boundary) -> Entry:
         """Return what is void if the run is entered here now."""
@@ -133,7 +112,6 @@ class Entering:
     def _pass_over(self, entry: Entry) -> None:
         self._record.events.skip(entry.void_to)
         self._record.transcript.skip(entry.operations)
-        if self._bench.playback is not None:
-            self._bench.playback.skip(entry.operations)
-        self._record.store.pass_over(entry, self._void_rows)
-        self._number(entry.number)
+        self._keeper.scheduler.timeline.skip(entry.operations)
+        for recording, void_rows in self._record.store.pass_over(entry, self._void_rows):
+            self._keeper.scheduler.feeds.pass_over(recording, void_rows)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from hil.bench.lease import clear_latches_of, latch_bench
 from hil.clock import wall
 from hil.clock.live import LiveClock
 from hil.executive.ending.stop import StopFlags
+from hil.executive.watching.ports import Freshness
 from hil.guardian.channel import DrillResult
 from hil.guardian.client import Guardian
 from hil.guardian.latch import Latch, path_of
@@ -40,7 +41,6 @@ class Guarding:
         bench: the bench, on its open ports.
         clock: its clock, which pulses wherever it is looked at.
         flags: tell whether the executive is at something that no monitor can interrupt.
-        fresh_until_ns: bench time up to which the last evaluation of the envelope is good, None while nothing watches.
         folder: the run's folder.
         leases: what the run holds alone.
         locks: descriptors of these leases, which the guardian keeps as long as it is at work.
@@ -51,7 +51,6 @@ class Guarding:
         bench: BoundBench,
         clock: LiveClock,
         flags: StopFlags,
-        fresh_until_ns: Callable[[], int | None],
         *,
         folder: Path,
         leases: Sequence[str],
@@ -60,7 +59,7 @@ class Guarding:
         self._bench = bench
         self._clock = clock
         self._flags = flags
-        self._fresh_until_ns = fresh_until_ns
+        self._freshness: Freshness | None = None
         self._folder = folder
         self._leases = leases
         self._locks = locks
@@ -71,12 +70,14 @@ class Guarding:
         self._uninterrupted_s = _longest_safing_s(bench.spec) + _SPARE_S
         self.lost = ""
 
-    def begin(self, held: Sequence[int] = ()) -> Iterator[Gate]:
+    def begin(self, freshness: Freshness, held: Sequence[int] = ()) -> Iterator[Gate]:
         """Start the guardian, let it take every output through its safe-off, and let it watch; each is a gate.
 
         Args:
+            freshness: tells how long what is known of the bench is good.
             held: more descriptors that the guardian is to keep open as long as it is at work.
         """
+        self._freshness = freshness
         try:
             plan = plan_of(self._bench, self._folder, self._leases)
             self._guardian = Guardian.start(plan, self._bench.descriptors, [*self._locks, *held])
@@ -145,7 +146,7 @@ class Guarding:
 
     def _good_until(self) -> float:
         """Return the boot time in s up to which nobody needs to look after the bench again."""
-        fresh_ns = self._fresh_until_ns()
+        fresh_ns = self._freshness.fresh_until_ns if self._freshness else None
         if self._flags.is_shielded or fresh_ns is None:
             self._until = self._until or _boot_s() + self._uninterrupted_s
             return self._until

@@ -132,38 +132,37 @@ class Holding:
         if self._wanted is None or self._held:
             return
         asked, self._wanted = self._wanted, None
-        now_ns = self._scheduler.now_ns()
-        self._bench.transcript.note(_BENCH, HOLD, now_ns, now_ns)
+        self._note(HOLD)
         self._hold(asked)
 
-    def again(self) -> None:
+    def hold_as_recorded(self) -> None:
         """Hold the bench where its record does; a resumed run that was killed while it was held is held again."""
-        if self._held or not self._comes(HOLD):
+        if self._held or not self._scheduler.timeline.holds(HOLD):
             return
         began_ns, deadline_ns = self._scheduler.now_ns(), self._scheduler.deadline_ns
         self._held, self._scheduler.deadline_ns = True, None
         try:
-            while not self._comes(HOLD_END):
-                if self._comes(HOLD):  # a second one is of a run that was resumed while it was held
-                    self._mark(HOLD)
+            while not self._scheduler.timeline.holds(HOLD_END):
+                if self._scheduler.timeline.holds(HOLD):  # a second one is of a run that was resumed while it was held
+                    self._scheduler.timeline.mark_hold(HOLD)
                     self._take()
                     self._scheduler.watch_from_now()
                     continue
                 before = self._bench.transcript.operations
                 self._scheduler.point()  # monitors and turns beside the case, as they came while it was held
-                if self._bench.playback is None and not self._bench.transcript.comes_again:
+                if not self._scheduler.timeline.retraces:
                     break
                 if self._bench.transcript.operations == before:
                     return
             else:
-                self._mark(HOLD_END)
+                self._scheduler.timeline.mark_hold(HOLD_END)
                 self._as_before()
                 return
         finally:
             self._held = False
             lasted_ns = self._scheduler.now_ns() - began_ns
             self._scheduler.deadline_ns = None if deadline_ns is None else deadline_ns + lasted_ns
-        self._mark(HOLD)
+        self._scheduler.timeline.mark_hold(HOLD)
         self._hold(events.HoldAsked(release=False, by="", text="it was held when the run was interrupted"))
 
     def drives(self) -> bool:
@@ -219,8 +218,7 @@ class Holding:
             while self._released is None:
                 wall.pause(_PATIENCE_S)
                 self._scheduler.point()
-            now_ns = self._scheduler.now_ns()
-            self._bench.transcript.note(_BENCH, HOLD_END, now_ns, now_ns)
+            self._note(HOLD_END)
             self._as_before()
             how = "released"
         finally:
@@ -245,15 +243,7 @@ class Holding:
         if wrong:
             self._flags.request(f"the bench, which did not reach its hold state: {wrong[0]}")
 
-    def _comes(self, name: str) -> bool:
-        """Return whether this mark comes next in what a replayed or resumed run has to come to."""
-        if (playback := self._bench.playback) is not None:
-            return playback.comes(name, self._scheduler.now_ns())
-        return self._bench.transcript.next_is(_BENCH, name)
-
-    def _mark(self, name: str) -> None:
-        if self._bench.playback is not None:
-            self._bench.playback.take(_BENCH, name)
+    def _note(self, name: str) -> None:
         now_ns = self._scheduler.now_ns()
         self._bench.transcript.note(_BENCH, name, now_ns, now_ns)
 
@@ -270,7 +260,7 @@ class Holding:
         try:
             getattr(self._bench.roles[call.output], call.operation)(**given)
         except DeviceFault as fault:
-            if self._scheduler.monitoring.faulted is not None:
+            if (case := self._scheduler.monitoring.case) is not None:
                 wire = self._bench.spec.wire(call.output)
-                self._scheduler.monitoring.faulted(self._bench.spec.instrument(wire.instrument), fault)
+                case.fault(self._bench.spec.instrument(wire.instrument), fault)
             raise

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import select
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Protocol
 
 from hil.bench.bound import BoundBench
 from hil.bench.gate import Gate
@@ -13,80 +14,65 @@ from hil.clock import wall
 from hil.clock.live import LiveClock
 from hil.evidence import events
 from hil.executive.ending.signals import LOOK_S
+from hil.executive.ending.stop import StopFlags
 from hil.executive.journaling.record import Record
-from hil.executive.setup.configuration import Configuration
 from hil.executive.watching.guardian import Guarding
+from hil.executive.watching.holding import Holding
 from hil.executive.watching.inhibitor import Inhibitor
+from hil.executive.watching.ports import Freshness
 from hil.executive.watching.scheduler import Scheduler
 from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
 
-__all__ = ["Host", "host_of"]
+__all__ = ["ArmingPeople", "Attendant", "LiveMachine", "live_machine"]
 
 
-class Host:
+class ArmingPeople(Protocol):
+    """The people that an armed bench needs."""
+
+    def gates(self) -> Iterable[Gate]:
+        """Give the gates one by one that people open."""
+        ...
+
+
+class LiveMachine:
     """Ports that are whose they should be, a machine that stays awake, and a guardian.
 
     A served bench is simulated: its ports belong to nobody, and nothing real suffers if its machine sleeps.
 
     Args:
         bench: the bench; one whose source is simulated is served.
-        clock: its clock.
-        scheduler: is told of distress.
         guarding: the guardian.
         inhibitor: holds off sleep and shutdown.
         record: the run's.
-
-    Attributes:
-        people: yields the gates that people open.
-        between: lets the guardian hear of the run where nothing looks at the bench for some seconds.
-        drives: tells whether an output is on.
     """
 
-    def __init__(
-        self,
-        bench: BoundBench,
-        clock: LiveClock,
-        scheduler: Scheduler,
-        guarding: Guarding,
-        inhibitor: Inhibitor,
-        record: Record,
-    ) -> None:
+    def __init__(self, bench: BoundBench, guarding: Guarding, inhibitor: Inhibitor, record: Record) -> None:
         self._bench, self._spec = bench, bench.spec
-        self._clock = clock
-        self._scheduler = scheduler
         self._guarding = guarding
         self._inhibitor = inhibitor
         self._record = record
         self._looked = 0.0
         self._served = bench.source is Source.SIMULATED
-        self.people: Callable[[], Iterable[Gate]] = lambda: ()
-        self.drives: Callable[[], bool] = lambda: False
-        self.between = guarding.between
-        scheduler.present.distress = self.distress
+        self._people: ArmingPeople | None = None
 
-    def amid(self, alone_s: float) -> None:
-        """Look after the bench amid a case's own code, unless a record stands in for it.
+    def attend(self, people: ArmingPeople) -> None:
+        """Arm only with these people."""
+        self._people = people
 
-        Args:
-            alone_s: for how long that ran since the last look; one that came in time was `LOOK_S` after it.
-        """
-        if not self._clock.began:
-            return
-        self._clock.pulse()
-        if self._scheduler.watching:
-            if self.drives():
-                self._scheduler.present.busy(alone_s - LOOK_S)
-            self._scheduler.idle()
+    def between(self) -> None:
+        """Let the guardian hear of the run where nothing looks at the bench for some seconds."""
+        self._guarding.between()
 
-    def gates(self) -> Iterator[Gate]:
+    def gates(self, freshness: Freshness) -> Iterator[Gate]:
         """Yield what has to hold before anything is driven; with the last one the guardian watches."""
         if not self._served:
             yield from port_gates(self._spec)
         yield self._awake()
-        yield from self.people()
+        if self._people is not None:
+            yield from self._people.gates()
         awake = self._inhibitor.descriptor  # the guardian needs the machine, too
-        yield from self._guarding.begin(() if awake is None else (awake,))
+        yield from self._guarding.begin(freshness, () if awake is None else (awake,))
 
     def distress(self) -> str:
         """Return why the bench cannot be driven any more, nothing while it can."""
@@ -130,26 +116,52 @@ class Host:
         return Gate(name, ok=True, detail="by this run, until it ends")
 
 
-def host_of(
-    bench: BoundBench, clock: LiveClock, scheduler: Scheduler, record: Record, configuration: Configuration
-) -> Host:
-    """Return what a bench outside of this process needs, connected with the run that drives it.
+class Attendant:
+    """Looks after a bench outside of this process while a case's own code runs, unless a record stands in for it.
+
+    Args:
+        machine: lets the guardian hear of the run.
+        clock: the bench's clock.
+        scheduler: gives monitors and turns their time.
+        holding: knows what the case has driven.
+    """
+
+    def __init__(self, machine: LiveMachine, clock: LiveClock, scheduler: Scheduler, holding: Holding) -> None:
+        self._machine = machine
+        self._clock = clock
+        self._scheduler = scheduler
+        self._holding = holding
+
+    def between(self) -> None:
+        """Let the guardian hear of the run."""
+        self._machine.between()
+
+    def amid(self, alone_s: float) -> None:
+        """Look after the bench where the case's own code may be disturbed.
+
+        Args:
+            alone_s: for how long that ran since the last look; one that came in time was `LOOK_S` after it.
+        """
+        if not self._clock.began:
+            return
+        self._clock.pulse()
+        if self._scheduler.watching:
+            if self._holding.drives():
+                self._scheduler.busy(alone_s - LOOK_S)
+            self._scheduler.idle()
+
+
+def live_machine(
+    bench: BoundBench, clock: LiveClock, flags: StopFlags, record: Record, inhibit: Sequence[str]
+) -> LiveMachine:
+    """Return the machine of a bench outside of this process.
 
     Args:
         bench: the bench.
         clock: its clock.
-        scheduler: is told of distress, and looks after the bench amid a case's own code.
+        flags: tell whether the executive is at something that no monitor can interrupt.
         record: the run's.
-        configuration: what the run is made of.
+        inhibit: a command that holds off sleep and shutdown in the place of logind; empty for logind.
     """
-    guarding = Guarding(
-        bench,
-        clock,
-        scheduler.flags,
-        lambda: scheduler.fresh_until_ns,
-        folder=record.folder,
-        leases=record.leases,
-        locks=record.lease.descriptors,
-    )
-    inhibitor = Inhibitor(f"a test run drives bench {bench.spec.name}", configuration.workspace.inhibitor)
-    return Host(bench, clock, scheduler, guarding, inhibitor, record)
+    guarding = Guarding(bench, clock, flags, folder=record.folder, leases=record.leases, locks=record.lease.descriptors)
+    return LiveMachine(bench, guarding, Inhibitor(f"a test run drives bench {bench.spec.name}", inhibit), record)

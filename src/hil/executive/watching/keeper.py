@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import Protocol
 
 from hil.bench.bound import BoundBench
 from hil.bench.envelope import Trip
@@ -15,18 +16,27 @@ from hil.executive.ending.stop import StopFlags
 from hil.executive.journaling.row_store import OpenRecording, RecordedChannel, RecordingFacts, RowStore
 from hil.executive.watching.holding import Holding
 from hil.executive.watching.monitoring import monitor_of
-from hil.executive.watching.ports import Outside
+from hil.executive.watching.ports import Machine
 from hil.executive.watching.scheduler import Scheduler
+from hil.executive.watching.timeline import Timeline
 from hil.model.bench import SafeStep
 from hil.model.cutting import WatchAfter
 from hil.model.envelope import EnvelopeLimit
 from hil.model.figure import Figure
 from hil.model.identity import Dut
 
-__all__ = ["FIRST_ARMING", "BenchKeeper", "watch_afterwards"]
+__all__ = ["FIRST_ARMING", "BenchKeeper", "Ticking", "watch_afterwards"]
 
 FIRST_ARMING = -1
 """Stands for the first arming of a run; every other one is told by the `void_to` of the entry at which it is done."""
+
+
+class Ticking(Protocol):
+    """Something that has to be done every fraction of a wall second."""
+
+    def tick(self) -> None:
+        """Do it."""
+        ...
 
 
 class BenchKeeper:
@@ -38,16 +48,14 @@ class BenchKeeper:
         flags: stop requests; they wait while the bench is made safe.
         journal: where events are written.
         store: opens recordings, one per monitor.
-        tick: what else has to be done every fraction of a wall second.
+        machine: the machine that drives the bench.
+        timeline: decides when what no case asks for comes to pass.
+        ticking: what else has to be done every fraction of a wall second; the first goes on in the watch after the end.
 
     Attributes:
         holding: holds the bench when it is asked for; it has to be shown every event.
         journal: where events are written.
-        last: gets the exit code of the run before it is sealed.
         over: whether the run was entered again behind its last case, on a bench that is not armed any more.
-        outside: what a bench outside of this process needs, None for one that lives in it.
-        arming: which arming of the run comes next.
-        not_opened: the gate of the host that ended an arming in the record: a playback asks neither people nor machine.
     """
 
     def __init__(
@@ -57,37 +65,35 @@ class BenchKeeper:
         flags: StopFlags,
         journal: EventSink,
         store: RowStore,
-        tick: Callable[[], None],
+        machine: Machine,
+        timeline: Timeline,
+        ticking: Sequence[Ticking],
     ) -> None:
         self._bench = bench
         self._dut = dut
         self._flags = flags
         self.journal = self._journal = journal
-        self.last: Callable[[int, str], None] = lambda *_: None
-        self.outside: Outside | None = None
-        self.arming = FIRST_ARMING
-        self.not_opened: Mapping[int, Gate] = {}
+        self._machine = machine
         self._store = store
         self._watched: dict[str, OpenRecording] = {}
         self.unsafe = self.touched = self.over = False
-        self.scheduler = Scheduler(bench, [monitor_of(bench, limit) for limit in bench.spec.envelope], flags, self)
-        store.at_void = self.scheduler.feeds.pass_over
+        monitors = [monitor_of(bench, limit) for limit in bench.spec.envelope]
+        self.scheduler = Scheduler(bench, monitors, flags, self, timeline)
         self.holding = Holding(bench, flags, journal, self.scheduler)
-        self._ticks = [tick, self.holding.tick]
-        self.scheduler.again = self.holding.again
+        self._ticking = (*ticking[:1], self.holding, *ticking[1:])
 
     def tick(self) -> None:
         """Do what has to be done every fraction of a wall second."""
-        for tick in tuple(self._ticks):
-            tick()
+        for ticking in self._ticking:
+            ticking.tick()
 
-    def beside(self, tick: Callable[[], None]) -> None:
-        """Do this, too, every fraction of a wall second from now on."""
-        self._ticks.append(tick)
+    def hold_as_recorded(self) -> None:
+        """Hold the bench where what is retraced does."""
+        self.holding.hold_as_recorded()
 
     def arm(self) -> str:
         """Look, make safe, try every output at reduced level, and begin to watch; return why not, if not."""
-        if problem := self._pass_gates():
+        if problem := self._pass_gates(FIRST_ARMING):
             return problem
         for limit in self._bench.spec.envelope:
             self._watched[limit.id] = self._store.begin(self._facts(limit))
@@ -95,10 +101,14 @@ class BenchKeeper:
         self._journal.write(events.Armed())
         return ""
 
-    def arm_again(self) -> str:
-        """Arm a bench that was made safe, and go on watching it; return why not, if not."""
+    def arm_again(self, arming: int) -> str:
+        """Arm a bench that was made safe, and go on watching it; return why not, if not.
+
+        Args:
+            arming: the `void_to` of the entry at which it is armed.
+        """
         self.scheduler.rest()  # who was killed did not come to that
-        if problem := self._pass_gates():
+        if problem := self._pass_gates(arming):
             return problem
         self.scheduler.watch_from_now()
         self._journal.write(events.Armed())
@@ -151,14 +161,14 @@ class BenchKeeper:
         """Make the bench safe for the last time and end the monitors' recordings."""
         if self.touched:
             self.safe()
-        if self.outside is not None and (problems := self.outside.end()):
+        if problems := self._machine.end():
             self._journal.write(events.HostGate(name="guardian", ok=False, detail="; ".join(problems)))
             self.unsafe = True
         goes_on = self._flags.leave_open and not self.unsafe and not self.scheduler.tripped
         if self.touched and not goes_on:  # what is read behind the end belongs to the end of a run
             self._watch_afterwards()
-        if self.unsafe and self.outside is not None:
-            self.outside.latch("the run could not prove the bench safe")
+        if self.unsafe:
+            self._machine.latch("the run could not prove the bench safe")
         for recording in self._watched.values():
             recording.finish(complete=True)
         self._watched.clear()
@@ -166,32 +176,29 @@ class BenchKeeper:
     def _watch_afterwards(self) -> None:
         """See that what was made safe behaves like it; whatever its lines have proven, this counts."""
         with self._flags.shielded():
-            if not watch_afterwards(self._bench, self._store, self._taken(events.Safe), self._ticks[0]):
+            if not watch_afterwards(self._bench, self._store, self._taken(events.Safe), self._ticking[0]):
                 self._journal.write(events.SafeEnd(ok=False))
                 self.unsafe = True
 
-    def _pass_gates(self) -> str:
+    def _pass_gates(self, arming: int) -> str:
         """Take the gates one by one; the first that does not hold ends the arming, and is returned."""
-        for kind, gate in self._gates():
-            if gate is not self.not_opened.get(self.arming):  # that one stands in the record
+        for kind, gate, is_new in self._gates(arming):
+            if is_new:
                 self._journal.write(kind(name=gate.name, ok=gate.ok, detail=gate.detail))
             if not gate.ok:
                 return f"{gate.name}: {gate.detail}"
         return ""
 
-    def _gates(self) -> Iterator[tuple[type[events.Gate], Gate]]:
-        yield from ((events.Gate, gate) for gate in unpowered_gates(self._bench, self._dut))
+    def _gates(self, arming: int) -> Iterator[tuple[type[events.Gate], Gate, bool]]:
+        yield from ((events.Gate, gate, True) for gate in unpowered_gates(self._bench, self._dut))
         self.touched = True
-        if self._bench.playback is not None:
-            if gate := self.not_opened.get(self.arming):
-                yield events.HostGate, gate
-        elif self.outside is not None:
-            yield from ((events.HostGate, gate) for gate in self.outside.gates())
+        host_gates = self.scheduler.timeline.host_gates(arming, self.scheduler)
+        yield from ((events.HostGate, gate, is_new) for gate, is_new in host_gates)
         self.scheduler.come()
         for gate in energised_gates(self._bench, self._dut):
-            yield events.Gate, gate
-            if text := self.scheduler.present.in_distress():
-                yield events.Gate, Gate("bench looked after", ok=False, detail=text)
+            yield events.Gate, gate, True
+            if text := self.scheduler.timeline.distress():
+                yield events.Gate, Gate("bench looked after", ok=False, detail=text), True
 
     def _take(self, kind: type[events.Rest], steps: Sequence[SafeStep]) -> list[str]:
         problems: list[str] = []
@@ -237,22 +244,20 @@ class BenchKeeper:
         )
 
 
-def watch_afterwards(
-    bench: BoundBench, store: RowStore, tell: Callable[[SafeResult], None], tick: Callable[[], None]
-) -> bool:
+def watch_afterwards(bench: BoundBench, store: RowStore, tell: Callable[[SafeResult], None], ticking: Ticking) -> bool:
     """Watch what the bench file says, with a recording of each line, and return whether all of it holds.
 
     Args:
         bench: the bench, whose safe-off has been taken.
         store: opens the recordings.
         tell: called with every result.
-        tick: called at every reading.
+        ticking: what has to go on meanwhile.
     """
     recordings = {watch: store.begin(_watched_facts(bench, watch)) for watch in bench.spec.watch_after}
 
     def reading(watch: WatchAfter, t: float, value: float) -> None:
         recordings[watch].append((t, value))
-        tick()
+        ticking.tick()
 
     try:
         return watch_after(bench.spec.watch_after, bench.roles, bench.clock, reading, tell)

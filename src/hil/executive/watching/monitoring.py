@@ -9,12 +9,13 @@ from hil.bench.derived.derivation import Derivation
 from hil.bench.derived.quantities import derivation_of
 from hil.bench.envelope import Monitor, Trip
 from hil.clock.port import NANOSECONDS
-from hil.executive.watching.ports import Watch
+from hil.executive.watching.ports import CaseAtWork, Reports
+from hil.executive.watching.timeline import Timeline
 from hil.model.bench import InstrumentSpec
 from hil.model.envelope import EnvelopeLimit
 from hil.model.errors import DeviceFault, NoReply
 from hil.model.figure import Figure
-from hil.wire.replay import MONITOR, OVERDUE, Playback
+from hil.wire.replay import MONITOR, OVERDUE
 from hil.wire.tap import LONGEST_TRANSACTION
 
 __all__ = ["Monitoring", "monitor_of"]
@@ -29,23 +30,23 @@ class Monitoring:
     Args:
         bench: the bench.
         monitors: one per limit of the envelope.
-        watch: is told every reading.
+        reports: is told every reading.
         trip: makes the bench safe for the first trip, and ends what the case does.
 
     Attributes:
-        faulted: is told when a monitor's device is silent or talks nonsense; the present case, if there is one.
+        case: is told when a monitor's device is silent or talks nonsense, None between cases.
         soonest_ns: before this instant none is due.
     """
 
     def __init__(
-        self, bench: BoundBench, monitors: Sequence[Monitor], watch: Watch, trip: Callable[[Trip], None]
+        self, bench: BoundBench, monitors: Sequence[Monitor], reports: Reports, trip: Callable[[Trip], None]
     ) -> None:
         self.all = list(monitors)
-        self.faulted: Callable[[InstrumentSpec, DeviceFault], None] | None = None
+        self.case: CaseAtWork | None = None
         self.soonest_ns = 0
         self._bench = bench
         self._clock = bench.clock
-        self._watch = watch
+        self._reports = reports
         self._trip = trip
 
     def restart(self) -> None:
@@ -54,51 +55,35 @@ class Monitoring:
             monitor.restart(self._clock.now_ns())
         self.soonest_ns = 0
 
-    def next_turn_ns(self, when_ns: int) -> int:
+    def look_up_ns(self, when_ns: int, timeline: Timeline) -> int:
         """Return when a wait until `when_ns` has to look up for one of them."""
-        if self.soonest_ns > when_ns:
-            return when_ns
-        now_ns = self._clock.now_ns()
-        turns = [monitor.due_ns for monitor in self.all if now_ns < monitor.due_ns <= when_ns - monitor.room_ns]
-        return min(turns, default=when_ns)
+        return when_ns if self.soonest_ns > when_ns else timeline.look_up_ns(when_ns, self.all)
 
-    def run(self, until_ns: int) -> None:
-        """Run those that are due and have room before `until_ns`, and those that are overdue in any case."""
+    def run(self, until_ns: int, timeline: Timeline) -> None:
+        """Run those whose turn it is before `until_ns`."""
         if self.soonest_ns > until_ns:
             return
         name = MONITOR if self._clock.now_ns() < until_ns else OVERDUE
-        if self._bench.playback is not None:
-            self._replay(self._bench.playback, until_ns, name)
-            return
-        for monitor in self.all:
-            now_ns = self._clock.now_ns()
-            if now_ns < monitor.due_ns:
-                continue
-            if until_ns - now_ns >= monitor.room_ns or now_ns >= monitor.overdue_ns:
-                self._take(monitor, name)
-        self.soonest_ns = min([monitor.due_ns for monitor in self.all], default=0)
+        for monitor in timeline.due(self.all, until_ns, name):
+            self._take(monitor, name)
+        self.soonest_ns = timeline.soonest_ns(self.all)
 
-    def run_behind(self, when_ns: int) -> None:
-        """Run those that are overdue where a wait until `when_ns` would begin far behind its end.
+    def run_late(self, when_ns: int, timeline: Timeline) -> None:
+        """Run those that are overdue where a wait until `when_ns` would begin long after its end.
 
         Samples that come ever later leave no wait in which a monitor has its turn. The first of a recording, and one
-        that is a little late, are taken at once: a wait behind them has room.
+        that is a little late, are taken at once: a wait after them has room.
         """
         now_ns = self._clock.now_ns()
         if now_ns >= when_ns + _BEHIND_NS:
-            self.run(now_ns)
-
-    def _replay(self, playback: Playback, until_ns: int, name: str) -> None:
-        """Run those that the record holds here; those of a later wait are left for that one."""
-        while limit := playback.take_monitor(max(until_ns - 1, self._clock.now_ns()), name):
-            self._take(next(monitor for monitor in self.all if monitor.limit.id == limit), name)
+            self.run(now_ns, timeline)
 
     def _take(self, monitor: Monitor, name: str) -> None:
         now_ns = self._clock.now_ns()
         self._bench.transcript.note(monitor.limit.id, name, now_ns, now_ns)
         try:
             if late_s := monitor.late_s(now_ns):
-                self._watch.late(monitor.limit.id, late_s)
+                self._reports.late(monitor.limit.id, late_s)
             figure, trip = monitor.take(self._clock.now_ns)
         except DeviceFault as fault:
             self._tell(monitor, fault)
@@ -108,7 +93,7 @@ class Monitoring:
                 trip = Trip(trip.limit, trip.value, trip.unit, f"{trip.text} ({fault})")
         else:
             self._tell_of_silence(monitor, self._clock.now_ns() - now_ns)
-        self._watch.reading(monitor.limit.id, self._clock.now(), figure)
+        self._reports.reading(monitor.limit.id, self._clock.now(), figure)
         if trip:
             self._trip(trip)
 
@@ -121,8 +106,8 @@ class Monitoring:
 
     def _tell(self, monitor: Monitor, fault: DeviceFault) -> None:
         """Tell the present case: what it records meanwhile has a gap that is the bench's, not the DUT's."""
-        if self.faulted is not None:
-            self.faulted(self._instrument(monitor), fault)
+        if self.case is not None:
+            self.case.fault(self._instrument(monitor), fault)
 
     def _instrument(self, monitor: Monitor) -> InstrumentSpec:
         spec = self._bench.spec

@@ -1,18 +1,20 @@
-"""What a scheduler lets take turns, and what it reports to."""
+"""What watching a bench asks of others: a case, what takes turns beside it, whoever hears of it, and the machine."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 from typing import Protocol
 
 from hil.bench.envelope import Trip
 from hil.bench.gate import Gate
+from hil.model.bench import InstrumentSpec
+from hil.model.errors import DeviceFault
 from hil.model.figure import Figure
 
-__all__ = ["Beside", "Outside", "Watch"]
+__all__ = ["Beside", "CaseAtWork", "Freshness", "Machine", "NoMachine", "Reports"]
 
 
-class Watch(Protocol):
+class Reports(Protocol):
     """What a scheduler reports to."""
 
     def reading(self, limit: str, t: float, figure: Figure) -> None:
@@ -39,8 +41,24 @@ class Watch(Protocol):
         """End the run here: the present case never will."""
         ...
 
+    def hold_as_recorded(self) -> None:
+        """Hold the bench where what is retraced does."""
+        ...
+
     def tick(self) -> None:
         """Do what has to be done every fraction of a wall second: flush, look into the inbox."""
+        ...
+
+
+class CaseAtWork(Protocol):
+    """The case whose turn at the bench it is."""
+
+    def fault(self, instrument: InstrumentSpec, fault: DeviceFault) -> None:
+        """Note silence or nonsense of a device."""
+        ...
+
+    def raised(self, error: BaseException) -> None:
+        """Note an error of the case."""
         ...
 
 
@@ -61,16 +79,19 @@ class Beside(Protocol):
         ...
 
 
-class Outside(Protocol):
-    """What a bench outside of this process needs of the machine that drives it, and of people.
+class Freshness(Protocol):
+    """Tells how long what is known of a bench is good."""
 
-    Attributes:
-        people: gives the gates that people open.
-    """
+    @property
+    def fresh_until_ns(self) -> int | None:
+        """Bench time up to which the last evaluation of the envelope is good, None while nothing watches."""
+        ...
 
-    people: Callable[[], Iterable[Gate]]
 
-    def gates(self) -> Iterator[Gate]:
+class Machine(Protocol):
+    """The machine that drives a bench, as far as the bench depends on it, with the people that an arming needs."""
+
+    def gates(self, freshness: Freshness) -> Iterable[Gate]:
         """Yield what has to hold before anything is driven."""
         ...
 
@@ -85,3 +106,23 @@ class Outside(Protocol):
     def latch(self, why: str) -> None:
         """Latch a bench that was not proven safe, so that a named person looks at it before anybody drives it."""
         ...
+
+
+class NoMachine:
+    """A bench that lives in this process needs nothing of its machine, and ends with it."""
+
+    def gates(self, freshness: Freshness) -> Iterable[Gate]:
+        """Return that nothing has to hold."""
+        del freshness
+        return ()
+
+    def distress(self) -> str:
+        """Return that the bench can be driven."""
+        return ""
+
+    def end(self) -> list[str]:
+        """Return that nothing is unsafe."""
+        return []
+
+    def latch(self, why: str) -> None:
+        """Do nothing: the bench is gone with its process."""

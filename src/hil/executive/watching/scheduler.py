@@ -13,9 +13,9 @@ from hil.clock.port import NANOSECONDS
 from hil.executive.ending.stop import StopFlags, Stopped
 from hil.executive.watching.feeding import Fed, Feed, Feeds, monitors_of, pause_allowed
 from hil.executive.watching.monitoring import Monitoring
-from hil.executive.watching.ports import Beside, Watch
-from hil.executive.watching.present import Present
-from hil.model.errors import Tripped
+from hil.executive.watching.ports import Beside, CaseAtWork, Reports
+from hil.executive.watching.timeline import Timeline
+from hil.model.errors import HilError, Tripped
 
 if TYPE_CHECKING:
     import numpy as np
@@ -52,7 +52,8 @@ class Scheduler:
         bench: the bench, whose clock it drives.
         monitors: one per limit of the envelope.
         flags: stop requests.
-        watch: what it reports to.
+        reports: what it reports to.
+        timeline: decides when what no case asks for comes to pass.
 
     Attributes:
         clock: the bench's clock.
@@ -60,25 +61,30 @@ class Scheduler:
         refused: how often the present case was told to end.
         monitoring: runs the monitors.
         feeds: judge the rows of streams.
-        present: of a bench outside of this process, and of its replay.
-        again: does what the record of a replayed bench holds here, and people asked for.
+        timeline: the one that holds now.
     """
 
-    def __init__(self, bench: BoundBench, monitors: Sequence[Monitor], flags: StopFlags, watch: Watch) -> None:
+    def __init__(
+        self,
+        bench: BoundBench,
+        monitors: Sequence[Monitor],
+        flags: StopFlags,
+        reports: Reports,
+        timeline: Timeline,
+    ) -> None:
         self._bench = bench
         self.clock = bench.clock
         self.flags = flags
-        self._watch = watch
+        self._reports = reports
+        self.timeline = timeline
         self._ticked = wall.monotonic()
         self._trip: Trip | None = None
         self._watching = False
         self._beside: list[Beside] = []
         self.feeds = Feeds()
-        self.monitoring = Monitoring(bench, monitors, watch, self._trip_once)
+        self.monitoring = Monitoring(bench, monitors, reports, self._trip_once)
         self.deadline_ns: int | None = None
         self.refused = 0
-        self.present = Present(bench)
-        self.again: Callable[[], None] = lambda: None
 
     @property
     def tripped(self) -> Trip | None:
@@ -119,7 +125,7 @@ class Scheduler:
         """
         with self.flags.undisturbed():
             self._look()
-            self.present.come()
+            self.timeline.come()
             now_ns = self.clock.now_ns()
             if self._beside:
                 self._take_turns(now_ns, None)
@@ -136,7 +142,7 @@ class Scheduler:
         """Let bench time pass until `when_ns`, or until `done` says so after a turn beside the case."""
         self._look()
         if not self._take_turns(when_ns, done) and not self._pass(when_ns) and self._watching:
-            self.monitoring.run_behind(when_ns)
+            self.monitoring.run_late(when_ns, self.timeline)
 
     def begin_beside(self, beside: Beside) -> None:
         """Let something take turns beside the case."""
@@ -158,19 +164,12 @@ class Scheduler:
 
     def pause_allowed(self, fed: Fed, row_s: float) -> float:
         """Return how long rows may wait in seconds, 0 where they did not in the record. See `pause_allowed`."""
-        playback = self._bench.playback
-        return pause_allowed(fed, row_s) if playback is None or playback.rows_wait else 0.0
-
-    @property
-    def together(self) -> bool:
-        """Whether rows that may wait are fetched where limits take their turns; in earlier records they were not."""
-        playback = self._bench.playback
-        return playback is None or not playback.in_parts
+        return pause_allowed(fed, row_s) if self.timeline.rows_wait else 0.0
 
     def feed(self, fed: Fed, every_s: float, recording: str) -> Feed:
         """Return what judges a recording's rows. See `Feed`."""
         for _, monitor in fed:
-            self._watch.fed(monitor.limit.id, recording)
+            self._reports.fed(monitor.limit.id, recording)
         return self.feeds.begin(fed, every_s, recording)
 
     def judge(self, feed: Feed, rows: list[list[float]] | NDArray[np.float64]) -> None:
@@ -187,22 +186,48 @@ class Scheduler:
         self.feeds.end(feed, self.clock.now_ns())
         self.monitoring.soonest_ns = 0
 
-    def follow(self, course: Callable[[], int]) -> Callable[[], None]:
-        """Learn what tells how many events there are; return what has to be done before each of them."""
-        self.present.course = course
-        return self.catch_up
-
     def come(self) -> None:
         """Come to the present, where people or other processes took their time; a replayed bench comes to the same."""
-        self.present.come()
+        self.timeline.come()
         self.catch_up()
 
     def catch_up(self) -> None:
         """Pass the points of a replayed bench at which it came to the present amid computations and questions."""
-        while self.present.comes_in_record():
+        for held_up in self.timeline.marks():
+            if held_up is not None:
+                self._blame(held_up)
+                continue
             if self._beside and self._watching:
                 self._take_turns(self.clock.now_ns(), None)
             self._run_monitors(self.clock.now_ns())
+
+    def busy(self, seconds: float) -> None:
+        """Note that a case's own code let nobody look after the bench for so many seconds, with outputs on."""
+        if (held_up := self.timeline.busy(seconds)) is not None:
+            self._blame(held_up)
+
+    def go_on(self) -> None:
+        """Let a resumed bench go on itself from here."""
+        self._bench.go_on()
+        self.timeline = self.timeline.look()
+
+    def retrace_to(self, at_ns: int) -> None:
+        """Let bench time pass up to an instant of the record at which a run was entered."""
+        self.clock.wait_until(self.timeline.look_up_ns(at_ns, ()))
+        self.timeline = self.timeline.look()
+        self.clock.wait_until(at_ns)
+
+    def begin_case(self, case: CaseAtWork, lasts_ns: int) -> None:
+        """Give a case its turn at the bench, which takes `lasts_ns` at most."""
+        self.deadline_ns = self.clock.now_ns() + lasts_ns
+        self.refused = 0
+        self.monitoring.case = case
+        if not self._watching:  # the bench was made safe under the case before
+            self.watch_from_now()
+
+    def end_case(self) -> None:
+        """End the turn of the present case."""
+        self.deadline_ns = self.monitoring.case = None
 
     def idle(self) -> None:
         """Be a scheduling point while a person is awaited; monitors take their turn as in any other wait."""
@@ -233,23 +258,20 @@ class Scheduler:
             turn_ns = when_ns
             if self.monitoring.soonest_ns <= when_ns:
                 self._run_monitors(when_ns)
-                turn_ns = self._next_turn_ns(when_ns)
-            if (live := self._bench.live) is not None and live.began:
-                turn_ns = min(turn_ns, live.soon_ns())
-            self.clock.wait_until(turn_ns)
+                turn_ns = self._look_up_ns(when_ns)
+            self.clock.wait_until(self.timeline.longest_ns(turn_ns))
             self._look()
             if self.clock.now_ns() >= when_ns:
                 return True
 
     def _look(self) -> None:
         self.catch_up()
-        if self._bench.playback is not None:
-            self._bench.playback.hand_over_if_due()
-        self.again()
+        self.timeline = self.timeline.look()
+        self._reports.hold_as_recorded()
         now = wall.monotonic()
         if now - self._ticked >= _TICK_S:
             self._ticked = now
-            self._watch.tick()
+            self._reports.tick()
         try:
             self._end_if_due()
         except (Stopped, Tripped, CaseTimeout) as ending:
@@ -260,7 +282,7 @@ class Scheduler:
         self.flags.check()
         if self._trip:
             raise Tripped(self._trip.text, "the bench was made safe and stays so for the rest of the run")
-        if self._watching and (text := self.present.in_distress()):
+        if self._watching and (text := self.timeline.distress()):
             self._trip_once(Trip(_BENCH, None, "", text))
         if self.deadline_ns is not None and self.clock.now_ns() > self.deadline_ns:
             raise CaseTimeout
@@ -273,19 +295,23 @@ class Scheduler:
         self.refused += 1
         patient = isinstance(ending, Stopped) and not self.flags.urgent
         if self.refused == (_SWALLOWED if patient else 1) and not isinstance(ending, Tripped):
-            self._watch.safe()
+            self._reports.safe()
         if self.refused > _MOST_REFUSALS:
-            self._watch.give_up()
+            self._reports.give_up()
 
-    def _next_turn_ns(self, when_ns: int) -> int:
-        """Return when this wait has to look up again: at a monitor's turn, or at its end."""
-        if self._bench.playback is not None:
-            return self._bench.playback.look_up_ns(when_ns)
-        return self.monitoring.next_turn_ns(when_ns) if self._watching else when_ns
+    def _look_up_ns(self, when_ns: int) -> int:
+        """Return when this wait has to look up: at a monitor's turn, or where a record has it, or at its end."""
+        if self._watching:
+            return self.monitoring.look_up_ns(when_ns, self.timeline)
+        return self.timeline.look_up_ns(when_ns, ())
 
     def _run_monitors(self, until_ns: int) -> None:
         if self._watching:
-            self.monitoring.run(until_ns)
+            self.monitoring.run(until_ns, self.timeline)
+
+    def _blame(self, held_up: HilError) -> None:
+        if self.monitoring.case is not None:
+            self.monitoring.case.raised(held_up)
 
     def _trip_once(self, trip: Trip) -> None:
         if self._trip is None:
@@ -293,5 +319,5 @@ class Scheduler:
 
     def _make_safe(self, trip: Trip) -> NoReturn:
         self._trip = trip
-        self._watch.trip(trip)
+        self._reports.trip(trip)
         raise Tripped(trip.text, "the bench was made safe and stays so for the rest of the run")

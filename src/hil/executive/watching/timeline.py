@@ -1,0 +1,372 @@
+"""When things come to pass that no case asks for: by the bench's own clock, or where a record has them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import Protocol
+
+from hil.bench.bound import BoundBench
+from hil.bench.envelope import Monitor
+from hil.bench.gate import Gate
+from hil.clock.live import LiveClock
+from hil.executive.watching.ports import Freshness, Machine
+from hil.model.errors import HilError
+from hil.wire.replay import BUSY, CLOCK, DISTRESS, Playback
+from hil.wire.tap import LONGEST_TRANSACTION
+
+__all__ = [
+    "Course",
+    "OnBench",
+    "OnLiveBench",
+    "OnRecord",
+    "Timeline",
+    "timeline_of",
+]
+
+_BENCH = "bench"
+_BEHIND_NS = 50_000_000
+"""Up to this, what a case computes between its calls is not told."""
+
+
+class Course(Protocol):
+    """The events of a run."""
+
+    @property
+    def course(self) -> int:
+        """How many events of the run's own course there are."""
+        ...
+
+
+class Timeline(Protocol):
+    """Decides when monitors take turns, time moves on by itself, a hold begins, and which gates a machine has.
+
+    Attributes:
+        rows_wait: whether rows of streams wait as long as the limits that they feed allow.
+        rows_together: whether rows that may wait are fetched where limits take their turns.
+    """
+
+    rows_wait: bool
+    rows_together: bool
+
+    @property
+    def retraces(self) -> bool:
+        """Whether what happens now is written down already."""
+        ...
+
+    def come(self) -> None:
+        """Come to the present, if bench time is behind."""
+        ...
+
+    def marks(self) -> Iterator[HilError | None]:
+        """Yield each point between two calls at which the record came to the present, and errors of the case there."""
+        ...
+
+    def look(self) -> Timeline:
+        """Return the timeline that holds from this scheduling point on."""
+        ...
+
+    def distress(self) -> str:
+        """Return why the bench cannot be driven any more, or in a replay could not be then; nothing while it can."""
+        ...
+
+    def busy(self, seconds: float) -> HilError | None:
+        """Return the error of a case whose own code ran for so many seconds of the wall, None where that is allowed."""
+        ...
+
+    def due(self, monitors: Sequence[Monitor], until_ns: int, name: str) -> Iterator[Monitor]:
+        """Yield the monitors that take a turn before `until_ns`; the turn is taken before the next one is asked for."""
+        ...
+
+    def soonest_ns(self, monitors: Sequence[Monitor]) -> int:
+        """Return the instant before which no monitor takes a turn."""
+        ...
+
+    def look_up_ns(self, when_ns: int, monitors: Sequence[Monitor]) -> int:
+        """Return when a wait until `when_ns` has to look up for a turn."""
+        ...
+
+    def longest_ns(self, when_ns: int) -> int:
+        """Return until when a wait until `when_ns` may last before somebody has to look after the bench."""
+        ...
+
+    def holds(self, name: str) -> bool:
+        """Return whether this mark of a hold comes next in what has to be retraced."""
+        ...
+
+    def mark_hold(self, name: str) -> None:
+        """Come to a mark of a hold, and note it."""
+        ...
+
+    def host_gates(self, arming: int, freshness: Freshness) -> Iterator[tuple[Gate, bool]]:
+        """Yield the gates of people and machine at an arming, each with whether it is new."""
+        ...
+
+    def skip(self, operations: int) -> None:
+        """Pass over the record up to that number of operations: they are void."""
+        ...
+
+
+class OnBench:
+    """The timeline of a bench that lives in this process: its clock tells when whose turn is.
+
+    Args:
+        bench: the bench.
+        machine: the machine that drives it.
+    """
+
+    rows_wait = rows_together = True
+
+    def __init__(self, bench: BoundBench, machine: Machine) -> None:
+        self._bench = bench
+        self._clock = bench.clock
+        self._machine = machine
+
+    @property
+    def retraces(self) -> bool:
+        """Whether a resumed run that is made again from its first step has operations to come to."""
+        return self._bench.transcript.comes_again
+
+    def come(self) -> None:
+        """Do nothing: this bench is always at its present."""
+
+    def marks(self) -> Iterator[HilError | None]:
+        """Return none."""
+        return iter(())
+
+    def look(self) -> Timeline:
+        """Return this one: a bench that is there goes on by itself."""
+        return self
+
+    def distress(self) -> str:
+        """Return nothing: what drives this bench ends with it."""
+        return ""
+
+    def busy(self, seconds: float) -> HilError | None:
+        """Return None: this bench stands still while a case computes."""
+        del seconds
+        return None
+
+    def due(self, monitors: Sequence[Monitor], until_ns: int, name: str) -> Iterator[Monitor]:
+        """Yield those that are due and have room before `until_ns`, and those that are overdue in any case."""
+        del name
+        for monitor in monitors:
+            now_ns = self._clock.now_ns()
+            if now_ns >= monitor.due_ns and (until_ns - now_ns >= monitor.room_ns or now_ns >= monitor.overdue_ns):
+                yield monitor
+
+    def soonest_ns(self, monitors: Sequence[Monitor]) -> int:
+        """Return when the next one is due."""
+        return min([monitor.due_ns for monitor in monitors], default=0)
+
+    def look_up_ns(self, when_ns: int, monitors: Sequence[Monitor]) -> int:
+        """Return when the next one is due that has room before `when_ns`."""
+        now_ns = self._clock.now_ns()
+        turns = [monitor.due_ns for monitor in monitors if now_ns < monitor.due_ns <= when_ns - monitor.room_ns]
+        return min(turns, default=when_ns)
+
+    def longest_ns(self, when_ns: int) -> int:
+        """Return `when_ns`."""
+        return when_ns
+
+    def holds(self, name: str) -> bool:
+        """Return whether the transcript of a resumed run has this mark next."""
+        return self._bench.transcript.next_is(_BENCH, name)
+
+    def mark_hold(self, name: str) -> None:
+        """Note that a hold began or ended now."""
+        _note(self._bench, name)
+
+    def host_gates(self, arming: int, freshness: Freshness) -> Iterator[tuple[Gate, bool]]:
+        """Yield the gates of the machine."""
+        del arming
+        yield from ((gate, True) for gate in self._machine.gates(freshness))
+
+    def skip(self, operations: int) -> None:
+        """Do nothing: there is no record."""
+
+
+class OnLiveBench(OnBench):
+    """The timeline of a bench outside of this process, whose clock stands between operations.
+
+    Where somebody is asked, or a case computes, bench time has to go on all the same, for monitors and turns. In the
+    transcript that stands with the number of events before it, so that a replay comes there between the same two.
+
+    Args:
+        bench: the bench.
+        clock: its clock.
+        machine: the machine that drives it.
+        events: tell how many of them there are.
+    """
+
+    def __init__(self, bench: BoundBench, clock: LiveClock, machine: Machine, events: Course) -> None:
+        super().__init__(bench, machine)
+        self._live = clock
+        self._events = events
+
+    def come(self) -> None:
+        """Come to the present, if bench time is behind by more than a moment."""
+        live = self._live
+        if live.behind_ns() > _BEHIND_NS:
+            began_ns, sent = live.now_ns(), str(self._events.course).encode()
+            self._bench.transcript.note(_BENCH, CLOCK, began_ns, live.look(), sent=sent)
+
+    def distress(self) -> str:
+        """Return why the machine cannot drive the bench any more, nothing while it can."""
+        if text := self._machine.distress():
+            _note(self._bench, DISTRESS, f"{self._events.course} {text}".encode())
+        return text
+
+    def busy(self, seconds: float) -> HilError | None:
+        """Note how long a case's own code let nobody look after the bench, and return that error; see `Timeline`.
+
+        It is an error of the case in a replay, too, which may compute faster.
+        """
+        if seconds <= LONGEST_TRANSACTION:
+            return None
+        told = f"{seconds:.2f}"
+        _note(self._bench, BUSY, f"{self._events.course} {told}".encode())
+        return _held_up(told)
+
+    def longest_ns(self, when_ns: int) -> int:
+        """Return the end of the time slice after which the clock looks up."""
+        return min(when_ns, self._live.soon_ns()) if self._live.began else when_ns
+
+
+class OnRecord:
+    """The timeline of a record: everything comes to pass where the transcript has it.
+
+    Args:
+        bench: the bench.
+        playback: the record that answers for it.
+        after: the timeline of the bench, once it goes on itself.
+        events: tell how many of them there are.
+        not_opened: the gate of the host that ended an arming, by arming: nobody asks people or machine again.
+    """
+
+    def __init__(
+        self,
+        bench: BoundBench,
+        playback: Playback,
+        after: Timeline,
+        events: Course,
+        not_opened: Mapping[int, Gate],
+    ) -> None:
+        self._bench = bench
+        self._playback = playback
+        self._after = after
+        self._events = events
+        self._not_opened = not_opened
+        self.rows_wait = playback.rows_wait
+        self.rows_together = not playback.in_parts
+
+    @property
+    def retraces(self) -> bool:
+        """Return True: a record is retraced."""
+        return True
+
+    def come(self) -> None:
+        """Do nothing: the marks of the record tell where it came to its present."""
+
+    def marks(self) -> Iterator[HilError | None]:
+        """Yield what the record holds between the last event and the next one; see `Timeline`."""
+        while True:
+            while told := self._mark(BUSY):
+                yield _held_up(told.decode())
+            if not self._mark(CLOCK):
+                return
+            yield None
+
+    def look(self) -> Timeline:
+        """Let the bench go on from here, if the record ends here; return its timeline then."""
+        self._playback.hand_over_if_due()
+        return self._after if self._bench.playback is None else self
+
+    def distress(self) -> str:
+        """Return why the bench could not be driven any more then."""
+        return self._mark(DISTRESS).decode()
+
+    def busy(self, seconds: float) -> HilError | None:
+        """Return None: the marks of the record tell what the case took then."""
+        del seconds
+        return None
+
+    def due(self, monitors: Sequence[Monitor], until_ns: int, name: str) -> Iterator[Monitor]:
+        """Yield those that the record holds here; those of a later wait are left for that one."""
+        clock = self._bench.clock
+        while limit := self._playback.take_monitor(max(until_ns - 1, clock.now_ns()), name):
+            yield next(monitor for monitor in monitors if monitor.limit.id == limit)
+
+    def soonest_ns(self, monitors: Sequence[Monitor]) -> int:
+        """Return 0: only the record knows."""
+        del monitors
+        return 0
+
+    def look_up_ns(self, when_ns: int, monitors: Sequence[Monitor]) -> int:
+        """Return where the record has the wait end or stay."""
+        del monitors
+        return self._playback.look_up_ns(when_ns)
+
+    def longest_ns(self, when_ns: int) -> int:
+        """Return `when_ns`: nobody has to look after a record."""
+        return when_ns
+
+    def holds(self, name: str) -> bool:
+        """Return whether the record has this mark next."""
+        return self._playback.comes(name, self._bench.clock.now_ns())
+
+    def mark_hold(self, name: str) -> None:
+        """Take a mark of a hold from the record."""
+        self._playback.take(_BENCH, name)
+        _note(self._bench, name)
+
+    def host_gates(self, arming: int, freshness: Freshness) -> Iterator[tuple[Gate, bool]]:
+        """Yield the gate that ended this arming in the record, if one did; it is written down already."""
+        del freshness
+        if gate := self._not_opened.get(arming):
+            yield gate, False
+
+    def skip(self, operations: int) -> None:
+        """Pass over the record up to that number of operations."""
+        self._playback.skip(operations)
+
+    def _mark(self, name: str) -> bytes:
+        """Take a mark that the record holds between the last event and the next one; return what it tells."""
+        found = self._playback.next_if(name)
+        if found is None:
+            return b""
+        number, _, told = found.sent.partition(b" ")
+        if int(number) > self._events.course:
+            return b""
+        began_ns = self._bench.clock.now_ns()
+        self._playback.take(_BENCH, name, found.sent)
+        self._bench.transcript.note(_BENCH, name, began_ns, self._bench.clock.now_ns(), sent=found.sent)
+        return told or number
+
+
+def timeline_of(
+    bench: BoundBench, machine: Machine, events: Course, not_opened: Mapping[int, Gate] = MappingProxyType({})
+) -> Timeline:
+    """Return the timeline of a bench: on its record, if one answers for it, else on its own clock.
+
+    Args:
+        bench: the bench.
+        machine: the machine that drives it.
+        events: tell how many of them there are.
+        not_opened: see `OnRecord`.
+    """
+    own = OnBench(bench, machine) if bench.live is None else OnLiveBench(bench, bench.live, machine, events)
+    return own if bench.playback is None else OnRecord(bench, bench.playback, own, events, not_opened)
+
+
+def _note(bench: BoundBench, name: str, sent: bytes = b"") -> None:
+    now_ns = bench.clock.now_ns()
+    bench.transcript.note(_BENCH, name, now_ns, now_ns, sent=sent)
+
+
+def _held_up(seconds: str) -> HilError:
+    return HilError(
+        f"its own code ran for {seconds} s without letting anybody look after the bench, with outputs on;"
+        f" {LONGEST_TRANSACTION:g} s are allowed",
+        "compute behind the last use of the outputs, or in smaller pieces",
+    )
