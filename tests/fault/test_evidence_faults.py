@@ -17,8 +17,7 @@ from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE, RESULTS, TORN, cre
 from hil.evidence.journal.reader import cut_torn_tail, read_journal
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.contents import Package
-from hil.evidence.package.recovery import recover
-from hil.evidence.package.sealing import seal
+from hil.evidence.package.sealing import recover, seal
 from hil.evidence.package.verification import State, verify
 from hil.evidence.recordings.hdf5 import convert
 from hil.evidence.recordings.row_file import read_rows

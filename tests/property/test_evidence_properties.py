@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.documents.canonical import JsonError, canonical
-from hil.evidence.events.quick_json import quick_canonical
+from hil.evidence.events.codec import quick_canonical
 from hil.evidence.package.sealing import seal
 from hil.evidence.package.verification import State, verify
 

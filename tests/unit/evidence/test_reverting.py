@@ -7,8 +7,7 @@ import math
 import pytest
 from typed_events import event_of
 
-from hil.evidence.recordings.hdf5 import convert
-from hil.evidence.recordings.reverting import revert
+from hil.evidence.recordings.hdf5 import convert, revert
 from hil.evidence.recordings.row_file import BLOCK
 from hil.evidence.recordings.rows import Rows
 

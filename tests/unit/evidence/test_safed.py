@@ -12,7 +12,7 @@ from hil.evidence.inbox import peek, post
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.contents import Package
-from hil.evidence.package.recovery import recover
+from hil.evidence.package.sealing import recover
 from hil.evidence.package.verification import State, verify
 from hil.evidence.runs import status
 from hil.evidence.safed import guardian_hash, guardian_lines, is_acknowledged

@@ -31,8 +31,7 @@ from hil.evidence.journal.writer import Journal
 from hil.evidence.package.bag import evidence_digest, manifest_text, read_manifest, write_manifests
 from hil.evidence.package.contents import Package
 from hil.evidence.package.inventory import inventory
-from hil.evidence.package.recovery import recover
-from hil.evidence.package.sealing import seal
+from hil.evidence.package.sealing import recover, seal
 from hil.evidence.package.verification import State, verify
 from hil.model.errors import EvidenceError, Refused
 

@@ -18,8 +18,7 @@ from typed_events import event_of
 
 from hil.evidence.folder import JOURNAL, RECORDINGS
 from hil.evidence.package.contents import Package
-from hil.evidence.package.recovery import recover
-from hil.evidence.package.sealing import seal
+from hil.evidence.package.sealing import recover, seal
 from hil.evidence.recordings.datasets import add_dataset, write_part
 from hil.model.errors import EvidenceError, Refused
 from hil.report.export import package as exporting

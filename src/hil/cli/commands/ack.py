@@ -75,7 +75,7 @@ def written_down(folder: Path) -> list[Path]:
 
 
 def _of_run(folder: Path) -> Iterator[dict[str, object]]:
-    from hil.evidence.events.quick_json import plain  # noqa: PLC0415 - heavy
+    from hil.evidence.events.codec import plain  # noqa: PLC0415 - heavy
     from hil.evidence.journal.reader import read_journal  # noqa: PLC0415 - heavy
 
     with suppress(EvidenceError):

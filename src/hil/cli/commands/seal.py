@@ -17,7 +17,7 @@ def command(run: str) -> int:
     The last line of standard output is the package's path.
     """
     from hil.evidence.folder import is_sealed  # noqa: PLC0415 - heavy
-    from hil.evidence.package.recovery import recover  # noqa: PLC0415 - heavy
+    from hil.evidence.package.sealing import recover  # noqa: PLC0415 - heavy
     from hil.report.write import write_reports  # noqa: PLC0415 - heavy
 
     folder = find_run(run)

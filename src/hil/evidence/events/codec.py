@@ -1,19 +1,126 @@
-"""The codec of events: canonical bytes in a journal's line, and the typed event that they tell."""
+"""The codec of events: the canonical bytes in a line of the journal, and the typed event that they tell."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
+from json.encoder import encode_basestring
 from typing import Any, TypeVar
 
 import msgspec
 
-from hil.documents.canonical import JsonError
+from hil.documents.canonical import JsonError, canonical
 from hil.documents.suggest import did_you_mean
 from hil.evidence.events import bench, cases, people, run
 from hil.evidence.events.event import Event
-from hil.evidence.events.quick_json import quick_canonical
 
-__all__ = ["KINDS", "decode", "encode", "stamped"]
+__all__ = ["KINDS", "decode", "encode", "plain", "quick_canonical", "stamped"]
+
+_LARGEST = 2**53 - 1
+
+
+class _Unusual(Exception):
+    """Something that only the complete writer knows how to write, or refuses."""
+
+
+def quick_canonical(value: object) -> bytes:
+    """Return the canonical JSON of `value`, the same bytes as `canonical`.
+
+    The journal writes a line per effect, and hashing it must not be what a simulated run spends its time on.
+
+    Raises:
+        JsonError: for what has no canonical JSON.
+    """
+    try:
+        return _text(value).encode()
+    except (_Unusual, RecursionError, TypeError, UnicodeEncodeError):
+        return canonical(plain(value))
+
+
+def plain(value: object) -> Any:  # noqa: ANN401 - JSON holds what it holds
+    """Return a value in which structs are plain objects, and defaults are left out as in the journal."""
+    if isinstance(value, msgspec.Struct):
+        fields = [(name, getattr(value, name), default) for name, _, default in _members(type(value)) if name]
+        tag = value.__struct_config__.tag
+        told = {name: plain(item) for name, item, default in fields if item is not default}
+        return told | ({"kind": tag} if tag else {})
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return value
+
+
+def _text(value: object) -> str:  # noqa: PLR0911 - one return per kind of value
+    kind = type(value)
+    if kind is str:
+        return encode_basestring(value)  # type: ignore[arg-type]  # it is a str, by its type
+    if kind is float:
+        return _float(repr(value))
+    if value is None:
+        return "null"
+    if kind is bool:
+        return "true" if value else "false"
+    if kind is int:
+        return _integer(value)  # type: ignore[arg-type]  # it is an int, by its type
+    if kind is dict:
+        return _object(value)  # type: ignore[arg-type]  # it is a dict, by its type
+    if kind is list or kind is tuple:
+        return "[" + ",".join([_text(item) for item in value]) + "]"  # type: ignore[attr-defined]  # a list or tuple
+    if isinstance(value, str):
+        return encode_basestring(value)
+    if isinstance(value, msgspec.Struct):
+        return _struct(value)
+    raise _Unusual
+
+
+def _float(written: str) -> str:
+    if "e" in written or "n" in written:
+        raise _Unusual
+    if written.endswith(".0"):
+        return "0" if written == "-0.0" else written[:-2]
+    return written
+
+
+def _integer(value: int) -> str:
+    if not -_LARGEST <= value <= _LARGEST:
+        raise _Unusual
+    return str(value)
+
+
+def _object(value: dict[object, object]) -> str:
+    members = []
+    for key in sorted(value):  # type: ignore[type-var]  # keys that do not compare are refused below
+        if type(key) is not str or not key.isascii():  # others are ordered by UTF-16
+            raise _Unusual
+        members.append(encode_basestring(key) + ":" + _text(value[key]))
+    return "{" + ",".join(members) + "}"
+
+
+def _struct(value: msgspec.Struct) -> str:
+    members = []
+    for name, written, default in _members(type(value)):
+        item = getattr(value, name) if name else None
+        if not name:
+            members.append(written)
+        elif item is not default:
+            members.append(written + _text(item))
+    return "{" + ",".join(members) + "}"
+
+
+@cache
+def _members(kind: type[msgspec.Struct]) -> tuple[tuple[str, str, object], ...]:
+    """Return name, beginning of its text, and the default that is not written, of every field, and the whole tag."""
+    found = [(each.name, f"{encode_basestring(each.name)}:", _left_out(each)) for each in msgspec.structs.fields(kind)]
+    if (tag := kind.__struct_config__.tag) is not None:
+        found.append(("", f'"{kind.__struct_config__.tag_field}":{encode_basestring(str(tag))}', None))
+    return tuple(sorted(found, key=lambda member: member[1]))
+
+
+def _left_out(field: msgspec.structs.FieldInfo) -> object:
+    """Return the value with which a field is not written; the stamp of an event has none."""
+    return field.default if field.default in (None, "", (), False) else msgspec.NODEFAULT
+
 
 _Event = TypeVar("_Event", bound=Event)
 

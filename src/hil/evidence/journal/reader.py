@@ -14,8 +14,7 @@ from typing import Any, BinaryIO
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.durable import open_plain, read_plain, sync_file, sync_folder
 from hil.evidence.events import Event, Results
-from hil.evidence.events.codec import decode, encode
-from hil.evidence.events.quick_json import plain, quick_canonical
+from hil.evidence.events.codec import decode, encode, plain, quick_canonical
 from hil.evidence.folder import JOURNAL, TORN
 from hil.model.errors import EvidenceError, Finding
 

@@ -13,8 +13,7 @@ from typing import Self
 from hil.clock import wall
 from hil.evidence.durable import DISK_FULL, sync_folder
 from hil.evidence.events import NOTHING, Anomaly, Event
-from hil.evidence.events.codec import encode, stamped
-from hil.evidence.events.quick_json import quick_canonical
+from hil.evidence.events.codec import encode, quick_canonical, stamped
 from hil.evidence.folder import free_reserve
 from hil.evidence.journal.reader import FIRST, read_journal
 from hil.model.errors import EvidenceError, Refused

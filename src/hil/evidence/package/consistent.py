@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.durable import read_plain
@@ -13,17 +15,20 @@ from hil.evidence.folder import ATTACHMENTS, CALIBRATION, CATALOGUE, JOURNAL, PA
 from hil.evidence.journal.reader import JournalReading
 from hil.evidence.package.bag import INFO
 from hil.evidence.package.inventory import file_findings, hashes_at_end
-from hil.evidence.package.judged import judge_again
 from hil.evidence.package.listing import shown
 from hil.evidence.package.sealing import info_of
 from hil.evidence.recordings.hdf5 import hashes_of
 from hil.evidence.results.derived import results_of
-from hil.evidence.results.facts import facts_of
+from hil.evidence.results.facts import Entries, facts_of, limit_of
 from hil.evidence.results.outcome import FORMAT, write_outcome
 from hil.evidence.state import fold
 from hil.model.errors import Finding, HilError
+from hil.model.figure import Figure, FigureStatus
+from hil.model.verdict import Verdict
+from hil.requirements.decision import Judgement, judge
+from hil.requirements.requirement import Kind, Limit
 
-__all__ = ["content_findings", "guarded"]
+__all__ = ["content_findings", "guarded", "judge_again"]
 
 Hashes = Mapping[str, str]
 """Path and SHA-256 of every file below `data`, as they are now."""
@@ -149,3 +154,92 @@ def _check_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterato
         if isinstance(line.event, Check):
             for message in judge_again(line.event, catalogue):
                 yield Finding(JOURNAL, line.number, 1, message)
+
+
+_LAST_DIGITS = 1e-9
+
+
+def judge_again(check: Check, catalogue: Entries) -> Iterator[str]:
+    """Give a sentence for everything in a check's event that does not follow from value, uncertainty and catalogue.
+
+    A good verdict must follow exactly. One that is not good may also come from what the event does not tell: a device
+    that fell silent, the analysis' own word, a value beyond the last digit written. A requirement that only asks for
+    data is RECORDED where its figures pass.
+
+    Args:
+        check: the event; value, uncertainty and degrees of freedom combine figure and instruments.
+        catalogue: the frozen requirements, with their limits.
+    """
+    name = f"{check.requirement} {check.parameter}"
+    entry = catalogue.get(check.requirement, {})
+    frozen = _frozen_limit(check, entry)
+    written = _written_limit(check)
+    if check.requirement not in catalogue:
+        yield f"{name}: the frozen catalogue has no such requirement"
+    if frozen is not None:
+        yield from _against_catalogue(name, written, frozen)
+    again = _judge(check, frozen or written)
+    due = Verdict.RECORDED if entry.get("kind") == Kind.RECORD and again.verdict is Verdict.PASS else again.verdict
+    if check.doubts:
+        due = Verdict.INCONCLUSIVE
+    verdict = check.verdict
+    if verdict is not due and (verdict.good or not _may_be_worse(check, again)):
+        yield f"{name}: the verdict is {verdict}, and its value gives {due} {again.reason}".rstrip()
+    tolerance = _tolerance(check, again)
+    for field in ("expanded", "margin", "tur"):
+        if not _same(getattr(check, field), getattr(again, field), 0.0 if field == "tur" else tolerance):
+            yield f"{name}: {field} is {getattr(check, field)}, and its value gives {getattr(again, field)}"
+
+
+def _judge(check: Check, limit: Limit) -> Judgement:
+    if isinstance(check.value, str):
+        return judge(check.value, limit)
+    figure = Figure(
+        value=math.nan if check.value is None else check.value,
+        unit=check.unit,
+        uncertainty=check.uncertainty,
+        dof=math.inf if check.dof is None else check.dof,
+        status=FigureStatus(check.status or FigureStatus.MEASURED),
+    )
+    return judge(figure, limit)
+
+
+def _may_be_worse(check: Check, again: Judgement) -> bool:
+    if check.value is None or (check.verdict is Verdict.INCONCLUSIVE and check.status is None):
+        return True
+    return again.margin is not None and abs(again.margin) <= _tolerance(check, again)
+
+
+def _tolerance(check: Check, again: Judgement) -> float:
+    """Return how far figures in the limit's unit may differ: they are written with 12 digits."""
+    bounds = [float(side) for side in (check.limit.min, check.limit.max) if side is not None]
+    value = again.value if isinstance(again.value, float) and math.isfinite(again.value) else 0.0
+    return _LAST_DIGITS * max(abs(number) for number in (value, again.expanded or 0.0, *bounds))
+
+
+def _written_limit(check: Check) -> Limit:
+    return Limit(
+        parameter=check.parameter,
+        unit=check.limit_unit,
+        minimum=check.limit.min,
+        maximum=check.limit.max,
+        equals=check.limit.equals,
+        decision=check.decision,
+    )
+
+
+def _frozen_limit(check: Check, entry: Mapping[str, Any]) -> Limit | None:
+    limits = entry.get("limits") or []
+    return next((limit_of(item) for item in limits if item["parameter"] == check.parameter), None)
+
+
+def _against_catalogue(name: str, written: Limit, frozen: Limit) -> Iterator[str]:
+    for field in ("minimum", "maximum", "equals", "unit", "decision"):
+        if getattr(written, field) != getattr(frozen, field):
+            yield f"{name}: {field} was {getattr(written, field)}, and the catalogue has {getattr(frozen, field)}"
+
+
+def _same(written: float | None, again: float | None, tolerance: float) -> bool:
+    if written is None or again is None:
+        return written is again
+    return math.isclose(written, again, rel_tol=_LAST_DIGITS, abs_tol=tolerance)

@@ -1,17 +1,16 @@
-"""Recordings: from rows to HDF5, proven equal to the journal's hashes, and read back as arrays."""
+"""Recordings: from rows to HDF5, proven equal to the journal's hashes, read back as arrays, and back to rows."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hil.evidence.durable import PART, sync_file
+from hil.evidence.durable import PART, sync_file, sync_folder
 from hil.evidence.events import Channel, Recording, RecordingEnd
-from hil.evidence.recordings.columns import Columns
 from hil.evidence.recordings.datasets import (
     Dataset,
     add_dataset,
@@ -21,7 +20,7 @@ from hil.evidence.recordings.datasets import (
     read_part,
     write_part,
 )
-from hil.evidence.recordings.row_file import BLOCK, PIECE, RowsFile, read_rows, row_blocks, table
+from hil.evidence.recordings.row_file import BLOCK, PIECE, Columns, RowsFile, header_line, read_rows, row_blocks, table
 from hil.model.errors import EvidenceError
 
 if TYPE_CHECKING:
@@ -36,6 +35,7 @@ __all__ = [
     "read_column",
     "read_hdf5",
     "read_recording",
+    "revert",
     "write_hdf5",
 ]
 
@@ -297,3 +297,36 @@ def _facts_of_channel(channel: Channel) -> dict[str, Any]:
 def _as_json(value: object) -> object:
     """Return a value as JSON has it, where a whole number is an integer; so the attributes of all packages are."""
     return int(value) if type(value) is float and value.is_integer() else value
+
+
+def revert(folder: Path, begun: Iterable[Recording]) -> None:
+    """Turn every HDF5 file into the row file that it was made from; a row file that is there still is the original.
+
+    Args:
+        folder: the run's `data/recordings`.
+        begun: its recordings.
+
+    Raises:
+        EvidenceError: where an HDF5 file cannot be read.
+        OSError: where the disk is full or fails.
+    """
+    for event in begun:
+        rows, hdf5 = (folder / f"{event.recording}{suffix}" for suffix in (".rows", ".h5"))
+        if not hdf5.exists():
+            continue
+        if not rows.exists():
+            _write(rows, hdf5, event)
+        hdf5.unlink()
+
+
+def _write(rows: Path, hdf5: Path, begun: Recording) -> None:
+    import numpy as np  # noqa: PLC0415 - slow to import
+
+    part = rows.with_name(rows.name + PART)
+    with part.open("wb") as stream:
+        stream.write(header_line(begun.recording, [(each.name, each.unit) for each in begun.channels]))
+        for block in read_blocks(hdf5):
+            stream.write(np.column_stack(block).astype("<f8").tobytes())
+    sync_file(part)
+    part.replace(rows)
+    sync_folder(rows.parent)

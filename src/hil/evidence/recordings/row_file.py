@@ -1,9 +1,9 @@
-"""Row files as they are found: header, whole rows, and a torn last one."""
+"""Row files as they are found: header, whole rows, a torn last one, and columns that are read when asked for."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["BLOCK", "NUMBER", "PIECE", "RowsFile", "header_line", "read_rows", "row_blocks", "table"]
+__all__ = ["BLOCK", "NUMBER", "PIECE", "Columns", "RowsFile", "header_line", "read_rows", "row_blocks", "table"]
 
 BLOCK = 65_536
 """After how many rows the running hash goes into the journal."""
@@ -91,3 +91,50 @@ def table(block: bytes, width: int) -> NDArray[np.float64]:
     import numpy as np  # noqa: PLC0415 - rows are packed without it
 
     return np.frombuffer(block, "<f8").reshape(-1, width)
+
+
+class Columns(Mapping[str, "NDArray[np.float64]"]):
+    """The channels of a row file by name, each of shape (rows,); nothing of them is kept.
+
+    Args:
+        found: the row file; it has to stay where it is.
+    """
+
+    def __init__(self, found: RowsFile) -> None:
+        self._found = found
+        names = ["time", *(channel["name"] for channel in found.header["channels"])]
+        self._places = {name: place for place, name in enumerate(names)}
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        import numpy as np  # noqa: PLC0415 - slow to import
+
+        place, found = self._places[name], self._found
+        values = np.empty(found.rows)
+        for number, block in enumerate(row_blocks(found, PIECE)):
+            column = table(block, found.width)[:, place]
+            values[number * PIECE : number * PIECE + len(column)] = column
+        return values
+
+    def __iter__(self) -> Iterator[str]:
+        return iter([name for name in self._places if name != "time"])
+
+    def __len__(self) -> int:
+        return len(self._places) - 1
+
+    def part(self, first: int, end: int) -> dict[str, NDArray[np.float64]]:
+        """Return time and channels of the rows from `first` to before `end`.
+
+        Raises:
+            EvidenceError: where the file cannot be read.
+        """
+        found = self._found
+        first, end, _ = slice(first, end).indices(found.rows)
+        size = found.width * NUMBER
+        try:
+            with found.path.open("rb") as stream:
+                stream.seek(found.start + first * size)
+                block = stream.read(max(end - first, 0) * size)
+        except OSError as error:
+            raise EvidenceError(f"{found.path}: its rows cannot be read: {error}", "see hil verify") from error
+        rows = table(block, found.width)
+        return {name: rows[:, place].copy() for name, place in self._places.items()}

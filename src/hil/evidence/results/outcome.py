@@ -9,8 +9,7 @@ import msgspec
 
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.events import Check, Part, Run
-from hil.evidence.events.codec import decode
-from hil.evidence.events.quick_json import plain, quick_canonical
+from hil.evidence.events.codec import decode, plain, quick_canonical
 from hil.model.verdict import Verdict
 
 __all__ = [

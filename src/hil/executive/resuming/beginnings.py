@@ -14,7 +14,7 @@ from hil.evidence.folder import JOURNAL, RECORDINGS, create, is_sealed, renew_re
 from hil.evidence.journal.past import Entry, Past, entries
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.contents import Package
-from hil.evidence.recordings.reverting import revert
+from hil.evidence.recordings.hdf5 import revert
 from hil.evidence.state import standing
 from hil.executive.cases.effects import Recall
 from hil.executive.journaling.events import Events

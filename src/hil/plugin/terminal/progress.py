@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.text import Text
 
 from hil.evidence import events
-from hil.evidence.events.quick_json import plain
+from hil.evidence.events.codec import plain
 from hil.plugin.terminal.status_line import StatusLine
 from hil.report.live.lines import one_line
 from hil.report.live.outlook import Outlook
