@@ -46,3 +46,10 @@ def test_asking_for_a_name_loads_no_more_than_it_needs():
         "sys.exit('scipy' in sys.modules or 'hil.instruments.roles' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_flat_names_of_plans_are_on_their_page():
+    """The page about cases names all that a plan can import."""
+    page = (ROOT / "docs/reference/case-api.md").read_text(encoding="utf-8")
+    names = importlib.import_module("hil.plan").__all__
+    assert [name for name in names if f"`{name}`" not in page and f".{name}(" not in page] == []

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from hil.clock.port import NANOSECONDS
-from hil.model.notation import one_of
+from hil.model.notation import Positive, Text, one_of, vector, whole
 from hil.simulation.faults import Fault, Faults, Share
 from hil.simulation.plants.terminal import InputPoint, SignalPoint
 from hil.wire.checkpoint import Kept, Stateful
@@ -102,14 +102,14 @@ class StageTruth:
         limits: software travel limits [deg]; they are kept, not watched.
     """
 
-    model: str
-    serial: str
-    unit: int
-    resolution: float
-    maximum_velocity: float
-    maximum_acceleration: float
-    friction: float
-    limits: tuple[float, float]
+    model: Text = field(default="URS75BPP", metadata={"alias": "stage"})
+    serial: Text = "SN0001"
+    unit: Annotated[int, whole(0, 11)] = 7
+    resolution: Positive = 0.0002
+    maximum_velocity: Positive = 100.0
+    maximum_acceleration: Positive = 200.0
+    friction: Positive = 60.0
+    limits: Annotated[tuple[float, float], vector(2)] = (-360_000.0, 360_000.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

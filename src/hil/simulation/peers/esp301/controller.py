@@ -25,7 +25,6 @@ from hil.wire.peer import Line, PeerClock
 __all__ = ["MODEL", "Esp301", "build"]
 
 _LONGEST_INBOX = 1024
-_DEGREE = 7
 
 
 class Esp301(Stateful):
@@ -89,17 +88,7 @@ def build(setup: PeerSetup) -> Esp301:
         TruthError: with everything that is wrong in its truth or terminals.
     """
     truth, connections = setup.truth, setup.connections
-    limits = truth.vector("limits", 2, (-360_000.0, 360_000.0))
-    stage = StageTruth(
-        model=truth.text("stage", "URS75BPP"),
-        serial=truth.text("serial", "SN0001"),
-        unit=truth.integer("unit", _DEGREE, maximum=11),
-        resolution=truth.number("resolution", 0.0002, above=0),
-        maximum_velocity=truth.number("maximum_velocity", 100.0, above=0),
-        maximum_acceleration=truth.number("maximum_acceleration", 200.0, above=0),
-        friction=truth.number("friction", 60.0, above=0),
-        limits=(limits[0], limits[1]),
-    )
+    stage = truth.part(StageTruth)
     version = f"ESP301 Version {truth.text('firmware', '3.0.1 6/1/99')}"
     command_ns = round(truth.number("command_time", 1e-3, minimum=0) * NANOSECONDS)
     drive = Drive(

@@ -263,11 +263,7 @@ def build(setup: PeerSetup) -> Eurotherm3216:
     make = _make(setup, truth)
     memory = _memory(make, truth)
     sensor = SensorInput(
-        truth=SensorTruth(
-            offset=truth.number("sensor_offset", 0.0),
-            noise=truth.number("sensor_noise", 0.01, minimum=0),
-            ambient=truth.number("ambient", 22.0, minimum=-60, maximum=80),
-        ),
+        truth=truth.part(SensorTruth),
         place=setup.connections.signal("sensor"),
         room=setup.connections.signal("ambient"),
         faults=setup.faults,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Annotated
 
+from hil.model.notation import NotNegative, Number, number
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.plants.terminal import SignalPoint
 from hil.simulation.seeds import Stream
@@ -30,9 +32,9 @@ class SensorDetached(Fault):
 class SensorTruth:
     """What the input is: offset [K], noise [K rms], and what it reads where nothing is connected [degC]."""
 
-    offset: float = 0.0
-    noise: float = 0.01
-    ambient: float = 22.0
+    offset: Number = field(default=0.0, metadata={"alias": "sensor_offset"})
+    noise: NotNegative = field(default=0.01, metadata={"alias": "sensor_noise"})
+    ambient: Annotated[float, number(-60, 80)] = 22.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
