@@ -12,7 +12,7 @@ from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
 from hil.plugin.rehearsing import replay
 
-pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.soak, pytest.mark.timeout(900)]
 
 ROW_BYTES = 8
 OF_A_LINE = {"charge_time [s]": 10.0, "discharge_time [s]": 10.0, "charge_capacity [Ah]": 0.0015}
