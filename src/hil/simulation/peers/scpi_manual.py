@@ -158,6 +158,7 @@ class Commands(Stateful):
         self.errors = ErrorQueue()
         self._selected = 1
         self._now_ns = 0
+        self._targeted: dict[tuple[str, ...], tuple[list[str], list[int] | None]] = {}
         self._parsed: dict[str, list[tuple[_Action, int, Sequence[str]]]] = {}
         self._commands: list[tuple[re.Pattern[str], bool, _Action]] = []
         self._common()
@@ -303,7 +304,7 @@ class Commands(Stateful):
 
     def _targets(self, by: By, suffix: int, parameters: Sequence[str]) -> tuple[list[str], list[SupplyOutput]]:
         """Split parameters into values and the outputs that are meant."""
-        values, chosen = self._manual.targets(parameters) if by == "parameter" else (list(parameters), None)
+        values, chosen = self._split_off(tuple(parameters)) if by == "parameter" else (list(parameters), None)
         if by == "number":
             if suffix not in self._outputs:
                 raise ScpiError(-113)
@@ -312,6 +313,15 @@ class Commands(Stateful):
             return values, [self._outputs[number] for number in ([self._selected] if chosen is None else chosen)]
         except KeyError:
             raise ScpiError(self._manual.no_channel) from None
+
+    def _split_off(self, parameters: tuple[str, ...]) -> tuple[list[str], list[int] | None]:
+        """Return values and channels; what was split before is remembered."""
+        found = self._targeted.get(parameters)
+        if found is None:
+            found = self._manual.targets(parameters)
+            if len(self._targeted) < _MOST_PARSED:
+                self._targeted[parameters] = found
+        return found
 
     def _select(self, _: int, parameters: Sequence[str]) -> None:
         match = re.fullmatch(r"(?:CH)?(\d)", _single(parameters).upper())

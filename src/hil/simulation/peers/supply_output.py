@@ -198,6 +198,7 @@ class SupplyOutput(Stateful):
         self._truth = truth
         self._terminal = terminal
         self._faults = faults
+        self._unreadable = bool(faults.of(NotANumber))
         self._noise = noise
         self.on = False
         self._stuck_on = False
@@ -277,14 +278,14 @@ class SupplyOutput(Stateful):
         truth = self._truth
         noise = truth.voltage_noise * self._noise[0].normal(now_ns // _READING_NS)
         reading = self._terminal.volts() * (1 + truth.voltage_gain) + truth.voltage_offset + noise
-        return NOT_A_NUMBER if self._faults.now(NotANumber, now_ns, self.number) else reading
+        return NOT_A_NUMBER if self._unreadable and self._faults.now(NotANumber, now_ns, self.number) else reading
 
     def read_amperes(self, now_ns: int) -> float:
         """Return the current as this instrument measures it; readings of one millisecond are equal."""
         truth = self._truth
         noise = truth.current_noise * self._noise[1].normal(now_ns // _READING_NS)
         reading = self._terminal.amperes() * (1 + truth.current_gain) + truth.current_offset + noise
-        return NOT_A_NUMBER if self._faults.now(NotANumber, now_ns, self.number) else reading
+        return NOT_A_NUMBER if self._unreadable and self._faults.now(NotANumber, now_ns, self.number) else reading
 
     def apply(self) -> None:
         """Give to the terminals what the settings say."""
