@@ -5,16 +5,17 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import pytest
+from typed_events import event_of
 
 from hil.executive.resuming.replaying import differences
 
 
 def package(detail):
     """Return a package whose bench said this of its safe state."""
-    safe = {"kind": "safe", "output": "supply.coil", "ok": True, "detail": detail}
     return SimpleNamespace(
-        results=lambda: {"cases": [], "interrupted": False},
-        events=lambda *kinds: [safe] if "safe" in kinds else [],
+        outcome=lambda: SimpleNamespace(cases=(), interrupted=False),
+        standing=[event_of("safe", output="supply.coil", ok=True, detail=detail)],
+        state=SimpleNamespace(ended={}),
     )
 
 

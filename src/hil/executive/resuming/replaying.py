@@ -8,14 +8,13 @@ import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
 
 from hil.evidence import events
 from hil.evidence.package.contents import Package
 from hil.executive.setup.configuration import Request
 from hil.executive.setup.head import DESELECTED, ENDED_BEFORE
 from hil.model.errors import Diverged, EvidenceError
-from hil.model.identity import Purpose, Source
+from hil.model.identity import Source
 from hil.model.verdict import Verdict
 
 __all__ = ["STOPPED", "differences", "replay_request", "unpack"]
@@ -24,12 +23,11 @@ STOPPED = frozenset({Verdict.ABORTED, Verdict.NOT_RUN})
 """The verdicts of cases that did not come to an end of their own."""
 
 _LAYOUT = ("testplans", "fixtures")
-_OF_REQUEST = frozenset({"bench", "dut", "operator", "overrides", "plans", "purpose", "skips"})
 
 _MINUS_ZERO = re.compile(r"(?<!\S)-0(?!\S)")
 """What earlier versions said of a current that is zero from below."""
 
-_OF_BENCH = ("gate", "trip", "rest", "safe", "safe-end")
+_OF_BENCH = (events.Gate, events.Trip, events.Rest, events.Safe, events.SafeEnd)
 
 
 def unpack(package: Package, root: Path) -> None:
@@ -39,11 +37,12 @@ def unpack(package: Package, root: Path) -> None:
         EvidenceError: if the package does not say what was run and where they were, or names places outside of a
             workspace.
     """
-    if not package.run().keys() >= _OF_REQUEST:
+    run = package.state.run
+    if run is None or run.overrides is None or run.skips is None:
         raise EvidenceError(f"{package.name}: its journal does not tell what was run", "see hil verify")
     layout = _layout(package)
     testplans, fixtures = (_within(root, layout[name], package) for name in _LAYOUT)
-    bench = _within(fixtures / "benches", str(package.run()["bench"]), package)
+    bench = _within(fixtures / "benches", run.bench, package)
     data = package.folder / "data"
     shutil.copytree(data / "sources", root, dirs_exist_ok=True)
     for plan in (path for path in (data / "catalogue").iterdir() if path.is_dir()):
@@ -72,17 +71,19 @@ def _within(folder: Path, name: str, package: Package) -> Path:
 
 def replay_request(package: Package, root: Path, output: Path) -> Request:
     """Return the request of the recorded run, for its replay."""
-    run = package.run()
+    run = package.state.run
+    if run is None:
+        raise EvidenceError(f"{package.name}: its journal does not tell what was run", "see hil verify")
     return Request(
         start=root,
-        plans=tuple(run["plans"]),
-        bench=str(run["bench"]),
-        dut=str(run["dut"]["serial"]),
+        plans=run.plans,
+        bench=run.bench,
+        dut=run.dut.serial,
         source=Source.REPLAYED,
-        purpose=Purpose(run["purpose"]),
-        operator=str(run["operator"]),
-        skips={**run["skips"], **_left_out(package)},
-        overrides=dict(run["overrides"]),
+        purpose=run.purpose,
+        operator=run.operator,
+        skips={**(run.skips or {}), **_left_out(package)},
+        overrides=dict(run.overrides or {}),
         output=output,
     )
 
@@ -109,47 +110,41 @@ def differences(recorded: Package, replayed: Package) -> tuple[tuple[str, ...], 
 
 def _differences(recorded: Package, replayed: Package) -> Iterator[tuple[str, bool]]:
     """Yield sentences, each with whether it is why others follow."""
-    before, after = (_by_case(package.results()["cases"]) for package in (recorded, replayed))
-    interrupted = recorded.results()["interrupted"]
+    outcome = recorded.outcome()
+    before, after = ({case.case: case for case in found.cases} for found in (outcome, replayed.outcome()))
     for case, was in before.items():
-        if interrupted and was["verdict"] in STOPPED:
+        if outcome.interrupted and was.verdict in STOPPED:
             continue
         now = after.get(case)
         if now is None:
-            yield f"{case}: {was['verdict']} in the record, not replayed", False
+            yield f"{case}: {was.verdict} in the record, not replayed", False
             continue
-        for reason in now["reasons"]:
+        for reason in now.reasons:
             if reason.startswith(f"{Diverged.__name__}:"):
                 yield f"{case}: {reason}", True
-        if now["verdict"] != was["verdict"]:
-            why = "; ".join(now["reasons"])
-            yield f"{case}: {was['verdict']} in the record, {now['verdict']} replayed: {why}", False
-        yield from ((sentence, False) for sentence in _check_differences(case, was["checks"], now["checks"]))
-    if not interrupted:
+        if now.verdict is not was.verdict:
+            why = "; ".join(now.reasons)
+            yield f"{case}: {was.verdict} in the record, {now.verdict} replayed: {why}", False
+        yield from ((sentence, False) for sentence in _check_differences(case, was.checks, now.checks))
+    if not outcome.interrupted:
         yield from ((sentence, False) for sentence in _bench_differences(recorded, replayed))
         yield from ((sentence, False) for sentence in _row_differences(recorded, replayed))
 
 
-def _by_case(cases: Sequence[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
-    return {case["case"]: case for case in cases}
-
-
-def _check_differences(
-    case: str, before: Sequence[Mapping[str, Any]], after: Sequence[Mapping[str, Any]]
-) -> Iterator[str]:
+def _check_differences(case: str, before: Sequence[events.Check], after: Sequence[events.Check]) -> Iterator[str]:
     if len(before) != len(after):
         yield f"{case}: {len(before)} checks in the record, {len(after)} replayed"
     for was, now in zip(before, after, strict=False):
         for field in ("requirement", "parameter", "of", "verdict", "value", "uncertainty"):
-            if was[field] != now[field]:
-                name = f"{was['requirement']} {was['parameter']}"
-                yield f"{case}: {field} of {name} was {was[field]} in the record, {now[field]} replayed"
+            found, again = getattr(was, field), getattr(now, field)
+            if found != again:
+                name = f"{was.requirement} {was.parameter}"
+                yield f"{case}: {field} of {name} was {found} in the record, {again} replayed"
 
 
 def _row_differences(recorded: Package, replayed: Package) -> Iterator[str]:
     before, after = (
-        {event["recording"]: event["sha256"] for event in package.events("recording-end")}
-        for package in (recorded, replayed)
+        {name: ended.sha256 for name, ended in package.state.ended.items()} for package in (recorded, replayed)
     )
     for name in sorted(before.keys() | after.keys()):
         if before.get(name) != after.get(name):
@@ -159,13 +154,20 @@ def _row_differences(recorded: Package, replayed: Package) -> Iterator[str]:
 
 def _bench_differences(recorded: Package, replayed: Package) -> Iterator[str]:
     """Yield the first thing that the bench did otherwise between cases, if any."""
-    before, after = ([_told(event) for event in package.events(*_OF_BENCH)] for package in (recorded, replayed))
+    before, after = (
+        [_told(event) for event in package.standing if type(event) in _OF_BENCH] for package in (recorded, replayed)
+    )
     for was, now in zip_longest(before, after, fillvalue="nothing"):
         if was != now:
             yield f"the bench: {was} in the record, {now} replayed"
             return
 
 
-def _told(event: Mapping[str, Any]) -> str:
-    words = (event.get(field) for field in ("kind", "name", "limit", "output", "ok", "detail", "text"))
+def _is_of_bench(event: events.Event) -> bool:
+    return type(event) in _OF_BENCH
+
+
+def _told(event: events.Event) -> str:
+    told = (getattr(event, field, None) for field in ("name", "limit", "output", "ok", "detail", "text"))
+    words = (event.kind(), *told)
     return _MINUS_ZERO.sub("0", " ".join(str(word) for word in words if word is not None))
