@@ -20,25 +20,49 @@ from hil.executive.cases.facade import Facade, RoleSet, facades
 from hil.executive.cases.operator import Operator
 from hil.executive.cases.recorder import Recorder
 from hil.executive.cases.steps import Steps
-from hil.executive.ending.exit_codes import code_of
 from hil.executive.ending.signals import handle_signals
 from hil.executive.ending.stop import Astray, StopFlags, Stopped, Turn
 from hil.executive.journaling.events import Caller, Unheard
 from hil.executive.journaling.record import Record
 from hil.executive.people.answers import Answering
-from hil.executive.resuming.beginnings import NewRun
-from hil.executive.resuming.entering import Entering
+from hil.executive.resuming.beginnings import Entering, NewRun
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import PlannedCase
-from hil.executive.watching.host import Attendant, LiveMachine, live_machine
 from hil.executive.watching.keeper import BenchKeeper
+from hil.executive.watching.machine import Attendant, LiveMachine, live_machine
 from hil.executive.watching.ports import Machine, NoMachine
 from hil.executive.watching.timeline import timeline_of
 from hil.model.identity import Source
 from hil.model.verdict import Verdict
 from hil.wire.transcript import Transcript
 
-__all__ = ["Session", "Spectator"]
+__all__ = ["EXIT_INTERRUPTED", "EXIT_TRIPPED", "EXIT_UNSAFE", "Session", "Spectator", "code_of"]
+
+EXIT_INTERRUPTED = 2
+EXIT_TRIPPED = 6
+EXIT_UNSAFE = 7
+
+
+def code_of(pytest_code: int, verdicts: Sequence[Verdict], *, unsafe: bool, tripped: bool, stopped: bool) -> int:
+    """Return the run's exit code: what happened to the bench outweighs what pytest says.
+
+    Args:
+        pytest_code: what pytest returned; it counts before the teardown, which may still evaluate checks.
+        verdicts: those of all planned cases.
+        unsafe: whether the bench could not be proven safe.
+        tripped: whether the envelope tripped.
+        stopped: whether somebody asked the run to stop.
+    """
+    if unsafe:
+        return EXIT_UNSAFE
+    if tripped:
+        return EXIT_TRIPPED
+    if stopped:
+        return EXIT_INTERRUPTED
+    if pytest_code in {0, 1}:
+        return 0 if verdicts and all(verdict.good for verdict in verdicts) else 1
+    return pytest_code
+
 
 Binder = Callable[[Transcript, Callable[[], str]], BoundBench]
 """Makes the bench; gets the transcript, and what tells the present step."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -13,25 +14,24 @@ from typing import NoReturn, Protocol, TextIO
 
 from hil.evidence.folder import JOURNAL, RESULTS, is_sealed
 from hil.executive.ending.acknowledging import require_acknowledged
-from hil.executive.ending.exit_codes import EXIT_INTERRUPTED
+from hil.executive.journaling.events import DISK_FULL
 from hil.executive.people.notifying import Notifier
 from hil.executive.people.on_call import OnCall, People, require_unattended
 from hil.executive.people.questions import Declined
 from hil.executive.resuming.earlier import Earlier, find_earlier
 from hil.executive.resuming.preconditions import changes, deviation_of, require_answers
-from hil.executive.session import Session
+from hil.executive.session import EXIT_INTERRUPTED, Session
 from hil.executive.setup.configuration import Configuration, Request, configure
 from hil.executive.setup.head import PlannedCase
 from hil.model.errors import Diverged, EvidenceError, Refused
 from hil.plugin.launch import launch
 from hil.plugin.opening import open_new, open_resumed
 from hil.plugin.terminal.answering import answers_of
-from hil.plugin.terminal.left_open import left_open_lines
 from hil.plugin.terminal.progress import Progress
 from hil.report.summary import closing_lines
 from hil.report.write import write_reports
 
-__all__ = ["Word", "resume", "run"]
+__all__ = ["Word", "left_open_lines", "resume", "run"]
 
 _WITHOUT = {
     2: "interrupted before the run began, nothing was driven",
@@ -325,3 +325,27 @@ def _shown(path: Path) -> str:
     except OSError:  # somebody removed the folder that the run was started in
         return str(path)
     return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
+
+
+def left_open_lines(folder: Path, reason: str) -> list[str]:
+    """Return why a run was stopped and is not sealed, and what a person does next.
+
+    Args:
+        folder: the run's folder.
+        reason: why it was stopped; of a full disk which one, and how much of it is free now, is told, too.
+    """
+    if reason != DISK_FULL:
+        return [f"stopped, and not sealed: resume it with hil resume {folder.name}"]
+    ways = f"resume it with hil resume {folder}, or seal it as it is with hil seal {folder}"
+    return [f"stopped by a full disk, and not sealed: {_disk(folder)}", f"free some space there, then {ways}"]
+
+
+def _disk(folder: Path) -> str:
+    """Return where the folder's file system is mounted, and how much is free now that the reserve was given back."""
+    folder = folder.resolve()
+    mounted = next((place for place in (folder, *folder.parents) if place.is_mount()), folder)
+    try:
+        free = shutil.disk_usage(folder).free
+    except OSError:
+        return f"{mounted}"
+    return f"{mounted} has {free:,} bytes free".replace(",", " ")

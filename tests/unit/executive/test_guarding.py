@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from hil.executive.ending.stop import StopFlags
-from hil.executive.watching import guardian as guarding
-from hil.executive.watching.guardian import Guarding
+from hil.executive.watching import machine as guarding
+from hil.executive.watching.machine import Guarding
 
 
 class Watchful:

@@ -6,7 +6,7 @@ import pytest
 from case_parts import Written
 
 from hil.clock.wall import Clocks
-from hil.executive.journaling.upkeep import Timekeeping
+from hil.executive.journaling.record import Timekeeping
 
 
 def events(*moments):

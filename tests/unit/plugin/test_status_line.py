@@ -6,8 +6,7 @@ import io
 
 from typed_events import event_of
 
-from hil.plugin.terminal.progress import Progress
-from hil.plugin.terminal.status_line import StatusLine
+from hil.plugin.terminal.progress import Progress, StatusLine
 
 
 class Terminal(io.StringIO):

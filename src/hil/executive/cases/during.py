@@ -12,7 +12,7 @@ from hil.bench.calibration import calibrated
 from hil.clock.port import NANOSECONDS
 from hil.documents.suggest import did_you_mean
 from hil.executive.cases.effects import Effects
-from hil.executive.cases.intake import Condition
+from hil.executive.cases.streaming import Condition
 from hil.executive.cases.taking import Taking
 from hil.executive.watching.scheduler import Scheduler
 from hil.model.errors import HilError, Misused, NotInTime

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
 from hil.executive.cases.facade import Facade
-from hil.executive.cases.intake import Intake
-from hil.executive.cases.streaming import SampledTurns, StreamTurns
+from hil.executive.cases.streaming import Intake, SampledTurns, StreamTurns
 from hil.executive.journaling.row_store import OpenRecording, RecordingFacts, RowStore
 from hil.executive.watching.scheduler import Scheduler
 from hil.instruments.sampled import StreamReport

@@ -1,4 +1,4 @@
-"""What software made a run: product, workspace, packages, and how numbers are computed here."""
+"""What software made a run: product, workspace, packages, and the environment in which numbers are computed."""
 
 from __future__ import annotations
 
@@ -13,9 +13,24 @@ from pathlib import Path
 
 import hil
 from hil.evidence.durable import sha256_of
-from hil.executive.setup.pins import PINNED
 
-__all__ = ["software_identity", "version"]
+__all__ = ["PINNED", "pinned_environment", "software_identity", "version"]
+
+PINNED = {
+    "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL AVX512_SPR",
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_CORETYPE": "Haswell",
+    "OPENBLAS_NUM_THREADS": "1",
+    "PYTHONHASHSEED": "0",
+}
+"""Variables of the environment; they have to be there before NumPy is imported."""
+
+
+def pinned_environment() -> dict[str, str]:
+    """Return this process' environment with the pins set, pytest's own variables removed."""
+    kept = {key: value for key, value in os.environ.items() if not key.startswith("PYTEST_")}
+    return {**kept, **PINNED}
+
 
 _GIT_TIMEOUT_S = 10
 

@@ -139,7 +139,6 @@ _COMMAND_HINT = (
     "the command of [hardware] inhibitor writes one line once it holds off sleep and shutdown, and holds until its "
     "standard input ends"
 )
-_LIMIT_S = 1.0
 _LONGEST_LINE = 4096
 
 

@@ -14,7 +14,7 @@ from hil.executive.setup.head import PlannedCase
 from hil.model.errors import ConfigurationError, Finding, Refused
 from hil.plugin.plans.fixture_names import name_findings
 from hil.plugin.plans.literals import returned_lines, written_checks
-from hil.plugin.plans.lost_cases import lost_cases
+from hil.plugin.plans.plan_sources import lost_cases
 from hil.requirements.catalogue import Catalogue
 
 __all__ = ["MARKERS", "plan_cases", "skipped_cases"]
