@@ -111,7 +111,7 @@ def free_reserve(reserve: Path | None) -> bool:
 
 
 def renew_reserve(folder: Path) -> None:
-    """Reserve the space again in the folder of a run that goes on, if it was given back.
+    """Reserve the space again in the folder of a resumed run, if it was given back.
 
     Raises:
         EvidenceError: where the folder cannot be written.

@@ -120,7 +120,7 @@ def waiting(folder: Path) -> tuple[str, ...]:
 
 
 def asks_for_end(folder: Path, left: Collection[str]) -> bool:
-    """Return whether a message that waits, and is none of `left`, asks the run to stop; it goes on waiting."""
+    """Return whether a message that waits, and is none of `left`, asks the run to stop; the message stays."""
     return any(_read(folder / INBOX / name).kind in _ENDS for name in waiting(folder) if name not in left)
 
 

@@ -44,7 +44,7 @@ class RunSummary:
         step: its step, as `1.2 title`.
         t: bench time of the newest event in s.
         age: seconds since the newest event; None where the machine was booted since.
-        stopped: who or what asked it to stop, and why; empty where nobody did, and once it goes on again.
+        stopped: who or what asked it to stop, and why; empty if nobody did, and once the run is resumed.
         verdict: the sealed verdict, empty before.
         deviates: whether it differs from its plan.
         added: notes, attachments and anomalies since the first gate, in order.
@@ -91,7 +91,7 @@ def find_runs(reports: Path) -> list[RunSummary]:
 
 
 def status(folder: Path) -> RunSummary:
-    """Return one run at a glance; it is only read, also while it goes on.
+    """Return one run at a glance; it is only read, also while it is running.
 
     Raises:
         EvidenceError: where there is no journal to read.

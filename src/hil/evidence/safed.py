@@ -41,7 +41,7 @@ def was_safed(folder: Path, events: Sequence[Event]) -> bool:
     """Return whether the guardian ended a run that is not sealed, and nobody has resumed it since.
 
     Its journal holds then no acknowledgement of the guardian's as that stands now: it is written down first of all
-    when the run goes on.
+    when the run is resumed.
     """
     if not (seen := guardian_hash(folder)):
         return False
@@ -51,7 +51,7 @@ def was_safed(folder: Path, events: Sequence[Event]) -> bool:
 def is_acknowledged(folder: Path) -> bool:
     """Return whether somebody has acknowledged all that the guardian did in a run, or it did nothing.
 
-    An acknowledgement names the guardian's journal by its hash, so that none holds for what comes behind it.
+    An acknowledgement names the guardian's journal by its hash, so that it does not hold for what comes later.
     """
     if not (seen := guardian_hash(folder)):
         return True

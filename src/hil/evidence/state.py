@@ -155,7 +155,7 @@ class RunState:
         added: notes, attachments and anomalies since the first gate.
         resumptions: when the run was resumed.
         trip: how the envelope was left first, if it was.
-        stop: why the run was ended early, None if it was not, and once it is armed anew.
+        stop: why the run was ended early, None if it was not, and once it is armed again.
         stopped: whether it was ever ended early.
         recovered: whether it was sealed as it is.
         armed: whether the bench was ever armed.

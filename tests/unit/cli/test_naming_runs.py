@@ -204,7 +204,7 @@ def test_a_run_that_goes_on_is_running(capsys, inside):
         with (inside / "going/data/journal.jsonl").open("ab") as stream:
             stream.write(b'{"body":')
         code, out, err = said(capsys, "verify", "going")
-    assert (code, out, err) == (1, "going: RUNNING\n", "bagit.txt: the run goes on\n")
+    assert (code, out, err) == (1, "going: RUNNING\n", "bagit.txt: the run is still running\n")
 
 
 @pytest.mark.parametrize("name", ["a\nb", "a\x1b[2Jb", os.fsdecode(b"a\xff")])

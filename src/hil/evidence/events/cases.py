@@ -218,7 +218,7 @@ class Recording(Event, frozen=True, kw_only=True):
         rate: rows per second of bench time.
         duration: bench time in s that it is to last, null if it has no end of its own.
         source: where its bytes come from.
-        continues: whether a run that was stopped in it goes on in it, with a gap.
+        continues: whether a run that was stopped in it continues it, with a gap.
     """
 
     recording: str

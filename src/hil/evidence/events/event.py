@@ -48,7 +48,7 @@ class Event(Part, frozen=True, kw_only=True, tag_field="kind", tag=_kind):
 
     origin: ClassVar[Origin] = Origin.COURSE
     synced: ClassVar[bool] = False
-    """Whether it is on the disk before the run goes on; other kinds follow half a second later at the latest."""
+    """Whether it is on the disk before the run continues; other kinds follow half a second later at the latest."""
 
     @classmethod
     def kind(cls) -> str:

@@ -96,7 +96,7 @@ class Reached(Event, frozen=True, kw_only=True):
 
 
 class AskedAgain(Event, frozen=True, kw_only=True):
-    """A safety confirmation is asked for again because the bench is armed anew.
+    """A safety confirmation is asked for again because the bench is armed once more.
 
     Attributes:
         name: the question's name.

@@ -218,7 +218,7 @@ class Entry(Part, frozen=True, kw_only=True):
         void_to: the sequence number of the last void event; the first is the one after the boundary.
         operations: how many operations the transcript held; those since the boundary are void, too.
         number: the number of the next recording.
-        rows: the void rows of every recording that went on.
+        rows: the void rows of every recording that continued.
         kept: the recording at whose beginning the run was resumed and whose rows stand; empty without one.
         over: whether every case had ended, so that nothing was driven but the way to the safe state.
     """
@@ -243,7 +243,7 @@ class Resumed(Event, frozen=True, kw_only=True):
         deviation: how this resumption deviates from the plan, empty if it does not.
         seconds: how long the run was interrupted.
         text: the same in words.
-        entry: where a stopped run was resumed; not told of a killed run, which goes on where it was.
+        entry: where a stopped run was resumed; left out for a killed run, which continues where it was.
     """
 
     number: int

@@ -1,4 +1,4 @@
-"""The past of a journal: the events that a resumed run has to come to again before it adds new ones."""
+"""The past of a journal: the events that a resumed run has to repeat before it adds new ones."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ _SHOWN = 300
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """Where a run was entered again after it had been stopped.
+    """Where a run was resumed after a stop.
 
     Attributes:
-        place: how many events of the run's own course stand up to the one that it was entered behind.
+        place: how many events of the run's own course stand up to the one after which it was resumed.
         boundary: the sequence number of that event.
-        void_to: the sequence number of the last event that is void; the first is the one behind the boundary.
+        void_to: the sequence number of the last event that is void; the first is the one after the boundary.
         operations: how many operations the transcript held then; those since the boundary are void, too.
         at: the bench time in s at which it was entered.
         number: the number that the next recording got.
-        rows: the void rows of every recording that went on.
-        kept: the recording at whose beginning it was entered, whose rows are not void; empty where there was none.
+        rows: the void rows of every recording that continued.
+        kept: the recording at whose beginning it was resumed and whose rows stand; empty without one.
         over: whether every case had ended, so that nothing was driven any more but the way to the safe state.
     """
 
@@ -46,7 +46,7 @@ class Entry:
 
 
 def entries(events: Iterable[Event]) -> tuple[Entry, ...]:
-    """Return where a run was entered again, in order."""
+    """Return where a run was resumed after a stop, in order."""
     return tuple(
         Entry(
             place=event.entry.place,

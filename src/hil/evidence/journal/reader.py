@@ -176,7 +176,7 @@ def cut_torn_tail(folder: Path) -> int:
 
 
 def _torn_part(stream: BinaryIO) -> tuple[int, int]:
-    """Return the size of a journal, and where what stands behind its last newline begins."""
+    """Return the size of a journal, and where the part after its last newline begins."""
     size = begin = stream.seek(0, os.SEEK_END)
     while begin:
         start = max(0, begin - _BLOCK)

@@ -1,4 +1,4 @@
-"""The package as a BagIt 1.0 bag (RFC 8493): manifests, seal, digest, and a reader that forgives nothing."""
+"""The package as a BagIt 1.0 bag (RFC 8493): manifests, seal, digest, and a strict reader."""
 
 from __future__ import annotations
 

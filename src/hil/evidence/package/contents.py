@@ -137,7 +137,7 @@ class Package:
         return self.events("recording")
 
     def recording(self, identifier: str) -> Recorded:
-        """Return one recording, from its rows where the run goes on.
+        """Return one recording, from its rows while the run is running.
 
         Raises:
             EvidenceError: where the run has no such recording, or it cannot be read.

@@ -59,13 +59,13 @@ _MOST_BYTES = 50_000_000
 def seal(folder: Path, journal: Journal, *, exit_code: int, write_reports: ReportWriter) -> str:
     """Seal a run and return its evidence digest; the journal is ended and closed.
 
-    Each step can be the last one of this process: `recover` then goes on from there.
+    Each step can be the last one of this process: `recover` then continues from there.
 
     Args:
         folder: the run's folder, held by this process.
         journal: its journal.
         exit_code: the exit code of the run.
-        write_reports: writes the reports; where it fails, the package is sealed before the error goes on.
+        write_reports: writes the reports; if it fails, the package is sealed before the error is raised.
 
     Raises:
         EvidenceError: where the disk is full or fails, or there is not enough memory; the folder stays as it is, and
@@ -82,17 +82,17 @@ def seal(folder: Path, journal: Journal, *, exit_code: int, write_reports: Repor
 
 
 def not_sealed(folder: Path, error: BaseException, then: str) -> EvidenceError:
-    """Return what is told of a seal that did not come to its end, or of a package that was sealed without its reports.
+    """Return the error for a seal that failed, or for a package that was sealed without all its reports.
 
     Args:
         folder: the run's folder.
         error: one of `SEAL_ERRORS`.
-        then: what comes once its cause is mended, where the package is not sealed.
+        then: what to do once its cause is fixed, if the package is not sealed.
     """
     full = isinstance(error, OSError) and error.errno in DISK_FULL
     short = isinstance(error, MemoryError)
     what = "disk full" if full else "out of memory" if short else str(error)
-    first = "free some space" if full else "let it have more memory" if short else "mend that"
+    first = "free some space" if full else "let it have more memory" if short else "fix that"
     if is_sealed(folder):
         return EvidenceError(
             f"{folder.name}: it is sealed, but not every report could be written: {what}",

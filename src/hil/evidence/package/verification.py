@@ -160,7 +160,7 @@ def _unsealed(state: State) -> Finding:
 
 
 _WHY = {
-    State.RUNNING: "the run goes on",
+    State.RUNNING: "the run is still running",
     State.INTERRUPTED: "the run was interrupted, the package is incomplete",
     State.SAFED: "the guardian ended the run, the package is incomplete",
 }
