@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import IntEnum
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
 from hil.model.bench import Wire
 from hil.model.errors import Refused, Rejected
 
-__all__ = ["CELSIUS", "FIFO", "Iim42652", "Iim42652Gyroscope", "Mode"]
+__all__ = ["CELSIUS", "FIFO", "Iim42652", "Iim42652Gyroscope"]
 
 
 class Register(IntEnum):
@@ -138,69 +137,6 @@ FIFO = Fifo(
 """Packets of 8 bytes: header, three axes with the high byte first, temperature of 8 bits."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mode:
-    """What a wire asks for.
-
-    Attributes:
-        full_scale: range in deg/s.
-        rate: samples per second.
-        bandwidth: -3 dB bandwidth of the filter in Hz.
-        line: interrupt line of the OBC at which INT1 ends.
-    """
-
-    full_scale: float
-    rate: float
-    bandwidth: float
-    line: int
-
-    @classmethod
-    def read(cls, wire: Wire) -> Self:
-        """Read the settings `range`, `rate`, `bandwidth` and `line` of a wire; Refused where one cannot be."""
-        settings.only(wire, "range", "rate", "bandwidth", "line")
-        rate = settings.choice(wire, "rate", "Hz", tuple(_RATES), 100.0)
-        line = settings.quantity(wire, "line", "") or 0.0
-        if line not in range(_MOST_LINE + 1):
-            raise Refused(f"wiring {wire.name}: line {line:g} does not exist", "write a number from 0 up")
-        return cls(
-            full_scale=settings.choice(wire, "range", "deg/s", tuple(_RANGES), 125.0),
-            rate=rate,
-            bandwidth=settings.choice(wire, "bandwidth", "Hz", tuple(sorted(_filters(rate))), rate / 2),
-            line=int(line),
-        )
-
-    @property
-    def registers(self) -> dict[int, int]:
-        """The settings, in the order in which they are written; the gyroscope is still off."""
-        return {
-            Register.INTF_CONFIG0: _BIG_ENDIAN_COUNTED_IN_BYTES,
-            Register.GYRO_CONFIG0: _RANGES[self.full_scale][0] << 5 | _RATES[self.rate],
-            Register.GYRO_CONFIG1: _THIRD_ORDER,
-            Register.GYRO_ACCEL_CONFIG0: _ACCEL_FILTER | _filters(self.rate)[self.bandwidth],
-            Register.INT_CONFIG1: 0,  # INT_ASYNC_RESET must be cleared, or the pin stays still
-        }
-
-    @property
-    def noise_bandwidth(self) -> float:
-        """Noise bandwidth in Hz of a Butterworth filter of third order: pi/6 / sin(pi/6) of its -3 dB bandwidth."""
-        angle = math.pi / (2 * _ORDER)
-        return self.bandwidth * angle / math.sin(angle)
-
-    @property
-    def sampling(self) -> Sampling:
-        """Rate, scales, and the noise in counts that the typical noise density leaves after this filter."""
-        sensitivity = _RANGES[self.full_scale][1]
-        return Sampling(
-            rate=self.rate,
-            axes=Scale(per_unit=sensitivity, rails=(-_RAIL, _RAIL)),
-            temperature=CELSIUS,
-            order="big",
-            noise=_NOISE_DENSITY * math.sqrt(self.noise_bandwidth) * sensitivity,
-            awake={Register.PWR_MGMT0: _GYRO_ON},
-            line=self.line,
-        )
-
-
 class Iim42652Gyroscope(FifoGyroscope):
     """One sensor, its accelerometer off; numbers that it marks invalid, as while the gyroscope is off, are NaN."""
 
@@ -217,21 +153,44 @@ class Iim42652Gyroscope(FifoGyroscope):
     rates_at: ClassVar[int] = 8
 
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
-        self._mode = mode = Mode.read(wire)
-        super().__init__(
-            registers, clock, wire, mode.sampling, full_scale=mode.full_scale, bandwidth=mode.noise_bandwidth
+        settings.only(wire, "range", "rate", "bandwidth", "line")
+        full_scale = settings.choice(wire, "range", "deg/s", tuple(_RANGES), 125.0)
+        rate = settings.choice(wire, "rate", "Hz", tuple(_RATES), 100.0)
+        cut_off = settings.choice(wire, "bandwidth", "Hz", tuple(sorted(_filters(rate))), rate / 2)
+        line = settings.quantity(wire, "line", "") or 0.0
+        if line not in range(_MOST_LINE + 1):
+            raise Refused(f"wiring {wire.name}: line {line:g} does not exist", "write a number from 0 up")
+        code, sensitivity = _RANGES[full_scale]
+        self._settings: dict[int, int] = {
+            Register.INTF_CONFIG0: _BIG_ENDIAN_COUNTED_IN_BYTES,
+            Register.GYRO_CONFIG0: code << 5 | _RATES[rate],
+            Register.GYRO_CONFIG1: _THIRD_ORDER,
+            Register.GYRO_ACCEL_CONFIG0: _ACCEL_FILTER | _filters(rate)[cut_off],
+            Register.INT_CONFIG1: 0,  # INT_ASYNC_RESET must be cleared, or the pin stays still
+            Register.PWR_MGMT0: _GYRO_ON,
+        }
+        angle = math.pi / (2 * _ORDER)  # of a Butterworth filter, whose noise bandwidth is wider by angle / sin(angle)
+        bandwidth = cut_off * angle / math.sin(angle)
+        sampling = Sampling(
+            rate=rate,
+            axes=Scale(per_unit=sensitivity, rails=(-_RAIL, _RAIL)),
+            temperature=CELSIUS,
+            order="big",
+            noise=_NOISE_DENSITY * math.sqrt(bandwidth) * sensitivity,
+            awake={Register.PWR_MGMT0: _GYRO_ON},
+            line=int(line),
         )
+        super().__init__(registers, clock, wire, sampling, full_scale=full_scale, bandwidth=bandwidth)
 
     def _wake(self) -> None:
-        """Reset the sensor, set its mode, switch the gyroscope on, read all back, and wait for valid data."""
+        """Reset the sensor, set it up, switch the gyroscope on, read all back, and wait for valid data."""
         self._registers.write(Register.DEVICE_CONFIG, _SOFT_RESET)
         self._clock.sleep(_RESET_S)
         if not self._registers.read(Register.INT_STATUS) & _RESET_DONE:
             raise Rejected(self._device, "it does not report that its reset is done", "look at the sensor's power")
-        values = self._mode.registers | {Register.PWR_MGMT0: _GYRO_ON}
-        self._registers.set(values)
+        self._registers.set(self._settings)
         self._clock.sleep(_START_UP_S)
-        self._registers.expect(values)
+        self._registers.expect(self._settings)
         waited = _START_UP_S + _LONGEST_START_S
         self._wait_until_valid(_LONGEST_START_S, f"{waited:.2f} s after the gyroscope was switched on")
 
@@ -244,7 +203,7 @@ class Iim42652Gyroscope(FifoGyroscope):
 class Iim42652(SensorDriver):
     """Driver `iim42652`: role `gyroscope`, over a bus of the host or of an OBC.
 
-    A wire may set `range`, `rate`, `bandwidth` and `line`, see `Mode`.
+    A wire may set `range` (deg/s), `rate` (Hz), `bandwidth` (-3 dB, Hz), and `line`, the OBC's at which INT1 ends.
     """
 
     roles: ClassVar[frozenset[str]] = frozenset({"gyroscope"})

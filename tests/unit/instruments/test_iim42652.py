@@ -10,7 +10,7 @@ from scripted import ScriptedBus
 
 from hil.clock.virtual import VirtualClock
 from hil.instruments.driver import Clamps, Connection
-from hil.instruments.iim42652 import CELSIUS, FIFO, Iim42652, Mode
+from hil.instruments.iim42652 import CELSIUS, FIFO, Iim42652
 from hil.instruments.sampled import Channel
 from hil.model.bench import Wire
 from hil.model.errors import NoReply, Refused, Rejected
@@ -171,5 +171,5 @@ def test_packets_are_read_up_to_the_first_empty_one():
 
 def test_noise_by_range():
     """What the typical noise density leaves in counts: less than one where the range is wide."""
-    assert Mode.read(wire(range="1000")).sampling.noise < 1.0
-    assert Mode.read(wire(range="125")).sampling.noise == pytest.approx(0.0038 * math.sqrt(52.36) * 262, rel=1e-3)
+    assert gyroscope([], range="1000")[0]._sampling.noise < 1.0
+    assert gyroscope([], range="125")[0]._sampling.noise == pytest.approx(0.0038 * math.sqrt(52.36) * 262, rel=1e-3)
