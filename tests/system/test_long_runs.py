@@ -74,7 +74,7 @@ def test_whoever_follows_a_killed_run_learns_of_it(running):
     ended = finish(follower)
     name = workspace.folders()[0].name
     assert ended.code == 0
-    assert f"{name} is not going on since 20" in ended.out
+    assert f"{name} has not been running since 20" in ended.out
     assert ended.last_line.endswith(f"hil seal {name} seals it as it is")
 
 

@@ -97,7 +97,8 @@ def test_a_resume_that_is_stopped_on_its_record_leaves_the_run_as_it_was(workspa
         time.sleep(0.01)
     time.sleep(0.1)  # it makes its bench
     if how == "hil stop":
-        assert workspace.hil("stop", interrupted.name, "--by", "Ada").code == 0
+        asked = workspace.hil("stop", interrupted.name, "--by", "Ada").code
+        assert asked == 0 or STARTED[-1].poll() is not None
     else:
         os.killpg(STARTED[-1].pid, signal.Signals[how])
     ended = finish(STARTED[-1], 60)
