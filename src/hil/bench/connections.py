@@ -21,13 +21,13 @@ __all__ = [
 
 
 def server_of(spec: BenchSpec, instrument: InstrumentSpec) -> InstrumentSpec | None:
-    """Return the instrument behind which another one hangs, None where its bus or port is the host's own."""
+    """Return the instrument that serves the bus of another one, None where the bus or port is the host's own."""
     name = next((bus.instrument for bus in spec.buses if bus.name == instrument.bus), "")
     return spec.instrument(name) if name else None
 
 
 def servers_first(spec: BenchSpec) -> list[InstrumentSpec]:
-    """Return the instruments in the file's order, but none before the one behind which it hangs."""
+    """Return the instruments in the file's order, but none before the one that serves its bus."""
 
     def depth(instrument: InstrumentSpec) -> int:
         server = server_of(spec, instrument)

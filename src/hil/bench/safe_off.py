@@ -40,7 +40,7 @@ def make_safe(
     """Take every line in order, whatever became of the one before; return whether all are proven.
 
     A line is tried up to three times within its time limit, a third of which each try has for its
-    proof. An output that cannot be reached is a result and no error, because the lines behind it matter
+    proof. An output that cannot be reached is a result and no error, because the lines after it matter
     as much; what `tell` raises, such as for a full disk, waits until the last line was taken.
 
     Args:

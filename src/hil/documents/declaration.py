@@ -67,7 +67,7 @@ class Declaration:
         return found
 
     def _inner(self, schema: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return what is behind defaults, references, and functions that look at a value before or after."""
+        """Return what stands inside defaults, references, and functions that look at a value before or after."""
         while "schema" in schema or "schema_ref" in schema:
             schema = schema["schema"] if "schema" in schema else self._shared[schema["schema_ref"]]
         return schema

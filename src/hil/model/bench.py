@@ -246,7 +246,7 @@ class PeerSpec:
     Attributes:
         device: the instrument's name.
         model: which peer; the driver's usual counterpart where empty.
-        truth: what this article really is (serial number, offsets, noise).
+        truth: what the simulated instrument or DUT really is (serial number, offsets, noise).
         connects: the peer's terminals to plant signals (`{"2": "coil.supply"}`).
         faults: what goes wrong with it, and when.
     """

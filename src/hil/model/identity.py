@@ -35,7 +35,7 @@ class Purpose(StrEnum):
 
 
 class Model(StrEnum):
-    """The model philosophy's name of an article."""
+    """Which model of its kind a DUT is: engineering, qualification or flight model."""
 
     EM = "EM"
     QM = "QM"
@@ -67,7 +67,7 @@ class Dut:
         firmware: firmware revision, empty where it has none.
         title: what it is, in words.
         simulated: whether it exists in simulated benches only.
-        recognised: per device of the bench, what must be read there for this article to be the one.
+        recognised: per device of the bench, what must be read there for this DUT to be the one.
     """
 
     serial: Annotated[str, matching("[A-Za-z0-9][A-Za-z0-9._-]*")]

@@ -28,7 +28,7 @@ LOCK = "requirements.lock.json"
 _FORMAT = 1
 _SHORT = 60
 _NONE = "nothing"
-_TAKE_BACK = "take it from version control again"  # the command refuses it, too: it would forget what it says
+_TAKE_BACK = "restore it from version control"  # the command refuses it, too: it would forget what it says
 _RELOCK = "and the next `hil requirements lock` writes them"
 
 
@@ -166,7 +166,7 @@ def _came_back(item: Requirement, was: Locked | None) -> str:
     """Return that a requirement is not withdrawn any more, an empty string where it never was, or still is."""
     if was is None or item.withdrawn or not was.explanation.get("withdrawn"):
         return ""
-    return f"{item.id} was withdrawn, and its id is not used again: keep `withdrawn: true`, and ask by a new id"
+    return f"{item.id} was withdrawn, and its id is never reused: keep `withdrawn: true`, and take a new id"
 
 
 def _disagreement(item: Requirement, was: Locked | None, shown: str, *, writing: bool) -> str:

@@ -31,7 +31,7 @@ class Allowed:
     Attributes:
         minimum: the lowest, in the parameter's unit; it is allowed itself.
         maximum: the highest; it is allowed itself.
-        whole: whether there is nothing behind the point.
+        whole: whether it must be a whole number.
         rising: whether each number of a list is above the one before.
         count: how many a list holds; any number of them where None.
     """

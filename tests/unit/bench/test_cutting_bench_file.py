@@ -90,7 +90,7 @@ BATTERY = [
     (
         {CHARGE: CHARGE.replace("by: cycler, state: stopped", 'by: supply.apparatus, state: "off"')},
         "{output: supply.charge, by",
-        "supply.apparatus is behind the same port, and gone with it",
+        "supply.apparatus is on the same port, and is lost with it",
     ),
     (
         {CHARGE: CHARGE.replace("by: cycler, state: stopped", 'by: supply.charge, state: "off"')},

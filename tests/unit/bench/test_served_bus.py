@@ -47,7 +47,7 @@ def test_a_served_bus_is_read(tmp_path):
         (
             ("port: /dev/serial/by-id/usb-STM_NUCLEO-if02", 'bus: adcs, address: "0x70"'),
             "adcs: {",
-            "adcs is behind itself: obc1, which serves it, hangs on adcs",
+            "adcs leads back to itself: obc1, which serves it, is on bus adcs",
         ),
         (
             ("  gyro1: {", '  gyro2: {driver: iim42652, bus: adcs, address: "0x68"}\n  gyro1: {'),
@@ -78,8 +78,8 @@ def test_two_boards_behind_each_other(tmp_path):
         ("  gyro1: {", '  obc2: {driver: obc-link, bus: adcs, address: "0x71"}\n  gyro1: {'),
     )
     lines = found(tmp_path)
-    assert [line for line in lines if "deep is behind itself: obc2, which serves it, hangs on adcs" in line]
-    assert [line for line in lines if "adcs is behind itself: obc1, which serves it, hangs on deep" in line]
+    assert [line for line in lines if "deep leads back to itself: obc2, which serves it, is on bus adcs" in line]
+    assert [line for line in lines if "adcs leads back to itself: obc1, which serves it, is on bus deep" in line]
 
 
 def test_a_peer_that_serves_no_bus_has_a_place_too(tmp_path):

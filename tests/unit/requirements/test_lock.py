@@ -78,7 +78,7 @@ def test_a_lock_that_was_edited_by_hand_is_no_lock(workspace):
     lock = workspace.plan / "requirements.lock.json"
     lock.write_text(lock.read_text().replace("deg/s", "rad/s"))
     found = only_finding(workspace)
-    assert "not a lock of format 1 as it was written; take it from version control again" in found
+    assert "not a lock of format 1 as it was written; restore it from version control" in found
 
 
 def test_a_damaged_lock_is_not_written_over(workspace, hil):
@@ -86,7 +86,7 @@ def test_a_damaged_lock_is_not_written_over(workspace, hil):
     lock = workspace.plan / "requirements.lock.json"
     lock.write_text("{")
     found = str(hil("lock", "gyro").exception)
-    assert "take it from version control again" in found
+    assert "restore it from version control" in found
     assert "hil requirements lock" not in found
     assert lock.read_text() == "{"
 
@@ -156,8 +156,8 @@ def test_what_was_withdrawn_does_not_come_back(workspace, hil):
     workspace.edit("id: ADCS-GYR-011", "withdrawn: true\n  id: ADCS-GYR-011")
     assert hil("lock", "gyro").exit_code == 0
     workspace.edit("withdrawn: true\n  id: ADCS-GYR-011", "id: ADCS-GYR-011")
-    assert "ADCS-GYR-011 was withdrawn, and its id is not used again" in only_finding(workspace)
-    assert "not used again" in str(hil("lock", "gyro").exception)
+    assert "ADCS-GYR-011 was withdrawn, and its id is never reused" in only_finding(workspace)
+    assert "never reused" in str(hil("lock", "gyro").exception)
 
 
 @pytest.mark.parametrize(

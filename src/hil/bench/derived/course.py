@@ -1,4 +1,4 @@
-"""The rows behind a limit: their course, and how far each may still go."""
+"""The rows that a limit is judged by: their course, and how far each may still go."""
 
 from __future__ import annotations
 

@@ -99,7 +99,7 @@ def _server(spec: BenchSpec, at: Path, bus: Bus, item: InstrumentSpec) -> Compla
     name = item.bus
     while name and name not in seen:
         if name == bus.name:
-            yield at, f"{bus.name} is behind itself: {item.name}, which serves it, hangs on {item.bus}"
+            yield at, f"{bus.name} leads back to itself: {item.name}, which serves it, is on bus {item.bus}"
         seen.append(name)
         name = above.get(name, "")
 

@@ -95,7 +95,7 @@ def _by_problems(spec: BenchSpec, path: CutPath) -> Iterator[str]:
     if path.output in wires and path.by == path.output:
         yield "an output does not cut itself off"
     elif path.output in wires and _one_line(spec, wires[path.output].instrument, wires[path.by].instrument):
-        yield f"{path.by} is behind the same port, and gone with it"
+        yield f"{path.by} is on the same port, and is lost with it"
 
 
 def _one_line(spec: BenchSpec, one: str, other: str) -> bool:

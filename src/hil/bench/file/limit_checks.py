@@ -203,7 +203,7 @@ def _position_problems(spec: BenchSpec, level: ReducedLevel) -> Iterator[str]:
                 hint = did_you_mean(contact, contacts[position.relays])
                 yield f"{position.relays} has no contact '{contact}'{hint}"
         if position.relays and position.relays not in made_safe:
-            yield f"{position.relays} is missing from safe_off, so a position could not be left again"
+            yield f"{position.relays} is missing from safe_off, so nothing would undo a position"
 
 
 def envelope(spec: BenchSpec) -> Complaints:
