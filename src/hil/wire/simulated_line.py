@@ -131,7 +131,8 @@ class SimulatedLine(Stateful):
 
     def send(self, data: bytes, after_ns: int = 0) -> None:
         """Take bytes from the peer; the first leaves after `after_ns`, behind what is still being sent."""
-        start_ns = max(self._now_ns() + after_ns, self._free_at_ns)
+        start_ns = self._now_ns() + after_ns
+        start_ns = max(start_ns, self._free_at_ns)
         self._free_at_ns = arrives_ns = start_ns + len(data) * self._ns_per_byte
         self._on_the_way.append((arrives_ns, data))
         if self._awaited:
@@ -158,11 +159,15 @@ class SimulatedLine(Stateful):
         way = self._on_the_way
         if not way:
             return
-        now_ns, come = self._now_ns(), []
+        now_ns = self._now_ns()
+        if way[0][0] > now_ns:
+            return
+        received = self._received
+        before = len(received)
         while way and way[0][0] <= now_ns:
-            come.append(way.popleft()[1])
-        if come and self._open:
-            data = b"".join(come)
-            room = self._buffer - len(self._received)
-            self._lost += max(0, len(data) - room)
-            self._received += data[:room]
+            received += way.popleft()[1]
+        if not self._open:
+            del received[before:]
+        elif (surplus := len(received) - self._buffer) > 0:
+            self._lost += surplus
+            del received[self._buffer :]

@@ -38,6 +38,16 @@ class BoardClock(Stateful):
         """Return what the clock shows at an instant of the bench, whole microseconds that have passed."""
         return self._offset_us + (when_ns - self._zero_ns) * self._rate // _PARTS_PER_US
 
+    def instants(self, shown_us: int, step_us: int, until_ns: int, most: int) -> list[int]:
+        """Return `instant` of the steps after `shown_us` up to `until_ns`, so many at most."""
+        zero_ns, offset_us, rate, found = self._zero_ns, self._offset_us, self._rate, []
+        for at_us in range(shown_us + step_us, shown_us + (most + 1) * step_us, step_us):
+            at_ns = zero_ns - (offset_us - at_us) * _PARTS_PER_US // rate
+            if at_ns > until_ns:
+                break
+            found.append(at_ns)
+        return found
+
     def instant(self, shown_us: int) -> int:
         """Return the first nanosecond of the bench at which the clock shows `shown_us`."""
         return self._zero_ns - (self._offset_us - shown_us) * _PARTS_PER_US // self._rate

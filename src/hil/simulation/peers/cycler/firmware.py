@@ -190,11 +190,8 @@ class Firmware(Stateful):
         times_ns = [self._clock.now_ns()]
         if self._faults.faults:  # they look at the clock for every line
             return times_ns
-        calm_until_ns, next_us = self._clock.calm_until_ns(), self._next_us + _LINE_US
-        while (next_ns := self._device_clock.instant(next_us)) <= calm_until_ns and len(times_ns) < _MOST_AHEAD:
-            times_ns.append(next_ns)
-            next_us += _LINE_US
-        return times_ns
+        most = _MOST_AHEAD - 1
+        return times_ns + self._device_clock.instants(self._next_us, _LINE_US, self._clock.calm_until_ns(), most)
 
     def _tell_data(self, readings: list[Reading], energies: list[int], times_ns: list[int], state: str) -> None:
         """Send data lines, each at its time, and let the next one come."""
