@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import inf
 from typing import Protocol
 
@@ -60,27 +61,24 @@ class Resistor:
 
 
 class PlantPort:
-    """A supply port of a plant."""
+    """A supply port of a plant. See `Terminal`; who looks asks the plant itself.
+
+    Attributes:
+        volts: observes the voltage.
+        amperes: observes the current.
+        listen: lets the plant call back.
+    """
 
     def __init__(self, plant: Plant, port: Port) -> None:
         self._plant = plant
         self._port = port
+        self.volts: Callable[[], float] = partial(plant.observe, port.voltage_signal)
+        self.amperes: Callable[[], float] = partial(plant.observe, port.current_signal)
+        self.listen: Callable[[Callable[[], None]], None] = plant.listen
 
     def drive(self, volts: float, limit: float) -> None:
         """Command the plant."""
         self._plant.command(**{self._port.voltage_input: volts, self._port.current_input: limit})
-
-    def volts(self) -> float:
-        """Observe the voltage."""
-        return self._plant.observe(self._port.voltage_signal)
-
-    def amperes(self) -> float:
-        """Observe the current."""
-        return self._plant.observe(self._port.current_signal)
-
-    def listen(self, callback: Callable[[], None]) -> None:
-        """Let the plant call back."""
-        self._plant.listen(callback)
 
 
 @dataclass(frozen=True, slots=True)
