@@ -87,6 +87,7 @@ def replays(run):
     assert ended.code == 0, ended.out + ended.err
 
 
+@pytest.mark.soak
 def test_a_case_that_asks_computes_and_is_held(tmp_path, bench):
     """Limits are looked at in computations and while it is held; the release drives again, and its bytes replay."""
     with going(bench, tmp_path / "w", ASKS_AND_COMPUTES) as run:
@@ -115,7 +116,7 @@ def test_a_case_that_asks_computes_and_is_held(tmp_path, bench):
     replays(run)
 
 
-@pytest.mark.parametrize(("seconds", "verdict"), [(0.3, "PASS"), (0.8, "ERROR")])
+@pytest.mark.parametrize(("seconds", "verdict"), [pytest.param(0.3, "PASS", marks=pytest.mark.soak), (0.8, "ERROR")])
 def test_one_call_that_lets_nobody_look_after_the_bench(tmp_path, bench, seconds, verdict):
     """With outputs on, more than half a second is an error of the case, in words; and so it is when it is replayed."""
     body = ONE_LONG_CALL.replace("SECONDS", f"{seconds}")
@@ -150,6 +151,7 @@ def test_a_run_that_is_stopped_to_be_resumed(tmp_path, bench):
     replays(run)
 
 
+@pytest.mark.soak
 def test_a_run_that_is_stopped_for_good(tmp_path, bench):
     """It makes its bench safe, says by whom it was stopped and why, and seals."""
     with going(bench, tmp_path / "w", TURNS) as run:

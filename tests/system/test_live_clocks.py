@@ -93,6 +93,7 @@ def test_a_machine_that_was_suspended_for_two_hours(tmp_path, bench, clocks):
     assert max(time[1:] - time[:-1]) == pytest.approx(TWO_HOURS * SPEED, rel=0.02)
 
 
+@pytest.mark.soak
 def test_a_time_of_day_that_jumps(tmp_path, bench, clocks):
     """Both ways it is an event, and nothing of the run depends on it: neither limits nor rows."""
     workspace = clocks.of(recording_workspace(tmp_path / "w"))
@@ -114,6 +115,7 @@ def test_a_time_of_day_that_jumps(tmp_path, bench, clocks):
     assert max(time[1:] - time[:-1]) < 10.0
 
 
+@pytest.mark.soak
 def test_a_machine_that_was_started_anew(tmp_path, bench, clocks):
     """Boot time begins again with another boot; the reboot is an event, and the time by day tells how long it took."""
     workspace = clocks.of(recording_workspace(tmp_path / "w"))

@@ -93,6 +93,7 @@ def test_a_run_that_is_asked_to_end(tmp_path, bench, signals, code):
         assert not (run.folder / "data/guardian.jsonl").exists()
 
 
+@pytest.mark.soak
 def test_an_exception_in_a_case(tmp_path, bench):
     """The bench comes to rest at once; the case is an ERROR."""
     with running(bench, live_workspace(tmp_path / "w", 'raise RuntimeError("an error of the case")')) as run:

@@ -79,6 +79,7 @@ def rows_of(package):
     return np.column_stack([found.time, *found.arrays.values()]).tobytes()
 
 
+@pytest.mark.soak
 def test_killed_in_the_watch_behind_its_end(tmp_path, bench):
     """What was read until then is in the package, in its place; the watch is made anew behind it."""
     with running(bench, without_git(live_workspace(tmp_path / "w", FOR_A_WHILE, WATCH))) as run:

@@ -183,7 +183,7 @@ def test_a_safety_confirmation_is_given_at_another_terminal(tmp_path, folder):
     assert again.code == 0, again.out + again.err
 
 
-@pytest.mark.parametrize("said", ["yes", "no"])
+@pytest.mark.parametrize("said", ["yes", pytest.param("no", marks=pytest.mark.soak)])
 def test_a_run_is_resumed_whose_person_took_time_to_answer(tmp_path, folder, said):
     """Its bench was looked after meanwhile, which the resumed run comes to again.
 
@@ -281,6 +281,7 @@ def test_after_the_guardian_acted_a_named_person_comes_first(tmp_path, folder):
     assert workspace.hil("verify", "latest").out.splitlines()[0].endswith("SEALED, the run is incomplete")
 
 
+@pytest.mark.soak
 def test_whoever_is_notified_of_a_death_learns_what_the_guardian_did(tmp_path_factory):
     """The process that waited for the run waits for the guardian, too, and tells that the bench is safe and latched."""
     workspace = live_workspace(tmp_path_factory.mktemp("w") / "w")
