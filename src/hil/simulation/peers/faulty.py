@@ -96,6 +96,10 @@ class FaultyBusPeer(Stateful):
         peer: the healthy peer.
         faults: what goes wrong.
         noise: decides which bits are hit.
+
+    Attributes:
+        write: takes one write message; the peer's own where nothing is wrong with its link.
+        read: gives one read message, likewise.
     """
 
     _peer: Kept[BusPeer]
@@ -104,6 +108,9 @@ class FaultyBusPeer(Stateful):
         self._peer = peer
         self._faults = faults
         self._noise = noise
+        wrong = bool(faults.of(LinkFault))
+        self.write: Callable[[int, bytes], None] = self._write if wrong else peer.write
+        self.read: Callable[[int, int], bytes] = self._read if wrong else peer.read
         self._clock: PeerClock
 
     @property
@@ -122,12 +129,12 @@ class FaultyBusPeer(Stateful):
         if listen is not None:
             listen(lambda: None if _cut(self._faults, self._clock.now_ns()) else callback())
 
-    def write(self, address: int, data: bytes) -> None:
+    def _write(self, address: int, data: bytes) -> None:
         """Pass a message on, unless the device is dead."""
         self._live()
         self._peer.write(address, data)
 
-    def read(self, address: int, count: int) -> bytes:
+    def _read(self, address: int, count: int) -> bytes:
         """Pass a reply on, spoiled where the fault says so."""
         self._live()
         data = self._peer.read(address, count)
