@@ -28,6 +28,7 @@ from hil.executive.people.answers import Answering
 from hil.executive.resuming.beginnings import Entering, NewRun
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import PlannedCase
+from hil.executive.watching.holding import Holding
 from hil.executive.watching.keeper import BenchKeeper
 from hil.executive.watching.machine import Attendant, LiveMachine, live_machine
 from hil.executive.watching.ports import Machine, NoMachine
@@ -164,9 +165,10 @@ class Session:
             timeline,
             (record.upkeep, *spectators),
         )
-        record.events.listen(self.keeper.holding)
+        record.events.listen(self.keeper.holding, *Holding.hears)
         self._entering = Entering(record, bench, self.keeper, self._beginning)
-        record.events.serve(self)
+        if self._beginning.resumes or self.machine is not None or timeline.retraces:
+            record.events.serve(self)  # any other run is where its events are
         self.flags.govern(self)
         if bench.live is not None and self.machine is not None:
             alarm.keep(Attendant(self.machine, bench.live, self.keeper.scheduler, self.keeper.holding))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from hil.evidence.events import Anomaly, Armed, Stop
 from hil.executive.journaling.events import Events
 
 
@@ -11,15 +12,15 @@ def shown_to(error):
     """Return which of three events a listener is shown that raises this at the first of them."""
     heard = []
 
-    def listener(body):
-        heard.append(body["kind"])
+    def listener(event):
+        heard.append(event.text)
         if len(heard) == 1:
             raise error
 
     events = Events(None, None)
     events.listen(listener)
-    for kind in ("a", "b", "c"):
-        events.show({"kind": kind})
+    for text in ("a", "b", "c"):
+        events.show(Anomaly(text=text))
     return heard
 
 
@@ -33,3 +34,13 @@ def test_one_bad_event_does_not_make_a_listener_deaf(error):
 def test_a_display_that_is_gone_is_shown_no_more(error):
     """What it is given would wait in its buffer for ever."""
     assert shown_to(error) == ["a"]
+
+
+def test_who_listens_to_some_kinds_hears_no_other():
+    """Those who listen to all kinds hear every event, in the order in which they began to listen."""
+    heard, shown = [], Events(None, None)
+    shown.listen(lambda event: heard.append(("all", event.kind())))
+    shown.listen(lambda event: heard.append(("stops", event.kind())), Stop)
+    for event in (Armed(), Stop(reason="x", urgent=False), Armed()):
+        shown.show(event)
+    assert heard == [("all", "armed"), ("all", "stop"), ("stops", "stop"), ("all", "armed")]

@@ -116,7 +116,8 @@ class Events:
         self._count = past.course if past else 0
         self._clock: Clock | None = None
         self._run: Eventful | None = None
-        self._listeners: list[Listener] = []
+        self._listeners: dict[Listener, tuple[type[Event], ...]] = {}
+        self._hearing: dict[type[Event], tuple[Listener, ...]] = {}
 
     @property
     def course(self) -> int:
@@ -135,9 +136,10 @@ class Events:
         """Bring events to the disk that wait for long, see `Journal.tick`."""
         self._journal.tick()
 
-    def listen(self, listener: Listener) -> None:
-        """Show every further event to `listener`."""
-        self._listeners.append(listener)
+    def listen(self, listener: Listener, *kinds: type[Event]) -> None:
+        """Show every further event of these kinds to `listener`, of all kinds where none is named."""
+        self._listeners[listener] = kinds or (Event,)
+        self._hearing.clear()
 
     def write(self, event: Event, *, beside: Mapping[str, object] = NOTHING) -> None:
         """Write an event down, then show it; a line of the journal is never cut in two by a request to stop.
@@ -161,13 +163,22 @@ class Events:
 
     def show(self, event: Event) -> None:
         """Show an event to whoever listens."""
-        for listener in tuple(self._listeners):
+        for listener in self._heard_by(type(event)):
             try:
                 listener(event)
             except (OSError, ValueError):  # a display that is gone: what it is given would wait in its buffer for ever
-                self._listeners.remove(listener)
+                self._listeners.pop(listener, None)
+                self._hearing.clear()
             except (Exception, SystemExit):  # noqa: BLE001, S112 - the bench must not hear of it
                 continue
+
+    def _heard_by(self, kind: type[Event]) -> tuple[Listener, ...]:
+        """Return who listens to a kind; it is looked up once, because most listen to few."""
+        found = self._hearing.get(kind)
+        if found is None:
+            found = tuple(each for each, kinds in self._listeners.items() if issubclass(kind, kinds))
+            self._hearing[kind] = found
+        return found
 
     def skip(self, last: int) -> None:
         """Let the events of the past up to sequence number `last` not come again: they are void."""

@@ -263,7 +263,7 @@ class Record:
             bench.playback.at_divergence = self._caller.diverged
         if checkpoints:
             self._checkpoints = Checkpoints(self.folder, bench)
-            self.events.listen(self._released)
+            self.events.listen(self._released, HoldEnd)
 
     def leave_open(self) -> None:
         """Write down where the bench is, and close everything without a seal, so that the run can be resumed."""
@@ -300,9 +300,9 @@ class Record:
         self.upkeep.keep_time()
         self.transcript.flush()
 
-    def _released(self, event: Event) -> None:
+    def _released(self, _: Event) -> None:
         """Do not let a run that is killed now begin amid a hold that is over."""
-        if isinstance(event, HoldEnd) and self._checkpoints is not None:
+        if self._checkpoints is not None:
             self._checkpoints.soon()
 
     def note(self) -> None:

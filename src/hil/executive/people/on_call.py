@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Callable, Iterator
+from typing import ClassVar
 
 from hil.bench.connections import cut_path_shortfall
 from hil.bench.gate import Gate
@@ -137,7 +138,12 @@ class People:
         answers: asks a person for safety confirmations that were given when the bench was armed before.
         journal: where events are written.
         idle: looks after the run while somebody is awaited; returns whether the run may go on.
+
+    Attributes:
+        hears: the kinds of events that it has to be shown.
     """
+
+    hears: ClassVar[tuple[type[events.Event], ...]] = (events.Question, events.Answer, events.Reached)
 
     def __init__(
         self,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 from hil.bench.bound import BoundBench
 from hil.bench.safe_off import SafeResult, make_safe
@@ -103,7 +103,12 @@ class Holding:
         flags: stop requests; they end a hold.
         journal: where events are written.
         scheduler: the scheduling points to pass meanwhile.
+
+    Attributes:
+        hears: the kinds of events that it has to be shown.
     """
+
+    hears: ClassVar[tuple[type[events.Event], ...]] = (events.HoldAsked, events.Effect, *_ENDS)
 
     def __init__(self, bench: BoundBench, flags: StopFlags, journal: EventSink, scheduler: Scheduler) -> None:
         self._bench = bench

@@ -265,9 +265,10 @@ class Scheduler:
                 return True
 
     def _look(self) -> None:
-        self.catch_up()
-        self.timeline = self.timeline.look()
-        self._reports.hold_as_recorded()
+        if self.timeline.retraces:
+            self.catch_up()
+            self.timeline = self.timeline.look()
+            self._reports.hold_as_recorded()
         now = wall.monotonic()
         if now - self._ticked >= _TICK_S:
             self._ticked = now
