@@ -21,12 +21,12 @@ from hil.model.figure import Figure
 if TYPE_CHECKING:
     from hil.executive.cases.recording import Recording
 
-__all__ = ["During", "Host"]
+__all__ = ["During", "KeepsRecordings"]
 
 _HINT = "wait longer, or look at what the device does"
 
 
-class Host(Protocol):
+class KeepsRecordings(Protocol):
     """The recorder that keeps what was recorded."""
 
     def keep(self, taking: Taking) -> Recording:
@@ -45,14 +45,14 @@ class During:
         taking: the recording.
         effects: where beginning, waits and end are noted.
         scheduler: lets bench time pass.
-        host: keeps what is whole.
+        keeper: keeps what is whole.
     """
 
-    def __init__(self, taking: Taking, effects: Effects, scheduler: Scheduler, host: Host) -> None:
+    def __init__(self, taking: Taking, effects: Effects, scheduler: Scheduler, keeper: KeepsRecordings) -> None:
         self._taking = taking
         self._effects = effects
         self._scheduler = scheduler
-        self._host = host
+        self._keeper = keeper
         self._name = taking.facts.name
         self._recording: Recording | None = None
 
@@ -82,7 +82,7 @@ class During:
         if error is None:
             self._end(complete=True)
             if self._taking.whole:
-                self._recording = self._host.keep(self._taking)
+                self._recording = self._keeper.keep(self._taking)
             return
         with suppress(HilError):  # what ended the block is what the case has to learn
             self._end(complete=False)

@@ -17,7 +17,7 @@ from hil.model.bench import BenchSpec, InstrumentSpec, Wire
 from hil.model.errors import ClampExceeded, DeviceFault, HilError, Misused, Refused
 from hil.model.figure import Figure
 
-__all__ = ["Facade", "Host", "RoleSet", "facades"]
+__all__ = ["Facade", "RoleSet", "UsingCase", "facades"]
 
 _NOT_DONE = (ClampExceeded, Misused, Refused)
 """What is raised in place of an operation that is not begun."""
@@ -25,7 +25,7 @@ _NOT_DONE = (ClampExceeded, Misused, Refused)
 _Result = TypeVar("_Result")
 
 
-class Host(Protocol):
+class UsingCase(Protocol):
     """The case that holds a façade."""
 
     def point(self) -> None:
@@ -56,7 +56,7 @@ class Facade:
         instrument: the instrument behind it.
         role: the driver's object.
         effects: where operations are performed and noted.
-        host: the case that holds it.
+        case: the case that holds it.
         instruments: every instrument of the bench by name: what fails may be one on the way to this one.
     """
 
@@ -64,7 +64,7 @@ class Facade:
     instrument: InstrumentSpec
     _role: object
     _effects: Effects
-    _host: Host
+    _case: UsingCase
     _instruments: Mapping[str, InstrumentSpec]
     _operations: Mapping[str, Operation]
 
@@ -74,7 +74,7 @@ class Facade:
         instrument: InstrumentSpec,
         role: object,
         effects: Effects,
-        host: Host,
+        case: UsingCase,
         instruments: Mapping[str, InstrumentSpec] = MappingProxyType({}),
     ) -> None:
         self.__dict__.update(
@@ -82,7 +82,7 @@ class Facade:
             instrument=instrument,
             _role=role,
             _effects=effects,
-            _host=host,
+            _case=case,
             _instruments=instruments,
             _operations=ROLES[wire.role].operations,
         )
@@ -129,10 +129,10 @@ class Facade:
             arguments.pop("self")
             try:
                 _require_numbers(what, operation, arguments)
-                self._host.point()
+                self._case.point()
                 return self._effects.perform(what, kind, arguments, lambda: self._act(name, arguments))
             except _NOT_DONE as error:
-                self._host.refused(error)
+                self._case.refused(error)
                 raise
 
         call.__name__, call.__doc__ = name, operation.function.__doc__
@@ -144,11 +144,11 @@ class Facade:
 
     def guarded(self, action: Callable[[], _Result]) -> _Result:
         """Do something with the role; a fault is told before it is raised, and counts for the device that it names."""
-        self._host.uses(self.instrument)
+        self._case.uses(self.instrument)
         try:
             return action()
         except DeviceFault as fault:
-            self._host.fault(self._instruments.get(fault.device, self.instrument), fault)
+            self._case.fault(self._instruments.get(fault.device, self.instrument), fault)
             raise
 
 
@@ -187,7 +187,7 @@ class RoleSet:
 
 
 def facades(
-    spec: BenchSpec, roles: Mapping[str, object], effects: Effects, host: Host
+    spec: BenchSpec, roles: Mapping[str, object], effects: Effects, case: UsingCase
 ) -> Mapping[str, Facade | RoleSet]:
     """Return the façades of one case, by role; a role with several instances is a set.
 
@@ -195,11 +195,11 @@ def facades(
         spec: the bench file.
         roles: the drivers' objects by dotted name.
         effects: where operations are performed and noted.
-        host: the case.
+        case: the case.
     """
     by_role: dict[str, dict[str, Facade]] = {}
     instruments = {instrument.name: instrument for instrument in spec.instruments}
     for wire in spec.wiring:
-        facade = Facade(wire, spec.instrument(wire.instrument), roles[wire.name], effects, host, instruments)
+        facade = Facade(wire, spec.instrument(wire.instrument), roles[wire.name], effects, case, instruments)
         by_role.setdefault(wire.role, {})[wire.instance] = facade
     return {role: instances[""] if "" in instances else RoleSet(role, instances) for role, instances in by_role.items()}
