@@ -36,7 +36,7 @@ def test_driving(supply, relays, field, record, check, clock):
     supply.coil.enable()
     supply.coil.configure(0.4, 0.015)
     asked(KINDS)
-    record("field", field, duration=60.0, rate=40.0)
+    record("field", field, duration=15.0, rate=40.0)
     clock.sleep(1.0)
     check("T-050", "voltage", supply.coil.voltage())
 """
@@ -52,14 +52,20 @@ def held(tmp_path, *kinds, hold=HOLD):
     return workspace.run()
 
 
+@pytest.fixture(scope="module")
+def released(tmp_path_factory):
+    """The run whose case is held and released."""
+    return held(tmp_path_factory.mktemp("held"), "hold", "release")
+
+
 def events(ran, *kinds):
     """Return the events of these kinds in order."""
     return [event for event in ran.package.events() if event["kind"] in kinds]
 
 
-def test_a_hold_ends_with_what_was_driven_before(tmp_path):
+def test_a_hold_ends_with_what_was_driven_before(released):
     """Amid a recording the coil is switched off and on again, at the voltage that was set last; the run is whole."""
-    ran = held(tmp_path, "hold", "release")
+    ran = released
     hold, end = events(ran, "hold", "hold-end")
     assert ran.verdicts() == {"test_driving": "PASS"}, ran.out
     (check,) = ran.package.events("check")
@@ -73,11 +79,10 @@ def test_a_hold_ends_with_what_was_driven_before(tmp_path):
     assert "HELD: door (Ada)" in ran.out
 
 
-def test_a_run_with_a_hold_is_replayed(tmp_path):
+def test_a_run_with_a_hold_is_replayed(released):
     """The record holds where the bench was held, and what was driven then."""
-    ran = held(tmp_path, "hold", "release")
-    root = ran.package.folder.parents[1]
-    ended = Workspace(root, root / "testplans/small").hil("replay", str(ran.package.folder))
+    root = released.package.folder.parents[1]
+    ended = Workspace(root, root / "testplans/small").hil("replay", str(released.package.folder))
     assert ended.code == 0, ended.out + ended.err
 
 
