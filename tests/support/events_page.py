@@ -20,7 +20,7 @@ __all__ = ["PAGE", "reference", "with_reference"]
 PAGE = Path(__file__).parents[2] / "docs/reference/evidence-package.md"
 
 _BEGIN, _END = "<!-- kinds and fields: from the types of the events -->", "<!-- end of kinds and fields -->"
-_HEAD = "| kind, field | JSON | tells |\n|---|---|---|"
+_HEAD = "| kind, field | JSON | meaning |\n|---|---|---|"
 _WORDS = {str: "text", int: "whole number", float: "number", bool: "true, false", Any: "anything"}
 _CAUSES = {Origin.COURSE: "", Origin.OUTSIDE: "from outside", Origin.PERSON: "from a person"}
 

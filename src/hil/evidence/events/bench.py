@@ -50,7 +50,7 @@ class HostGate(Gate, frozen=True, kw_only=True):
 
 
 class Armed(Event, frozen=True, kw_only=True):
-    """From here on the bench may be driven."""
+    """The bench may be driven from here on."""
 
     synced: ClassVar[bool] = True
 
@@ -68,7 +68,7 @@ class Fed(Event, frozen=True, kw_only=True):
 
 
 class MonitorLate(Event, frozen=True, kw_only=True):
-    """A monitor came late.
+    """A monitor read its limit late.
 
     Attributes:
         limit: the limit's id.
@@ -82,7 +82,7 @@ class MonitorLate(Event, frozen=True, kw_only=True):
 
 
 class Trip(Event, frozen=True, kw_only=True):
-    """The envelope was left.
+    """A limit of the envelope was exceeded.
 
     Attributes:
         limit: the limit's id.
@@ -104,7 +104,7 @@ class Rest(Event, frozen=True, kw_only=True):
 
     Attributes:
         output: the output.
-        state: the state that is due.
+        state: the required state.
         ok: whether it is proven.
         detail: what was seen.
         duration: bench time in s that it took.
@@ -122,7 +122,7 @@ class Safe(Rest, frozen=True, kw_only=True):
 
     Attributes:
         output: the output.
-        state: the state that is due.
+        state: the required state.
         ok: whether it is proven.
         detail: what was seen.
         duration: bench time in s that it took.
@@ -132,7 +132,7 @@ class Safe(Rest, frozen=True, kw_only=True):
 
 
 class SafeEnd(Event, frozen=True, kw_only=True):
-    """The way to the safe state is over.
+    """The safe-off has ended.
 
     Attributes:
         ok: whether every output is proven safe.
@@ -158,11 +158,11 @@ class HoldRefused(Event, frozen=True, kw_only=True):
 
 
 class Brought(Part, frozen=True, kw_only=True):
-    """What became of one line of the hold state.
+    """The outcome of one line of the hold state.
 
     Attributes:
         output: the output.
-        state: the state that is due.
+        state: the required state.
         ok: whether it is proven.
         detail: what was seen.
         seconds: bench time that it took.
@@ -181,7 +181,7 @@ class Hold(Event, frozen=True, kw_only=True):
     Attributes:
         by: who asked for it.
         text: why.
-        outputs: what became of each output.
+        outputs: the outcome for each output.
     """
 
     by: str
@@ -197,7 +197,7 @@ class HoldEnd(Event, frozen=True, kw_only=True):
     Attributes:
         how: `released`, or `ended` if the run ended in it.
         by: who released it.
-        text: what was said.
+        text: the remark that came with the release.
         duration: bench time in s that it lasted.
     """
 

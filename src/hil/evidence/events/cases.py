@@ -151,7 +151,7 @@ class Question(Event, frozen=True, kw_only=True):
         form: `confirm`, `choose`, `measure` or `attach`.
         text: what the person reads.
         options: the possible answers, if they are given.
-        unit: the unit of a number that is asked for.
+        unit: the unit of the number asked for.
         safety: whether somebody's safety depends on the answer.
     """
 
@@ -212,8 +212,8 @@ class Recording(Event, frozen=True, kw_only=True):
     Attributes:
         recording: its id, which names its file.
         name: its name in the case, or that of the limit of the envelope.
-        case: its case, null for what is recorded beside all cases.
-        step: the number of its step, null beside all cases.
+        case: its case, null for a recording outside all cases.
+        step: the number of its step, null outside all cases.
         channels: the channels, in the order of its columns.
         rate: rows per second of bench time.
         duration: bench time in s that it is to last, null if it has no end of its own.
@@ -270,7 +270,7 @@ class Bounds(Part, frozen=True, kw_only=True):
     Attributes:
         min: the least value, null without one.
         max: the largest value, null without one.
-        equals: the word that is due, null for numbers.
+        equals: the expected word, null for numbers.
     """
 
     min: str | None

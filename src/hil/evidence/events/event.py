@@ -69,6 +69,6 @@ class EventSink(Protocol):
 
         Args:
             event: the event, not stamped yet.
-            beside: what is true of this place and moment only.
+            beside: facts of this place and moment only.
         """
         ...

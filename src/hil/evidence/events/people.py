@@ -82,10 +82,10 @@ class Called(Event, frozen=True, kw_only=True):
 
 
 class Reached(Event, frozen=True, kw_only=True):
-    """Somebody gave a code back.
+    """Somebody returned a code.
 
     Attributes:
-        by: who did.
+        by: who returned it.
         ok: whether it was the code that was sent.
     """
 
@@ -96,7 +96,7 @@ class Reached(Event, frozen=True, kw_only=True):
 
 
 class AskedAgain(Event, frozen=True, kw_only=True):
-    """A safety confirmation is asked for again because the bench is armed once more.
+    """A safety confirmation is asked for again because the bench is being armed again.
 
     Attributes:
         name: the question's name.
@@ -116,7 +116,7 @@ class AskedAgain(Event, frozen=True, kw_only=True):
 
 
 class Confirmed(Event, frozen=True, kw_only=True):
-    """What was answered to a safety confirmation that was asked for again.
+    """The answer to a safety confirmation that was asked for again.
 
     Attributes:
         name: the question's name.

@@ -54,7 +54,7 @@ class DutFacts(Part, frozen=True, kw_only=True):
 
 
 class Live(Part, frozen=True, kw_only=True):
-    """What is told of a bench outside the process of the run.
+    """A bench outside the process of the run.
 
     Attributes:
         speed: seconds of bench time per second of boot time.
@@ -66,7 +66,7 @@ class Live(Part, frozen=True, kw_only=True):
 
 
 class Run(Event, frozen=True, kw_only=True):
-    """What the run was asked for; the first event.
+    """The request for the run; the first event.
 
     Attributes:
         format: the number of the package's format.
@@ -121,7 +121,7 @@ class Frozen(Event, frozen=True, kw_only=True):
     """What was frozen before the first step; the second event.
 
     Attributes:
-        files: path and SHA-256 of every frozen file that equal runs have equal.
+        files: path and SHA-256 of every frozen file that is the same in equal runs.
     """
 
     files: Mapping[str, str]
@@ -168,7 +168,7 @@ class Orphan(Event, frozen=True, kw_only=True):
 
 
 class Anomaly(Event, frozen=True, kw_only=True):
-    """Something that should not have happened, or that is odd about a requirement's source.
+    """Something that should not have happened, or that is suspicious about a requirement's source.
 
     Attributes:
         text: what it is.
@@ -220,7 +220,7 @@ class Entry(Part, frozen=True, kw_only=True):
         number: the number of the next recording.
         rows: the void rows of every recording that continued.
         kept: the recording at whose beginning the run was resumed and whose rows stand; empty without one.
-        over: whether every case had ended, so that nothing was driven but the way to the safe state.
+        over: whether every case had ended, so that only the safe-off was left.
     """
 
     place: int
@@ -239,7 +239,7 @@ class Resumed(Event, frozen=True, kw_only=True):
     Attributes:
         number: how often it has been resumed by now.
         checkpoint: the bench time in s of the checkpoint of the simulated bench, 0 without one.
-        torn_bytes: how many bytes of half a line stood at the journal's end.
+        torn_bytes: how many bytes of an incomplete line the journal ended with.
         deviation: how this resumption deviates from the plan, empty if it does not.
         seconds: how long the run was interrupted.
         text: the same in words.
@@ -300,10 +300,10 @@ class ClockJump(Event, frozen=True, kw_only=True):
 
 
 class Notified(Event, frozen=True, kw_only=True):
-    """The command `notify` of the workspace was run.
+    """The workspace's `notify` command was run.
 
     Attributes:
-        event: what it was told of.
+        event: the event it was given.
     """
 
     event: str
@@ -312,10 +312,10 @@ class Notified(Event, frozen=True, kw_only=True):
 
 
 class NotifyFailed(Event, frozen=True, kw_only=True):
-    """The command `notify` of the workspace reached nobody.
+    """The workspace's `notify` command failed.
 
     Attributes:
-        event: what it was to be told of.
+        event: the event it was to be given.
         reason: what went wrong.
     """
 
@@ -329,7 +329,7 @@ class Recovered(Event, frozen=True, kw_only=True):
     """An interrupted run was sealed as it is.
 
     Attributes:
-        torn_bytes: how many bytes of half a line stood at the journal's end.
+        torn_bytes: how many bytes of an incomplete line the journal ended with.
         text: the same in words.
     """
 
