@@ -6,8 +6,8 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
-from hil.simulation.peers.cycler.article import Article, Reading
 from hil.simulation.peers.cycler.lines import Command, Output
+from hil.simulation.peers.cycler.make import Make, Reading
 from hil.simulation.peers.cycler.relays import Relays
 from hil.simulation.peers.cycler.sequence import RUNNING, TABLE, Sequence, Settings, text_of
 
@@ -21,7 +21,7 @@ _LONGEST_WORD = 16
 class Device(Protocol):
     """What the commands act on."""
 
-    article: Article
+    make: Make
     boots: int
     reset_reason: str
     output: Output
@@ -91,8 +91,8 @@ class Commands:
 
     def _id(self, fields: tuple[str, ...]) -> str:
         _values(fields)
-        article, boots, reset = self._device.article, self._device.boots, self._device.reset_reason
-        firmware = f"firmware={article.firmware} serial={article.serial}"
+        make, boots, reset = self._device.make, self._device.boots, self._device.reset_reason
+        firmware = f"firmware={make.firmware} serial={make.serial}"
         return f"level=2.0 name=hil-cycler {firmware} boots={boots} reset={reset}"
 
     def _state(self, fields: tuple[str, ...]) -> str:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Fault, Faults
-from hil.simulation.peers.cycler.article import LINE_S, Article, Gauge, Reading, Spike
 from hil.simulation.peers.cycler.commands import Commands
 from hil.simulation.peers.cycler.lines import Command, LineReader, LostLines, Output, TornLines
+from hil.simulation.peers.cycler.make import LINE_S, Gauge, Make, Reading, Spike
 from hil.simulation.peers.cycler.relays import CHARGE, DISCHARGE, Relays, StuckRelay
 from hil.simulation.peers.cycler.sequence import RUNNING, Sequence, Settings
 from hil.simulation.peers.model import PeerModel, PeerSetup
@@ -38,7 +38,7 @@ class Firmware(Stateful):
     """The device. It has power from the epoch on, and its banner is long gone by then.
 
     Args:
-        article: what it is.
+        make: what it is.
         relays: its relays.
         output: what it says.
         device_clock: its time.
@@ -62,16 +62,16 @@ class Firmware(Stateful):
     _dips: Kept[Alarms]
 
     def __init__(
-        self, article: Article, relays: Relays, output: Output, device_clock: BoardClock, *, boots: int, faults: Faults
+        self, make: Make, relays: Relays, output: Output, device_clock: BoardClock, *, boots: int, faults: Faults
     ) -> None:
-        self.article = article
-        self._measure = article.measuring()
+        self.make = make
+        self._measure = make.measuring()
         self.relays = relays
         self.output = output
         self.boots = boots
         self.reset_reason = "POWER"
-        self.settings = Settings({"cycles": article.cycles, "iend": article.charge_end, "vend": article.discharge_end})
-        self.sequence = Sequence(extended=article.extended, settings=self.settings, relays=relays)
+        self.settings = Settings({"cycles": make.cycles, "iend": make.charge_end, "vend": make.discharge_end})
+        self.sequence = Sequence(extended=make.extended, settings=self.settings, relays=relays)
         self._commands = Commands(self)
         self._reader = LineReader()
         self._device_clock = device_clock
@@ -95,14 +95,14 @@ class Firmware(Stateful):
 
     def opened(self) -> None:
         """Be reset by the DTR line of a port that is opened, unless that is prevented."""
-        if self.article.resets_on_open:
+        if self.make.resets_on_open:
             self._reset("EXTERNAL")
 
     def receive(self, data: bytes) -> None:
         """Take bytes of the host; the bootloader swallows them."""
         if self._boot.due_ns is not None or not data:
             return
-        if not self.article.extended:
+        if not self.make.extended:
             if self.sequence.phase == "IDLE":
                 self.start("-")
                 self._tell()
@@ -123,7 +123,7 @@ class Firmware(Stateful):
         self._next_us = self._now_us() + _LINE_US
         self._tick.set(self._device_clock.instant(self._next_us))
         self.beat()
-        if self.article.extended:
+        if self.make.extended:
             self._listen()
 
     def stop(self) -> None:
@@ -150,14 +150,14 @@ class Firmware(Stateful):
         self._reader.clear()
         self.boots += 1
         self.reset_reason = reason
-        self._boot.set(self._clock.now_ns() + self.article.boot_ns)
+        self._boot.set(self._clock.now_ns() + self.make.boot_ns)
 
     def _booted(self) -> None:
         self._device_clock.reset(self._clock.now_ns())
         self.output.number = 0
-        article = self.article
+        make = self.make
         self.output.numbered(
-            "START ARDUINO", f";2.0;hil-cycler;{article.firmware};{article.serial};{self.boots};{self.reset_reason}"
+            "START ARDUINO", f";2.0;hil-cycler;{make.firmware};{make.serial};{self.boots};{self.reset_reason}"
         )
         self._wait()
 
@@ -222,7 +222,7 @@ class Firmware(Stateful):
         """Let no test run: tell the state at every five seconds of device time, in level 2."""
         self._tick.clear()
         self._silence.clear()
-        if self.article.extended:
+        if self.make.extended:
             self._tick.set(self._device_clock.instant((self._now_us() // _LINE_US + 1) * _LINE_US))
 
     def _listen(self) -> None:
@@ -255,7 +255,7 @@ def build(setup: PeerSetup) -> Firmware:
     truth = setup.truth
     extended = truth.text("level", "2", choices=("1", "2")) == "2"
     device_clock = BoardClock(truth.number("clock_drift", 0.0, minimum=-_LARGEST_DRIFT, maximum=_LARGEST_DRIFT), 0)
-    article = _article(setup, extended=extended)
+    make = _make(setup, extended=extended)
     boots = truth.integer("boots", 41)
     contacts = {relay: setup.connections.input(relay) for relay in (CHARGE, DISCHARGE)}
     power = Power(setup.connections.signal("power"))
@@ -264,12 +264,12 @@ def build(setup: PeerSetup) -> Firmware:
     output = Output(
         extended=extended, device_clock=device_clock, faults=setup.faults, chance=setup.stream("torn lines")
     )
-    return Firmware(article, relays, output, device_clock, boots=boots, faults=setup.faults)
+    return Firmware(make, relays, output, device_clock, boots=boots, faults=setup.faults)
 
 
-def _article(setup: PeerSetup, *, extended: bool) -> Article:
+def _make(setup: PeerSetup, *, extended: bool) -> Make:
     truth = setup.truth
-    return Article(
+    return Make(
         extended=extended,
         cycles=truth.integer("cycles", 10, minimum=1, maximum=9999),
         charge_end=round(truth.number("charge_end", 0.05, minimum=0.005, maximum=1.0) * 1000),

@@ -10,7 +10,7 @@ from typing import Annotated
 
 from hil.model.notation import whole
 from hil.simulation.faults import Fault, Faults, Share
-from hil.simulation.peers.cycler.article import Reading
+from hil.simulation.peers.cycler.make import Reading
 from hil.simulation.peers.timing import BoardClock
 from hil.simulation.seeds import Stream
 from hil.wire.checkpoint import Kept, Stateful

@@ -6,8 +6,8 @@ import re
 import sys
 from dataclasses import dataclass
 
-from hil.simulation.peers.cycler.article import LINE_S, Reading
 from hil.simulation.peers.cycler.lines import crc
+from hil.simulation.peers.cycler.make import LINE_S, Reading
 from hil.simulation.peers.cycler.relays import CHARGE, DISCHARGE, Relays
 from hil.wire.checkpoint import Kept, Stateful
 
@@ -50,7 +50,7 @@ def text_of(value: int, decimals: int) -> str:
 
 
 class Settings(Stateful):
-    """The values that hold; the page's defaults unless an article has others for the four that level 1 has too."""
+    """The values that hold; the page's defaults unless a device has others for the four that level 1 has too."""
 
     values: Kept[dict[str, int]]
 

@@ -16,7 +16,7 @@ from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.obc_link.bus import BoardBus, NoAcknowledge
-from hil.simulation.peers.obc_link.commands import CHANNELS, MINOR, READING, REQUEST_USER, Article, Commands, Tally
+from hil.simulation.peers.obc_link.commands import CHANNELS, MINOR, READING, REQUEST_USER, Commands, Make, Tally
 from hil.simulation.peers.obc_link.fields import Code, Refusal
 from hil.simulation.peers.obc_link.stream import STREAM_USER, Stream
 from hil.simulation.peers.obc_link.uart import VERSION, Frame, FrameReader, LoseFrames, Stall, Uart, seal
@@ -49,7 +49,7 @@ class ObcBoard(Stateful):
     It has had power since before the epoch. The fault `reset` resets it, as its independent watchdog would.
 
     Args:
-        article: what it is.
+        make: what it is.
         noise: of its analogue inputs.
         clock: its own.
         faults: what goes wrong.
@@ -75,7 +75,7 @@ class ObcBoard(Stateful):
 
     def __init__(
         self,
-        article: Article,
+        make: Make,
         noise: Noise,
         clock: BoardClock,
         faults: Faults,
@@ -84,15 +84,15 @@ class ObcBoard(Stateful):
         boots: int,
         times_ns: tuple[int, int],
     ) -> None:
-        self._article = article
+        self._make = make
         self._board_clock = clock
         self._faults = faults
         self._command_ns, self._boot_ns = times_ns
         self._reader = FrameReader()
         self._bus = BoardBus(faults)
-        self._uart = Uart(round(10e9 / baud) if baud else 0, article.ring, faults, self._settle)
+        self._uart = Uart(round(10e9 / baud) if baud else 0, make.ring, faults, self._settle)
         self._stream = Stream(self._bus, self._uart, clock, self._settle)
-        self._commands = Commands(article, noise, (clock, self._bus, self._stream, self._uart), self)
+        self._commands = Commands(make, noise, (clock, self._bus, self._stream, self._uart), self)
         self.tally = Tally(boots=boots, reason=_POWER_ON)
         self.watchdog_ms = 0
         self._requests = []
@@ -228,7 +228,7 @@ class ObcBoard(Stateful):
 
     def _boot(self) -> None:
         head = bytes([VERSION, MINOR]) + self.tally.boots.to_bytes(4, "little")
-        payload = head + bytes([self.tally.reason, *self._article.firmware])
+        payload = head + bytes([self.tally.reason, *self._make.firmware])
         self._uart.send(b"\0" + seal(_BOOT, 0, payload))
 
 
@@ -252,7 +252,7 @@ def build(setup: PeerSetup) -> ObcBoard:
         round(truth.number("clock_offset", 0.0, minimum=0) * _MICROSECONDS),
     )
     points = {channel: setup.connections.signal(f"A{channel}") for channel in range(CHANNELS)}
-    article = Article(
+    make = Make(
         firmware=_version(truth),
         build=_hexadecimal(truth, "build", _BUILD),
         chip=_hexadecimal(truth, "unique_id", _CHIP),
@@ -269,7 +269,7 @@ def build(setup: PeerSetup) -> ObcBoard:
     setup.finish()
     command_ns, boot_ns = (round(value * NANOSECONDS) for value in seconds)
     return ObcBoard(
-        article,
+        make,
         setup.stream("analog"),
         clock,
         setup.faults,

@@ -31,14 +31,14 @@ from hil.simulation.seeds import Stream as Noise
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import PeerClock
 
-__all__ = ["CHANNELS", "FULL_SCALE", "MINOR", "READING", "REQUEST_USER", "Article", "Commands", "Tally", "Watch"]
+__all__ = ["CHANNELS", "FULL_SCALE", "MINOR", "READING", "REQUEST_USER", "Commands", "Make", "Tally", "Watch"]
 
 CHANNELS = 6
 FULL_SCALE = 4095
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Article:
+class Make:
     """What this board is: firmware, chip, and what its analogue inputs see.
 
     Attributes:
@@ -117,7 +117,7 @@ class Commands(Stateful):
     """Executes one request after the other.
 
     Args:
-        article: what the board is.
+        make: what the board is.
         noise: of the conversions.
         parts: its clock, bus, stream and UART.
         board: the board as a whole.
@@ -129,9 +129,9 @@ class Commands(Stateful):
     _converted: Kept[Alarm]
 
     def __init__(
-        self, article: Article, noise: Noise, parts: tuple[BoardClock, BoardBus, Stream, Uart], board: Watch
+        self, make: Make, noise: Noise, parts: tuple[BoardClock, BoardBus, Stream, Uart], board: Watch
     ) -> None:
-        self._article = article
+        self._make = make
         self._noise = noise
         self._board_clock, self._bus, self._stream, self._uart = parts
         self._board = board
@@ -205,17 +205,17 @@ class Commands(Stateful):
 
     def _identify(self, payload: bytes) -> bytes:
         Reader(payload).end()
-        article, tally = self._article, self._board.tally
+        make, tally = self._make, self._board.tally
         counts = (tally.reason, BUSES, LINES, CHANNELS, STREAMS, TRANSFERS, MESSAGES)
         return b"".join(
             (
-                bytes([Code.OK, VERSION, MINOR, *article.firmware]),
-                article.build,
-                article.chip,
+                bytes([Code.OK, VERSION, MINOR, *make.firmware]),
+                make.build,
+                make.chip,
                 _u32(tally.boots),
                 bytes(counts),
                 LARGEST.to_bytes(2, "little"),
-                _u32(article.ring),
+                _u32(make.ring),
                 bytes([len(_NAME)]),
                 _NAME,
             )
@@ -238,7 +238,7 @@ class Commands(Stateful):
         channel, count = reader.number(1, 0, CHANNELS - 1), reader.number(2, 1, _MOST_CONVERSIONS)
         reader.end()
         noise = self._noise.normal_block(self._received_us * CHANNELS + channel, count)
-        counts = self._article.conversions(channel, noise)
+        counts = self._make.conversions(channel, noise)
         self._later = b"".join(
             (
                 bytes([Code.OK, channel]),
@@ -246,7 +246,7 @@ class Commands(Stateful):
                 _u32(int(counts.sum())),
                 int((counts**2).sum()).to_bytes(8, "little"),
                 FULL_SCALE.to_bytes(2, "little"),
-                round(1000 * self._article.reference).to_bytes(2, "little"),
+                round(1000 * self._make.reference).to_bytes(2, "little"),
             )
         )
         self._converted.set(self._clock.now_ns() + count * _CONVERSION_NS)

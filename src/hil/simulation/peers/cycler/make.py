@@ -11,7 +11,7 @@ from hil.simulation.faults import Fault
 from hil.simulation.plants.terminal import SignalPoint, observing
 from hil.simulation.seeds import BLOCK, Stream
 
-__all__ = ["LINE_S", "Article", "Gauge", "Reading", "Spike"]
+__all__ = ["LINE_S", "Gauge", "Make", "Reading", "Spike"]
 
 LINE_S = 5
 """Seconds of device time from one data line to the next."""
@@ -33,12 +33,12 @@ class Spike(Fault):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gauge:
-    """One measured quantity: the plant's signal, and how wrongly this article reads it.
+    """One measured quantity: the plant's signal, and how wrongly this device reads it.
 
     Attributes:
         signal: what is measured; None is an open input.
         unconnected: what an open input reads.
-        factor: units of the last written digit per unit, as this article has it.
+        factor: units of the last written digit per unit, as this device has it.
         shift: what it reads too much, in units of the last digit.
         noise: standard deviation in units of the last digit.
         stream: numbers of that noise.
@@ -59,7 +59,7 @@ class Gauge:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Article:
+class Make:
     """What this cycler is.
 
     Attributes:
