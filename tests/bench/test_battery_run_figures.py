@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from battery_runs import battery_workspace
+from told_as_json import bodies
 
 PLAN = "battery_degradation"
 
@@ -16,5 +17,5 @@ def test_a_line_in_a_whole_run(cost, tmp_path):
 
     lines = 4 * 27_000 // 5
     ran = cost("five seconds of a battery's whole run", made, units=lines, rounds=1)
-    (ended,) = [event for event in ran.package.events("recording-end") if event["recording"].endswith("-test")]
+    (ended,) = [event for event in bodies(ran.package, "recording-end") if event["recording"].endswith("-test")]
     assert abs(ended["rows"] - lines) < lines / 50

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 import sweeps
 from evidence_runs import begin, record, sealed_run, stamps, whole_case, write_report
+from told_as_json import bodies
 from typed_events import event_of
 
 from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE, RESULTS, TORN, create, hold
@@ -67,7 +68,7 @@ def test_the_end_is_written_down_on_a_full_disk(tmp_path, space):
     assert told == 1
     assert not disk.reserve.exists()
     assert (reading.findings, reading.torn) == ((), b"")
-    assert [event["kind"] for event in reading.bodies] == ["note"] * 5 + ["safe-end"]
+    assert [event["kind"] for event in bodies(reading)] == ["note"] * 5 + ["safe-end"]
 
 
 def test_events_that_found_no_space_are_counted(tmp_path):
@@ -85,8 +86,8 @@ def test_events_that_found_no_space_are_counted(tmp_path):
         assert journal.lost == 0
     reading = read_journal(tmp_path / "j")
     assert reading.findings == ()
-    assert [event["kind"] for event in reading.bodies] == ["note", "anomaly", "safe-end"]
-    assert "2 events before this one" in reading.bodies[1]["text"]
+    assert [event["kind"] for event in bodies(reading)] == ["note", "anomaly", "safe-end"]
+    assert "2 events before this one" in bodies(reading)[1]["text"]
 
 
 def test_a_sync_that_finds_no_space_is_a_full_disk_too(tmp_path):
@@ -272,7 +273,7 @@ def test_a_torn_run_is_recovered_and_says_so(tmp_path):
     recover(folder, write_reports=write_report)
     assert verify(folder).findings == ()
     package = Package(folder)
-    assert package.events("recovered")[0]["torn_bytes"] == 20
+    assert bodies(package, "recovered")[0]["torn_bytes"] == 20
     assert package.text(TORN) == '{"body":{"kind":"che'
 
 
@@ -386,7 +387,7 @@ def test_a_recovery_that_dies_anywhere_is_finished(tmp_path):
         assert (verification.state, verification.findings) == (State.SEALED, ()), step
         assert (verification.verdict, verification.complete) == ("ABORTED", False)
         assert Package(folder).text(TORN) == "half"
-        assert [event["recording"] for event in Package(folder).events("recording-end")] == ["001-rest", "002"]
+        assert [event["recording"] for event in bodies(Package(folder), "recording-end")] == ["001-rest", "002"]
         if done:
             break
     assert step > 30

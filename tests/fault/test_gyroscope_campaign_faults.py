@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 import sweeps
 from gyroscope_runs import CALIBRATION, NOISE, faulty, gyroscope_workspace, run_one, truth
+from told_as_json import bodies, results_as_json
 
 pytestmark = pytest.mark.system
 
@@ -122,7 +123,7 @@ def test_a_table_that_cannot_be_stopped_is_unsafe(tmp_path):
     """Neither a stop nor its motor power ends it: exit code 7, and everything else is safe."""
     ran = ended(tmp_path, CALIBRATION, faulty("table1", "{kind: no-stop, from: 300 s, power: stays}"))
     assert all_are(ran, "ERROR")
-    assert (ran.code, ran.package.results()["safe"]) == (7, False)
+    assert (ran.code, results_as_json(ran.package)["safe"]) == (7, False)
     assert "its motor power was cut, and it still turns" in ran.reasons
     assert not ran.left_safe()
     assert ran.left_safe(except_for=("table",))
@@ -145,7 +146,7 @@ def test_an_obc_that_falls_silent_or_resets_is_an_error(tmp_path, fault, said):
     assert all_are(ran, "ERROR")
     assert ran.code == 1
     assert said in ran.reasons
-    assert [event["complete"] for event in ran.package.events("recording-end") if "rest" in event["recording"]] == [
+    assert [event["complete"] for event in bodies(ran.package, "recording-end") if "rest" in event["recording"]] == [
         False
     ]
     assert ran.left_safe()
@@ -201,7 +202,7 @@ def test_a_gyroscope_that_falls_silent_is_inconclusive(tmp_path, device, fault, 
     assert all_are(ran, "INCONCLUSIVE")
     assert ran.code == 1
     assert said in ran.reasons
-    assert [(event["device"], event["dut"]) for event in ran.package.events("fault")] == [("gyro1", True)]
+    assert [(event["device"], event["dut"]) for event in bodies(ran.package, "fault")] == [("gyro1", True)]
     assert ran.left_safe()
 
 
@@ -236,5 +237,5 @@ def test_another_gyroscope_is_never_measured(tmp_path):
     assert all_are(ran, "NOT_RUN")
     assert ran.code == 1
     assert "identity of gyro1: expected model 'IIM-42652', found 'WHO_AM_I 0x47'" in ran.reasons
-    assert not ran.package.events("armed", "case")
+    assert not bodies(ran.package, "armed", "case")
     assert ran.left_safe()

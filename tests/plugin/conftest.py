@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import pytest
 import sweeps
+from told_as_json import bodies, results_as_json
 from workspaces import Ran, agreed, make, module, said_of
 
 from hil.evidence.journal.writer import Journal
@@ -41,12 +42,12 @@ class Judged:
 
     def reasons(self, case: str = "test_one") -> str:
         """Return the reasons of one case, a line each."""
-        (found,) = [each for each in self.ran.package.results()["cases"] if each["case"] == self._named(case)]
+        (found,) = [each for each in results_as_json(self.ran.package)["cases"] if each["case"] == self._named(case)]
         return "\n".join(found["reasons"])
 
     def events(self, *kinds: str) -> list[Mapping[str, object]]:
         """Return the events of some kinds of these cases."""
-        return [event for event in self.ran.package.events(*kinds) if str(event["case"]).startswith(self._named(""))]
+        return [event for event in bodies(self.ran.package, *kinds) if str(event["case"]).startswith(self._named(""))]
 
     def _named(self, case: str) -> str:
         return f"testplans/small/{self.module}::{case}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 
+from told_as_json import bodies
 from workspaces import agreed, make
 
 from hil.plugin.rehearsing import replay
@@ -37,7 +38,7 @@ def test_a_file_of_a_case_is_sealed_with_its_evidence(tmp_path):
     """It lies in the package under its hash, and the report names it."""
     ran = make(tmp_path / "workspace", CASE).run()
     agreed(ran, {"test_one": "PASS"}, "PASS", 0)
-    event = next(iter(ran.package.events("attachment")))
+    event = next(iter(bodies(ran.package, "attachment")))
     data = (ran.package.folder / "data/attachments" / event["file"]).read_bytes()
     assert data == b'{"ratio": 1.0}'
     assert hashlib.sha256(data).hexdigest() == event["sha256"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from magnetorquer_runs import BOARDS, rows, run_here, workspace
+from told_as_json import bodies
 
 from hil.plugin.rehearsing import replay
 
@@ -32,7 +33,7 @@ def runs(tmp_path_factory):
 def checks(ran):
     """Return every check's place, value, uncertainty and verdict."""
     fields = ("case", "requirement", "parameter", "of", "value", "uncertainty", "verdict")
-    return [tuple(event[field] for field in fields) for event in ran.package.events("check")]
+    return [tuple(event[field] for field in fields) for event in bodies(ran.package, "check")]
 
 
 def test_the_whole_plan_passes(runs):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.io import loadmat
+from told_as_json import bodies
 from workspaces import make
 
 from hil.report.export.csv_table import TableFormat
@@ -28,7 +29,7 @@ def test_every_recording_of_a_run_reads_back(package, tmp_path):
     """As a table and as a MATLAB file, sample by sample; files and facts say that the run was simulated."""
     exported = list(export_package(package.folder, ExportRequest(output=tmp_path, table=TableFormat(), mat=True)))
     assert {one.facts["name"] for one in exported} >= {"field"}
-    assert len(exported) == len(package.recordings())
+    assert len(exported) == len(bodies(package, "recording"))
     for one in exported:
         recorded = package.recording(one.facts["recording"])
         table, _, matrix = (tmp_path / name for name in one.files)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
+from told_as_json import bodies, results_as_json
 from workspaces import Workspace, make
 
 from hil.evidence.package.verification import verify
@@ -60,7 +61,7 @@ def released(tmp_path_factory):
 
 def events(ran, *kinds):
     """Return the events of these kinds in order."""
-    return [event for event in ran.package.events() if event["kind"] in kinds]
+    return [event for event in bodies(ran.package) if event["kind"] in kinds]
 
 
 def test_a_hold_ends_with_what_was_driven_before(released):
@@ -68,11 +69,11 @@ def test_a_hold_ends_with_what_was_driven_before(released):
     ran = released
     hold, end = events(ran, "hold", "hold-end")
     assert ran.verdicts() == {"test_driving": "PASS"}, ran.out
-    (check,) = ran.package.events("check")
+    (check,) = bodies(ran.package, "check")
     assert check["value"] == pytest.approx(0.4, abs=0.05)
     assert [(line["output"], line["state"], line["ok"]) for line in hold["outputs"]] == [("supply.coil", "off", True)]
     assert (hold["by"], hold["text"], end["how"], end["by"]) == ("Ada", "door", "released", "Ada")
-    assert all(recording["complete"] for recording in ran.package.events("recording-end"))
+    assert all(recording["complete"] for recording in bodies(ran.package, "recording-end"))
     assert verify(ran.package.folder).findings == ()
     assert "door (Ada): supply.coil off" in ran.page()
     assert "held or released the bench" in ran.page()
@@ -111,7 +112,7 @@ def test_a_bench_that_does_not_reach_its_hold_state_ends_the_run(tmp_path):
     (stop,) = events(ran, "stop")
     assert "did not reach its hold state: supply.coil is not off" in stop["reason"]
     assert (ran.code, ran.verdicts()) == (2, {"test_driving": "ABORTED"})
-    assert ran.package.results()["safe"] is True
+    assert results_as_json(ran.package)["safe"] is True
 
 
 def test_a_hold_within_a_case_that_fails_is_told_with_the_verdict(tmp_path):
@@ -121,7 +122,7 @@ def test_a_hold_within_a_case_that_fails_is_told_with_the_verdict(tmp_path):
     workspace.change_bench({"\nrest:\n": f"{HOLD}\nrest:\n"})
     ran = workspace.run()
     assert ran.verdicts() == {"test_driving": "FAIL"}
-    (hold,) = ran.package.results()["cases"][0]["holds"]
+    (hold,) = results_as_json(ran.package)["cases"][0]["holds"]
     assert (hold["by"], hold["text"]) == ("Ada", "door")
     said = r"the bench was held at 0:00:\d\d\.\d of bench time for [\d.]+ m?s of bench time \(Ada: door\)"
     assert re.search(rf"^  {said}$", ran.out, re.MULTILINE)
@@ -133,5 +134,5 @@ def test_a_hold_within_a_case_that_fails_is_told_with_the_verdict(tmp_path):
 def test_a_case_that_was_not_held_has_no_word_of_it(tmp_path):
     """What was held before it, or never, is no reason of its own."""
     ran = held(tmp_path)
-    assert ran.package.results()["cases"][0]["holds"] == []
+    assert results_as_json(ran.package)["cases"][0]["holds"] == []
     assert "the bench was held" not in ran.page()

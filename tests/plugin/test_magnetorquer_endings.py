@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 import sweeps
 from magnetorquer_runs import others, run_here, with_faults, workspace
+from told_as_json import bodies, results_as_json
 
 from hil.plugin.rehearsing import replay
 
@@ -51,7 +52,7 @@ def test_silence_and_nonsense_of_the_bench_are_errors(tmp_path, device, fault, c
     """The case is ERROR, those behind it are NOT_RUN, and the exit code tells whether the bench could be made safe."""
     ran, verdicts, differences = ended(tmp_path, with_faults(device, fault))
     assert verdicts == {POLARITY: "ERROR", LINEARITY: "NOT_RUN", COMPASS: "NOT_RUN"}
-    assert (ran.code, ran.package.results()["verdict"]) == (code, "ERROR")
+    assert (ran.code, results_as_json(ran.package)["verdict"]) == (code, "ERROR")
     assert said in ran.reasons()
     assert differences == ()
 
@@ -68,7 +69,7 @@ def test_a_wrong_identity_is_never_armed(tmp_path, device, value, said):
     ran, verdicts, differences = ended(tmp_path, with_faults(device, f'{{kind: identity, value: "{value}"}}'))
     assert set(verdicts.values()) == {"NOT_RUN"}
     assert ran.code == 1
-    assert not ran.package.events("armed", "case")
+    assert not bodies(ran.package, "armed", "case")
     assert said in ran.reasons()
     assert differences == ()
 
@@ -92,7 +93,7 @@ def test_a_supply_that_measures_no_number_trips_the_bench(tmp_path):
 def test_an_output_that_lies_about_being_off_is_unsafe(tmp_path):
     """What says off and goes on feeding is found by the proof of the safe state, whatever the cases say."""
     ran, _, differences = ended(tmp_path, with_faults("psu1", f'{{kind: refuse-off, {FROM}, says: "off"}}'))
-    assert (ran.code, ran.package.results()["verdict"]) == (7, "ERROR")
+    assert (ran.code, results_as_json(ran.package)["verdict"]) == (7, "ERROR")
     assert differences == ()
 
 
@@ -119,7 +120,7 @@ def test_a_coil_without_a_field_never_passes(tmp_path, changes):
     """A contact that sticks, or an open winding: no case passes, and no sense is reported."""
     ran, verdicts, differences = ended(tmp_path, changes)
     assert verdicts == {POLARITY: "FAIL", LINEARITY: "INCONCLUSIVE", COMPASS: "FAIL"}
-    sense = next(check for check in ran.package.events("check") if check["parameter"] == "sense")
+    sense = next(check for check in bodies(ran.package, "check") if check["parameter"] == "sense")
     assert sense["verdict"] == "INCONCLUSIVE"
     assert differences == ()
 
@@ -127,9 +128,9 @@ def test_a_coil_without_a_field_never_passes(tmp_path, changes):
 def test_an_action_that_raised_is_written_down(tmp_path):
     """The effect during which a device fell silent says what was raised, and its replay agrees."""
     ran, _, differences = ended(tmp_path, with_faults("psu1", f'{{kind: garbled, {FROM}, share: "0.02"}}'))
-    raised = [effect["raised"] for effect in ran.package.events("effect") if "raised" in effect]
+    raised = [effect["raised"] for effect in bodies(ran.package, "effect") if "raised" in effect]
     assert raised
-    assert all(effect["result"] is None for effect in ran.package.events("effect") if "raised" in effect)
+    assert all(effect["result"] is None for effect in bodies(ran.package, "effect") if "raised" in effect)
     assert differences == ()
 
 

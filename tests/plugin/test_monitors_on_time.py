@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import pytest
 from magnetorquer_runs import run_here, with_faults, workspace
+from told_as_json import bodies, results_as_json
 
 from hil.plugin.rehearsing import replay
 from hil.requirements.catalogue import load_catalogue
@@ -90,7 +91,7 @@ def test_a_current_that_flows_for_a_second_is_seen(tmp_path):
     bench.write_text(text.replace('unit: A, max: "0.03", period: 1 s', 'unit: A, max: "0.003", period: 1 s'))
     ended = run_here(root)
     assert ended.code == 6
-    trips = ended.package.events("trip")
+    trips = bodies(ended.package, "trip")
     assert [trip["limit"] for trip in trips] == ["coil-current"]
     assert trips[0]["t"] < 10
 
@@ -105,9 +106,9 @@ def test_a_current_that_flows_for_a_second_is_seen(tmp_path):
 def test_a_gap_that_the_benchs_silence_made_is_no_failure_of_the_dut(tmp_path, until, said):
     """A supply that is silent for a while holds the recording up: ERROR, for the case and for what it verifies."""
     ran = watching(tmp_path, with_faults("psu1", f"{{kind: dead, from: 12 s, until: {until}}}"))
-    (case,) = ran.package.results()["cases"]
+    (case,) = results_as_json(ran.package)["cases"]
     assert case["verdict"] == "ERROR"
-    assert ran.package.results()["requirements"][0]["verdict"] == "ERROR"
+    assert results_as_json(ran.package)["requirements"][0]["verdict"] == "ERROR"
     assert re.search(said, "".join(case["reasons"]))
-    assert {fault["device"] for fault in ran.package.events("fault")} == {"psu1"}
+    assert {fault["device"] for fault in bodies(ran.package, "fault")} == {"psu1"}
     assert replay(ran.package).differences == ()

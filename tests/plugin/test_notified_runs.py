@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from told_as_json import bodies, results_as_json
 from workspaces import make
 
 from hil.evidence.folder import JOURNAL
@@ -24,16 +25,16 @@ def test_equal_runs_that_notify_have_equal_digests(tmp_path):
     quiet = workspace.run()
     (workspace.root / "hil.toml").write_text('notify = ["/bin/cp", "/dev/stdin", "told.json"]\n')
     first, second = workspace.run(), workspace.run()
-    (notified,) = first.package.events("notified")
+    (notified,) = bodies(first.package, "notified")
     assert '"event":"end"' in (workspace.root / "told.json").read_text()
     assert notified["event"] == "end"
     digests = {read_journal(ran.package.folder / JOURNAL).content_digest for ran in (first, second)}
     assert len(digests) == 1
-    assert quiet.package.events("notified") == ()
+    assert bodies(quiet.package, "notified") == ()
     (workspace.root / "hil.toml").write_text('notify = ["/nowhere/tell"]\n')
     failed = workspace.run()
     assert (failed.code, failed.verdicts()) == (0, {"test_ratio": "PASS"})
-    assert failed.package.events("notify-failed")[0]["reason"] == "No such file or directory"
+    assert bodies(failed.package, "notify-failed")[0]["reason"] == "No such file or directory"
     assert "notification failed" in failed.page()
 
 
@@ -42,7 +43,7 @@ def test_the_verdict_that_is_told_is_that_of_the_package(tmp_path):
     workspace = make(tmp_path / "workspace", CASE.replace("1.0)", "9.0)"))
     (workspace.root / "hil.toml").write_text('notify = ["/bin/cp", "/dev/stdin", "told.json"]\n')
     ran = workspace.run()
-    assert (ran.code, ran.package.results()["verdict"]) == (1, "FAIL")
+    assert (ran.code, results_as_json(ran.package)["verdict"]) == (1, "FAIL")
     assert '"text":"FAIL: not every case passed: of 1 case 1 FAIL"' in (workspace.root / "told.json").read_text()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from told_as_json import bodies
 from workspaces import agreed, make
 
 from hil.model.errors import ConfigurationError
@@ -28,7 +29,7 @@ def test_answers_of_a_file_are_evidence(tmp_path):
     workspace = make(tmp_path / "workspace", ASKING)
     ran = workspace.run(answers=answers(workspace, '{jig-closed: "Yes", voltmeter: "4.98"}'), person=True)
     agreed(ran, {"test_asking": "PASS"}, "PASS", 0)
-    assert [(each["name"], each["value"], each["by"]) for each in ran.package.events("answer")] == [
+    assert [(each["name"], each["value"], each["by"]) for each in bodies(ran.package, "answer")] == [
         ("jig-closed", True, "answers file"),
         ("voltmeter", 4.98, "answers file"),
     ]

@@ -6,6 +6,7 @@ import textwrap
 
 import pytest
 from other_packages import TMP117, install, uninstall
+from told_as_json import bodies, results_as_json
 from workspaces import Workspace
 
 from hil.bench.file.reading import load_bench
@@ -113,13 +114,16 @@ def ran(workspace, **changes):
 def test_it_runs_to_a_package_that_verifies_and_replays(made):
     """The case asks for a role that `hil` does not have; its operations are journalled like those of every other."""
     run = ran(made)
-    assert (run.code, run.package.results()["verdict"]) == (0, "PASS"), run.out
+    assert (run.code, results_as_json(run.package)["verdict"]) == (0, "PASS"), run.out
     assert verify(run.package.folder).findings == ()
-    effects = [(event["name"], event["effect"]) for event in run.package.events("effect")]
+    effects = [(event["name"], event["effect"]) for event in bodies(run.package, "effect")]
     assert ("thermometer.start", "drives") in effects
     assert ("thermometer.temperature", "reads") in effects
     (check,) = (
-        each for case in run.package.results()["cases"] for each in case["checks"] if each["parameter"] == "temperature"
+        each
+        for case in results_as_json(run.package)["cases"]
+        for each in case["checks"]
+        if each["parameter"] == "temperature"
     )
     assert 29.8 < float(check["value"]) < 30.1
     assert float(check["uncertainty"]) == pytest.approx(0.05)
@@ -137,7 +141,7 @@ def test_a_fault_of_the_package_ends_a_case_in_the_open(made):
     path.write_text(text, encoding="utf-8")
     run = ran(made)
     assert run.code != 0
-    assert run.package.results()["verdict"] != "PASS"
+    assert results_as_json(run.package)["verdict"] != "PASS"
     assert verify(run.package.folder).findings == ()
 
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+from told_as_json import bodies, results_as_json
 from workspaces import DUT, Ended, make
 
 from hil.evidence.package.contents import Package
@@ -67,7 +68,7 @@ def test_plain_pytest_runs_a_plan_and_seals(tmp_path):
     assert f"package: {folder}" in ended.out
     assert "test_one RECORDED" in ended.out
     assert verify(folder).ok
-    assert Package(folder).events("end")[0]["exit_code"] == 0
+    assert bodies(Package(folder), "end")[0]["exit_code"] == 0
 
 
 def test_plain_pytest_tells_verdicts_and_keeps_deselected_cases(tmp_path, pytest_here):
@@ -75,7 +76,7 @@ def test_plain_pytest_tells_verdicts_and_keeps_deselected_cases(tmp_path, pytest
     workspace = make(tmp_path / "workspace", GOOD.replace('"ratio", 1.0', '"ratio", 9.0'))
     ended = pytest_here(workspace.root, *BENCH, "-k", "test_two")
     (folder,) = workspace.folders()
-    results = Package(folder).results()
+    results = results_as_json(Package(folder))
     assert ended.code == 1
     assert "T-010 ratio is FAIL" in ended.out
     assert (results["cases"][0]["verdict"], results["cases"][0]["reasons"]) == ("NOT_RUN", ["deselected"])
@@ -88,7 +89,7 @@ def test_a_case_named_alone_leaves_the_others_of_its_plan_not_run(tmp_path, pyte
     place = workspace.plan.relative_to(workspace.root) / "test_small.py"
     ended = pytest_here(workspace.root, f"{place}::test_two", *BENCH[1:])
     (folder,) = workspace.folders()
-    results = Package(folder).results()
+    results = results_as_json(Package(folder))
     assert ended.code == 1, ended.out
     assert "NOT_RUN  2 cases: 1 not run, 1 passed." in ended.out
     assert {case["case"].partition("::")[2]: case["verdict"] for case in results["cases"]} == {

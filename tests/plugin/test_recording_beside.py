@@ -6,6 +6,7 @@ import shutil
 
 import pytest
 from magnetorquer_runs import rows
+from told_as_json import bodies
 from workspaces import ROOT, make
 
 from hil.evidence.package.verification import verify
@@ -82,18 +83,18 @@ def test_a_case_records_beside_what_it_does(ran):
     """Both requirements are met, the recordings are whole, and the package verifies."""
     _, run = ran
     assert run.verdicts() == {"test_turning": "PASS"}
-    assert all(event["complete"] for event in run.package.events("recording-end"))
+    assert all(event["complete"] for event in bodies(run.package, "recording-end"))
     assert verify(run.package.folder).findings == ()
-    verdicts = {each["requirement"]: each["verdict"] for each in run.package.events("check")}
+    verdicts = {each["requirement"]: each["verdict"] for each in bodies(run.package, "check")}
     assert verdicts == {"T-010": "PASS", "T-030": "RECORDED"}
 
 
 def test_what_a_stream_feeds_is_told_and_not_written_twice(ran):
     """The journal names limit and recording once; the report says it where it shows what the envelope watched."""
     _, run = ran
-    (fed,) = run.package.events("fed")
+    (fed,) = bodies(run.package, "fed")
     assert (fed["limit"], fed["recording"]) == ("board-temperature", "001-test_turning-board")
-    ends = {event["recording"]: event["rows"] for event in run.package.events("recording-end")}
+    ends = {event["recording"]: event["rows"] for event in bodies(run.package, "recording-end")}
     assert ends["envelope-board-temperature"] < 4
     assert "every row of recording 001-test_turning-board" in run.page()
 
@@ -103,7 +104,7 @@ def test_a_replay_agrees(ran):
     _, run = ran
     again = replay(run.package)
     assert again.differences == ()
-    assert again.checks == len(list(run.package.events("check")))
+    assert again.checks == len(list(bodies(run.package, "check")))
 
 
 def test_two_runs_have_one_digest(ran):
@@ -132,8 +133,8 @@ def test_a_row_beyond_a_limit_trips_the_bench_and_a_replay_agrees(tmp_path):
     """The trip names the row; the recording is kept as incomplete, and the replay trips at the same row."""
     run = bench(tmp_path, FED, maximum="20").run()
     assert run.verdicts() == {"test_turning": "ERROR"}
-    (trip,) = run.package.events("trip")
+    (trip,) = bodies(run.package, "trip")
     assert "s of recording 001-test_turning-board" in trip["text"]
-    ends = {event["recording"]: event["complete"] for event in run.package.events("recording-end")}
+    ends = {event["recording"]: event["complete"] for event in bodies(run.package, "recording-end")}
     assert ends["001-test_turning-board"] is False
     assert replay(run.package).differences == ()

@@ -6,6 +6,7 @@ import re
 
 import pytest
 from rotation_bench import rotation_workspace
+from told_as_json import bodies
 
 REQUIREMENTS = """\
 - {id: T-010, rev: 1, text: The rate shall be what was asked for., kind: limit, method: test,
@@ -54,7 +55,7 @@ def slips(*fault):
 
 def effects(run):
     """Return the names of the effects of a run, in order."""
-    return [each["name"] for each in run.package.events("effect")]
+    return [each["name"] for each in bodies(run.package, "effect")]
 
 
 def test_a_board_is_turned_both_ways_after_a_persons_word(tmp_path):
@@ -64,7 +65,7 @@ def test_a_board_is_turned_both_ways_after_a_persons_word(tmp_path):
     named = effects(run)
     assert named.count("operator.table-may-start") == 1
     assert named.index("operator.table-may-start") < named.index("rotation_table.set_rate")
-    assert [each["value"] for each in run.package.events("answer")] == ["x", True, "z"]
+    assert [each["value"] for each in bodies(run.package, "answer")] == ["x", True, "z"]
 
 
 def test_a_person_who_says_no_keeps_the_table_standing(tmp_path):
@@ -89,7 +90,7 @@ def test_a_forgotten_table_stops_within_its_harness(tmp_path):
 def test_a_case_that_leaves_it_turning_finds_it_stopped(tmp_path):
     """The rest state stops it: proven by the encoder, nothing of it is left to the case."""
     run = ran(tmp_path, LEAVING)
-    (stop,) = run.package.events("rest")
+    (stop,) = bodies(run.package, "rest")
     assert (stop["ok"], stop["output"]) == (True, "rotation_table")
     assert stop["duration"] > 1
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from told_as_json import bodies
 from workspaces import agreed, make
 
 CASE = """
@@ -64,4 +65,4 @@ def test_a_forked_copy_writes_nothing_and_ends_with_the_case(tmp_path):
 """
     found = ran(tmp_path, "check('T-010', 'ratio', 9.0)", how.strip())
     agreed(found, {"test_one": "PASS"}, "PASS", 0)
-    assert len(found.package.events("check")) == 1
+    assert len(bodies(found.package, "check")) == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from told_as_json import bodies, results_as_json
 from workspaces import agreed, make
 
 from hil.evidence.package.verification import verify
@@ -240,7 +241,7 @@ def test_a_bench_fault_that_a_case_swallows_is_an_error(tmp_path):
     workspace.change_bench({"period: 2 s, max_age: 10 s": "period: 60 s, max_age: 300 s"})
     found = workspace.run()
     agreed(found, {"test_one": "ERROR", "test_last": "NOT_RUN"}, "ERROR", 1)
-    (fault,) = found.package.events("fault")
+    (fault,) = bodies(found.package, "fault")
     assert (fault["device"], fault["dut"]) == ("psu1", False)
     assert found.reasons("test_last").startswith("bench fault: psu1")
 
@@ -261,11 +262,11 @@ def test_a_trip_that_a_case_swallows_is_an_error(tmp_path):
     workspace.change_bench({'max: "3.5", period: 2 s': 'max: "3.0", period: 2 s'})
     found = workspace.run()
     agreed(found, {"test_one": "ERROR", "test_last": "NOT_RUN"}, "ERROR", 6)
-    (trip,) = found.package.events("trip")
+    (trip,) = bodies(found.package, "trip")
     assert trip["limit"] == "sensor-voltage"
     assert "supply.sensor: voltage" in found.reasons("test_one")
     assert found.reasons("test_last").startswith("the envelope tripped: supply.sensor")
-    assert all(end["ok"] for end in found.package.events("safe-end"))
+    assert all(end["ok"] for end in bodies(found.package, "safe-end"))
 
 
 def test_a_dead_magnetometer_is_an_error(tmp_path):
@@ -279,7 +280,7 @@ def test_a_dead_magnetometer_is_an_error(tmp_path):
     workspace.give_faults("mag1", "{kind: dead, from: 10 s}")
     found = workspace.run()
     agreed(found, {"test_one": "ERROR", "test_last": "NOT_RUN"}, "ERROR", 1)
-    ends = {end["recording"]: end for end in found.package.events("recording-end")}
+    ends = {end["recording"]: end for end in bodies(found.package, "recording-end")}
     assert not ends["001-test_one-field"]["complete"]
     assert ends["001-test_one-field"]["rows"] > 0
 
@@ -303,7 +304,7 @@ def test_a_silent_device_under_test_fails_what_speaks_of_it(tmp_path, requiremen
     found = workspace.run()
     worst = "FAIL" if verdict == "FAIL" else "INCONCLUSIVE"
     agreed(found, {"test_one": verdict, "test_last": "PASS"}, worst, 1)
-    assert [fault["dut"] for fault in found.package.events("fault")] == [True]
+    assert [fault["dut"] for fault in bodies(found.package, "fault")] == [True]
 
 
 @pytest.mark.parametrize(
@@ -336,7 +337,7 @@ def test_a_case_that_the_command_line_skips_is_a_deviation(tmp_path):
     found = ran(tmp_path, CHECK.format(value="1.0"), LAST, skips={"test_one": "jig in repair"})
     agreed(found, {"test_one": "NOT_RUN", "test_last": "PASS"}, "NOT_RUN", 1)
     assert found.reasons("test_one") == "jig in repair"
-    requirement = next(item for item in found.package.results()["requirements"] if item["cases"])
+    requirement = next(item for item in results_as_json(found.package)["requirements"] if item["cases"])
     assert "deviation: case test_one is skipped: jig in repair" in requirement["reasons"]
     assert "jig in repair" in found.out
 
@@ -345,7 +346,7 @@ def test_an_orphan_is_listed_and_is_no_pass(tmp_path):
     """A case without a requirement is told, runs, and is NOT_EVALUATED."""
     found = ran(tmp_path, CHECK.format(value="1.0"), "def test_two():\n    pass")
     agreed(found, {"test_one": "PASS", "test_two": "NOT_EVALUATED"}, "NOT_EVALUATED", 1)
-    (orphan,) = found.package.events("orphan")
+    (orphan,) = bodies(found.package, "orphan")
     assert orphan["cases"] == ["testplans/small/test_small.py::test_two"]
     assert "test_two carries no requirement" in found.out
 
@@ -360,7 +361,7 @@ def test_a_changed_parameter_is_a_deviation(tmp_path):
     found = ran(tmp_path, cases, overrides={"current": "0.02"})
     agreed(found, {"test_one": "PASS"}, "PASS", 0)
     assert "deviation: parameter current is 0.02 A instead of 0.01 A" in found.out
-    assert not found.package.results()["requirements"][0]["eligible"]
+    assert not results_as_json(found.package)["requirements"][0]["eligible"]
     assert "DEVIATION" in found.page()
 
 
@@ -400,7 +401,7 @@ def test_a_supply_that_refuses_to_switch_off_is_unsafe(tmp_path):
     workspace.give_faults("psu1", "{kind: refuse-off, from: 8 s}")
     found = workspace.run()
     agreed(found, {"test_one": "PASS", "test_last": "NOT_RUN"}, "ERROR", 7)
-    assert found.package.results()["safe"] is False
+    assert results_as_json(found.package)["safe"] is False
     assert "NOT SAFE" in found.page()
     assert "THE BENCH COULD NOT BE PROVEN SAFE" in found.out
 
@@ -412,7 +413,7 @@ def test_a_wrong_identity_is_not_armed_and_not_touched(tmp_path):
     found = workspace.run()
     agreed(found, {"test_one": "NOT_RUN", "test_last": "NOT_RUN"}, "NOT_RUN", 1)
     assert "expected manufacturer" in found.reasons("test_one")
-    assert not found.package.events("armed", "case", "safe", "safe-end")
+    assert not bodies(found.package, "armed", "case", "safe", "safe-end")
     assert not any("OUTP" in bytes.fromhex(line.split("\t")[5]).decode("latin-1") for line in _writes(found))
 
 
@@ -454,7 +455,7 @@ def test_a_stop_that_no_scheduling_point_saw_is_no_pass(tmp_path, remaining):
     """
     found = ran(tmp_path, cases, *remaining)
     agreed(found, {"test_one": "PASS", **({"test_last": "NOT_RUN"} if remaining else {})}, "ABORTED", 2)
-    assert [stop["reason"] for stop in found.package.events("stop")] == ["SIGINT"]
+    assert [stop["reason"] for stop in bodies(found.package, "stop")] == ["SIGINT"]
     if remaining:
         assert found.reasons("test_last") == "stopped by SIGINT"
 
@@ -555,7 +556,7 @@ def test_data_that_are_no_numbers_are_inconclusive(tmp_path, until):
     workspace.give_faults("mag1", f"{{kind: saturated, from: 4 s, {until}}}")
     found = workspace.run()
     agreed(found, {"test_one": "INCONCLUSIVE"}, "INCONCLUSIVE", 1)
-    (check,) = [check for check in found.package.events("check") if check["parameter"] == "not_finite"]
+    (check,) = [check for check in bodies(found.package, "check") if check["parameter"] == "not_finite"]
     assert check["reason"] in found.reasons("test_one")
     assert check["reason"].startswith(f"{check['value']:.0f} of 1200 samples are not finite: x ")
 
@@ -664,13 +665,13 @@ def test_a_name_without_parameters_skips_all_of_them(tmp_path):
     """Each case of the function is NOT_RUN with the reason; one that is named has its own."""
     workspace = make(tmp_path / "workspace", PARAMETRISED, LAST)
     found = workspace.run(skips={"test_each": "no jig"})
-    assert sorted(found.package.results()["counts"].items()) == [("NOT_RUN", 2), ("PASS", 1)]
+    assert sorted(results_as_json(found.package)["counts"].items()) == [("NOT_RUN", 2), ("PASS", 1)]
     assert found.code == 1
     assert found.out.count("no jig") >= 2
-    reasons = {end["case"]: end["reason"] for end in found.package.events("not-run")}
+    reasons = {end["case"]: end["reason"] for end in bodies(found.package, "not-run")}
     assert set(reasons.values()) == {"no jig"}
     again = workspace.run(skips={"test_each[b[1]::c]": "broken", "test_each": "no jig"})
-    reasons = {end["case"]: end["reason"] for end in again.package.events("not-run")}
+    reasons = {end["case"]: end["reason"] for end in bodies(again.package, "not-run")}
     place = "testplans/small/test_small.py::test_each"
     assert reasons == {f"{place}[a]": "no jig", f"{place}[b[1]::c]": "broken"}
 

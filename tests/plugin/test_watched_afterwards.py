@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from chamber_wiring import wire_chamber
+from told_as_json import bodies, results_as_json
 from workspaces import agreed, make
 
 from hil.plugin.rehearsing import replay
@@ -37,7 +38,7 @@ def ended(tmp_path, *faults, lamp=""):
 
 def lines(ran):
     """Return what was written down of the watch."""
-    return [event for event in ran.package.events("safe") if event["state"] == "watched"]
+    return [event for event in bodies(ran.package, "safe") if event["state"] == "watched"]
 
 
 def test_what_is_off_is_seen_to_be_off(tmp_path):
@@ -46,7 +47,9 @@ def test_what_is_off_is_seen_to_be_off(tmp_path):
     agreed(ran, {"test_warm": "PASS"}, "PASS", 0)
     (line,) = lines(ran)
     assert (line["output"], line["ok"], line["duration"]) == ("thermal", True, pytest.approx(120, abs=5))
-    (recording,) = [each for each in ran.package.recordings() if each["recording"] == "after-thermal-temperature"]
+    (recording,) = [
+        each for each in bodies(ran.package, "recording") if each["recording"] == "after-thermal-temperature"
+    ]
     assert recording["channels"][0]["unit"] == "degC"
     assert replay(ran.package).differences == ()
 
@@ -60,10 +63,10 @@ def test_what_only_reads_off_ends_unsafe(tmp_path, faults, lamp):
     """Every line of the safe-off is proven, the plate goes elsewhere: exit 7, and the output is named."""
     ran = ended(tmp_path, *faults, lamp=lamp)
     assert ran.code == 7
-    assert all(event["ok"] for event in ran.package.events("safe") if event["state"] != "watched")
+    assert all(event["ok"] for event in bodies(ran.package, "safe") if event["state"] != "watched")
     (line,) = lines(ran)
     assert not line["ok"]
     assert line["detail"].endswith("and not toward 22 degC: something still drives it")
     assert "NOT SAFE: thermal watched, its temperature went" in ran.out
-    assert ran.package.results()["safe"] is False
+    assert results_as_json(ran.package)["safe"] is False
     assert "something still drives it" in ran.page()

@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from told_as_json import bodies, results_as_json
 from workspaces import ROOT, Workspace
 
 from hil.evidence.package.contents import Package
@@ -98,12 +99,12 @@ class Ended:
         """Return the checks of one parameter."""
         return [
             event
-            for event in self.package.events("check")
+            for event in bodies(self.package, "check")
             if event["requirement"].endswith(requirement) and event["parameter"] == parameter
         ]
 
     def _result(self) -> Mapping[str, object]:
-        return next(each for each in self.package.results()["cases"] if each["case"].endswith(f"::{self.case}"))
+        return next(each for each in results_as_json(self.package)["cases"] if each["case"].endswith(f"::{self.case}"))
 
 
 def committed_workspace(root: Path) -> Workspace:

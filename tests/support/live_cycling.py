@@ -15,6 +15,7 @@ from battery_runs import BatteryWorkspace, battery_workspace
 from live_runs import Served, guardian_of, seconds_until, served
 from resumed_runs import without_git
 from terminals import Terminal
+from told_as_json import bodies
 from workspaces import Ended, executive, finish, kill
 
 from hil.evidence.folder import JOURNAL
@@ -97,7 +98,7 @@ class Cycling:
 
     def events(self) -> tuple[Body, ...]:
         """Return what its journal holds so far."""
-        return read_journal(self.folder / JOURNAL).bodies
+        return bodies(read_journal(self.folder / JOURNAL))
 
     def wait_for(self, turn: int, phase: str, limit_s: float = 300.0) -> None:
         """Wait until the tester is amid such a phase of a turn, by what the run has recorded."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from adcs_bench import copy_fixtures
+from told_as_json import bodies, results_as_json
 
 from hil.evidence.package.contents import Package
 from hil.executive.setup.configuration import Request, configure
@@ -48,13 +49,13 @@ class Ran:
         """Return the verdict of every case that was not skipped, by the case's own name."""
         return {
             case["case"].rpartition("::")[2]: str(case["verdict"])
-            for case in self.package.results()["cases"]
+            for case in results_as_json(self.package)["cases"]
             if case["reasons"] != [_SKIPPED]
         }
 
     def reasons(self) -> str:
         """Return the reasons of all cases that were not skipped."""
-        cases = self.package.results()["cases"]
+        cases = results_as_json(self.package)["cases"]
         return "\n".join(reason for case in cases for reason in case["reasons"] if reason != _SKIPPED)
 
 
@@ -121,6 +122,6 @@ def start_elsewhere(root: Path, *options: str) -> subprocess.Popen[str]:
 
 def rows(package: Package, *, of_cases: bool) -> dict[str, str]:
     """Return the hash of every recording's rows: of the cases' recordings, or of the envelope's."""
-    chosen = {event["recording"] for event in package.recordings() if (event["case"] is not None) == of_cases}
-    ends = package.events("recording-end")
+    chosen = {event["recording"] for event in bodies(package, "recording") if (event["case"] is not None) == of_cases}
+    ends = bodies(package, "recording-end")
     return {event["recording"]: event["sha256"] for event in ends if event["recording"] in chosen}

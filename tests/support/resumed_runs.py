@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
+from told_as_json import bodies, results_as_json
 from workspaces import Workspace, kill
 
 from hil.evidence.package.contents import Package
@@ -34,8 +35,8 @@ def killed(process: subprocess.Popen[str], after: float) -> bool:
 
 def findings_of(package: Package) -> dict[str, object]:
     """Return every recording's hash and all results, but for the journal's line numbers and what follows from them."""
-    rows = {event["recording"]: (event["rows"], event["sha256"]) for event in package.events("recording-end")}
-    results = json.loads(json.dumps(package.results()))
+    rows = {event["recording"]: (event["rows"], event["sha256"]) for event in bodies(package, "recording-end")}
+    results = json.loads(json.dumps(results_as_json(package)))
     del results["content_digest"]
     for case in results["cases"]:
         for check in case["checks"]:

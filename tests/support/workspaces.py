@@ -15,6 +15,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from adcs_bench import copy_fixtures
+from told_as_json import bodies, results_as_json
 
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
@@ -110,11 +111,11 @@ class Ran:
 
     def verdicts(self) -> dict[str, str]:
         """Return the verdict of every planned case, by the case's own name."""
-        return {_short(case["case"]): str(case["verdict"]) for case in self.package.results()["cases"]}
+        return {_short(case["case"]): str(case["verdict"]) for case in results_as_json(self.package)["cases"]}
 
     def reasons(self, case: str) -> str:
         """Return the reasons of one case, a line each."""
-        found = next(each for each in self.package.results()["cases"] if _short(each["case"]) == case)
+        found = next(each for each in results_as_json(self.package)["cases"] if _short(each["case"]) == case)
         return "\n".join(found["reasons"])
 
     def junit(self) -> dict[str, str]:
@@ -299,17 +300,17 @@ _ELEMENTS = {"PASS": "passed", "RECORDED": "passed", "ERROR": "error", "ABORTED"
 
 def agreed(ran: Ran, verdicts: Mapping[str, str], run_verdict: str, code: int) -> None:
     """Assert that journal, results, JUnit, page, last lines and exit code say the same of a sealed run."""
-    ends = {_short(end["case"]): end["verdict"] for end in ran.package.events("case-end")}
-    results = ran.package.results()
+    ends = {_short(end["case"]): end["verdict"] for end in bodies(ran.package, "case-end")}
+    results = results_as_json(ran.package)
     assert ran.verdicts() == dict(verdicts)
     assert {**verdicts, **ends} == dict(verdicts)
     assert results["verdict"] == run_verdict
-    assert next(iter(ran.package.events("results")))["verdict"] == run_verdict
+    assert next(iter(bodies(ran.package, "results")))["verdict"] == run_verdict
     assert ran.junit() == {case: _ELEMENTS.get(verdict, "failure") for case, verdict in verdicts.items()}
     assert f"</svg>{run_verdict}</p>" in ran.page()
     assert all(f"{verdict}</span>" in ran.page() for verdict in verdicts.values())
     assert f"\n{run_verdict}  " in ran.out
-    assert (ran.code, ran.package.events("end")[0]["exit_code"]) == (code, code)
+    assert (ran.code, bodies(ran.package, "end")[0]["exit_code"]) == (code, code)
     assert ran.out.splitlines()[-1].endswith(ran.package.name)
     assert verify(ran.package.folder).findings == ()
 
@@ -318,8 +319,8 @@ def said_of(ran: Ran, file: str, verdicts: Mapping[str, str]) -> None:
     """Assert that journal, results, JUnit and page say the same of the cases of one module of the plan."""
     prefix = f"testplans/small/{file}::"
     expected = {prefix + case: verdict for case, verdict in verdicts.items()}
-    results = {case["case"]: case["verdict"] for case in ran.package.results()["cases"]}
-    ends = {end["case"]: end["verdict"] for end in ran.package.events("case-end")}
+    results = {case["case"]: case["verdict"] for case in results_as_json(ran.package)["cases"]}
+    ends = {end["case"]: end["verdict"] for end in bodies(ran.package, "case-end")}
     assert {case: verdict for case, verdict in results.items() if case.startswith(prefix)} == expected
     assert {case: verdict for case, verdict in ends.items() if case.startswith(prefix)}.items() <= expected.items()
     elements = ran.elements()

@@ -6,6 +6,7 @@ import csv
 
 import pytest
 from battery_runs import battery_workspace
+from told_as_json import bodies, results_as_json
 
 from hil.evidence.package.verification import verify
 from hil.plugin.rehearsing import replay
@@ -45,7 +46,7 @@ ARTIFACT = "data/attachments/test_charge-iterations.csv"
 
 def found(ran):
     """Return the verdict of every requirement of a run."""
-    (case,) = ran.package.results()["cases"]
+    (case,) = results_as_json(ran.package)["cases"]
     return dict(case["requirements"])
 
 
@@ -88,7 +89,7 @@ def test_what_the_run_concludes(healthy):
     """Everything is recorded and met but the declaration: more than 115 % of it is a doubt, not good news."""
     assert healthy.code == 1
     assert found(healthy) == VERDICTS
-    declared = [event for event in healthy.package.events("check") if event["requirement"] == "EPS-BAT-009"]
+    declared = [event for event in bodies(healthy.package, "check") if event["requirement"] == "EPS-BAT-009"]
     assert [event["parameter"] for event in declared] == ["discharge_capacity", "discharge_energy"]
     for event in declared:
         assert "capacity_ratio: 1.42, expected 0.8 to 1.15" in event["reason"]
@@ -97,13 +98,13 @@ def test_what_the_run_concludes(healthy):
 
 def test_the_whole_test_is_recorded(healthy):
     """One recording holds every line of the cycler from first charge to last discharge, and fed every limit on it."""
-    (facts,) = [event for event in healthy.package.events("recording") if event["name"] == "test"]
-    fed = {event["limit"] for event in healthy.package.events("fed") if event["recording"] == facts["recording"]}
-    gates = [event["name"].split() for event in healthy.package.events("gate")]
+    (facts,) = [event for event in bodies(healthy.package, "recording") if event["name"] == "test"]
+    fed = {event["limit"] for event in bodies(healthy.package, "fed") if event["recording"] == facts["recording"]}
+    gates = [event["name"].split() for event in bodies(healthy.package, "gate")]
     watched = {name[1] for name in gates if name[0] == "envelope"}
     assert watched - fed == {"plate-temperature", "cell-against-charger"}
     assert fed >= {"cell-voltage", "charged", "discharged-energy", "charging-time", "cell-warming", "thermistor-stuck"}
-    steps = [event for event in healthy.package.events("step") if event["path"][-1].startswith("Cycle ")]
+    steps = [event for event in bodies(healthy.package, "step") if event["path"][-1].startswith("Cycle ")]
     assert [event["path"][-1] for event in steps] == [f"Cycle {n} of 10" for n in range(1, 11)]
 
 
@@ -144,7 +145,7 @@ def test_nothing_declared_is_no_pass(tmp_path):
     )
     ran = workspace.run(overrides=SHORT)
     assert found(ran)["EPS-BAT-009"] == "INCONCLUSIVE"
-    for event in ran.package.events("check"):
+    for event in bodies(ran.package, "check"):
         if event["requirement"] == "EPS-BAT-009":
             assert "capacity_ratio: cannot be told" in event["reason"]
             assert "energy_ratio: cannot be told" in event["reason"]
@@ -153,7 +154,7 @@ def test_nothing_declared_is_no_pass(tmp_path):
 def test_without_a_rest_there_is_no_rest_voltage(tmp_path):
     """The reason is that there was no rest, and which parameter says so."""
     ran = short_run(tmp_path, rest="0")
-    (event,) = [event for event in ran.package.events("check") if event["parameter"] == "rest_voltage_charged"]
+    (event,) = [event for event in bodies(ran.package, "check") if event["parameter"] == "rest_voltage_charged"]
     assert event["verdict"] == "INCONCLUSIVE"
     assert event["reason"] == "there was no rest behind this half-cycle: the parameter 'rest' is 0 s"
 
@@ -162,7 +163,7 @@ def test_a_test_that_the_tester_ends_is_an_error(tmp_path):
     """A charge that takes longer than it may is ended by the tester: an ERROR at once, and the bench is safe."""
     ran = short_run(tmp_path, longest_half_cycle="3600")
     assert "ended its test by itself, it says 'tripped TIME'" in ran.reasons("test_charge")
-    (fault,) = ran.package.events("fault")
+    (fault,) = bodies(ran.package, "fault")
     assert "than the parameter longest_half_cycle, the cycler's setting 'time', allows" in fault["hint"]
     assert "fuse" not in fault["hint"]
     assert ran.verdicts() == {"test_charge": "ERROR"}
@@ -175,7 +176,7 @@ def test_lines_that_are_lost_show(tmp_path):
     fault = "      faults: [{kind: lost-lines, lines: '4', from: 7300 s}]"
     ran = short_run(tmp_path, {place: f"{fault}\n{place}"})
     assert found(ran)["EPS-BAT-010"] == "FAIL"
-    gaps = [event for event in ran.package.events("check") if event["parameter"] == "max_gap"]
+    gaps = [event for event in bodies(ran.package, "check") if event["parameter"] == "max_gap"]
     assert [(event["verdict"], event["value"] > 10) for event in gaps] == [("FAIL", True)] * 3
 
 
@@ -184,7 +185,7 @@ def test_one_row_that_stands_out_is_held_against_its_own_cycle(tmp_path):
     place = "      truth: {clock_drift:"
     fault = "      faults: [{kind: spike, from: 3000 s, until: 3005 s}]"
     ran = short_run(tmp_path, {place: f"{fault}\n{place}"}, iterations="2")
-    of = {(event["parameter"], event["of"]): event for event in ran.package.events("check")}
+    of = {(event["parameter"], event["of"]): event for event in bodies(ran.package, "check")}
     for parameter, good in (("end_of_discharge_voltage", "PASS"), ("charge_energy", "RECORDED")):
         first, second = of[parameter, "1"], of[parameter, "2"]
         assert (first["verdict"], second["verdict"]) == ("INCONCLUSIVE", good)

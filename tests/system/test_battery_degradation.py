@@ -9,6 +9,7 @@ import sys
 
 import pytest
 from battery_runs import battery_workspace
+from told_as_json import bodies, results_as_json
 
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
@@ -48,7 +49,7 @@ LEVEL_1 = {
 
 def found(package):
     """Return the verdict of every requirement of a run."""
-    (case,) = package.results()["cases"]
+    (case,) = results_as_json(package)["cases"]
     return dict(case["requirements"])
 
 
@@ -113,7 +114,7 @@ def test_a_cooler_that_does_nothing_ends_the_test_before_the_next_half_cycle(tmp
     ran = run_of(tmp_path, 2, changes)
     assert ran.code == 1
     assert "no temperature below 11.5 within 840 s" in ran.reasons("test_degradation")
-    assert not [event for event in ran.package.events("step") if event["path"][-1] == "Discharge"]
+    assert not [event for event in bodies(ran.package, "step") if event["path"][-1] == "Discharge"]
 
 
 def without_its_limits(text):
@@ -132,7 +133,7 @@ def test_firmware_that_does_not_wait_leaves_the_thermal_requirement_open(tmp_pat
     bench.write_text(without_its_limits(bench.read_text()))
     ran = workspace.run(overrides={"cycles": "2"})
     assert found(ran.package)["EPS-DEG-007"] == "INCONCLUSIVE", ran.out
-    reasons = {event["reason"] for event in ran.package.events("check") if event["requirement"] == "EPS-DEG-007"}
+    reasons = {event["reason"] for event in bodies(ran.package, "check") if event["requirement"] == "EPS-DEG-007"}
     assert all("waits for no temperature" in reason for reason in reasons)
 
 
@@ -176,6 +177,6 @@ def test_weeks_take_little_more_memory_than_days(tmp_path):
     _, days = peak_of(tmp_path / "days", HALF_A_WEEK)
     package, weeks = peak_of(tmp_path / "weeks", FIVE_WEEKS)
     assert found(package) == VERDICTS
-    (ended,) = [event for event in package.events("recording-end") if event["recording"].endswith("-test")]
+    (ended,) = [event for event in bodies(package, "recording-end") if event["recording"].endswith("-test")]
     assert ended["rows"] * 5 == pytest.approx(844 * 3600, rel=0.005)
     assert weeks / days < LARGEST_RATIO, (weeks, days)

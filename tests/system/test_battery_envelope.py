@@ -10,6 +10,7 @@ import pytest
 import sweeps
 from battery_faults import Scene, plant
 from battery_runs import battery_workspace
+from told_as_json import bodies
 
 from hil.evidence.package.contents import Package
 from hil.executive.resuming.preconditions import resumed_request
@@ -134,7 +135,7 @@ def test_a_fault_that_trips_the_bench(scene, tmp_path, fault):
     changes, acts, limit, words = TRIPS[fault]
     scene.acts[:] = acts
     ran = battery_workspace(tmp_path / "w", CHARGE, changes).run(overrides=SHORT)
-    (trip,) = ran.package.events("trip")
+    (trip,) = bodies(ran.package, "trip")
     assert re.search(words, trip["text"]), trip["text"]
     assert limit in {None, trip["limit"]}
     assert (ran.code, ran.verdicts()) == (6, {"test_charge": "ERROR"})
@@ -145,7 +146,7 @@ def test_a_plate_below_the_dew_point_trips_the_bench(scene, tmp_path):
     """A setpoint that somebody changed by hand cools the plates until water would condense, and no further."""
     scene.acts[:] = [(5.5, holds(0.0))]
     ran = battery_workspace(tmp_path / "w", DEGRADATION).run(overrides={"cycles": "1"})
-    (trip,) = ran.package.events("trip")
+    (trip,) = bodies(ran.package, "trip")
     assert (trip["limit"], trip["value"] < 4) == ("plate-temperature", True)
     assert "is below 4 degC" in trip["text"]
     assert (ran.code, ran.verdicts()) == (6, {"test_degradation": "ERROR"})
@@ -170,9 +171,9 @@ def test_what_was_charged_before_a_stop_counts_after_it(scene, monkeypatch, tmp_
     request = partial(resumed_request, start=workspace.root, answers=None, person=False)
     assert resume(workspace.folders()[0], request, out) == 6, out.getvalue()
     package = Package(workspace.folders()[0])
-    (trip,) = package.events("trip")
+    (trip,) = bodies(package, "trip")
     assert (trip["limit"], round(trip["value"], 2)) == ("charged", 2.6)
-    (recording,) = [event["recording"] for event in package.events("recording") if event["name"] == "test"]
+    (recording,) = [event["recording"] for event in bodies(package, "recording") if event["name"] == "test"]
     test = package.recording(recording)
     charged = float((test["current"] * (test["phase"] == 1.0)).sum()) * 5 / 3600
     assert charged == pytest.approx(2.6, abs=0.01)

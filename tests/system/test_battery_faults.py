@@ -6,6 +6,7 @@ import pytest
 import sweeps
 from battery_faults import Scene, loses_its_output, overshoots, plant
 from battery_runs import battery_workspace
+from told_as_json import bodies, results_as_json
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(360)]
 
@@ -101,7 +102,7 @@ def test_a_cell_that_is_reversed_is_told_before_anything_is_on(scene, tmp_path):
     assert ran.verdicts() == {"test_charge": "NOT_RUN"}
     assert "the cell has -4.2" in ran.reasons("test_charge")
     assert "is it reversed, is it connected, is its fuse whole?" in ran.reasons("test_charge")
-    assert ran.package.events("safe") == ()
+    assert bodies(ran.package, "safe") == ()
     assert scene.still_on() == {}
 
 
@@ -150,7 +151,7 @@ def test_a_fault_that_only_the_numbers_show_is_a_doubt(scene, tmp_path, fault):
     acts, words = DOUBTED[fault]
     scene.acts[:] = acts
     ran = battery_workspace(tmp_path / "w", CHARGE, cell('capacity: "1.5"')).run(overrides=SHORT)
-    checks = [event for event in ran.package.events("check") if event["of"] == "1"]
+    checks = [event for event in bodies(ran.package, "check") if event["of"] == "1"]
     assert {event["verdict"] for event in checks} == {"INCONCLUSIVE"}
     assert all(words in event["reason"] for event in checks)
     assert scene.still_on() == {}
@@ -209,7 +210,7 @@ def test_a_charge_that_broke_off_is_a_doubt_of_charges_and_fade(scene, tmp_path)
     """A charger that was gone for half a minute near the end of a charge looks like a charge that was over."""
     scene.acts[:] = [(4.0, plant(supply_current=0.0)), (4.01, plant(supply_current=0.7))]
     ran = battery_workspace(tmp_path / "w", DEGRADATION).run(overrides={"cycles": "4"})
-    (case,) = ran.package.results()["cases"]
+    (case,) = results_as_json(ran.package)["cases"]
     found = {name for name, verdict in case["requirements"].items() if verdict == "INCONCLUSIVE"}
     assert found == {"EPS-DEG-001", "EPS-DEG-008"}
     assert "the charge of cycle 1 ended with" in ran.reasons("test_degradation")

@@ -10,6 +10,7 @@ import pytest
 import sweeps
 from battery_faults import Scene
 from battery_runs import battery_workspace
+from told_as_json import bodies, results_as_json
 
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
@@ -44,7 +45,7 @@ def stopped_at(scene, root, plan, overrides, *hours):
             code = run(workspace.request(overrides=overrides), out)
         assert (code == 2) == (hour is not None), out.getvalue()
     package = Package(workspace.folders()[0])
-    (case,) = package.results()["cases"]
+    (case,) = results_as_json(package)["cases"]
     return package, case
 
 
@@ -84,9 +85,9 @@ def test_a_charge_plan_goes_on_with_the_cycles_that_are_left(scene, tmp_path, st
         assert [float(row[place]) for place in (9, 10)] == pytest.approx([1.985, 1.985], abs=0.01)
         assert float(row[13]) == pytest.approx(1.0, abs=0.006)
         assert float(row[23]) == pytest.approx(0.05, abs=0.003)
-    verdicts = {event["parameter"]: event["verdict"] for event in package.events("check") if event["of"] == "2"}
+    verdicts = {event["parameter"]: event["verdict"] for event in bodies(package, "check") if event["of"] == "2"}
     assert set(verdicts.values()) <= {"PASS", "RECORDED"}
-    told = [event for event in package.events("check") if event["parameter"] == "stopped"]
+    told = [event for event in bodies(package, "check") if event["parameter"] == "stopped"]
     assert [event["verdict"] for event in told] == ["INCONCLUSIVE"] * 3
     assert case["requirements"]["EPS-BAT-010"] == "PASS"
     assert scene.still_on() == {}
@@ -98,7 +99,7 @@ def test_the_rest_in_which_a_run_was_stopped_tells_no_voltage(scene, tmp_path):
     package, _ = stopped_at(scene, tmp_path, CHARGE, THREE, 7.8)
     found = {
         event["of"]: event["verdict"]
-        for event in package.events("check")
+        for event in bodies(package, "check")
         if event["parameter"] == "rest_voltage_discharged"
     }
     assert found == {"1": "INCONCLUSIVE", "2": "RECORDED"}

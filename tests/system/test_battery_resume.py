@@ -10,6 +10,7 @@ import pytest
 import sweeps
 from battery_runs import battery_workspace
 from resumed_runs import findings_of, killed, without_git
+from told_as_json import bodies
 
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
@@ -55,6 +56,6 @@ def test_kills_change_nothing(tmp_path):
     assert kills == KILLS
     assert findings_of(package) == findings_of(Package(undisturbed))
     assert (verify(disturbed).findings, verify(disturbed).ok) == ((), verify(undisturbed).ok)
-    numbers = [event["number"] for event in package.events("resumed")]  # who was killed at once had nothing to tell
+    numbers = [event["number"] for event in bodies(package, "resumed")]  # who was killed at once had nothing to tell
     assert numbers == list(range(1, len(numbers) + 1))
     assert len(numbers) >= KILLS // 2

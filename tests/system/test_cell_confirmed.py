@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from battery_runs import BatteryWorkspace, battery_workspace
 from live_runs import served
+from told_as_json import bodies
 
 from hil.executive.people.answers import SIMULATED_PERSON
 from hil.plugin.rehearsing import replay
@@ -56,8 +57,8 @@ def test_fuse_and_thermistor_are_safety_confirmations(tmp_path):
     """In the process of the run the simulated person gives them; the package says so, and replays."""
     ran = workspace_of(tmp_path / "w").run()
     assert ran.verdicts() == {"test_cell": "PASS"}
-    assert [(each["name"], each["safety"]) for each in ran.package.events("question")] == [(n, True) for n in ASKED]
-    assert [each["by"] for each in ran.package.events("answer")] == [SIMULATED_PERSON] * 2
+    assert [(each["name"], each["safety"]) for each in bodies(ran.package, "question")] == [(n, True) for n in ASKED]
+    assert [each["by"] for each in bodies(ran.package, "answer")] == [SIMULATED_PERSON] * 2
     assert replay(ran.package).differences == ()
 
 

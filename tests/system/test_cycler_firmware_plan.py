@@ -13,6 +13,7 @@ import sweeps
 from battery_runs import battery_workspace
 from cycler_firmware import declared_in
 from live_runs import live_workspace, running, seconds_until, served
+from told_as_json import bodies, results_as_json
 from workspaces import finish, kill
 
 from hil.evidence.package.contents import Package
@@ -62,7 +63,7 @@ def ran(workspace, *arguments):
 
 def checks(package):
     """Return every check by requirement, parameter and what it is of."""
-    return {(each["requirement"], each["parameter"], each["of"]): each for each in package.events("check")}
+    return {(each["requirement"], each["parameter"], each["of"]): each for each in bodies(package, "check")}
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +98,9 @@ def test_every_verdict_is_that_of_the_peer(firmware, peer):
     assert {key: each["verdict"] for key, each in real.items()} == {
         key: each["verdict"] for key, each in simulated.items()
     }
-    assert firmware[1].results()["cases"][0]["requirements"] == peer[1].results()["cases"][0]["requirements"]
+    assert (
+        results_as_json(firmware[1])["cases"][0]["requirements"] == results_as_json(peer[1])["cases"][0]["requirements"]
+    )
 
 
 @pytest.mark.soak
@@ -130,7 +133,7 @@ def test_every_number_is_that_of_the_peer(firmware, peer):
 def test_the_firmware_ends_the_plan_by_its_own_limits(tmp_path, changes, parameter, reason):
     """Its relays open before the envelope is left: the case is an ERROR at once, and the bench is safe."""
     ended, package = ran(with_firmware(tmp_path, changes), "--parameter", parameter)
-    assert (ended.code, package.results()["cases"][0]["verdict"]) == (1, "ERROR")
+    assert (ended.code, results_as_json(package)["cases"][0]["verdict"]) == (1, "ERROR")
     assert f"ended its test by itself, it says '{reason}'" in ended.out
     assert "bench safe: every output proven" in ended.out
 
@@ -139,7 +142,7 @@ def test_a_firmware_that_hangs_is_reset_and_told(tmp_path):
     """Its watchdog opens the relays and it says so; the case is an ERROR, and the bench is safe."""
     clock = "      truth: {clock_drift:"
     ended, package = ran(with_firmware(tmp_path, {clock: '      truth: {converter_hangs: "12000", clock_drift:'}))
-    assert (ended.code, package.results()["cases"][0]["verdict"]) == (1, "ERROR")
+    assert (ended.code, results_as_json(package)["cases"][0]["verdict"]) == (1, "ERROR")
     assert "it has started anew (boot 43, WATCHDOG): its relays are open" in ended.out
     assert "bench safe: every output proven" in ended.out
 

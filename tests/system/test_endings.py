@@ -11,6 +11,7 @@ import time
 
 import pytest
 import sweeps
+from told_as_json import bodies, results_as_json
 from workspaces import executive, finish, make
 
 from hil.evidence.package.contents import Package
@@ -83,13 +84,13 @@ def package_of(workspace):
     (folder,) = workspace.folders()
     assert verify(folder).findings == ()
     package = Package(folder)
-    assert package.results()["safe"] is True
+    assert results_as_json(package)["safe"] is True
     return package
 
 
 def verdicts(package):
     """Return the verdicts of the cases in order."""
-    return [each["verdict"] for each in package.results()["cases"]]
+    return [each["verdict"] for each in results_as_json(package)["cases"]]
 
 
 SWALLOW = "while True:\n    try:\n        {call}\n    except BaseException:\n        pass"
@@ -132,7 +133,7 @@ def test_a_case_that_swallows_its_timeout_is_ended(tmp_path, call):
     package = package_of(workspace)
     assert ended.code == 1, ended.err
     assert verdicts(package) == ["ERROR", "NOT_RUN"]
-    assert package.results()["cases"][0]["duration"] < 30
+    assert results_as_json(package)["cases"][0]["duration"] < 30
 
 
 def test_a_stop_that_was_swallowed_once_is_no_pass(tmp_path):
@@ -298,7 +299,7 @@ def test_a_terminal_that_hangs_up_ends_the_run_in_order(tmp_path):
     _, status = os.waitpid(child, 0)
     package = package_of(workspace)
     assert os.waitstatus_to_exitcode(status) == 2
-    assert [stop["reason"] for stop in package.events("stop")] == ["SIGHUP"]
+    assert [stop["reason"] for stop in bodies(package, "stop")] == ["SIGHUP"]
 
 
 def test_ctrl_c_at_the_terminal_is_one_request(tmp_path):
@@ -317,7 +318,7 @@ def test_ctrl_c_at_the_terminal_is_one_request(tmp_path):
     _, status = os.waitpid(child, 0)
     package = package_of(workspace)
     assert os.waitstatus_to_exitcode(status) == 2
-    assert [(stop["reason"], stop["urgent"]) for stop in package.events("stop")] == [("SIGINT", False)]
+    assert [(stop["reason"], stop["urgent"]) for stop in bodies(package, "stop")] == [("SIGINT", False)]
     os.close(terminal)
 
 
@@ -336,7 +337,7 @@ def test_ctrl_c_at_any_moment_gives_no_traceback(tmp_path):
         assert ended.code in {0, 2, 130, -signal.SIGINT}, (number, ended.code, ended.err)
         for folder in place.iterdir() if place.exists() else []:
             assert verify(folder).findings == (), (number, ended)
-            code = [event["exit_code"] for event in Package(folder).events("end")]
+            code = [event["exit_code"] for event in bodies(Package(folder), "end")]
             assert code == [ended.code]
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import sweeps
 from gyroscope_runs import CALIBRATION, committed_workspace, faulty, gyroscope_workspace, run_one
+from told_as_json import results_as_json
 from workspaces import ROOT, command_line
 
 from hil.analysis.gyroscope.interchange import from_json
@@ -57,7 +58,9 @@ ARTIFACT = "data/attachments/test_calibration-calibration.json"
 
 def found(package):
     """Return the verdict of every requirement of a run."""
-    return {name: verdict for case in package.results()["cases"] for name, verdict in case["requirements"].items()}
+    return {
+        name: verdict for case in results_as_json(package)["cases"] for name, verdict in case["requirements"].items()
+    }
 
 
 @pytest.fixture(scope="module")

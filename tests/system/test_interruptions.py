@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 import sweeps
+from told_as_json import bodies, results_as_json
 from workspaces import DUT, STARTED, executive, finish, kill, make
 
 from hil.cli.main import main
@@ -125,13 +126,13 @@ def test_a_signal_ends_the_run_safe_and_sealed(tmp_path, name):
     process.send_signal(signal.Signals[name])
     ended = finish(process)
     package = package_of(workspace)
-    results = package.results()
+    results = results_as_json(package)
     assert ended.code == 2, ended.err
     assert ended.err == ""
     assert ended.last_line == f"reports/{package.name}"
     assert [case["verdict"] for case in results["cases"]] == ["ABORTED", "NOT_RUN"]
     assert (results["verdict"], results["interrupted"], results["safe"]) == ("ABORTED", True, True)
-    assert [(stop["reason"], stop["urgent"]) for stop in package.events("stop")] == [(name, False)]
+    assert [(stop["reason"], stop["urgent"]) for stop in bodies(package, "stop")] == [(name, False)]
     found = verify(package.folder)
     assert (found.state, found.findings, found.ok) == (State.SEALED, (), False)
 
@@ -146,10 +147,10 @@ def test_two_signals_end_a_case_that_only_computes(tmp_path):
     ended = finish(process)
     package = package_of(workspace)
     assert ended.code == 2, ended.err
-    assert [case["verdict"] for case in package.results()["cases"]] == ["ABORTED", "NOT_RUN"]
-    assert [stop["urgent"] for stop in package.events("stop")] == [True]
+    assert [case["verdict"] for case in results_as_json(package)["cases"]] == ["ABORTED", "NOT_RUN"]
+    assert [stop["urgent"] for stop in bodies(package, "stop")] == [True]
     assert verify(package.folder).findings == ()
-    assert package.results()["safe"] is True
+    assert results_as_json(package)["safe"] is True
 
 
 @pytest.mark.timeout(360)
@@ -166,7 +167,7 @@ def test_two_signals_at_any_moment_cut_nothing_in_two(tmp_path):
         assert (ended.code, ended.err) == (2, "")
         found = verify(package.folder)
         assert (found.state, found.findings) == (State.SEALED, ())
-        assert package.results()["safe"] is True
+        assert results_as_json(package)["safe"] is True
 
 
 def test_a_case_that_swallows_exceptions_is_stopped(tmp_path):
@@ -174,7 +175,7 @@ def test_a_case_that_swallows_exceptions_is_stopped(tmp_path):
     workspace, process = started(tmp_path, SWALLOWING, "test_swallowing")
     process.send_signal(signal.SIGTERM)
     assert finish(process).code == 2
-    assert package_of(workspace).results()["verdict"] == "ABORTED"
+    assert results_as_json(package_of(workspace))["verdict"] == "ABORTED"
 
 
 def moment(line) -> float:
@@ -216,7 +217,7 @@ def check_killed(folder: Path, killed: float) -> None:
     assert (sealed.state, sealed.findings, sealed.ok, sealed.complete) == (State.SEALED, (), False, False)
     package = Package(folder)
     assert list(read_journal(folder / "data/journal.jsonl").events)[: len(events)] == events
-    assert package.results()["verdict"] in {"ABORTED", "ERROR"}
+    assert results_as_json(package)["verdict"] in {"ABORTED", "ERROR"}
 
 
 def test_hil_seals_and_verifies_a_killed_run(tmp_path):
@@ -266,15 +267,15 @@ def test_what_other_terminals_say_becomes_evidence(tmp_path):
     ended = finish(process)
     package = package_of(workspace)
     assert ended.code == 2
-    assert [(note["text"], note["by"]) for note in package.events("note")] == [("door opened", "Ada")]
-    (attachment,) = package.events("attachment")
+    assert [(note["text"], note["by"]) for note in bodies(package, "note")] == [("door opened", "Ada")]
+    (attachment,) = bodies(package, "attachment")
     assert (package.folder / "data/attachments" / attachment["file"]).read_bytes() == b"not really a photo"
     assert "note: door opened (Ada)" in ended.out
     assert f"attachment: {attachment['file']}: jig (Ada)" in ended.out
     told = workspace.hil("status", name).out
     assert "door opened (Ada)" in told
     assert "photo.jpg: jig (Ada)" in told
-    assert [stop["reason"].endswith("Ada: smell") for stop in package.events("stop")] == [True]
+    assert [stop["reason"].endswith("Ada: smell") for stop in bodies(package, "stop")] == [True]
     assert verify(package.folder).findings == ()
     assert workspace.hil("note", name, "too late").code == 4
     assert workspace.hil("replay", name).out.splitlines() == [
@@ -328,8 +329,8 @@ def test_a_full_disk_ends_the_run_safe_and_with_words(tmp_path, small_disk):
     package = Package(folder)
     assert "Traceback" not in ended.err + ended.out
     assert (ended.code, ended.last_line) == (2, str(folder))
-    assert [(stop["reason"], stop["resumable"]) for stop in package.events("stop")] == [("disk full", True)]
-    assert [end["ok"] for end in package.events("safe-end")] == [True]
+    assert [(stop["reason"], stop["resumable"]) for stop in bodies(package, "stop")] == [("disk full", True)]
+    assert [end["ok"] for end in bodies(package, "safe-end")] == [True]
     assert verify(folder).state is State.INTERRUPTED
     told = re.search(rf"stopped by a full disk, and not sealed: {small_disk} has ([0-9 ]+) bytes free\n", ended.out)
     assert told
@@ -346,8 +347,8 @@ def test_a_full_disk_ends_the_run_safe_and_with_words(tmp_path, small_disk):
     assert (ended.code, ended.err) == (0, "")
     assert (verify(folder).findings, verify(folder).ok) == ((), True)
     package = Package(folder)
-    assert [case["verdict"] for case in package.results()["cases"]] == ["PASS", "PASS"]
-    turns = [event["turn"] for event in package.events("step") if "turn" in event]
+    assert [case["verdict"] for case in results_as_json(package)["cases"]] == ["PASS", "PASS"]
+    turns = [event["turn"] for event in bodies(package, "step") if "turn" in event]
     assert turns == list(range(1, 201))
     assert workspace.hil("replay", str(folder), timeout=300).code == 0
 
@@ -366,7 +367,7 @@ def test_a_run_that_a_full_disk_stopped_is_sealed_as_it_is(tmp_path, small_disk,
     (folder,) = (small_disk / "reports").iterdir()
     (small_disk / "filler").unlink()
     assert workspace.hil("seal", str(folder)).code == 0
-    assert (verify(folder).findings, Package(folder).results()["verdict"]) == ((), "ABORTED")
+    assert (verify(folder).findings, results_as_json(Package(folder))["verdict"]) == ((), "ABORTED")
 
 
 def fill(path: Path, mode: str = "wb") -> None:

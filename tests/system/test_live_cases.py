@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import pytest
 from live_runs import LiveRun, live_workspace, put_away, seconds_until, served
 from resumed_runs import without_git
+from told_as_json import bodies, results_as_json
 
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
@@ -107,7 +108,7 @@ def test_a_case_that_asks_computes_and_is_held(tmp_path, bench):
     assert ended.code == 0, ended.out
     package = Package(run.folder)
     assert verify(package.folder).findings == ()
-    (hold,), (end,) = package.events("hold"), package.events("hold-end")
+    (hold,), (end,) = bodies(package, "hold"), bodies(package, "hold-end")
     assert (end["how"], end["duration"]) == ("released", pytest.approx(end["t"] - hold["t"], abs=10.0))
     assert end["duration"] > 60.0
     plates = package.recording("envelope-plate-temperature").time
@@ -123,7 +124,7 @@ def test_one_call_that_lets_nobody_look_after_the_bench(tmp_path, bench, seconds
     with going(bench, tmp_path / "w", f"import signal\n{body}") as run:
         ended = run.ended()
     package = Package(run.folder)
-    (case,) = package.results()["cases"]
+    (case,) = results_as_json(package)["cases"]
     assert case["verdict"] == verdict, ended.out
     if verdict == "ERROR":
         assert any("without letting anybody look after the bench, with outputs on" in why for why in case["reasons"])
@@ -144,9 +145,9 @@ def test_a_run_that_is_stopped_to_be_resumed(tmp_path, bench):
     assert ended.code == 0, ended.out
     package = Package(run.folder)
     assert verify(package.folder).findings == ()
-    turns = [event["turn"] for event in package.events("step") if "turn" in event]
+    turns = [event["turn"] for event in bodies(package, "step") if "turn" in event]
     assert turns == [1, 2, 3]
-    (resumed,) = package.events("resumed")
+    (resumed,) = bodies(package, "resumed")
     assert resumed["entry"]
     replays(run)
 
@@ -161,5 +162,5 @@ def test_a_run_that_is_stopped_for_good(tmp_path, bench):
     assert ended.code == 2, ended.out
     package = Package(run.folder)
     assert bench.on() == set()
-    assert "Ada: smoke" in package.events("stop")[0]["reason"]
+    assert "Ada: smoke" in bodies(package, "stop")[0]["reason"]
     assert verify(package.folder).findings == ()

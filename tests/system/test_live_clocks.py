@@ -10,6 +10,7 @@ import pytest
 from live_runs import LiveRun, live_workspace, running, seconds_until, served
 from moved_clocks import machine
 from resumed_runs import without_git
+from told_as_json import bodies
 
 from hil.evidence.folder import JOURNAL
 from hil.evidence.journal.reader import read_journal
@@ -82,12 +83,12 @@ def test_a_machine_that_was_suspended_for_two_hours(tmp_path, bench, clocks):
         assert any("suspended for 7200" in str(line) for line in lines)
         package = resumed(run, workspace)
     # Where the executive saw it before the guardian ended it, it said so itself; else the resumption does.
-    events = package.events("suspended", "resumed")
+    events = bodies(package, "suspended", "resumed")
     assert events[-1]["kind"] == "resumed"
     assert sum(event["seconds"] for event in events) == pytest.approx(TWO_HOURS, abs=60)
     page = package.text("data/report/report.html")
     assert "was suspended" in page
-    (end,) = [event for event in package.events("recording-end") if event["recording"].startswith("001-")]
+    (end,) = [event for event in bodies(package, "recording-end") if event["recording"].startswith("001-")]
     assert end["complete"]
     time = package.recording(end["recording"]).time
     assert max(time[1:] - time[:-1]) == pytest.approx(TWO_HOURS * SPEED, rel=0.02)
@@ -110,7 +111,7 @@ def test_a_time_of_day_that_jumps(tmp_path, bench, clocks):
     assert told(run, "suspended") == []
     assert verify(package.folder).findings == ()
     assert "clock jump" in package.text("data/report/report.html")
-    (end,) = [event for event in package.events("recording-end") if event["recording"].startswith("001-")]
+    (end,) = [event for event in bodies(package, "recording-end") if event["recording"].startswith("001-")]
     time = package.recording(end["recording"]).time
     assert max(time[1:] - time[:-1]) < 10.0
 
@@ -127,14 +128,14 @@ def test_a_machine_that_was_started_anew(tmp_path, bench, clocks):
         seconds_until(lambda: not Path(f"/proc/{guardian}").exists(), 30.0, "the guardian's end")
         clocks.is_set(TWO_HOURS)
         package = resumed(run, clocks.of(workspace, boot_id="00000000-1111-2222-3333-444444444444"))
-    (reboot,) = package.events("reboot")
+    (reboot,) = bodies(package, "reboot")
     assert reboot["seconds"] == pytest.approx(TWO_HOURS, abs=60)
     assert "reboot" in package.text("data/report/report.html")
-    (end,) = [event for event in package.events("recording-end") if event["recording"].startswith("001-")]
+    (end,) = [event for event in bodies(package, "recording-end") if event["recording"].startswith("001-")]
     time = package.recording(end["recording"]).time
     assert max(time[1:] - time[:-1]) == pytest.approx(TWO_HOURS * SPEED, rel=0.02)
 
 
 def told(run: LiveRun, kind: str) -> list[int]:
     """Return for how many seconds, rounded, events of a kind tell."""
-    return [round(event["seconds"]) for event in read_journal(run.folder / JOURNAL).bodies if event["kind"] == kind]
+    return [round(event["seconds"]) for event in bodies(read_journal(run.folder / JOURNAL)) if event["kind"] == kind]

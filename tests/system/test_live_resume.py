@@ -7,6 +7,7 @@ import csv
 import numpy as np
 import pytest
 from live_cycling import CYCLES, cycling
+from told_as_json import bodies, results_as_json
 
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
@@ -46,7 +47,7 @@ def table(package, name):
 
 def checks(package):
     """Return the check of every requirement, parameter and axis."""
-    (case,) = package.results()["cases"]
+    (case,) = results_as_json(package)["cases"]
     return {(each["requirement"], each["parameter"], each["of"]): each for each in case["checks"]}
 
 
@@ -71,7 +72,7 @@ def test_the_interrupted_cycles_are_void_for_the_fade(runs):
     assert starts == [("1", "no"), ("2", "yes"), ("3", "yes")]
     rows = table(package, "cycles")
     assert [row["cycle"] for row in rows] == [str(number) for number in range(1, CYCLES + 1)]
-    void = [each for event in package.events("resumed") for each in event["entry"]["rows"]]
+    void = [each for event in bodies(package, "resumed") for each in event["entry"]["rows"]]
     own = [each for each in void if each["recording"] == "001-test_degradation-test"]
     assert len(own) == 2
     assert all(each["end"] > each["first"] for each in own)
@@ -95,16 +96,16 @@ def test_results_agree_within_their_uncertainties(runs):
             both = 2 * float(np.hypot(was["uncertainty"], now["uncertainty"]))
             assert abs(now["value"] - was["value"]) <= both, key
     assert compared >= 9
-    (case,) = package.results()["cases"]
+    (case,) = results_as_json(package)["cases"]
     assert {name for name, verdict in case["requirements"].items() if verdict == "INCONCLUSIVE"} == GAPS
 
 
 def test_the_package_tells_who_looked_and_replays(runs):
     """Acknowledgements, gaps, and what was confirmed at each arming are told; the bytes come to the same again."""
     undisturbed, package, _ = runs
-    assert [event["by"] for event in package.events("acknowledged")] == ["Ada", "Ada"]
-    assert [event["number"] for event in package.events("resumed")] == [1, 2]
-    confirmed = [(event["name"], event["value"], event["by"]) for event in package.events("confirmed")]
+    assert [event["by"] for event in bodies(package, "acknowledged")] == ["Ada", "Ada"]
+    assert [event["number"] for event in bodies(package, "resumed")] == [1, 2]
+    confirmed = [(event["name"], event["value"], event["by"]) for event in bodies(package, "confirmed")]
     assert confirmed == [("cell-connected", True, "Ada"), ("thermistor-taped", True, "Ada")] * 2
     assert replay(undisturbed).differences == ()
     assert replay(package).differences == ()

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from live_runs import live_workspace, running, seconds_until, served
 from resumed_runs import without_git
+from told_as_json import bodies, results_as_json
 
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
@@ -51,11 +52,11 @@ def require_sealed_without_arming(run, ended):
     assert ended.code == 0, ended.out + ended.err
     package = Package(run.folder)
     assert verify(run.folder).findings == ()
-    assert package.results()["verdict"] == "PASS"
-    behind = package.events("resumed")[-1]
-    kinds = [line.body["kind"] for line in package.lines() if line.body["seq"] > behind["seq"]]
+    assert results_as_json(package)["verdict"] == "PASS"
+    behind = bodies(package, "resumed")[-1]
+    kinds = [line.event.kind() for line in package.lines() if line.event.seq > behind["seq"]]
     assert not {"armed", "gate", "host-gate", "rest", "drive"} & set(kinds)
-    watched = [event["ok"] for event in package.events("safe") if event["state"] == "watched"]
+    watched = [event["ok"] for event in bodies(package, "safe") if event["state"] == "watched"]
     assert watched == [True, True]
     with chdir(run.workspace.root):  # the case leaves its marks there
         assert replay(package).differences == ()
@@ -87,7 +88,7 @@ def test_killed_in_the_watch_behind_its_end(tmp_path, bench):
         package = require_sealed_without_arming(run, resumed(run))
     assert len(kept) > 0
     assert rows_of(package).startswith(kept)
-    (entry,) = [event["entry"] for event in package.events("resumed")]
+    (entry,) = [event["entry"] for event in bodies(package, "resumed")]
     assert entry["over"]
     assert {"recording": "after-cycler-current", "first": 0, "end": len(kept) // 16} in entry["rows"]
 
@@ -105,4 +106,4 @@ def test_killed_at_the_seal(tmp_path, bench):
     assert 0 < len(kept[0]) < len(kept[1])
     assert rows_of(package).startswith(kept[1])
     assert kept[1].startswith(kept[0])
-    assert [event["entry"]["over"] for event in package.events("resumed")] == [True, True]
+    assert [event["entry"]["over"] for event in bodies(package, "resumed")] == [True, True]

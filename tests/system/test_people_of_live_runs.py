@@ -13,6 +13,7 @@ from battery_runs import BatteryWorkspace, battery_workspace
 from live_runs import live_workspace, running, seconds_until, served
 from resumed_runs import without_git
 from terminals import Terminal
+from told_as_json import bodies
 from workspaces import ROOT, executive, finish, kill
 
 from hil.bench.lease import clear_latches_of
@@ -124,7 +125,7 @@ def at_a_terminal(workspace, *words):
 def events(workspace, kind):
     """Return the events of a kind of the workspace's only run, as far as it came."""
     (folder,) = workspace.folders()
-    return [event for event in read_journal(folder / JOURNAL).bodies if event["kind"] == kind]
+    return [event for event in bodies(read_journal(folder / JOURNAL)) if event["kind"] == kind]
 
 
 def test_an_unattended_run_is_armed_once_somebody_on_call_gave_the_code_back(tmp_path, folder):
@@ -144,9 +145,9 @@ def test_an_unattended_run_is_armed_once_somebody_on_call_gave_the_code_back(tmp
         ended = finish(process)
     assert ended.code == 0, ended.out + ended.err
     package = Package(run)
-    assert [(event["by"], event["ok"]) for event in package.events("reached")] == [("Bob", False), ("Ada", True)]
-    assert ("person on call", True) in [(gate["name"], gate["ok"]) for gate in package.events("host-gate")]
-    assert (package.events("run")[0]["unattended"], package.events("run")[0]["on_call"]) == (True, "Ada")
+    assert [(event["by"], event["ok"]) for event in bodies(package, "reached")] == [("Bob", False), ("Ada", True)]
+    assert ("person on call", True) in [(gate["name"], gate["ok"]) for gate in bodies(package, "host-gate")]
+    assert (bodies(package, "run")[0]["unattended"], bodies(package, "run")[0]["on_call"]) == (True, "Ada")
     assert "on call, was reached on call" in package.text("data/report/report.html")
 
 
@@ -177,7 +178,7 @@ def test_a_safety_confirmation_is_given_at_another_terminal(tmp_path, folder):
         ended = finish(process)
     assert ended.code == 0, ended.out + ended.err
     assert "answer it with hil answer" in ended.err
-    (answer,) = Package(run).events("answer")
+    (answer,) = bodies(Package(run), "answer")
     assert (answer["name"], answer["value"], answer["by"]) == ("fuse", True, "Ada")
     again = workspace.hil("replay", "latest")
     assert again.code == 0, again.out + again.err
@@ -213,9 +214,9 @@ def test_a_run_is_resumed_whose_person_took_time_to_answer(tmp_path, folder, sai
     assert "what was typed before this question was asked is thrown away" in ended.err
     assert "NOT SAFE" not in ended.out
     package = Package(run)
-    (question, answer) = package.events("question", "answer")
+    (question, answer) = bodies(package, "question", "answer")
     assert answer["t"] - question["t"] > 1
-    assert [(told["by"], told["value"]) for told in package.events("confirmed")] == [("Ada", said == "yes")]
+    assert [(told["by"], told["value"]) for told in bodies(package, "confirmed")] == [("Ada", said == "yes")]
     replayed = workspace.hil("replay", run.name)
     assert replayed.code == 0, replayed.out + replayed.err
 

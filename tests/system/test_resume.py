@@ -10,8 +10,11 @@ from pathlib import Path
 
 import pytest
 from resumed_runs import findings_of, killed, without_git
+from told_as_json import bodies, results_as_json
 from workspaces import STARTED, Workspace, finish, make
 
+from hil.evidence.folder import JOURNAL
+from hil.evidence.journal.reader import read_journal
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
 
@@ -87,7 +90,7 @@ def test_a_run_that_is_killed_again_and_again_comes_to_the_same(workspace):
     package = Package(disturbed)
     assert findings_of(package) == findings_of(Package(undisturbed))
     assert verify(disturbed).findings == ()
-    resumed = list(package.events("resumed"))
+    resumed = list(bodies(package, "resumed"))
     assert [event["number"] for event in resumed] == list(range(1, len(resumed) + 1))
     assert resumed
     assert "the run was interrupted, and went on here" in package.text("data/report/report.html")
@@ -192,13 +195,13 @@ def test_a_run_that_was_stopped_goes_on_at_its_last_turn(tmp_path):
     assert (ended.code, ended.err) == (0, "")
     package = Package(folder)
     assert (verify(folder).findings, verify(folder).ok) == ((), True)
-    assert [case["verdict"] for case in package.results()["cases"]] == ["PASS", "PASS"]
-    turns = [event["turn"] for event in package.events("step") if "turn" in event]
+    assert [case["verdict"] for case in results_as_json(package)["cases"]] == ["PASS", "PASS"]
+    turns = [event["turn"] for event in bodies(package, "step") if "turn" in event]
     assert turns == list(range(1, 401))
-    lines = [line.body for line in package.lines()]
+    lines = bodies(read_journal(folder / JOURNAL))
     assert sum(line["kind"] == "armed" for line in lines) == 3
     assert [line["entry"]["rows"] != [] for line in lines if line["kind"] == "resumed"] == [True, True]
-    beside = next(each for each in package.recordings() if each["name"] == "beside")
+    beside = next(each for each in bodies(package, "recording") if each["name"] == "beside")
     assert len(package.recording(beside["recording"])) > 4 * 20 * 400
     assert "stopped by Ada: weekend, and entered again where" in package.text("data/report/report.html")
     again = workspace.hil("replay", str(folder), timeout=300)
@@ -236,8 +239,8 @@ def test_a_recording_that_continues_is_not_made_again(tmp_path):
     assert finish(process, 60).code == 2
     ended = workspace.hil("resume", "latest", timeout=300)
     package = Package(folder)
-    (case,) = package.results()["cases"]
-    (recording,) = [each for each in package.recordings() if each["case"]]
+    (case,) = results_as_json(package)["cases"]
+    (recording,) = [each for each in bodies(package, "recording") if each["case"]]
     assert (ended.code, ended.err, case["verdict"]) == (1, "", "INCONCLUSIVE")
     assert "the run was stopped amid the recording" in case["reasons"][0]
     assert len(package.recording(recording["recording"])) == 60_000

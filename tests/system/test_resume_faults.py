@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from resumed_runs import without_git
+from told_as_json import bodies
 from workspaces import STARTED, finish, kill, make
 
 from hil.evidence.folder import is_held
@@ -106,7 +107,7 @@ def test_a_resume_that_is_stopped_on_its_record_leaves_the_run_as_it_was(workspa
         pytest.skip("the resume had ended before it was stopped")
     assert (ended.code, "was stopped before it went on" in ended.err) == (2, True)
     assert (interrupted / "data/journal.jsonl").read_bytes() == before
-    told = [event["text"] for event in whole(workspace, interrupted).events("anomaly")]
+    told = [event["text"] for event in bodies(whole(workspace, interrupted), "anomaly")]
     assert told == (["inbox, unheard by Ada: stop, before the run was resumed"] if how == "hil stop" else [])
 
 
@@ -132,7 +133,7 @@ def test_a_run_that_was_killed_on_its_way_to_the_safe_state_is_entered_behind_it
     finish(STARTED[-1], 60)
     (folder / "checkpoint.json").write_bytes(early)
     package = whole(workspace, folder)
-    for event in package.recordings():
+    for event in bodies(package, "recording"):
         assert np.all(np.diff(package.recording(event["recording"]).time) > 0)
 
 

@@ -67,15 +67,15 @@ def replay(package: Package) -> Replayed:
         unpack(package, root.resolve())
         configuration = configure(replay_request(package, root.resolve(), output))
         again = _rehearsed(configuration, partial(_open_replayed, package=package))
-        results = package.results()
+        results = package.outcome()
         found, following = differences(package, Package(again.folder))
-        if not following and again.bench.playback and not again.bench.playback.exhausted and not results["interrupted"]:
+        if not following and again.bench.playback and not again.bench.playback.exhausted and not results.interrupted:
             found += ("the record holds more operations than the cases asked for",)
-        verdicts = Counter(case["verdict"] for case in results["cases"])
-        compared = [case for case in results["cases"] if case["verdict"] not in STOPPED]
+        verdicts = Counter(case.verdict for case in results.cases)
+        compared = [case for case in results.cases if case.verdict not in STOPPED]
         return Replayed(
             len(compared),
-            sum(len(case["checks"]) for case in compared),
+            sum(len(case.checks) for case in compared),
             found,
             following,
             broken_off=verdicts[Verdict.ABORTED],
@@ -93,8 +93,9 @@ def _rehearsed(configuration: Configuration, opener: Opener) -> Session:
 
 
 def _open_replayed(configuration: Configuration, planned: Sequence[PlannedCase], package: Package) -> Session:
-    record, live = package.transcript_path, package.run().get("live")
-    speed = float(live["speed"]) if live else 1.0
+    record, run = package.transcript_path, package.state.run
+    live = run.live if run else None
+    speed = live.speed if live else 1.0
     return Session(
         configuration,
         planned,

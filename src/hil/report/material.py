@@ -83,11 +83,11 @@ class Material:
 
     def sent(self) -> Mapping[int, str]:
         """Return the UTC at which what came from other terminals was sent; earlier records do not tell it."""
-        return {line.body["seq"]: str(line.wall["sent"]) for line in self._package.lines() if "sent" in line.wall}
+        return {line.event.seq: str(line.wall["sent"]) for line in self._package.lines() if "sent" in line.wall}
 
     def events(self) -> Sequence[Event]:
         """Return the events that stand, in order."""
-        return self._package.standing
+        return self._package.events
 
     def results(self) -> Outcome:
         """Return the results."""

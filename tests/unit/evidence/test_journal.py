@@ -9,6 +9,7 @@ import threading
 
 import pytest
 from evidence_runs import stamps
+from told_as_json import bodies
 from typed_events import event_of
 
 from hil.documents.canonical import JsonError, canonical
@@ -148,7 +149,7 @@ def test_a_line_that_is_no_event_is_a_finding(tmp_path, line):
     path.write_bytes(line + b"\n")
     reading = read_journal(path)
     assert [found.line for found in reading.findings] == [1]
-    assert reading.bodies == ()
+    assert bodies(reading) == ()
 
 
 def test_an_endless_line_is_not_held_in_memory(tmp_path, monkeypatch):
@@ -163,7 +164,7 @@ def test_an_endless_line_is_not_held_in_memory(tmp_path, monkeypatch):
     assert [event.text for event in reading.events] == ["before", "after"]
     assert [(found.line, found.message) for found in reading.findings] == [(2, "a line of more than 1000000 bytes")]
     path.write_bytes(path.read_bytes()[:2_000_000])
-    assert (len(read_journal(path).bodies), len(read_journal(path).torn)) == (1, 1_000_000)
+    assert (len(bodies(read_journal(path))), len(read_journal(path).torn)) == (1, 1_000_000)
 
 
 @pytest.mark.parametrize("size", [1, 3_000_000])
@@ -177,7 +178,7 @@ def test_a_torn_tail_of_any_length_is_cut(tmp_path, size):
     assert cut_torn_tail(tmp_path) == size
     assert (tmp_path / "data/journal.torn").read_bytes() == bytes(size)
     assert cut_torn_tail(tmp_path) == 0
-    assert len(read_journal(tmp_path / "data/journal.jsonl").bodies) == 1
+    assert len(bodies(read_journal(tmp_path / "data/journal.jsonl"))) == 1
 
 
 @pytest.mark.parametrize(
@@ -214,7 +215,7 @@ def test_another_thread_is_no_writer(tmp_path):
         journal.write(event_of("note", text="", by=""), 3.0)
     assert len(refusals) == 1
     reading = read_journal(tmp_path / "journal.jsonl")
-    assert (reading.findings, [line.body["t"] for line in reading.lines]) == ((), [1.0, 3.0])
+    assert (reading.findings, [line.event.t for line in reading.lines]) == ((), [1.0, 3.0])
 
 
 def test_a_forked_copy_is_no_writer(tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from evidence_runs import LIMIT, REQUIREMENTS, begin, case_end, check, planned, recorded_check, run_fields, whole_case
+from told_as_json import results_as_json
 from typed_events import event_of
 
 from hil.documents.canonical import canonical
@@ -11,7 +12,6 @@ from hil.evidence.folder import JOURNAL
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.results.derived import derive, results_of
 from hil.evidence.results.facts import Facts, entries_of, facts_of, limit_of
-from hil.evidence.results.outcome import as_json
 from hil.model.errors import EvidenceError
 
 
@@ -19,13 +19,13 @@ def derived(folder, **changes):
     """Return the results of a whole run."""
     with begin(folder, **changes) as journal:
         whole_case(folder, journal)
-    return as_json(results_of(folder, read_journal(folder / JOURNAL)))
+    return results_as_json(results_of(folder, read_journal(folder / JOURNAL)))
 
 
 def derived_from(events, facts, **options):
     """Return the results of these events, as JSON."""
     stamped = [event_of(**{"seq": place, "t": 0.0, **event}) for place, event in enumerate(events)]
-    return as_json(derive(stamped, facts, content_digest="", **options))
+    return results_as_json(derive(stamped, facts, content_digest="", **options))
 
 
 def events_of(*events):
@@ -231,7 +231,7 @@ def test_calibration_counts_until_its_last_day(tmp_path, calibration, reason):
         whole_case(tmp_path, journal)
     reading = read_journal(tmp_path / JOURNAL)
     facts = Facts(catalogue=entries_of(REQUIREMENTS), calibration={"psu1": calibration}, date="2026-11-21")
-    results = as_json(derive(reading.events, facts, content_digest=""))
+    results = results_as_json(derive(reading.events, facts, content_digest=""))
     assert [item["reasons"] for item in results["requirements"]] == 2 * [[reason] if reason else []]
 
 

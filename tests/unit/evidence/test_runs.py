@@ -6,6 +6,7 @@ import os
 
 import pytest
 from evidence_runs import begin, record, sealed_run, whole_case
+from told_as_json import bodies, results_as_json
 from typed_events import event_of
 
 from hil.evidence.folder import create, hold
@@ -117,9 +118,9 @@ def test_a_package_reads_a_run_that_goes_on(tmp_path):
         record(tmp_path, journal, 5)
         package = Package(tmp_path)
         assert not package.sealed
-        assert [event["kind"] for event in package.events("gate", "armed")] == ["gate", "armed"]
+        assert [event["kind"] for event in bodies(package, "gate", "armed")] == ["gate", "armed"]
         assert len(package.recording("001-rest")) == 5
-        assert package.results()["verdict"] == "ERROR"
+        assert results_as_json(package)["verdict"] == "ERROR"
         assert package.catalogue()["GYR-030"]["rev"] == 1
         assert package.calibration()["psu1"]["due"] == "2026-12-31"
         assert package.transcript_path == tmp_path / "data/transcript.tsv"
@@ -145,6 +146,6 @@ def test_a_running_package_is_read_as_it_was_when_asked(tmp_path):
     """One package object is one look at the journal."""
     with begin(tmp_path) as journal:
         package = Package(tmp_path)
-        before = len(package.events())
+        before = len(bodies(package))
         whole_case(tmp_path, journal)
-        assert len(package.events()) == before < len(Package(tmp_path).events())
+        assert len(bodies(package)) == before < len(bodies(Package(tmp_path)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from evidence_runs import begin, sealed_run
+from told_as_json import bodies
 from typed_events import event_of
 
 from hil.evidence.events import Acknowledged
@@ -77,7 +78,9 @@ def test_the_guardians_journal_is_sealed_with_the_run(folder):
     found = verify(folder)
     assert (found.state, found.findings) == (State.SEALED, ())
     assert GUARDIAN in (folder / "manifest-sha256.txt").read_text()
-    (told,) = [event for event in read_journal(folder / "data/journal.jsonl").bodies if event["kind"] == "acknowledged"]
+    (told,) = [
+        event for event in bodies(read_journal(folder / "data/journal.jsonl")) if event["kind"] == "acknowledged"
+    ]
     assert (told["by"], told["text"], told["guardian"]) == ("Ada", "fuse replaced", guardian_hash(folder))
     (folder / GUARDIAN).chmod(0o644)
     (folder / GUARDIAN).write_bytes(ACTED * 2)

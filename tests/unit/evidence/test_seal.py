@@ -21,6 +21,7 @@ from evidence_runs import (
     whole_case,
     write_report,
 )
+from told_as_json import bodies, results_as_json
 from typed_events import event_of
 
 from hil.documents.canonical import canonical
@@ -99,7 +100,7 @@ def test_a_recording_that_a_resumed_run_began_again_is_sealed(folder):
             )
         journal.close()
     recover(folder, write_reports=write_report)
-    assert len(list(Package(folder).events("recording-end"))) == 1
+    assert len(list(bodies(Package(folder), "recording-end"))) == 1
     assert (folder / "data/recordings/after.h5").exists()
     assert not (folder / "data/recordings/after.rows").exists()
 
@@ -173,9 +174,9 @@ def test_late_messages_are_in_the_package(folder, tmp_path):
     post(folder, "stop", by="Ada", text="enough")
     seal(folder, journal, exit_code=0, write_reports=write_report)
     package = Package(folder)
-    assert [event["text"] for event in package.events("note")] == ["smells odd"]
-    assert "stop by Ada: enough" in package.events("anomaly")[0]["text"]
-    assert (folder / "data/attachments" / package.events("attachment")[0]["file"]).read_bytes() == b"picture"
+    assert [event["text"] for event in bodies(package, "note")] == ["smells odd"]
+    assert "stop by Ada: enough" in bodies(package, "anomaly")[0]["text"]
+    assert (folder / "data/attachments" / bodies(package, "attachment")[0]["file"]).read_bytes() == b"picture"
     assert verify(folder).ok
 
 
@@ -505,7 +506,7 @@ def test_rows_that_changed_behind_the_runs_back_are_kept_and_told(folder):
     path = folder / "data/recordings/001-rest.rows"
     path.write_bytes(path.read_bytes()[:-1] + b"\x7f")
     seal(folder, journal, exit_code=0, write_reports=write_report)
-    assert "not those that the journal names" in Package(folder).events("anomaly")[0]["text"]
+    assert "not those that the journal names" in bodies(Package(folder), "anomaly")[0]["text"]
     assert path.exists()
     assert "the recording is missing" in messages(folder)
 
@@ -526,7 +527,7 @@ def test_a_format_of_the_future_is_not_judged(folder):
         f"the package has format 2, and this version of hil reads format 1; {way_out}"
     ]
     with pytest.raises(UnknownFormat, match="format 2"):
-        Package(folder).results()
+        results_as_json(Package(folder))
 
 
 def test_a_format_of_the_future_hides_no_damage(folder):
@@ -552,5 +553,5 @@ def test_a_simulated_run_verifies_and_closes_nothing(folder):
     """The weakest source is in the results, and the package is whole."""
     sealed_run(folder, source="simulated")
     assert verify(folder).ok
-    assert not any(item["eligible"] for item in Package(folder).results()["requirements"])
-    assert Package(folder).run()["seed"] == run_fields()["seed"]
+    assert not any(item["eligible"] for item in results_as_json(Package(folder))["requirements"])
+    assert bodies(Package(folder), "run")[0]["seed"] == run_fields()["seed"]

@@ -6,6 +6,7 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
+from told_as_json import bodies
 from typed_events import event_of
 
 from hil.evidence.events import Voided
@@ -170,12 +171,12 @@ def test_a_run_that_was_killed_is_not_said_to_have_been_stopped(tmp_path, monkey
     folder = folder_of(tmp_path, CASE, STOP)
     for behind in (TURN[len(CASE) :], []):
         found = find_earlier(folder)
-        place, last = found.boundary, found.lines[-1].body["seq"]
+        place, last = found.boundary, found.lines[-1].event.seq
         entry = Entry(place=place.place, boundary=place.sequence, void_to=last, operations=5, at=0.0, number=1, rows=())
         with Journal(folder / "data/journal.jsonl") as journal:
             Resumption(found, journal).resume(99.0, entry)
             for kind, fields in behind:
                 journal.write(event_of(kind, **fields), 99.0)
-    events = read_journal(folder / "data/journal.jsonl").bodies
+    events = bodies(read_journal(folder / "data/journal.jsonl"))
     told = [event["text"].partition(",")[0] for event in events if event["kind"] == "resumed"]
     assert told == ["stopped by weekend", "interrupted"]

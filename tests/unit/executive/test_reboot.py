@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from told_as_json import bodies
 from typed_events import event_of
 
 from hil.clock import wall
@@ -32,5 +33,5 @@ def test_a_reboot_is_an_event(tmp_path, monkeypatch, boot_id, kinds):
     earlier = find_earlier(tmp_path)
     with Journal(path, stamp=stamp_of(boot_id)) as journal:
         Resumption(earlier, journal).resume(0.0, None)
-    written = [line.body for line in read_journal(path).lines[len(EVENTS) :]]
+    written = bodies(read_journal(path))[len(EVENTS) :]
     assert [(body["kind"], body["seconds"]) for body in written] == [(kind, 7200.0) for kind in kinds]

@@ -14,7 +14,7 @@ def package(detail):
     """Return a package whose bench said this of its safe state."""
     return SimpleNamespace(
         outcome=lambda: SimpleNamespace(cases=(), interrupted=False),
-        standing=[event_of("safe", output="supply.coil", ok=True, detail=detail)],
+        events=[event_of("safe", output="supply.coil", ok=True, detail=detail)],
         state=SimpleNamespace(ended={}),
     )
 

@@ -6,6 +6,7 @@ import json
 import shutil
 
 import pytest
+from told_as_json import results_as_json
 from workspaces import ROOT
 
 from hil.evidence.package.contents import Package
@@ -83,4 +84,4 @@ def test_results_without_cases_are_none(copied):
     """What is no result is told wherever results are asked for."""
     (copied / "data/results.json").write_text('{"verdict": 1}')
     with pytest.raises(EvidenceError, match="these are no results"):
-        Package(copied).results()
+        results_as_json(Package(copied))

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from evidence_runs import begin, case_end, check, record, recorded_check, sealed_run, write_report
 from scipy.io import loadmat
+from told_as_json import bodies
 from typed_events import event_of
 
 from hil.evidence.folder import JOURNAL, RECORDINGS
@@ -181,7 +182,7 @@ def test_how_a_stream_went_is_among_the_facts(tmp_path):
     journal = begin(folder)
     journal.write(event_of("case", case="test_rest", attempt=1), 0.0)
     record(folder, journal)
-    rows = Package(folder).events("recording-end")[0]["sha256"]
+    rows = bodies(Package(folder), "recording-end")[0]["sha256"]
     told = {
         "frames": 10, "lost": 1, "lost_samples": 3, "losses_known": False, "drift": 1e-5, "drift_uncertainty": None,
         "time_uncertainty": 0.25,
@@ -200,7 +201,7 @@ def test_how_a_stream_went_is_among_the_facts(tmp_path):
 
 def begun(identifier, name, case):
     """Return what chooses a recording."""
-    return {"recording": identifier, "name": name, "case": case}
+    return event_of("recording", recording=identifier, name=name, case=case)
 
 
 RECORDINGS_OF_A_RUN = (
@@ -224,7 +225,7 @@ RECORDINGS_OF_A_RUN = (
 )
 def test_recordings_are_chosen_by_name_id_and_case(recordings, cases, ids):
     """Several words mean any of them; recordings and cases together mean both."""
-    assert tuple(one["recording"] for one in choose(RECORDINGS_OF_A_RUN, recordings, cases)) == ids
+    assert tuple(one.recording for one in choose(RECORDINGS_OF_A_RUN, recordings, cases)) == ids
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ def drive(ordinal, **arguments):
 
 def test_specimen_as_a_procedure(folder):
     """Cases, numbered steps with bench times, drives, recordings with duration, and questions, in order."""
-    lines = procedure_lines(Package(folder).standing, requirement_entries(Material(Package(folder))))
+    lines = procedure_lines(Package(folder).events, requirement_entries(Material(Package(folder))))
     assert lines[0] == "Procedure of gyroscope on bench flatsat (simulated): 5 cases, 13 min 20 s of bench time"
     place = lines.index(f"[1/5] {specimen_run.CASES['rest']}")
     assert lines[place + 1 : place + 10] == [
@@ -52,7 +52,7 @@ def test_specimen_as_a_procedure(folder):
 
 def test_limits_and_what_is_driven_stand_first(folder):
     """Before the cases: the roles that are driven, the deviations, and what each requirement asks for."""
-    lines = procedure_lines(Package(folder).standing, requirement_entries(Material(Package(folder))))
+    lines = procedure_lines(Package(folder).events, requirement_entries(Material(Package(folder))))
     first = lines[: lines.index(f"[1/5] {specimen_run.CASES['rest']}")]
     assert "drives      rotation_table, supply.board" in first
     assert "deviation   parameter gyroscope.rest_duration is 600 s, the plan says 14400 s" in first
@@ -63,7 +63,7 @@ def test_limits_and_what_is_driven_stand_first(folder):
 
 def test_steps_are_numbered_as_in_the_run(folder):
     """A step has the number under which the journal, the terminal and the report know it."""
-    events = Package(folder).standing
+    events = Package(folder).events
     lines = [line.strip() for line in procedure_lines(events, {})]
     for step in Package(folder).of(Step):
         assert any(line.startswith(f"{step.number}  ") and step.path[-1] in line for line in lines)

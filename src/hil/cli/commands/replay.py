@@ -30,7 +30,7 @@ def command(run: str) -> int:
     if odd := list_folder(folder).odd:
         raise EvidenceError(f"{folder.name}: {odd[0]}", "nothing was replayed; hil verify shows what else is wrong")
     package = Package(folder)
-    package.run()  # says so where the format is not known
+    _ = package.events  # says so where the format is not known
     state = verify(folder).state
     if state is State.DAMAGED:
         click.echo(f"{folder.name} is DAMAGED, so its replay proves nothing; hil verify shows what is wrong", err=True)

@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.durable import open_plain, read_plain, sync_file, sync_folder
 from hil.evidence.events import Event, Results
-from hil.evidence.events.codec import decode, encode, plain, quick_canonical
+from hil.evidence.events.codec import decode, encode, quick_canonical
 from hil.evidence.folder import JOURNAL, TORN
 from hil.model.errors import EvidenceError, Finding
 
@@ -73,11 +73,6 @@ class JournalLine:
     rest: bytes
 
     @property
-    def body(self) -> Body:
-        """The event as JSON."""
-        return plain(self.event)  # type: ignore[no-any-return]  # an object, for an event
-
-    @property
     def canonical(self) -> bool:
         """Whether every byte of the line is as the writer writes it."""
         end = len(_BEFORE_PREVIOUS) + len(FIRST)
@@ -107,11 +102,6 @@ class JournalReading:
     def events(self) -> tuple[Event, ...]:
         """The events, in order."""
         return tuple(line.event for line in self.lines)
-
-    @property
-    def bodies(self) -> tuple[Body, ...]:
-        """The same as JSON."""
-        return tuple(line.body for line in self.lines)
 
     @property
     def content_digest(self) -> str:

@@ -10,12 +10,12 @@ from hil.documents.canonical import JsonError
 from hil.evidence.durable import read_plain
 from hil.evidence.events import Event
 from hil.evidence.folder import JOURNAL, RECORDINGS, RESULTS, TRANSCRIPT, is_sealed
-from hil.evidence.journal.reader import Body, JournalLine, JournalReading, read_journal, require_known_format
+from hil.evidence.journal.reader import JournalLine, JournalReading, read_journal, require_known_format
 from hil.evidence.package.bag import MANIFEST, digest_of_manifest, evidence_digest
 from hil.evidence.recordings.hdf5 import Recorded, read_recording
 from hil.evidence.results.derived import results_of
 from hil.evidence.results.facts import Entries, facts_of, read_json
-from hil.evidence.results.outcome import Outcome, as_json, read_outcome
+from hil.evidence.results.outcome import Outcome, read_outcome
 from hil.evidence.state import RunState, fold, standing
 from hil.model.errors import EvidenceError
 
@@ -70,41 +70,22 @@ class Package:
         return reading
 
     @cached_property
-    def _standing(self) -> tuple[Event, ...]:
+    def events(self) -> tuple[Event, ...]:
+        """The events that stand, in order."""
         return standing(self._reading.events)
-
-    @cached_property
-    def _events(self) -> tuple[Body, ...]:
-        kept = {event.seq for event in self._standing}
-        return tuple(body for body in self._reading.bodies if body["seq"] in kept)
 
     @cached_property
     def state(self) -> RunState:
         """What the events that stand tell."""
-        return fold(self._standing)
+        return fold(self.events)
 
     def lines(self) -> tuple[JournalLine, ...]:
         """Return the journal's lines, with wall stamps."""
         return self._reading.lines
 
-    def events(self, *kinds: str) -> tuple[Body, ...]:
-        """Return the bodies of all events that stand, or of those of some kinds."""
-        if not kinds:
-            return self._events
-        return tuple(event for event in self._events if event["kind"] in kinds)
-
-    @property
-    def standing(self) -> tuple[Event, ...]:
-        """The events that stand, in order."""
-        return self._standing
-
     def of(self, kind: type[_Event]) -> tuple[_Event, ...]:
         """Return the events of one kind that stand, in order."""
-        return tuple(event for event in self._standing if type(event) is kind)
-
-    def run(self) -> Body:
-        """Return the body of the `run` event, empty where there is none yet."""
-        return next(iter(self.events("run")), {})
+        return tuple(event for event in self.events if type(event) is kind)
 
     def outcome(self) -> Outcome:
         """Return the results: as sealed, or derived from the journal so far.
@@ -120,10 +101,6 @@ class Package:
         except JsonError as error:
             raise EvidenceError(f"{path}: these are no results: {error.message}", "see hil verify") from error
 
-    def results(self) -> dict[str, Any]:
-        """Return the same as JSON values."""
-        return as_json(self.outcome())
-
     def catalogue(self) -> Entries:
         """Return the requirements as they were frozen, by id."""
         return facts_of(self.folder, self._reading).catalogue
@@ -131,10 +108,6 @@ class Package:
     def calibration(self) -> Entries:
         """Return the instruments' calibration records as they were frozen, by instrument."""
         return facts_of(self.folder, self._reading).calibration
-
-    def recordings(self) -> tuple[Body, ...]:
-        """Return the bodies of the `recording` events, in order."""
-        return self.events("recording")
 
     def recording(self, identifier: str) -> Recorded:
         """Return one recording, from its rows while the run is running.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import msgspec
 
@@ -21,7 +20,6 @@ __all__ = [
     "Outcome",
     "RequirementOutcome",
     "StepOutcome",
-    "as_json",
     "read_outcome",
     "write_outcome",
 ]
@@ -159,14 +157,9 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 def write_outcome(outcome: Outcome) -> bytes:
     """Return the content of `data/results.json`."""
-    return quick_canonical(as_json(outcome))
-
-
-def as_json(outcome: Outcome) -> dict[str, Any]:
-    """Return the results as JSON values."""
     run = {} if outcome.run is None else plain(outcome.run)
-    told = plain(outcome)
-    return {**told, "run": {name: value for name, value in run.items() if name not in _OF_EVENT}}
+    asked = {name: value for name, value in run.items() if name not in _OF_EVENT}
+    return quick_canonical({**plain(outcome), "run": asked})
 
 
 def read_outcome(data: bytes) -> Outcome:

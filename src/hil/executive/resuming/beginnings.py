@@ -94,7 +94,7 @@ class ReplayedRun(NewRun):
         self._package = package
         self.recall = Recall(package.of(events.Effect), _ANSWERED)
         self.entries = entries(package.of(events.Resumed))
-        self.not_opened = not_opened(package.standing)
+        self.not_opened = not_opened(package.events)
         self.void_rows = self._rows
 
     def _rows(self, part: events.Voided) -> NDArray[np.float64]:
@@ -299,7 +299,7 @@ class Entering:
         return Entry(
             place=place,
             boundary=boundary.sequence,
-            void_to=earlier.lines[-1].body["seq"],
+            void_to=earlier.lines[-1].event.seq,
             operations=count_operations(earlier.folder / TRANSCRIPT),
             at=0.0,
             number=earlier.next_recording,

@@ -155,7 +155,7 @@ def _row_differences(recorded: Package, replayed: Package) -> Iterator[str]:
 def _bench_differences(recorded: Package, replayed: Package) -> Iterator[str]:
     """Yield the first thing that the bench did otherwise between cases, if any."""
     before, after = (
-        [_told(event) for event in package.standing if type(event) in _OF_BENCH] for package in (recorded, replayed)
+        [_told(event) for event in package.events if type(event) in _OF_BENCH] for package in (recorded, replayed)
     )
     for was, now in zip_longest(before, after, fillvalue="nothing"):
         if was != now:

@@ -12,6 +12,7 @@ from typing import Any
 
 from hil.documents.canonical import canonical
 from hil.evidence.durable import DISK_FULL, PART, sync_file, sync_folder
+from hil.evidence.events import Recording
 from hil.evidence.folder import RECORDINGS, is_sealed
 from hil.evidence.package.contents import Package
 from hil.evidence.package.listing import shown
@@ -70,7 +71,7 @@ def export_package(folder: Path, request: ExportRequest) -> Iterator[Exported]:
     """
     verified = _verified(folder)
     package = Package(folder)
-    chosen = choose(package.recordings(), request.recordings, request.cases)
+    chosen = choose(package.of(Recording), request.recordings, request.cases)
     facts = [facts_of(package, verified, begun) for begun in chosen]
     _require_new(request.output, [name for told in facts for name in _names(told, request)])
     for told in facts:

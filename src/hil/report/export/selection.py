@@ -7,16 +7,16 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from hil.documents.suggest import did_you_mean
+from hil.evidence.events import Channel, Effect, Recording, RecordingEnd
+from hil.evidence.events.codec import plain
 from hil.evidence.package.contents import Package
 from hil.evidence.package.listing import shown
 from hil.evidence.package.verification import Verification
-from hil.model.errors import Refused
+from hil.model.errors import EvidenceError, Refused
+from hil.model.identity import Source
 from hil.report.material import Material
 
 __all__ = ["Facts", "choose", "facts_of"]
-
-Begun = Mapping[str, Any]
-"""The body of a `recording` event."""
 
 Facts = dict[str, Any]
 """Facts by name, as JSON has them."""
@@ -30,11 +30,11 @@ _OF_STREAM = (
 _LISTED = 12
 
 
-def choose(begun: Sequence[Begun], recordings: Sequence[str], cases: Sequence[str]) -> tuple[Begun, ...]:
+def choose(begun: Sequence[Recording], recordings: Sequence[str], cases: Sequence[str]) -> tuple[Recording, ...]:
     """Return the recordings that are asked for, in the order of the run.
 
     Args:
-        begun: the bodies of all `recording` events.
+        begun: the beginnings of all recordings.
         recordings: ids or names; a name means every recording that has it; all recordings where it is empty.
         cases: cases as the procedure shows them, what stands behind their `::`, or that without its parameters; all
             cases, and what was recorded outside of cases, where it is empty.
@@ -53,44 +53,46 @@ def choose(begun: Sequence[Begun], recordings: Sequence[str], cases: Sequence[st
     return both
 
 
-def facts_of(package: Package, verified: Verification, begun: Mapping[str, Any]) -> Facts:
+def facts_of(package: Package, verified: Verification, begun: Recording) -> Facts:
     """Return the facts of one recording.
 
     Args:
         package: a sealed package.
         verified: what its verification found, which was nothing.
-        begun: the body of the `recording` event.
+        begun: its beginning.
 
     Returns:
         The facts; `mark` is SIMULATED or REPLAYED, and empty only where run and recording are both of hardware;
         rates are in Hz, durations and gaps in s.
     """
-    run = package.run()
-    ended = next(end for end in package.events("recording-end") if end["recording"] == begun["recording"])
+    run = package.state.run
+    if run is None:
+        raise EvidenceError(f"{package.name}: its journal does not tell what was run", "see hil verify")
+    ended = package.state.ended[begun.recording]
     return {
         "format": 1,
-        "mark": _mark({run.get("source"), begun["source"]}),
+        "mark": _mark({run.source, begun.source}),
         "run": Material(package).run(),
         "evidence_digest": verified.evidence_digest,
         "run_complete": verified.complete,
-        **{key: run.get(key) for key in _OF_RUN},
-        "dut": {key: (run.get("dut") or {}).get(key) for key in _OF_DUT},
-        **{key: begun.get(key) for key in _OF_RECORDING},
-        "complete": ended["complete"],
-        "rows": ended["rows"],
-        "rows_sha256": ended["sha256"],
-        "largest_gap": ended["gaps"],
+        **{key: plain(getattr(run, key)) for key in _OF_RUN},
+        "dut": {key: getattr(run.dut, key) for key in _OF_DUT},
+        **{key: getattr(begun, key) for key in _OF_RECORDING},
+        "complete": ended.complete,
+        "rows": ended.rows,
+        "rows_sha256": ended.sha256,
+        "largest_gap": ended.gaps,
         "stream": _stream(package, begun, ended),
         "time": "bench time in s from the beginning of the run",
-        "channels": [_channel(channel, package.calibration()) for channel in begun["channels"]],
-        "recorded_by": f"hil {run.get('version')}",
+        "channels": [_channel(channel, package.calibration()) for channel in begun.channels],
+        "recorded_by": f"hil {run.version}",
         "exported_by": f"hil {importlib.metadata.version('hil')}",
     }
 
 
 def _fitting(
-    begun: Sequence[Begun], asked: Sequence[str], what: str, words: Callable[[Begun], set[str]]
-) -> list[Begun]:
+    begun: Sequence[Recording], asked: Sequence[str], what: str, words: Callable[[Recording], set[str]]
+) -> list[Recording]:
     known = list(dict.fromkeys(word for one in begun for word in sorted(words(one))))
     for word in asked:
         if word not in known:
@@ -101,38 +103,38 @@ def _fitting(
     return [one for one in begun if not asked or not words(one).isdisjoint(asked)]
 
 
-def _words_of_recording(begun: Begun) -> set[str]:
-    return {begun["recording"], begun["name"]}
+def _words_of_recording(begun: Recording) -> set[str]:
+    return {begun.recording, begun.name}
 
 
-def _words_of_case(begun: Begun) -> set[str]:
-    if begun["case"] is None:
+def _words_of_case(begun: Recording) -> set[str]:
+    if begun.case is None:
         return set()
-    name = begun["case"].rpartition("::")[2]
-    return {begun["case"], name, name.partition("[")[0]}
+    name = begun.case.rpartition("::")[2]
+    return {begun.case, name, name.partition("[")[0]}
 
 
-def _mark(sources: set[str | None]) -> str:
+def _mark(sources: set[Source]) -> str:
     """Return the word for the weakest source."""
-    return next((word.upper() for word in ("simulated", "replayed") if word in sources), "")
+    return next((word.upper() for word in (Source.SIMULATED, Source.REPLAYED) if word in sources), "")
 
 
-def _channel(channel: Mapping[str, Any], calibration: Mapping[str, Mapping[str, Any]]) -> Facts:
-    record = calibration.get(channel["instrument"], {})
+def _channel(channel: Channel, calibration: Mapping[str, Mapping[str, Any]]) -> Facts:
+    record = calibration.get(channel.instrument, {})
     return {
-        "name": channel["name"],
-        "unit": channel["unit"],
-        "instrument": channel["instrument"],
-        "uncertainty": channel.get("uncertainty"),
-        "calibration": channel.get("calibration") or record.get("certificate"),
+        "name": channel.name,
+        "unit": channel.unit,
+        "instrument": channel.instrument,
+        "uncertainty": channel.uncertainty,
+        "calibration": channel.calibration or record.get("certificate"),
         "calibration_due": record.get("due"),
     }
 
 
-def _stream(package: Package, begun: Mapping[str, Any], ended: Mapping[str, Any]) -> Facts | None:
+def _stream(package: Package, begun: Recording, ended: RecordingEnd) -> Facts | None:
     """Return how a streamed recording went, from the effect that took it; None for one that was not streamed."""
-    results = (effect.get("result") for effect in package.events("effect") if effect.get("case") == begun["case"])
+    results = (effect.result for effect in package.of(Effect) if effect.case == begun.case)
     for result in results:
-        if isinstance(result, dict) and "frames" in result and result.get("sha256") == ended["sha256"]:
+        if isinstance(result, dict) and "frames" in result and result.get("sha256") == ended.sha256:
             return {key: result.get(key) for key in _OF_STREAM}
     return None
