@@ -383,7 +383,7 @@ def row_of(samples, drift=0.0, certified=CERTIFIED):
     time, voltage, current = samples
     (only,) = cycles(series(time * (1.0 + drift), voltage, current), REACHED)
     stream = SimpleNamespace(drift=drift, drift_uncertainty=1e-6)
-    return plan.row_of(only, plan.Certainty(SimpleNamespace(uncertainty=certified.get, stream=stream)), 0.05)
+    return plan.row_of(only, plan.certainty_of(SimpleNamespace(uncertainty=certified.get, stream=stream)), 0.05)
 
 
 def times_of(offsets, drift=0.0):
