@@ -471,7 +471,7 @@ def test_a_damaged_journal_is_not_sealed(folder):
     begin(folder).close()
     path = folder / JOURNAL
     path.write_bytes(path.read_bytes().replace(b"flight", b"fright"))
-    with pytest.raises(EvidenceError, match="not sealed"):
+    with pytest.raises(EvidenceError, match="cannot seal: the journal is damaged"):
         recover(folder, write_reports=write_report)
 
 

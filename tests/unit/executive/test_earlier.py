@@ -9,8 +9,8 @@ import pytest
 from told_as_json import bodies
 from typed_events import event_of
 
-from hil.evidence.events import Voided
-from hil.evidence.journal.past import Entry, entries
+from hil.evidence.events import Entry, Voided
+from hil.evidence.journal.past import entries
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.journal.writer import Journal
 from hil.evidence.state import standing
@@ -123,16 +123,16 @@ def test_void_events_do_not_stand(tmp_path):
             boundary=7,
             void_to=13 + number,
             operations=5,
-            at=0.0,
             number=8,
             rows=VOID,
+            kept="",
         )
         with Journal(folder / "data/journal.jsonl") as journal:
             Resumption(earlier, journal).resume(99.0, entry)
     events = read_journal(folder / "data/journal.jsonl").events
     assert [event.kind() for event in standing(events)][8:] == ["note", "resumed", "resumed"]
-    assert [entry.rows for entry in entries(events)] == [VOID] * 2
-    assert {entry.at for entry in entries(events)} == {99.0}
+    assert [entry.rows for entry, _ in entries(events)] == [VOID] * 2
+    assert {t for _, t in entries(events)} == {99.0}
 
 
 def test_a_run_that_somebody_went_on_with_is_not_gone_on_with_twice(tmp_path):
@@ -171,8 +171,8 @@ def test_a_run_that_was_killed_is_not_said_to_have_been_stopped(tmp_path, monkey
     folder = folder_of(tmp_path, CASE, STOP)
     for behind in (TURN[len(CASE) :], []):
         found = find_earlier(folder)
-        place, last = found.boundary, found.lines[-1].event.seq
-        entry = Entry(place=place.place, boundary=place.sequence, void_to=last, operations=5, at=0.0, number=1, rows=())
+        at, last = found.boundary, found.lines[-1].event.seq
+        entry = Entry(place=at.place, boundary=at.sequence, void_to=last, operations=5, number=1, rows=(), kept="")
         with Journal(folder / "data/journal.jsonl") as journal:
             Resumption(found, journal).resume(99.0, entry)
             for kind, fields in behind:

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from case_parts import Case
 
+from hil.evidence import events
 from hil.evidence.recordings.hdf5 import Recorded
 from hil.executive.cases.facade import RoleSet
 from hil.executive.cases.recording import data_checks
 from hil.executive.ending.stop import Stopped
-from hil.executive.journaling.row_store import RecordingFacts
 from hil.model.errors import Misused, NoReply
 from hil.requirements.decision import judge
 from hil.requirements.requirement import Records
@@ -108,8 +108,8 @@ def test_recordings_of_one_name_are_kept_apart(tmp_path):
 def recorded(times, *, channels=("x", "y"), rate=10.0, complete=True, name="field", samples=None):
     """Return a recording as `data_checks` takes it."""
     array = np.asarray(times, dtype=float)
-    facts = RecordingFacts(
-        id="001", name=name, case="c", step="", channels=(), rate=rate, duration=1.0, source="simulated"
+    facts = events.Recording(
+        recording="001", name=name, case="c", step="", channels=(), rate=rate, duration=1.0, source="simulated"
     )
     of_channels = dict.fromkeys(channels, array if samples is None else np.asarray(samples, dtype=float))
     units = dict.fromkeys(channels, "uT")

@@ -4,64 +4,22 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass
 from itertools import islice
 from typing import NoReturn
 
-from hil.evidence.events import Event, Origin, Resumed, Voided
+from hil.evidence.events import Entry, Event, Origin, Resumed
 from hil.evidence.events.codec import encode, stamped
 from hil.evidence.journal.reader import JournalLine
 from hil.model.errors import Diverged
 
-__all__ = ["Entry", "Past", "entries"]
+__all__ = ["Past", "entries"]
 
 _SHOWN = 300
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Entry:
-    """Where a run was resumed after a stop.
-
-    Attributes:
-        place: how many events of the run's own course stand up to the one after which it was resumed.
-        boundary: the sequence number of that event.
-        void_to: the sequence number of the last event that is void; the first is the one after the boundary.
-        operations: how many operations the transcript held then; those since the boundary are void, too.
-        at: the bench time in s at which it was entered.
-        number: the number that the next recording got.
-        rows: the void rows of every recording that continued.
-        kept: the recording at whose beginning it was resumed and whose rows stand; empty without one.
-        over: whether every case had ended, so that nothing was driven any more but the way to the safe state.
-    """
-
-    place: int
-    boundary: int
-    void_to: int
-    operations: int
-    at: float
-    number: int
-    rows: tuple[Voided, ...]
-    kept: str = ""
-    over: bool = False
-
-
-def entries(events: Iterable[Event]) -> tuple[Entry, ...]:
-    """Return where a run was resumed after a stop, in order."""
-    return tuple(
-        Entry(
-            place=event.entry.place,
-            boundary=event.entry.boundary,
-            void_to=event.entry.void_to,
-            operations=event.entry.operations,
-            at=event.t,
-            number=event.entry.number,
-            rows=event.entry.rows,
-            kept=event.entry.kept,
-            over=bool(event.entry.over),
-        )
-        for event in events
-        if isinstance(event, Resumed) and event.entry
-    )
+def entries(events: Iterable[Event]) -> tuple[tuple[Entry, float], ...]:
+    """Return where a run was resumed after a stop, in order, each with the bench time in s of its resumption."""
+    return tuple((event.entry, event.t) for event in events if isinstance(event, Resumed) and event.entry)
 
 
 class Past:

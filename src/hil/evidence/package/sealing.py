@@ -257,7 +257,10 @@ def _seal_as_it_is(folder: Path, write_reports: ReportWriter) -> str:
     torn = cut_torn_tail(folder)
     reading = read_journal(folder / JOURNAL)
     if reading.findings:
-        raise EvidenceError(f"{folder.name}: {reading.findings[0]}", "a damaged journal is not sealed; keep the folder")
+        raise EvidenceError(
+            f"{folder.name}: cannot seal: the journal is damaged: {reading.findings[0]}",
+            "keep the folder; hil verify shows what is wrong",
+        )
     if not reading.lines:
         raise Refused(f"{folder.name}: nothing was recorded", "the folder can be deleted")
     state = fold(reading.events)

@@ -7,8 +7,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from hil.bench.calibration import standard_uncertainty
 from hil.clock.port import FOREVER_NS, NANOSECONDS
+from hil.evidence import events
 from hil.evidence.recordings.hdf5 import Recorded, read_recording
 from hil.executive.cases.during import During
 from hil.executive.cases.effects import Effects
@@ -17,7 +20,7 @@ from hil.executive.cases.recording import Recording
 from hil.executive.cases.steps import Steps, file_part
 from hil.executive.cases.streaming import SampledTurns, StreamTurns
 from hil.executive.cases.taking import Taking
-from hil.executive.journaling.row_store import RecordedChannel, RecordingFacts, RowStore
+from hil.executive.journaling.row_store import RowStore
 from hil.executive.watching.scheduler import Scheduler
 from hil.instruments.sampled import StreamReport
 from hil.model.errors import Misused
@@ -78,7 +81,7 @@ class Recorder:
             DeviceFault: if a device falls silent; what was recorded is kept as incomplete.
         """
         self._require(name, sources, duration > 0 and math.isfinite(duration * rate), rate)
-        facts = replace(self._facts(name, sources, rate, duration), continues=continues)
+        facts = msgspec.structs.replace(self._facts(name, sources, rate, duration), continues=continues)
         arguments: dict[str, object] = {"duration": duration, "rate": rate}
         arguments["channels"] = [channel.name for channel in facts.channels]
         if continues:
@@ -133,9 +136,9 @@ class Recorder:
                 "record the others by themselves, before, after or beside it",
             )
 
-    def _facts(self, name: str, sources: tuple[Facade, ...], rate: float, duration: float | None) -> RecordingFacts:
-        return RecordingFacts(
-            id=f"{self._store.next_number():03d}-{file_part(self._steps.case)}-{file_part(name)}",
+    def _facts(self, name: str, sources: tuple[Facade, ...], rate: float, duration: float | None) -> events.Recording:
+        return events.Recording(
+            recording=f"{self._store.next_number():03d}-{file_part(self._steps.case)}-{file_part(name)}",
             name=name,
             case=self._steps.case,
             step=self._steps.number,
@@ -168,7 +171,7 @@ class Recorder:
             raise
         return taking.end(complete=True)
 
-    def _sample(self, facts: RecordingFacts, sources: tuple[Facade, ...]) -> str:
+    def _sample(self, facts: events.Recording, sources: tuple[Facade, ...]) -> str:
         """Take one sample after the other; return the hash of the rows."""
         recording = self._store.begin(facts)
         complete = False
@@ -186,16 +189,16 @@ class Recorder:
             digest = recording.finish(complete=complete)
         return digest
 
-    def _finished(self, facts: RecordingFacts, sources: tuple[Facade, ...], report: StreamReport | None) -> Recording:
-        recorded = replace(read_recording(self._store.recordings, facts.begun, None), complete=True)
-        voids = self._store.voids(facts.id)
+    def _finished(self, facts: events.Recording, sources: tuple[Facade, ...], report: StreamReport | None) -> Recording:
+        recorded = replace(read_recording(self._store.recordings, facts, None), complete=True)
+        voids = self._store.voids(facts.recording)
         self._taken.append({"facts": facts, "recorded": recorded, "voids": voids})
         return Recording(recorded, _uncertainties(facts, recorded, sources), report, voids)
 
 
-def _channels(sources: tuple[Facade, ...]) -> tuple[RecordedChannel, ...]:
+def _channels(sources: tuple[Facade, ...]) -> tuple[events.Channel, ...]:
     return tuple(
-        RecordedChannel(
+        events.Channel(
             name=channel.name if len(sources) == 1 else f"{source.wire.name}.{channel.name}",
             unit=channel.unit,
             instrument=source.instrument.name,
@@ -207,7 +210,7 @@ def _channels(sources: tuple[Facade, ...]) -> tuple[RecordedChannel, ...]:
     )
 
 
-def _uncertainties(facts: RecordingFacts, recorded: Recorded, sources: tuple[Facade, ...]) -> dict[str, float | None]:
+def _uncertainties(facts: events.Recording, recorded: Recorded, sources: tuple[Facade, ...]) -> dict[str, float | None]:
     """Return what the certificates say at the largest reading of every channel, the least certain one."""
     calibrations = {source.instrument.name: source.instrument.calibration for source in sources}
     return {

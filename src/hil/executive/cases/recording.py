@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, cast
 
-from hil.evidence.events import Voided
+from hil.evidence import events
 from hil.evidence.recordings.hdf5 import Recorded
-from hil.executive.journaling.row_store import RecordingFacts
 from hil.instruments.sampled import StreamReport
 from hil.model.figure import Figure, FigureStatus
 from hil.requirements.requirement import Decision, Limit, Records
@@ -33,7 +32,7 @@ class Recording:
         recorded: Recorded,
         uncertainties: Mapping[str, float | None],
         stream: StreamReport | None = None,
-        voids: Sequence[Voided] = (),
+        voids: Sequence[events.Voided] = (),
     ) -> None:
         self._recorded = recorded
         self._voids = voids
@@ -95,7 +94,7 @@ def data_checks(records: Records, taken: Sequence[Mapping[str, object]]) -> Iter
 
     A recording that was never taken yields nothing, so that its requirement stays NOT_EVALUATED.
     """
-    named = [item for item in taken if cast("RecordingFacts", item["facts"]).name == records.recording]
+    named = [item for item in taken if cast("events.Recording", item["facts"]).name == records.recording]
     if not named:
         return
     found = [cast("Recorded", item["recorded"]) for item in named]
@@ -131,7 +130,7 @@ def _stopped(longest_s: float, found: Sequence[Recorded], ends: Sequence[Sequenc
 
 def _ends_of_voids(taken: Mapping[str, object]) -> list[int]:
     """Return at which rows a recording went on after its run had been stopped."""
-    voids, recorded = cast("Sequence[Voided]", taken["voids"]), cast("Recorded", taken["recorded"])
+    voids, recorded = cast("Sequence[events.Voided]", taken["voids"]), cast("Recorded", taken["recorded"])
     return [part.end for part in voids if 0 < part.end < len(recorded)]
 
 

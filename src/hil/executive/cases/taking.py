@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
+from hil.evidence import events
 from hil.executive.cases.facade import Facade
 from hil.executive.cases.streaming import Intake, SampledTurns, StreamTurns
-from hil.executive.journaling.row_store import OpenRecording, RecordingFacts, RowStore
+from hil.executive.journaling.row_store import OpenRecording, RowStore
 from hil.executive.watching.scheduler import Scheduler
 from hil.instruments.sampled import StreamReport
 
@@ -34,7 +35,7 @@ class Taking:
 
     def __init__(
         self,
-        facts: RecordingFacts,
+        facts: events.Recording,
         sources: Sequence[Facade],
         turns: StreamTurns | SampledTurns,
         scheduler: Scheduler,
@@ -125,4 +126,4 @@ class Taking:
             if fed := self._scheduler.fed_by(source.wire.name, columns, self.turns.every_s):
                 pause_s = self._scheduler.pause_allowed(fed, 1 / self.facts.rate)
                 self.turns.may_pause(pause_s, together=self._scheduler.timeline.rows_together)
-                self.intake.feed = self._scheduler.feed(fed, self.turns.every_s, self.facts.id)
+                self.intake.feed = self._scheduler.feed(fed, self.turns.every_s, self.facts.recording)

@@ -9,8 +9,7 @@ from typing import Protocol
 import msgspec
 
 from hil.clock.port import Clock
-from hil.evidence.events import NOTHING, Event
-from hil.evidence.journal.past import Entry
+from hil.evidence.events import NOTHING, Entry, Event
 from hil.evidence.journal.writer import Journal
 from hil.executive.ending.stop import StopFlags, leave_unsealed
 from hil.model.errors import Diverged, EvidenceError

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,72 +12,16 @@ import msgspec
 from hil.evidence import events
 from hil.evidence.events import EventSink
 from hil.evidence.folder import RECORDINGS, RESERVE
-from hil.evidence.journal.past import Entry
 from hil.evidence.recordings.row_file import NUMBER, read_rows, table
 from hil.evidence.recordings.rows import Rows
 from hil.executive.journaling.events import Caller, Unheard
 from hil.model.errors import Diverged, EvidenceError
-from hil.model.identity import Source
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["OpenRecording", "RecordedChannel", "RecordingFacts", "RowStore"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecordedChannel:
-    """One channel of a recording: name, unit, and what measured it how well (standard uncertainty)."""
-
-    name: str
-    unit: str
-    instrument: str
-    calibration: str = ""
-    uncertainty: float | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecordingFacts:
-    """What is known of a recording before its first row.
-
-    Attributes:
-        continues: whether a run that was stopped in it goes on in it, with a gap, instead of making it again.
-    """
-
-    id: str
-    name: str
-    case: str | None
-    step: str | None
-    channels: tuple[RecordedChannel, ...]
-    rate: float
-    duration: float | None
-    source: Source
-    continues: bool = False
-
-    @property
-    def begun(self) -> events.Recording:
-        """The event with which it begins."""
-        return events.Recording(
-            recording=self.id,
-            name=self.name,
-            case=self.case,
-            step=self.step,
-            channels=tuple(
-                events.Channel(
-                    name=channel.name,
-                    unit=channel.unit,
-                    instrument=channel.instrument,
-                    calibration=channel.calibration,
-                    uncertainty=channel.uncertainty,
-                )
-                for channel in self.channels
-            ),
-            rate=self.rate,
-            duration=self.duration,
-            source=self.source,
-            continues=self.continues,
-        )
+__all__ = ["OpenRecording", "RowStore"]
 
 
 class OpenRecording:
@@ -86,7 +29,7 @@ class OpenRecording:
 
     def __init__(
         self,
-        facts: RecordingFacts,
+        facts: events.Recording,
         rows: Rows,
         journal: EventSink,
         forget: Callable[[OpenRecording], None],
@@ -106,7 +49,7 @@ class OpenRecording:
         self._forget(self)
         end = self.rows.finish()
         ended = events.RecordingEnd(
-            recording=self.facts.id,
+            recording=self.facts.recording,
             rows=end.rows,
             sha256=end.sha256,
             complete=complete,
@@ -150,25 +93,25 @@ class RowStore:
         """Where the row files are."""
         return self._folder / RECORDINGS
 
-    def begin(self, facts: RecordingFacts) -> OpenRecording:
+    def begin(self, facts: events.Recording) -> OpenRecording:
         """Write the beginning down and open the row file."""
-        self._journal.write(facts.begun)
+        self._journal.write(facts)
         rows = self._rows_of(facts)
         recording = OpenRecording(facts, rows, self._journal, self._open.remove)
         self._open.append(recording)
-        if (part := self._awaited.pop(facts.id, None)) is not None:
+        if (part := self._awaited.pop(facts.recording, None)) is not None:
             self._take_over(recording, msgspec.structs.replace(part, first=0))
-            self._voids[facts.id] = [part]
+            self._voids[facts.recording] = [part]
         return recording
 
-    def _rows_of(self, facts: RecordingFacts) -> Rows:
+    def _rows_of(self, facts: events.Recording) -> Rows:
         try:
             rows = Rows(
-                self.recordings / f"{facts.id}.rows",
-                recording=facts.id,
+                self.recordings / f"{facts.recording}.rows",
+                recording=facts.recording,
                 channels=[(channel.name, channel.unit) for channel in facts.channels],
                 on_block=lambda count, digest: self._journal.write(
-                    events.Rows(recording=facts.id, rows=count, sha256=digest)
+                    events.Rows(recording=facts.recording, rows=count, sha256=digest)
                 ),
                 reserve=self._folder / RESERVE,
                 again=self._again,
@@ -192,7 +135,7 @@ class RowStore:
             behind: recordings that come again as a whole, if they do, and of which everything is void.
         """
         void = [
-            events.Voided(recording=each.facts.id, first=each.rows.rows, end=max(each.rows.rows, each.rows.held))
+            events.Voided(recording=each.facts.recording, first=each.rows.rows, end=max(each.rows.rows, each.rows.held))
             for each in self._open
         ]
         for name in filter(None, (kept, *behind)):
@@ -207,7 +150,7 @@ class RowStore:
         return self.number - 1
 
     def pass_over(
-        self, entry: Entry, void_rows: Callable[[events.Voided], NDArray[np.float64]] | None = None
+        self, entry: events.Entry, void_rows: Callable[[events.Voided], NDArray[np.float64]] | None = None
     ) -> list[tuple[str, Callable[[], NDArray[np.float64]]]]:
         """Take over the rows that are not made again; return each recording that has void rows, and what reads them.
 
@@ -217,7 +160,7 @@ class RowStore:
         """
         self._void_rows = void_rows
         self.number = entry.number
-        still_open = {each.facts.id: each for each in self._open}
+        still_open = {each.facts.recording: each for each in self._open}
         void: list[events.Voided] = []
         for part in entry.rows:
             if part.recording in still_open:
@@ -229,9 +172,9 @@ class RowStore:
         read = void_rows or self._held_rows
         return [(part.recording, partial(read, part)) for part in void if part.first < part.end]
 
-    def note_void(self, entry: Entry) -> None:
+    def note_void(self, entry: events.Entry) -> None:
         """Keep which rows were void when the run had been entered at a place at which it is entered once more."""
-        still_open = {each.facts.id for each in self._open}
+        still_open = {each.facts.recording for each in self._open}
         for part in entry.rows:
             if part.recording in still_open:
                 self._voids.setdefault(part.recording, []).append(part)

@@ -12,7 +12,7 @@ from hil.clock import wall
 from hil.clock.port import NANOSECONDS
 from hil.evidence import events
 from hil.evidence.folder import JOURNAL, RECORDINGS, TRANSCRIPT, create, is_sealed, renew_reserve, require_space
-from hil.evidence.journal.past import Entry, Past, entries
+from hil.evidence.journal.past import Past, entries
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.contents import Package
 from hil.evidence.recordings.hdf5 import revert
@@ -49,7 +49,7 @@ class NewRun:
     Attributes:
         resumes: whether its folder holds what an interrupted run wrote down.
         earlier: that run, None where there is none.
-        entries: where the run was entered before.
+        entries: where the run was entered before, and at which bench time in s.
         not_opened: the gates of the host that ended its armings, see `BenchKeeper`.
         recall: the effects that it has to agree with, None where there are none.
         void_rows: returns the void rows of a record, None where the run's own folder holds them.
@@ -57,7 +57,7 @@ class NewRun:
 
     resumes = False
     earlier: Earlier | None = None
-    entries: Sequence[Entry] = ()
+    entries: Sequence[tuple[events.Entry, float]] = ()
     not_opened: Mapping[int, Gate] = {}
     recall: Recall | None = None
     void_rows: VoidRows | None = None
@@ -168,7 +168,7 @@ class Resumption(Past):
         """How many events of the run's own course its head has."""
         return self._earlier.own_course
 
-    def resume(self, t: float, entry: Entry | None) -> None:
+    def resume(self, t: float, entry: events.Entry | None) -> None:
         """Write down that the run was resumed, and before that if the machine was started anew in between.
 
         Args:
@@ -187,7 +187,7 @@ class Resumption(Past):
             deviation=earlier.deviation,
             seconds=seconds,
             text="the run was interrupted, and went on here" if entry is None else _entered(earlier),
-            entry=_told(entry) if entry else None,
+            entry=entry,
         )
         self._journal.write(resumed, t, beside=beside)
 
@@ -200,19 +200,6 @@ def _entered(earlier: Earlier) -> str:
         return f"{how} behind its last case; nothing but the way to the safe state is driven, and the end made anew"
     where = "recording" if earlier.boundary and earlier.boundary.kept else "turn or case"
     return f"{how}, and entered again where the last {where} began; what came behind that is void"
-
-
-def _told(entry: Entry) -> events.Entry:
-    return events.Entry(
-        place=entry.place,
-        boundary=entry.boundary,
-        void_to=entry.void_to,
-        operations=entry.operations,
-        number=entry.number,
-        rows=entry.rows,
-        kept=entry.kept,
-        over=entry.over,
-    )
 
 
 class NotArmedAgain(HilError):
@@ -238,9 +225,9 @@ class Entering:
         self._record = record
         self._bench = bench
         self._keeper = keeper
-        self._places: dict[int, list[Entry]] = {}
-        for entry in beginning.entries:
-            self._places.setdefault(entry.place, []).append(entry)
+        self._places: dict[int, list[tuple[events.Entry, float]]] = {}
+        for entry, t in beginning.entries:
+            self._places.setdefault(entry.place, []).append((entry, t))
         self._void_rows = beginning.void_rows
         self._earlier = beginning.earlier
         self._boundary = beginning.earlier.boundary if beginning.earlier else None
@@ -258,13 +245,13 @@ class Entering:
         with self._keeper.scheduler.flags.undisturbed():  # nothing looks after a bench that is being armed
             self._enter(place, entries, anew=anew)
 
-    def _enter(self, place: int, entries: list[Entry], *, anew: bool) -> None:
-        for entry in entries if anew else entries[:-1]:  # entered here once more: what came behind it is void, too
+    def _enter(self, place: int, entries: list[tuple[events.Entry, float]], *, anew: bool) -> None:
+        for entry, _ in entries if anew else entries[:-1]:  # entered here once more: what came behind it is void, too
             self._record.store.note_void(entry)
-        entry = self._anew(place) if anew else self._as_recorded(entries[-1])
+        entry = self._anew(place) if anew else self._as_recorded(*entries[-1])
         if self._bench.outside:
             self._bench.opened_anew()
-        self._keeper.over = entry.over
+        self._keeper.over = bool(entry.over)
         if entry.over:
             return
         if problem := self._keeper.arm_again(entry.void_to):
@@ -273,13 +260,13 @@ class Entering:
         self._keeper.holding.drive_again()
         self._keeper.scheduler.begin_again()
 
-    def _as_recorded(self, entry: Entry) -> Entry:
-        """Enter the run where it was entered."""
+    def _as_recorded(self, entry: events.Entry, t: float) -> events.Entry:
+        """Enter the run where it was entered, at bench time `t` in s."""
         self._pass_over(entry)
-        self._keeper.scheduler.retrace_to(round(entry.at * NANOSECONDS))
+        self._keeper.scheduler.retrace_to(round(t * NANOSECONDS))
         return entry
 
-    def _anew(self, place: int) -> Entry:
+    def _anew(self, place: int) -> events.Entry:
         """Enter the run here now."""
         if self._earlier is None or self._boundary is None:
             raise RuntimeError("nothing is entered again")
@@ -294,21 +281,20 @@ class Entering:
         self._record.events.end_of_past(entry)
         return entry
 
-    def _entry(self, place: int, earlier: Earlier, boundary: Boundary) -> Entry:
+    def _entry(self, place: int, earlier: Earlier, boundary: Boundary) -> events.Entry:
         """Return what is void if the run is entered here now."""
-        return Entry(
+        return events.Entry(
             place=place,
             boundary=boundary.sequence,
             void_to=earlier.lines[-1].event.seq,
             operations=count_operations(earlier.folder / TRANSCRIPT),
-            at=0.0,
             number=earlier.next_recording,
             rows=tuple(self._record.store.held(boundary.kept, earlier.begun_behind)),
             kept=boundary.kept,
             over=boundary.over,
         )
 
-    def _pass_over(self, entry: Entry) -> None:
+    def _pass_over(self, entry: events.Entry) -> None:
         self._record.events.skip(entry.void_to)
         self._record.transcript.skip(entry.operations)
         self._keeper.scheduler.timeline.skip(entry.operations)

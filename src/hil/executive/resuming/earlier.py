@@ -14,7 +14,7 @@ from hil.clock import wall
 from hil.clock.port import NANOSECONDS
 from hil.evidence import events
 from hil.evidence.folder import JOURNAL, hold, is_sealed
-from hil.evidence.journal.past import Entry, entries
+from hil.evidence.journal.past import entries
 from hil.evidence.journal.reader import Body, JournalLine, cut_torn_tail, read_journal, require_known_format
 from hil.evidence.state import RunState, fold, standing
 from hil.executive.journaling.checkpoints import read_checkpoint
@@ -91,8 +91,8 @@ class Earlier:
         return tuple(line for line in self.lines if line.event.seq <= last)
 
     @property
-    def entries(self) -> tuple[Entry, ...]:
-        """Where it was entered before."""
+    def entries(self) -> tuple[tuple[events.Entry, float], ...]:
+        """Where it was entered before, and at which bench time in s."""
         return entries(line.event for line in self.lines)
 
     @property
@@ -190,7 +190,10 @@ def find_earlier(folder: Path) -> Earlier:
         torn = _cut(folder)
     reading = read_journal(folder / JOURNAL)
     if reading.findings:
-        raise Refused(f"{folder.name}: {reading.findings[0]}", "a damaged journal cannot be resumed; keep the folder")
+        raise Refused(
+            f"{folder.name}: cannot resume: the journal is damaged: {reading.findings[0]}",
+            "keep the folder; hil verify shows what is wrong",
+        )
     head = tuple(takewhile(lambda line: isinstance(line.event, _HEAD), reading.lines))
     earlier = Earlier(
         folder=folder,

@@ -13,7 +13,7 @@ from hil.bench.safe_off import EVERY_S, SafeResult, make_safe, watch_after
 from hil.evidence import events
 from hil.evidence.events import EventSink
 from hil.executive.ending.stop import StopFlags
-from hil.executive.journaling.row_store import OpenRecording, RecordedChannel, RecordingFacts, RowStore
+from hil.executive.journaling.row_store import OpenRecording, RowStore
 from hil.executive.watching.holding import Holding
 from hil.executive.watching.monitoring import monitor_of
 from hil.executive.watching.ports import Machine
@@ -224,16 +224,17 @@ class BenchKeeper:
             )
         )
 
-    def _facts(self, limit: EnvelopeLimit) -> RecordingFacts:
+    def _facts(self, limit: EnvelopeLimit) -> events.Recording:
         instrument = self._bench.spec.instrument(self._bench.spec.wire(limit.output).instrument)
-        channel = RecordedChannel(
+        channel = events.Channel(
             name=limit.quantity,
             unit=limit.unit,
             instrument=instrument.name,
             calibration=instrument.calibration.certificate if instrument.calibration else "",
+            uncertainty=None,
         )
-        return RecordingFacts(
-            id=f"envelope-{limit.id}",
+        return events.Recording(
+            recording=f"envelope-{limit.id}",
             name=limit.id,
             case=None,
             step=None,
@@ -266,18 +267,22 @@ def watch_afterwards(bench: BoundBench, store: RowStore, tell: Callable[[SafeRes
             recording.finish(complete=True)
 
 
-def _watched_facts(bench: BoundBench, watch: WatchAfter) -> RecordingFacts:
+def _watched_facts(bench: BoundBench, watch: WatchAfter) -> events.Recording:
     instrument = bench.spec.instrument(bench.spec.wire(watch.output).instrument)
-    calibration = instrument.calibration.certificate if instrument.calibration else ""
+    channel = events.Channel(
+        name=watch.quantity,
+        unit=watch.unit,
+        instrument=instrument.name,
+        calibration=instrument.calibration.certificate if instrument.calibration else "",
+        uncertainty=None,
+    )
     name = f"{watch.output} {watch.quantity} afterwards"
-    return RecordingFacts(
-        id=f"after-{watch.output.replace('.', '-')}-{watch.quantity}",
+    return events.Recording(
+        recording=f"after-{watch.output.replace('.', '-')}-{watch.quantity}",
         name=name,
         case=None,
         step=None,
-        channels=(
-            RecordedChannel(name=watch.quantity, unit=watch.unit, instrument=instrument.name, calibration=calibration),
-        ),
+        channels=(channel,),
         rate=1 / EVERY_S,
         duration=None,
         source=bench.source,
