@@ -491,7 +491,7 @@ def test_a_device_without_a_pin_has_no_interrupts():
 
 def test_what_cannot_be_is_refused():
     """A wrong address, a wrong identity, negative noise."""
-    with pytest.raises(TruthError, match="from 0 up"):
+    with pytest.raises(TruthError, match="must be at least 0"):
         Bench(truth={"white": ["-1", "0", "0"]})
     with pytest.raises(TruthError, match="must look like 0x"):
         Bench(faults=[{"kind": "identity", "value": "gyro"}])

@@ -87,7 +87,7 @@ def test_coil_and_copper_against_an_integrator():
         turns=60, sides=(0.08, 0.08), distance=0.01, resistance=4.0, inductance=0.02, heat_capacity=0.5,
         thermal_resistance=20.0,
     )  # fmt: skip
-    plant = CoilAndEarthField("coil", 1_000_000, coil=truth, boards={}, earth=EarthTruth(field=(0, 0, 0)))
+    plant = CoilAndEarthField("coil", 1_000_000, coil=truth, boards={}, earth=EarthTruth(earth_field=(0, 0, 0)))
     plant.command(board="any", supply_voltage=3.0, supply_current=5.0)
     plant.advance(10_000_000_000)
 

@@ -9,11 +9,14 @@ import shutil
 import struct
 import subprocess
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import pytest
 
 from hil.model.errors import Refused
+from hil.model.notation import AnyText, Flag, NotNegative, Number, whole
 from hil.simulation.peers.model import PeerModel
 
 __all__ = ["FIRMWARE", "OUT", "FirmwarePeer", "built", "close_all", "declared_in", "living", "size_of"]
@@ -293,19 +296,33 @@ _LIVING = []
 _SIGNALS = ("voltage", "current", "temperature")
 
 
+@dataclass(frozen=True, kw_only=True)
+class FirmwareTruth:
+    """What a bench file says of the device."""
+
+    level: Annotated[int, whole(1, 2)] = 2
+    cycles: Annotated[int, whole(1)] = 10
+    boots: Annotated[int, whole(0)] = 41
+    serial: AnyText = "C0001"
+    real_baud: Flag = False
+    powered: Flag = False
+    clock_drift: Number = 0.0
+    converter_hangs: NotNegative = 0.0
+    voltage_noise: NotNegative = 0.0
+    current_noise: NotNegative = 0.0
+    temperature_noise: NotNegative = 0.0
+
+
 def _build(setup):
-    truth = setup.truth
-    level, cycles = truth.integer("level", 2, minimum=1, maximum=2), truth.integer("cycles", 10, minimum=1)
-    choices = {"boots": truth.integer("boots", 41), "serial": truth.text("serial", "C0001")}
-    choices |= {name: truth.flag(name, False) for name in ("real_baud", "powered")}
-    choices["drift"] = truth.number("clock_drift", 0.0)
-    choices["hangs_s"] = truth.number("converter_hangs", 0.0, minimum=0)
-    choices["noises"] = [(setup.stream(name), truth.number(f"{name}_noise", 0.0, minimum=0)) for name in _SIGNALS]
+    truth = setup.truth.part(FirmwareTruth)
+    choices = {name: getattr(truth, name) for name in ("boots", "serial", "real_baud", "powered")}
+    choices |= {"drift": truth.clock_drift, "hangs_s": truth.converter_hangs}
+    choices["noises"] = [(setup.stream(name), getattr(truth, f"{name}_noise")) for name in _SIGNALS]
     signals = [setup.connections.signal(name) for name in _SIGNALS]
     contacts = [setup.connections.input(name) for name in ("charge", "discharge")]
     choices["feed"] = setup.connections.signal("power")
     setup.finish()
-    peer = FirmwarePeer(built(level, cycles) / "cycler.elf", signals, contacts, **choices)
+    peer = FirmwarePeer(built(truth.level, truth.cycles) / "cycler.elf", signals, contacts, **choices)
     _LIVING.append(peer)
     return peer
 

@@ -89,10 +89,12 @@ class Invalid(HilError, ValueError):
 
     Attributes:
         problems: everything that is wrong, each with its path in the document.
+        repaired: the model with blank values in the places of the wrong ones, or None where there is none.
     """
 
-    def __init__(self, problems: tuple[Problem, ...]) -> None:
+    def __init__(self, problems: tuple[Problem, ...], repaired: object = None) -> None:
         self.problems = problems
+        self.repaired = repaired
         super().__init__("\n".join(problem.message for problem in problems))
 
 
@@ -151,7 +153,7 @@ def validated(model: type[_Model], values: Mapping[str, object], what: str, path
     found = reading.problems()
     problems = tuple(Problem(path=path + each.path, message=each.message, of_key=each.of_key) for each in found)
     if problems or reading.model is None:
-        raise Invalid(problems)
+        raise Invalid(problems, reading.repaired())
     return reading.model
 
 

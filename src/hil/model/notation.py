@@ -156,9 +156,9 @@ def _name_of(entry: type[Any]) -> str:
     return next(field.name for field in dataclasses.fields(entry) if field.metadata.get("alias") == NAMED["alias"])
 
 
-def matching(pattern: str) -> Notation:
-    """Return the notation of a text, the whole of which matches a pattern."""
-    return Notation(partial(_text, pattern=pattern), "")
+def matching(pattern: str, words: str = "") -> Notation:
+    """Return the notation of a text, the whole of which matches a pattern; `words` say what it must be."""
+    return Notation(partial(_text, pattern=pattern, words=words), "")
 
 
 def one_of(*choices: str, blank: str = "") -> Notation:
@@ -176,9 +176,10 @@ def seconds(minimum: float = 0.0, *, above: float = -math.inf) -> Notation:
     return Notation(partial(_seconds, minimum=minimum, above=above), minimum)
 
 
-def vector(size: int, *, above: float = -math.inf, rising: bool = False) -> Notation:
-    """Return the notation of a list of so many decimal numbers in quotes, all above a bound, or each above the last."""
-    return Notation(partial(_vector, size=size, above=above, rising=rising), (0.0,) * size)
+def vector(size: int, *, minimum: float = -math.inf, above: float = -math.inf, rising: bool = False) -> Notation:
+    """Return the notation of a list of so many decimal numbers in quotes, within bounds, or each above the last."""
+    each = partial(read_number, minimum=minimum, above=above)
+    return Notation(partial(_vector, size=size, each=each, rising=rising), (0.0,) * size)
 
 
 def whole(minimum: int | None = None, maximum: int | None = None) -> Notation:
@@ -186,13 +187,13 @@ def whole(minimum: int | None = None, maximum: int | None = None) -> Notation:
     return Notation(partial(_whole, minimum=minimum, maximum=maximum), minimum or 0)
 
 
-def _text(value: object, pattern: str = "", choices: Sequence[str] = ()) -> str:
+def _text(value: object, pattern: str = "", words: str = "", choices: Sequence[str] = ()) -> str:
     if not isinstance(value, str):
         raise Complaint("must be text", quote=isinstance(value, bool | int))
     if choices and value not in choices:
         raise Complaint(f"must be one of {', '.join(choices)}", known=choices)
     if pattern and not re.fullmatch(pattern, value):
-        raise Complaint(f"must look like {pattern}")
+        raise Complaint(f"must be {words}" if words else f"must look like {pattern}")
     return next((choice for choice in choices if choice == value), value)
 
 
@@ -247,14 +248,14 @@ def _within(value: _Real, minimum: float, maximum: float, above: float = -math.i
     return value
 
 
-def _vector(value: object, size: int, above: float, rising: bool) -> tuple[float, ...]:
+def _vector(value: object, size: int, each: Callable[[object], float], rising: bool) -> tuple[float, ...]:
     if not isinstance(value, list) or len(value) != size:
         raise Complaint(f"must be a list of {size} numbers", found=False)
     numbers: list[float] = []
     wrong: dict[Path, Complaint] = {}
     for place, item in enumerate(value):
         try:
-            numbers.append(read_number(item, above=above))
+            numbers.append(each(item))
         except Complaint as complaint:
             wrong[place,] = complaint
     if wrong:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from math import inf
+from types import MappingProxyType
 from typing import TypeVar
 
 from hil.documents.declared import Invalid, validated
@@ -15,11 +14,6 @@ __all__ = ["Path", "Truth", "TruthError", "UnknownPlant", "declared", "suggestio
 
 Path = tuple[str | int, ...]
 _Model = TypeVar("_Model")
-
-_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
-_DURATION = re.compile(r"(\d+(?:\.\d+)?)\s*(us|ms|s|min|h)")
-_NANOSECONDS = {"us": 1_000, "ms": 1_000_000, "s": 1_000_000_000, "min": 60_000_000_000, "h": 3_600_000_000_000}
-_LONGEST_NS = 100 * 366 * 24 * _NANOSECONDS["h"]
 
 
 class TruthError(ValueError):
@@ -65,8 +59,7 @@ def declared(model: type[_Model], values: Mapping[str, object], what: str, path:
     try:
         return validated(model, values, what, path)
     except Invalid as error:
-        first, *others = (TruthError(each.path, each.message) for each in error.problems)
-        raise TruthError(first.path, first.message, tuple(others)) from error
+        raise _together([TruthError(each.path, each.message) for each in error.problems]) from error
 
 
 def suggestion(word: str, known: Sequence[str]) -> str:
@@ -75,17 +68,24 @@ def suggestion(word: str, known: Sequence[str]) -> str:
 
 
 class Truth:
-    """One section. Every getter notes what is wrong and goes on; `finish` raises all of it.
-
-    Numbers are decimal strings, as everywhere in the files of a bench.
+    """One section. `part` and `wrong` note what is wrong and go on; `finish` raises all of it.
 
     Args:
         values: the section as read.
         path: where it stands, for messages.
+        usual: what is as in the section around it, where this one does not say it.
+        errors: those of the section around it.
     """
 
-    def __init__(self, values: object, path: Path, errors: list[TruthError] | None = None) -> None:
+    def __init__(
+        self,
+        values: object,
+        path: Path,
+        usual: Mapping[str, object] = MappingProxyType({}),
+        errors: list[TruthError] | None = None,
+    ) -> None:
         self.path = path
+        self._usual = usual
         self._errors: list[TruthError] = [] if errors is None else errors
         self._asked: list[str] = []
         self._children: list[Truth] = []
@@ -93,121 +93,50 @@ class Truth:
         if isinstance(values, Mapping):
             self._values = values
         else:
-            self._wrong((), f"expected a mapping, not {values!r}")
-
-    def number(
-        self,
-        key: str,
-        default: float | None = None,
-        *,
-        minimum: float = -inf,
-        maximum: float = inf,
-        above: float = -inf,
-    ) -> float:
-        """Return a number within the bounds; without a default it is required."""
-        value = self._get(key, required=default is None)
-        if value is None:
-            return 1.0 if default is None else default
-        return self._number((key,), value, minimum, maximum, above)
-
-    def integer(self, key: str, default: int | None = None, *, minimum: int = 0, maximum: int = 2**31) -> int:
-        """Return a whole number within the bounds; without a default it is required."""
-        number = self.number(key, default, minimum=minimum, maximum=maximum)
-        if number != int(number):
-            self._wrong((key,), f"expected a whole number, not {number}")
-        return int(number)
-
-    def vector(self, key: str, size: int, default: tuple[float, ...] | None = None) -> tuple[float, ...]:
-        """Return `size` numbers; without a default they are required."""
-        value = self._get(key, required=default is None)
-        if value is None:
-            return (1.0,) * size if default is None else default
-        if not isinstance(value, list | tuple) or len(value) != size:
-            self._wrong((key,), f"expected a list of {size} numbers, not {value!r}")
-            return (1.0,) * size
-        return tuple(self._number((key, place), item, -inf, inf, -inf) for place, item in enumerate(value))
-
-    def integers(self, key: str, *, minimum: int, maximum: int) -> tuple[int, ...]:
-        """Return a list of whole numbers within the bounds, empty where the key is absent."""
-        value = self._get(key, required=False)
-        if value is None:
-            return ()
-        if not isinstance(value, list | tuple):
-            self._wrong((key,), f"expected a list of numbers, not {value!r}")
-            return ()
-        numbers = [self._number((key, place), item, minimum, maximum, -inf) for place, item in enumerate(value)]
-        return tuple(int(number) for number in numbers)
-
-    def text(self, key: str, default: str | None = None, *, choices: Sequence[str] = ()) -> str:
-        """Return a text, one of the choices where there are any; without a default it is required."""
-        value = self._get(key, required=default is None)
-        if value is None:
-            return default or ""
-        if not isinstance(value, str):
-            self._wrong((key,), f"expected a text, not {value!r}")
-        elif choices and value not in choices:
-            self._wrong((key,), f"unknown value '{value}'{suggestion(value, choices)}")
-        return str(value)
-
-    def flag(self, key: str, default: bool) -> bool:
-        """Return a truth value."""
-        value = self._get(key, required=False)
-        if value is None:
-            return default
-        if not isinstance(value, bool):
-            self._wrong((key,), f"expected true or false, not {value!r}")
-        return bool(value)
-
-    def duration_ns(self, key: str, default: int | None = None) -> int:
-        """Return a duration written as `12 s`, in nanoseconds; units are us, ms, s, min and h."""
-        value = self._get(key, required=default is None)
-        if value is None:
-            return default or 0
-        match = _DURATION.fullmatch(value) if isinstance(value, str) else None
-        if match is None:
-            self._wrong((key,), f"expected a duration such as '12 s', not {value!r}")
-            return 0
-        duration_ns = float(match[1]) * _NANOSECONDS[match[2]]
-        if duration_ns > _LONGEST_NS:
-            self._wrong((key,), f"expected a duration of a century at most, not {value}")
-            return 0
-        return round(duration_ns)
+            self._errors.append(TruthError(path, f"must be a mapping, found {values!r}"))
 
     def part(self, model: type[_Model]) -> _Model:
         """Return what a section says of one part, by the keys that its model declares; see `hil.model.notation`.
 
-        Every other key is for somebody else. What is wrong is noted, and the part is then as by default.
+        Every other key is for somebody else. What is wrong is noted, and is blank in what is returned.
 
         Args:
-            model: a frozen dataclass; every field has a default.
+            model: a frozen dataclass.
+
+        Raises:
+            TruthError: where so much is wrong that nothing can be returned.
         """
         keys = [str(each.metadata.get("alias", each.name)) for each in fields(model)]  # type: ignore[arg-type]  # one is
         self._asked += keys
+        values = {key: value for key, value in {**self._usual, **self._values}.items() if key in keys}
         try:
-            values = {key: value for key, value in self._values.items() if key in keys}
-            return declared(model, values, str(self.path[-1]) if self.path else "truth", self.path)
-        except TruthError as error:
-            self._errors += (error, *error.others)
-            return model()
+            return validated(model, values, str(self.path[-1]) if self.path else "truth", self.path)
+        except Invalid as error:
+            self._errors += [TruthError(each.path, each.message) for each in error.problems if self._says(each.path)]
+            if not isinstance(error.repaired, model):
+                raise _together(self._errors) from error
+            return error.repaired
 
     def sections(self, key: str) -> dict[str, Truth]:
-        """Return the named sections below a key, empty where the key is absent."""
-        value = self._get(key, required=False)
-        if value is None:
-            return {}
+        """Return the named sections below a key, none where it is absent; what one of them leaves out is as here."""
+        self._asked.append(key)
+        value = self._values.get(key, {})
         if not isinstance(value, Mapping):
-            self._wrong((key,), f"expected a mapping, not {value!r}")
+            self.wrong(key, f"must be a mapping, found {value!r}")
             return {}
-        children = {str(name): Truth(item, (*self.path, key, str(name)), self._errors) for name, item in value.items()}
+        children = {
+            str(name): Truth(item, (*self.path, key, str(name)), self._values, self._errors)
+            for name, item in value.items()
+        }
         self._children += children.values()
         return children
 
     def wrong(self, key: str, message: str) -> None:
         """Note something wrong with a key that only its reader can see."""
-        self._wrong((key,), message)
+        self._errors.append(TruthError((*self.path, key), message))
 
     def finish(self) -> None:
-        """Refuse unknown keys.
+        """Refuse keys that nobody asked for.
 
         Raises:
             TruthError: if anything was wrong in this section or below.
@@ -215,32 +144,19 @@ class Truth:
         for section in (self, *self._children):
             section.refuse_unknown()
         if self._errors:
-            first, *others = self._errors
-            raise TruthError(first.path, first.message, tuple(others))
+            raise _together(self._errors)
 
     def refuse_unknown(self) -> None:
         """Note keys that nobody asked for; `finish` does so for the whole section."""
         for key in self._values:
             if key not in self._asked:
-                self._wrong((key,), f"unknown key '{key}'{suggestion(str(key), self._asked)}")
+                self.wrong(key, f"unknown key '{key}'{suggestion(str(key), self._asked)}")
 
-    def _get(self, key: str, *, required: bool) -> object:
-        self._asked.append(key)
-        value = self._values.get(key)
-        if value is None and required:
-            self._wrong((key,) if key in self._values else (), f"'{key}' is missing")
-        return value
+    def _says(self, path: Path) -> bool:
+        """Return whether something wrong is of this section: what is usual is told where it stands."""
+        return not self._usual or path[len(self.path) :][:1] in {(key,) for key in self._values}
 
-    def _number(self, key: Path, value: object, minimum: float, maximum: float, above: float) -> float:
-        if not isinstance(value, str) or not _NUMBER.fullmatch(value):
-            self._wrong(key, f"expected a number in quotes, not {value!r}")
-            return 1.0
-        number = float(value)
-        if not minimum <= number <= maximum or not number > above:
-            bound = f"above {above:g}" if above > -inf else f"from {minimum:g} to {maximum:g}"
-            self._wrong(key, f"expected a number {bound}, not {value}")
-            return 1.0
-        return number
 
-    def _wrong(self, key: Path, message: str) -> None:
-        self._errors.append(TruthError((*self.path, *key), message))
+def _together(errors: Sequence[TruthError]) -> TruthError:
+    first, *others = errors
+    return TruthError(first.path, first.message, tuple(others))

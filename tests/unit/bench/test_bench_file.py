@@ -295,7 +295,11 @@ def test_unknown_bench_names_the_nearest(tmp_path):
     ("change", "at", "message"),
     [
         (('turns: "60"', 'turms: "60"'), '"60"\n', "unknown key 'turms', did you mean 'turns'?"),
-        (('resistance: "97.9"', 'resistance: "-1"'), '"-1"}\n          x_m', "expected a number above 0, not -1"),
+        (
+            ('resistance: "97.9"', 'resistance: "-1"'),
+            '"-1"}\n          x_m',
+            "'resistance' must be above 0, found \"-1\"",
+        ),
         (("serial: MY59002391\n        ch", "sreial: X\n        ch"), "X\n", "unknown key 'sreial', did you mean"),
         (("coil.contact_b", "coil.contakt_b"), "coil.contakt_b", "did you mean 'contact_b'?"),
         (("grid: 10 ms", "grid: 0 s"), "0 s\n      truth", "expected a duration above 0 s"),
@@ -347,7 +351,7 @@ def test_only_the_cause_is_told_where_a_plant_cannot_be_built(tmp_path):
     with pytest.raises(ConfigurationError) as error:
         check_twin(spec, tmp_path / "fixtures/benches/adcs/bench.yaml", "bench.yaml")
     messages = [finding.message for finding in error.value.findings]
-    assert messages == ["'turns' is missing", "unknown key 'turn', did you mean 'turns'?"]
+    assert messages == ["truth: key 'turns' is missing", "unknown key 'turn', did you mean 'turns'?"]
 
 
 def test_a_plant_that_is_nowhere_is_told_by_everybody_who_names_it(tmp_path):

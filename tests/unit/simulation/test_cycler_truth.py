@@ -11,11 +11,11 @@ from hil.simulation.truth import TruthError
 @pytest.mark.parametrize(
     ("truth", "message"),
     [
-        ({"level": "3"}, "unknown value '3'"),
-        ({"cycles": "0"}, "expected a number from 1 to 9999, not 0"),
-        ({"serial": "c-1"}, "expected up to eight capital letters and digits, not 'c-1'"),
-        ({"firmware": "1.0"}, "expected a version such as '1.0.0', not '1.0'"),
-        ({"clock_drift": "0.1"}, "expected a number from -0.01 to 0.01"),
+        ({"level": "3"}, "'level' must be one of 1, 2"),
+        ({"cycles": "0"}, "'cycles' must be at least 1, found \"0\""),
+        ({"serial": "c-1"}, 'must be up to eight capital letters and digits, found "c-1"'),
+        ({"firmware": "1.0"}, "must be a version such as '1.0.0', found \"1.0\""),
+        ({"clock_drift": "0.1"}, "'clock_drift' must be at most 0.01"),
         ({"voltage_nosie": "0"}, "unknown key 'voltage_nosie', did you mean 'voltage_noise'"),
     ],
 )

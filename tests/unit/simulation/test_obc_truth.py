@@ -18,13 +18,13 @@ from hil.simulation.truth import TruthError
 @pytest.mark.parametrize(
     ("truth", "message"),
     [
-        ({"firmware": "1.0"}, "firmware: expected a version such as '1.0.0', not '1.0'"),
-        ({"firmware": "1.0.256"}, "expected a version"),
-        ({"build": "abc"}, "build: expected 16 hexadecimal digits, not 'abc'"),
-        ({"unique_id": "zz"}, "unique_id: expected 24 hexadecimal digits"),
-        ({"clock_drift": "0.1"}, "expected a number from -0.01 to 0.01, not 0.1"),
-        ({"ring": "20000"}, "expected a number from 4096 to 16384"),
-        ({"boot_time": "0.2"}, "expected a number from 0 to 0.1"),
+        ({"firmware": "1.0"}, "'firmware' must be a version such as '1.0.0', found \"1.0\""),
+        ({"firmware": "1.0.256"}, "must be a version"),
+        ({"build": "abc"}, "'build' must be 16 hexadecimal digits, found \"abc\""),
+        ({"unique_id": "zz"}, "'unique_id' must be 24 hexadecimal digits"),
+        ({"clock_drift": "0.1"}, "'clock_drift' must be at most 0.01, found \"0.1\""),
+        ({"ring": "20000"}, "'ring' must be at most 16384"),
+        ({"boot_time": "0.2"}, "'boot_time' must be at most 0.1"),
         ({"clock_drfit": "0"}, "unknown key 'clock_drfit', did you mean 'clock_drift'?"),
     ],
 )

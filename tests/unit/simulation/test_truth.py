@@ -7,88 +7,8 @@ from typing import Annotated
 
 import pytest
 
-from hil.model.notation import number, vector, whole
+from hil.model.notation import number, one_of, vector, whole
 from hil.simulation.truth import Truth, TruthError
-
-
-def wrong(values, read):
-    """Return the path and message of everything that is wrong."""
-    truth = Truth(values, ("plants", "coil", "truth"))
-    read(truth)
-    with pytest.raises(TruthError) as caught:
-        truth.finish()
-    return [(error.path[3:], error.message) for error in (caught.value, *caught.value.others)]
-
-
-def test_reads_numbers_lists_texts_flags_and_durations():
-    """Decimal strings become floats, durations nanoseconds."""
-    truth = Truth({"a": "1e-3", "b": ["1", "-2.5"], "c": "left", "d": True, "e": "1.5 ms", "f": ["2"]}, ("truth",))
-    assert truth.number("a") == 1e-3
-    assert truth.vector("b", 2) == (1.0, -2.5)
-    assert truth.text("c", choices=("left", "right")) == "left"
-    assert truth.flag("d", default=False) is True
-    assert truth.duration_ns("e") == 1_500_000
-    assert truth.integers("f", minimum=1, maximum=8) == (2,)
-    assert truth.number("absent", 5.0) == 5.0
-    truth.finish()
-
-
-def test_unknown_key_names_the_nearest():
-    """A misspelt key is refused with a suggestion."""
-    found = wrong({"turn": "60"}, lambda truth: truth.number("turns", 1.0))
-    assert found == [(("turn",), "unknown key 'turn', did you mean 'turns'?")]
-
-
-@pytest.mark.parametrize(
-    ("value", "message"),
-    [
-        (60, "expected a number in quotes, not 60"),
-        ("sixty", "expected a number in quotes, not 'sixty'"),
-        ("nan", "expected a number in quotes, not 'nan'"),
-        (True, "expected a number in quotes, not True"),
-        ("0", "expected a number above 0, not 0"),
-    ],
-)
-def test_refuses_what_is_no_number(value, message):
-    """Only decimal strings within the bounds are numbers."""
-    assert wrong({"turns": value}, lambda truth: truth.number("turns", above=0)) == [(("turns",), message)]
-
-
-def test_tells_everything_at_once_with_its_place():
-    """Missing keys, bad list items and unknown keys of inner sections come together."""
-
-    def read(truth):
-        truth.number("turns")
-        truth.vector("sides", 2)
-        for section in truth.sections("boards").values():
-            section.text("winding", "right", choices=("left", "right"))
-
-    found = wrong({"sides": ["1", "two"], "boards": {"x": {"winding": "lef", "colour": "red"}}}, read)
-    assert found == [
-        ((), "'turns' is missing"),
-        (("sides", 1), "expected a number in quotes, not 'two'"),
-        (("boards", "x", "winding"), "unknown value 'lef', did you mean 'left'?"),
-        (("boards", "x", "colour"), "unknown key 'colour'; known are winding"),
-    ]
-
-
-@pytest.mark.parametrize(
-    ("values", "read"),
-    [
-        ("text", lambda _: None),
-        ({"a": "1.5"}, lambda truth: truth.integer("a")),
-        ({"a": ["1"]}, lambda truth: truth.vector("a", 2)),
-        ({"a": "1"}, lambda truth: truth.integers("a", minimum=0, maximum=5)),
-        ({"a": ["9"]}, lambda truth: truth.integers("a", minimum=0, maximum=5)),
-        ({"a": ["x"]}, lambda truth: truth.text("a")),
-        ({"a": "yes"}, lambda truth: truth.flag("a", default=False)),
-        ({"a": "12"}, lambda truth: truth.duration_ns("a")),
-        ({"a": "x"}, lambda truth: truth.sections("a")),
-    ],
-)
-def test_refuses_values_of_another_kind(values, read):
-    """Each getter refuses what it cannot be, once, and never raises itself."""
-    assert len(wrong(values, read)) == 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,6 +25,68 @@ class Earth:
     """Another one."""
 
     levels: Annotated[tuple[float, ...], vector(3, rising=True)] = (1.0, 2.0, 3.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Board:
+    """What a section says, and every section below it unless it says something else."""
+
+    turns: Annotated[int, whole(1)]
+    sides: Annotated[tuple[float, ...], vector(2, minimum=0)] = (1.0, 1.0)
+    winding: Annotated[str, one_of("left", "right")] = "right"
+
+
+def boards(values):
+    """Return what is said at the top and of each board, and the path and message of everything that is wrong."""
+    truth = Truth(values, ("plants", "coil", "truth"))
+    read = [truth.part(Board), *(section.part(Board) for section in truth.sections("boards").values())]
+    try:
+        truth.finish()
+    except TruthError as error:
+        return read, [(each.path[3:], each.message) for each in (error, *error.others)]
+    return read, []
+
+
+def test_sections_differ_from_the_one_around_them():
+    """Each says only what is different."""
+    read, wrong = boards({"turns": "5", "winding": "left", "boards": {"x": {"turns": "6"}, "y": {"winding": "right"}}})
+    assert read == [Board(turns=5, winding="left"), Board(turns=6, winding="left"), Board(turns=5)]
+    assert wrong == []
+
+
+def test_tells_everything_at_once_with_its_place():
+    """Missing keys, bad list items and unknown keys of inner sections come together, what is inherited only once."""
+    _, wrong = boards({"sides": ["1", "two"], "boards": {"x": {"winding": "lef", "colour": "red"}}})
+    assert wrong == [
+        ((), "truth: key 'turns' is missing"),
+        (("sides", 1), 'sides: entry 2 must be a decimal number in quotes, found "two"'),
+        (
+            ("boards", "x", "winding"),
+            "x: 'winding' must be one of left, right, found \"lef\", did you mean 'left'?",
+        ),
+        (("boards", "x", "colour"), "unknown key 'colour'; known are sides, turns, winding"),
+    ]
+
+
+def test_unknown_key_names_the_nearest():
+    """A misspelt key is refused with a suggestion, besides the one that is missing now."""
+    assert boards({"turn": "60"})[1] == [
+        ((), "truth: key 'turns' is missing"),
+        (("turn",), "unknown key 'turn', did you mean 'turns'?"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("values", "path", "message"),
+    [
+        ("text", (), "must be a mapping, found 'text'"),
+        ({"turns": "1", "boards": "x"}, ("boards",), "must be a mapping, found 'x'"),
+        ({"turns": "1", "boards": {"x": "1"}}, ("boards", "x"), "must be a mapping, found '1'"),
+    ],
+)
+def test_refuses_what_is_no_section(values, path, message):
+    """At its place."""
+    assert (path, message) in boards(values)[1]
 
 
 def test_parts_of_a_section_are_declared():

@@ -110,11 +110,11 @@ def errors(**changes):
     ("changes", "path", "message"),
     [
         ({"coil": {"turms": "60"}}, ("plants", "coil", "truth", "turms"), "did you mean 'turns'"),
-        ({"coil": {"turns": "many"}}, ("plants", "coil", "truth", "turns"), "expected a number"),
+        ({"coil": {"turns": "many"}}, ("plants", "coil", "truth", "turns"), "must be a whole number"),
         ({"truths": {"psu": {"sereal": "X"}}}, ("peers", "psu", "truth", "sereal"), "did you mean 'serial'"),
         ({"truths": {"psu": {"channels": {"4": {}}}}}, ("peers", "psu", "truth", "channels"), "unknown channel '4'"),
         ({"truths": {"mag": {"noise": ["1"]}}}, ("peers", "mag", "truth", "noise"), "a list of 3 numbers"),
-        ({"truths": {"relays": {"address": "0"}}}, ("peers", "relays", "truth", "address"), "from 1 to 255"),
+        ({"truths": {"relays": {"address": "0"}}}, ("peers", "relays", "truth", "address"), "must be at least 1"),
         ({"connects": {"psu": {"2": "coil.suply"}}}, ("peers", "psu", "connects", "2"), "did you mean 'supply'"),
         ({"connects": {"psu": {"2": "cool.supply"}}}, ("peers", "psu", "connects", "2"), "did you mean 'coil'"),
         ({"connects": {"psu": {"9": "coil.supply"}}}, ("peers", "psu", "connects", "9"), "unknown terminal '9'"),

@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.clock.port import NANOSECONDS
-from hil.model.notation import whole
+from hil.model.notation import number, vector, whole
 from hil.simulation.faults import Fault, Saturated, Stuck
 from hil.simulation.peers.iim42652_registers import (
     READ_ONLY,
@@ -58,7 +58,7 @@ from hil.simulation.peers.sensors.sampler import Bits, Sampler, Samples
 from hil.simulation.peers.timing import Alarms
 from hil.wire.checkpoint import Kept
 
-__all__ = ["MODEL", "Asleep", "Iim42652", "TemperatureRaw", "build"]
+__all__ = ["MODEL", "Asleep", "Iim42652", "IimTruth", "TemperatureRaw", "build"]
 
 
 _INVALID, _MOST = -32768, 32767
@@ -320,6 +320,14 @@ def _layout(sensors: int, order: str) -> np.dtype[np.void]:
     return np.dtype(fields)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IimTruth:
+    """One device: what its accelerometer reads [g], and the relative error of its sample rate."""
+
+    acceleration: Annotated[tuple[float, ...], vector(3)] = (0.0, 0.0, 1.0)
+    odr_error: Annotated[float, number(-0.1, 0.1)] = 0.0
+
+
 def build(setup: PeerSetup) -> Iim42652:
     """Build the sensor; terminals `rate` (three axes, deg/s), `temperature` (degC) and `power` (V) go to plant signals.
 
@@ -327,10 +335,9 @@ def build(setup: PeerSetup) -> Iim42652:
         TruthError: with everything that is wrong in its truth or terminals.
     """
     fitted, element, die = Fitted.read(setup, Iim42652.sheet), RateElement(setup), Die(setup, most=105)
-    acceleration = setup.truth.vector("acceleration", 3, (0.0, 0.0, 1.0))
-    odr_error = setup.truth.number("odr_error", 0.0, minimum=-0.1, maximum=0.1)
+    own = setup.truth.part(IimTruth)
     setup.finish()
-    return Iim42652(fitted, element, die, acceleration=acceleration, odr_error=odr_error)
+    return Iim42652(fitted, element, die, acceleration=own.acceleration, odr_error=own.odr_error)
 
 
 MODEL = PeerModel(link="bus", fault_kinds=(Asleep, OtherIdentity, Saturated, Stuck, TemperatureRaw), build=build)

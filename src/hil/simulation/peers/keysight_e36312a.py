@@ -8,20 +8,32 @@ bit 1 (2) constant voltage, both 0 output off; bit 9 (512) and 10 (1024) over-vo
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
+from hil.model.notation import AnyText, NotNegative
 from hil.simulation.faults import Identity
 from hil.simulation.peers.scpi import channel_list
 from hil.simulation.peers.scpi_manual import Clear, Manual, Reading, Setting, Switch
 from hil.simulation.peers.scpi_supply import model_of
-from hil.simulation.peers.supply_output import NotANumber, OutputTruth, Rating, RefuseOff, SupplyOutput
+from hil.simulation.peers.supply_output import NotANumber, OutputTruth, Rating, RefuseOff, SupplyOutput, SupplyTruth
 
-__all__ = ["MODEL"]
+__all__ = ["MODEL", "KeysightTruth"]
 
 _LEVEL = "[:LEVel][:IMMediate][:AMPLitude]"
 _VOLTS = {"V": 1.0, "MV": 1e-3, "UV": 1e-6, "KV": 1e3}
 _AMPERES = {"A": 1.0, "MA": 1e-3, "UA": 1e-6}
 _SIX, _TWENTY_FIVE = Rating.programmable(6.0, 5.0), Rating.programmable(25.0, 1.0)
 _NR3 = "{:+.8E}".format
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeysightTruth(SupplyTruth):
+    """One device."""
+
+    serial: AnyText = "MY00000001"
+    firmware: AnyText = "2.1.0-1.0.4-1.12"
+    command_time: NotNegative = 2e-3
+    measure_time: NotNegative = 1e-2
 
 
 def _targets(parameters: Sequence[str]) -> tuple[list[str], list[int] | None]:
@@ -39,10 +51,9 @@ def _condition(output: SupplyOutput, now_ns: int) -> int:
 MODEL = model_of(
     Manual(
         identity="Keysight Technologies,E36312A,{serial},{firmware}",
-        serial="MY00000001",
-        firmware="2.1.0-1.0.4-1.12",
+        truth=KeysightTruth,
         ratings={1: _SIX, 2: _TWENTY_FIVE, 3: _TWENTY_FIVE},
-        deviates=OutputTruth(),
+        deviates=OutputTruth,
         rows=(
             Reading("MEASure[:SCALar][:VOLTage][:DC]", SupplyOutput.read_volts, _NR3),
             Reading("MEASure[:SCALar]:CURRent[:DC]", SupplyOutput.read_amperes, _NR3),
@@ -88,7 +99,6 @@ MODEL = model_of(
         no_channel=-222,
         error_form="{:+d}",
         on_off=("0", "1"),
-        seconds={"command_time": 2e-3, "measure_time": 1e-2},
         watches=False,
         faults=(Identity, NotANumber, RefuseOff),
     )

@@ -15,14 +15,15 @@ import re
 from dataclasses import dataclass
 
 from hil.clock.port import NANOSECONDS
+from hil.model.notation import AnyText, NotNegative
 from hil.simulation.faults import Fault, Faults, Identity
 from hil.simulation.peers.model import PeerModel, PeerSetup
-from hil.simulation.peers.supply_output import OutputTruth, Rating, RefuseOff, SupplyOutput, read_output_truth
+from hil.simulation.peers.supply_output import CoarseTruth, Rating, RefuseOff, SupplyOutput
 from hil.simulation.peers.timing import Alarm
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
-__all__ = ["MODEL", "KoradKa3005p", "KoradOutput", "StrayByte", "build"]
+__all__ = ["MODEL", "KoradKa3005p", "KoradOutput", "KoradTruth", "StrayByte", "build"]
 
 _SILENCE_NS = 5_000_000
 _WATCH_NS = 10_000_000
@@ -37,6 +38,14 @@ class StrayByte(Fault):
     """A byte that belongs to nothing follows the current's setting."""
 
     name = "stray-byte"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KoradTruth:
+    """One device: what it says of itself, and how long a command takes [s]."""
+
+    identity: AnyText = "KORADKA3005PV2.0"
+    command_time: NotNegative = 0.02
 
 
 class KoradOutput(SupplyOutput):
@@ -170,9 +179,7 @@ def build(setup: PeerSetup) -> KoradKa3005p:
         TruthError: with everything that is wrong in its truth or terminals.
     """
     truth = setup.truth
-    own = read_output_truth(truth, OutputTruth(voltage_resolution=0.01, current_resolution=0.001))
-    identity = truth.text("identity", "KORADKA3005PV2.0")
-    command_s = truth.number("command_time", 0.02, minimum=0)
+    own, article = truth.part(CoarseTruth), truth.part(KoradTruth)
     output = KoradOutput(
         1,
         _RATING,
@@ -183,7 +190,10 @@ def build(setup: PeerSetup) -> KoradKa3005p:
     )
     setup.finish()
     return KoradKa3005p(
-        identity.encode("latin-1", "replace"), output, setup.faults, command_ns=round(command_s * NANOSECONDS)
+        article.identity.encode("latin-1", "replace"),
+        output,
+        setup.faults,
+        command_ns=round(article.command_time * NANOSECONDS),
     )
 
 

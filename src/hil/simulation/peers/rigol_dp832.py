@@ -10,13 +10,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
+from hil.model.notation import AnyText, NotNegative
 from hil.simulation.faults import Identity
 from hil.simulation.peers.scpi_manual import By, Clear, Manual, Numbers, Reading, Row, Setting, Switch
 from hil.simulation.peers.scpi_supply import model_of
-from hil.simulation.peers.supply_output import OutputTruth, Rating, RefuseOff, SupplyOutput
+from hil.simulation.peers.supply_output import CoarseTruth, Rating, RefuseOff, SupplyOutput, SupplyTruth
 
-__all__ = ["MODEL"]
+__all__ = ["MODEL", "RigolTruth"]
 
 _LEVEL = "[:LEVel][:IMMediate][:AMPLitude]"
 _SOURCES: tuple[tuple[str, By], ...] = (("[SOURce:]", "selected"), ("SOURce<n>:", "number"))
@@ -24,6 +26,16 @@ _MODES = {"CV": "CV", "CC": "CC", "off": "UR"}
 _FOUR, _THREE = "{:.4f}".format, "{:.3f}".format
 _THIRTY = Rating(30.0, 3.0, 32.0, 3.2, 33.0, 3.3)
 _FIVE = Rating(5.0, 3.0, 5.3, 3.2, 5.5, 3.3)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigolTruth(SupplyTruth):
+    """One device."""
+
+    serial: AnyText = "DP8C000000001"
+    firmware: AnyText = "00.01.16"
+    command_time: NotNegative = 5e-3
+    pause_time: NotNegative = 1e-2
 
 
 def _targets(parameters: Sequence[str]) -> tuple[list[str], list[int] | None]:
@@ -71,10 +83,9 @@ def _protection(
 MODEL = model_of(
     Manual(
         identity="RIGOL TECHNOLOGIES,DP832,{serial},{firmware}",
-        serial="DP8C000000001",
-        firmware="00.01.16",
+        truth=RigolTruth,
         ratings={1: _THIRTY, 2: _THIRTY, 3: _FIVE},
-        deviates=OutputTruth(voltage_resolution=0.01, current_resolution=0.001),
+        deviates=CoarseTruth,
         rows=(
             Reading("MEASure[:VOLTage][:DC]", SupplyOutput.read_volts, _FOUR),
             Reading("MEASure:CURRent[:DC]", SupplyOutput.read_amperes, _FOUR),
@@ -109,7 +120,6 @@ MODEL = model_of(
         no_channel=-224,
         error_form="{:d}",
         on_off=("OFF", "ON"),
-        seconds={"command_time": 5e-3, "pause_time": 1e-2},
         watches=True,
         faults=(Identity, RefuseOff),
     )

@@ -14,7 +14,7 @@ from typing import Literal, cast
 
 from hil.simulation.faults import Fault, Faults, Identity
 from hil.simulation.peers.scpi import ErrorQueue, ScpiError, keyword, number, units, word
-from hil.simulation.peers.supply_output import OutputTruth, Rating, SupplyOutput
+from hil.simulation.peers.supply_output import OutputTruth, Rating, SupplyOutput, SupplyTruth
 from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["By", "Clear", "Commands", "Manual", "Numbers", "Reading", "Row", "Setting", "Switch"]
@@ -99,9 +99,10 @@ class Manual:
     """What a programming guide says.
 
     Attributes:
-        identity: what `*IDN?` answers, with `{serial}` and `{firmware}`; `serial` and `firmware` are the usual ones.
+        identity: what `*IDN?` answers, with `{serial}` and `{firmware}`.
+        truth: what a bench file says of a device.
         ratings: by number of the output.
-        deviates: how an output usually deviates.
+        deviates: what it says of an output.
         rows: headers that concern outputs.
         answers: headers that are asked and always give the same.
         ignored: headers that change nothing that could be seen.
@@ -110,17 +111,14 @@ class Manual:
         no_channel: the error of an output that there is not.
         error_form: writes the number of an error.
         on_off: how switches are written.
-        seconds: by key of the truth, how long a line takes, one with a measurement, and how long after one the next
-            would be lost. Without a pause lines wait for their turn.
         watches: whether it notices at once what else lifts its terminals.
         faults: the kinds that it knows.
     """
 
     identity: str
-    serial: str
-    firmware: str
+    truth: type[SupplyTruth]
     ratings: Mapping[int, Rating]
-    deviates: OutputTruth
+    deviates: type[OutputTruth]
     rows: tuple[Row, ...]
     answers: Mapping[str, str]
     ignored: tuple[str, ...]
@@ -129,7 +127,6 @@ class Manual:
     no_channel: int
     error_form: str
     on_off: tuple[str, str]
-    seconds: Mapping[Literal["command_time", "measure_time", "pause_time"], float]
     watches: bool
     faults: tuple[type[Fault], ...]
 

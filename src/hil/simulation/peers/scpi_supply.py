@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.peers.model import PeerModel, PeerSetup
@@ -26,7 +27,7 @@ class ScpiSupply(Stateful):
         manual: what its programming guide says.
         commands: what it executes.
         outputs: its outputs by number.
-        times_ns: `Manual.seconds` of this one.
+        times_ns: those of its truth.
     """
 
     _commands: Kept[Commands]
@@ -112,13 +113,12 @@ def model_of(manual: Manual) -> PeerModel:
 
     def build(setup: PeerSetup) -> ScpiSupply:
         truth = setup.truth
-        serial, firmware = truth.text("serial", manual.serial), truth.text("firmware", manual.firmware)
-        seconds = {key: truth.number(key, usual, minimum=0) for key, usual in manual.seconds.items()}
+        article = asdict(truth.part(manual.truth))
         outputs = read_outputs(setup, manual.ratings, manual.deviates)
         setup.finish()
-        identity = manual.identity.format(serial=serial, firmware=firmware)
+        identity = manual.identity.format(**article)
         commands = Commands(manual, identity, outputs, setup.faults)
-        times_ns = {str(key): round(number * NANOSECONDS) for key, number in seconds.items()}
+        times_ns = {key: round(each * NANOSECONDS) for key, each in article.items() if key.endswith("_time")}
         return ScpiSupply(manual, commands, outputs, times_ns)
 
     return PeerModel(link="serial", fault_kinds=manual.faults, build=build)

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
 from typing import Annotated, Self
 
-from hil.model.notation import one_of, whole
+from hil.model.notation import AnyText, NotNegative, Number, Positive, one_of, whole
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.model import PeerSetup
 from hil.simulation.plants.terminal import Terminal
 from hil.simulation.seeds import Stream
-from hil.simulation.truth import Truth
 from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = [
     "NOT_A_NUMBER",
+    "CoarseTruth",
     "NotANumber",
     "OutputTruth",
     "Rating",
     "RefuseOff",
     "SupplyOutput",
-    "read_output_truth",
+    "SupplyTruth",
     "read_outputs",
 ]
 
@@ -82,6 +82,23 @@ class Rating:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SupplyTruth:
+    """One device.
+
+    A model adds `measure_time` [s] where a line with a measurement takes another time, and `pause_time` [s] where a
+    line is lost that comes so soon after another one; without a pause lines wait for their turn.
+
+    Attributes:
+        serial, firmware: what it says of itself.
+        command_time: how long a line takes [s].
+    """
+
+    serial: AnyText = ""
+    firmware: AnyText = ""
+    command_time: NotNegative = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class OutputTruth:
     """How one output deviates from its settings and readings; gains are relative errors, 0.001 is +0.1 %.
 
@@ -95,58 +112,44 @@ class OutputTruth:
         load: resistor [ohm] at an output that no plant is connected to.
     """
 
-    output_voltage_offset: float = 0.0
-    output_voltage_gain: float = 0.0
-    output_current_offset: float = 0.0
-    output_current_gain: float = 0.0
-    voltage_offset: float = 0.0
-    voltage_gain: float = 0.0
-    voltage_noise: float = 1e-4
-    current_offset: float = 0.0
-    current_gain: float = 0.0
-    current_noise: float = 1e-5
-    voltage_resolution: float = 1e-3
-    current_resolution: float = 1e-4
-    load: float = inf
+    output_voltage_offset: Number = 0.0
+    output_voltage_gain: Number = 0.0
+    output_current_offset: Number = 0.0
+    output_current_gain: Number = 0.0
+    voltage_offset: Number = 0.0
+    voltage_gain: Number = 0.0
+    voltage_noise: NotNegative = 1e-4
+    current_offset: Number = 0.0
+    current_gain: Number = 0.0
+    current_noise: NotNegative = 1e-5
+    voltage_resolution: Positive = 1e-3
+    current_resolution: Positive = 1e-4
+    load: Positive = inf
 
 
-_SIGNED = (
-    "output_voltage_offset",
-    "output_voltage_gain",
-    "output_current_offset",
-    "output_current_gain",
-    "voltage_offset",
-    "voltage_gain",
-    "current_offset",
-    "current_gain",
-)
-_UNSIGNED = ("voltage_noise", "current_noise")
-_POSITIVE = ("voltage_resolution", "current_resolution", "load")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CoarseTruth(OutputTruth):
+    """One output with steps of 10 mV and 1 mA."""
+
+    voltage_resolution: Positive = 0.01
+    current_resolution: Positive = 0.001
 
 
-def read_output_truth(truth: Truth, base: OutputTruth) -> OutputTruth:
-    """Read one output's truth; what is not said is as in `base`."""
-    values: dict[str, float] = {key: truth.number(key, getattr(base, key)) for key in _SIGNED}
-    values |= {key: truth.number(key, getattr(base, key), minimum=0) for key in _UNSIGNED}
-    values |= {key: truth.number(key, getattr(base, key), above=0) for key in _POSITIVE}
-    return replace(base, **values)
-
-
-def read_outputs(setup: PeerSetup, ratings: Mapping[int, Rating], usual: OutputTruth) -> dict[int, SupplyOutput]:
+def read_outputs(setup: PeerSetup, ratings: Mapping[int, Rating], model: type[OutputTruth]) -> dict[int, SupplyOutput]:
     """Make every output of a supply from its truth, its terminals and its noise.
 
     Args:
         setup: of the supply; its truth has the outputs' common part, and `channels` what differs.
         ratings: by number of the output, which is the name of its terminal, too.
-        usual: how such an output deviates where the truth does not say.
+        model: what a truth says of such an output.
     """
     truth = setup.truth
-    common = read_output_truth(truth, usual)
+    common = truth.part(model)
     sections = truth.sections("channels")
     known = {str(number) for number in ratings}
     for number in sections.keys() - known:
         truth.wrong("channels", f"unknown channel '{number}'; known are {', '.join(sorted(known))}")
-    own = {number: read_output_truth(section, common) for number, section in sections.items()}
+    own = {number: section.part(model) for number, section in sections.items()}
     return {
         number: SupplyOutput(
             number,

@@ -15,7 +15,7 @@ from functools import partial
 from typing import Annotated
 
 from hil.clock.port import NANOSECONDS
-from hil.model.notation import whole
+from hil.model.notation import NotNegative, whole
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.modbus_rtu import FrameReader, checked, seal
 from hil.simulation.peers.model import PeerModel, PeerSetup
@@ -24,7 +24,7 @@ from hil.simulation.plants.terminal import InputPoint
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
-__all__ = ["MODEL", "WaveshareRelay", "Welded", "build"]
+__all__ = ["MODEL", "RelayTruth", "WaveshareRelay", "Welded", "build"]
 
 _CONTACTS = 8
 _READ_REGISTER, _WRITE_REGISTER = 0x03, 0x06
@@ -47,6 +47,21 @@ class Welded(Fault):
     def concerns(self, part: int) -> bool:
         """Return whether it is this contact."""
         return self.contact == part
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RelayTruth:
+    """One board.
+
+    Attributes:
+        address: of the unit, None for the one that the bench file has.
+        welded: contacts that do not open.
+        operate_time: from a command to its contact [s].
+    """
+
+    address: Annotated[int | None, whole(1, 255)] = None
+    welded: tuple[Annotated[int, whole(1, _CONTACTS)], ...] = ()
+    operate_time: NotNegative = 8e-3
 
 
 class _Exceptional(Exception):
@@ -230,16 +245,14 @@ def build(setup: PeerSetup) -> WaveshareRelay:
         TruthError: with everything that is wrong in its truth or terminals.
     """
     truth = setup.truth
-    address = truth.integer("address", setup.instrument.address or 1, minimum=1, maximum=255)
-    welded = truth.integers("welded", minimum=1, maximum=_CONTACTS)
-    operate = truth.number("operate_time", 8e-3, minimum=0)
+    board = truth.part(RelayTruth)
     points = {number: setup.connections.input(str(number)) for number in range(1, _CONTACTS + 1)}
     setup.finish()
     return WaveshareRelay(
-        address=address,
+        address=board.address or setup.instrument.address or 1,
         baud=setup.instrument.baud or _USUAL_BAUD,
-        operate_ns=round(operate * NANOSECONDS),
-        welded=welded,
+        operate_ns=round(board.operate_time * NANOSECONDS),
+        welded=board.welded,
         contacts={number: point for number, point in points.items() if point is not None},
         faults=setup.faults,
     )

@@ -6,12 +6,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import exp, inf, log
 from types import MappingProxyType
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
+from hil.model.notation import AnyText, Flag, NotNegative, Positive, number, one_of, vector, whole
 from hil.simulation.plants.magnetics import field_per_ampere, rotation
 from hil.simulation.plants.model import PlantModel
 from hil.simulation.plants.plant import Inputs, Plant, Port, Vector
-from hil.simulation.truth import Truth
+from hil.simulation.truth import Truth, suggestion
 
 __all__ = ["MODEL", "CoilAndEarthField", "CoilTruth", "EarthTruth", "build", "drive"]
 
@@ -94,15 +95,15 @@ class CoilTruth:
         thermal_resistance: copper to air [K/W].
     """
 
-    turns: int
-    sides: tuple[float, float]
-    distance: float
-    resistance: float
-    inductance: float = 1e-3
-    winding: str = "right"
-    broken: bool = False
-    heat_capacity: float = 5.0
-    thermal_resistance: float = 40.0
+    turns: Annotated[int, whole(1)]
+    sides: Annotated[tuple[float, float], vector(2, above=0)]
+    distance: Positive
+    resistance: Positive
+    inductance: Positive = 1e-3
+    winding: Annotated[str, one_of("left", "right")] = "right"
+    broken: Flag = False
+    heat_capacity: Positive = 5.0
+    thermal_resistance: Positive = 40.0
 
     def ohms(self, temperature: float) -> float:
         """Return the resistance at a copper temperature [degC]."""
@@ -114,20 +115,22 @@ class EarthTruth:
     """What is there without a coil.
 
     Attributes:
-        field: Earth's field in the jig's frame [uT].
-        drift: of that field [uT/s].
+        earth_field: Earth's field in the jig's frame [uT].
+        earth_drift: of that field [uT/s].
         misalignment: angles about x, y, z by which the sensor is turned in the jig [rad].
         sensor_offset: how far the sensor is off the axis in x and y [m].
         ambient: temperature of the air [degC].
         sensor_current: what the sensor draws [A].
+        attached: the board on the jig at the epoch, empty for none.
     """
 
-    field: tuple[float, float, float]
-    drift: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    misalignment: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    sensor_offset: tuple[float, float] = (0.0, 0.0)
-    ambient: float = 20.0
-    sensor_current: float = 4e-4
+    earth_field: Annotated[tuple[float, float, float], vector(3)]
+    earth_drift: Annotated[tuple[float, float, float], vector(3)] = (0.0, 0.0, 0.0)
+    misalignment: Annotated[tuple[float, float, float], vector(3)] = (0.0, 0.0, 0.0)
+    sensor_offset: Annotated[tuple[float, float], vector(2)] = (0.0, 0.0)
+    ambient: Annotated[float, number(-273.15, 200)] = 20.0
+    sensor_current: NotNegative = 4e-4
+    attached: AnyText = ""
 
 
 class CoilAndEarthField(Plant):
@@ -147,7 +150,6 @@ class CoilAndEarthField(Plant):
         coil: the coil of every board that is not in `boards`.
         boards: the boards that exist, with their coils; empty accepts any name.
         earth: the surroundings.
-        attached: the board on the jig at the epoch, empty for none.
     """
 
     ports: ClassVar[Mapping[str, Port]] = MappingProxyType(
@@ -167,14 +169,13 @@ class CoilAndEarthField(Plant):
         coil: CoilTruth,
         boards: Mapping[str, CoilTruth],
         earth: EarthTruth,
-        attached: str = "",
     ) -> None:
         inputs: Inputs = {
             "supply_voltage": 0.0,
             "supply_current": 0.0,
             "contact_a": False,
             "contact_b": False,
-            "board": attached,
+            "board": earth.attached,
             "sensor_power_voltage": 0.0,
             "sensor_power_current": 0.0,
         }
@@ -183,8 +184,8 @@ class CoilAndEarthField(Plant):
         self._boards = boards
         self._earth = earth
         turn = rotation(earth.misalignment)
-        self._background = tuple(float(part) for part in turn @ earth.field)
-        self._drift = tuple(float(part) for part in turn @ earth.drift)
+        self._background = tuple(float(part) for part in turn @ earth.earth_field)
+        self._drift = tuple(float(part) for part in turn @ earth.earth_drift)
         self._outward = {board: self._field(truth) for board, truth in {**boards, "": coil}.items()}
         self._sensed = {board: tuple(float(part) for part in turn @ field) for board, field in self._outward.items()}
 
@@ -283,41 +284,12 @@ def build(name: str, grid_ns: int, truth: Truth) -> CoilAndEarthField:
     Raises:
         TruthError: with everything that is wrong in the section.
     """
-    coil = _coil(truth, None)
-    boards = {board: _coil(section, coil) for board, section in truth.sections("boards").items()}
-    drift, misalignment = truth.vector("earth_drift", 3, (0.0,) * 3), truth.vector("misalignment", 3, (0.0,) * 3)
-    field, offset = truth.vector("earth_field", 3), truth.vector("sensor_offset", 2, (0.0,) * 2)
-    earth = EarthTruth(
-        field=(field[0], field[1], field[2]),
-        drift=(drift[0], drift[1], drift[2]),
-        misalignment=(misalignment[0], misalignment[1], misalignment[2]),
-        sensor_offset=(offset[0], offset[1]),
-        ambient=truth.number("ambient", 20.0, minimum=-273.15, maximum=200),
-        sensor_current=truth.number("sensor_current", 4e-4, minimum=0),
-    )
-    attached = truth.text("attached", "", choices=("", *boards) if boards else ())
+    coil, earth = truth.part(CoilTruth), truth.part(EarthTruth)
+    boards = {board: section.part(CoilTruth) for board, section in truth.sections("boards").items()}
+    if boards and earth.attached not in {"", *boards}:
+        truth.wrong("attached", f"unknown board '{earth.attached}'{suggestion(earth.attached, tuple(boards))}")
     truth.finish()
-    return CoilAndEarthField(name, grid_ns, coil=coil, boards=boards, earth=earth, attached=attached)
-
-
-def _coil(truth: Truth, base: CoilTruth | None) -> CoilTruth:
-    """Read one coil; a board's section says only what differs from the base."""
-    sides = truth.vector("sides", 2, base.sides if base else None)
-    usual = base or CoilTruth(turns=1, sides=(1.0, 1.0), distance=1.0, resistance=1.0)
-    coil = CoilTruth(
-        turns=truth.integer("turns", base.turns if base else None, minimum=1),
-        sides=(sides[0], sides[1]),
-        distance=truth.number("distance", base.distance if base else None, above=0),
-        resistance=truth.number("resistance", base.resistance if base else None, above=0),
-        inductance=truth.number("inductance", usual.inductance, above=0),
-        winding=truth.text("winding", usual.winding, choices=("left", "right")),
-        broken=truth.flag("broken", usual.broken),
-        heat_capacity=truth.number("heat_capacity", usual.heat_capacity, above=0),
-        thermal_resistance=truth.number("thermal_resistance", usual.thermal_resistance, above=0),
-    )
-    if min(sides) <= 0:
-        truth.wrong("sides", f"expected lengths above 0, not {list(sides)}")
-    return coil
+    return CoilAndEarthField(name, grid_ns, coil=coil, boards=boards, earth=earth)
 
 
 MODEL = PlantModel(build=build)

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar
 
+from hil.model.notation import Positive
 from hil.simulation.plants.model import PlantModel
 from hil.simulation.plants.plant import Inputs, Plant, Port, Vector
 from hil.simulation.truth import Truth
 
-__all__ = ["MODEL", "PowerFeed", "build"]
+__all__ = ["MODEL", "FeedTruth", "PowerFeed", "build"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeedTruth:
+    """What is always on the rail: a resistor to ground [ohm]."""
+
+    resistance: Positive = 150.0
 
 
 class PowerFeed(Plant):
@@ -48,9 +57,9 @@ def build(name: str, grid_ns: int, truth: Truth) -> PowerFeed:
     Raises:
         TruthError: with everything that is wrong.
     """
-    resistance = truth.number("resistance", 150.0, above=0)
+    feed = truth.part(FeedTruth)
     truth.finish()
-    return PowerFeed(name, grid_ns, resistance)
+    return PowerFeed(name, grid_ns, feed.resistance)
 
 
 MODEL = PlantModel(build=build)

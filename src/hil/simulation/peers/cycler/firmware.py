@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.cycler.commands import Commands
 from hil.simulation.peers.cycler.lines import Command, LineReader, LostLines, Output, TornLines
-from hil.simulation.peers.cycler.make import LINE_S, Gauge, Make, Reading, Spike
+from hil.simulation.peers.cycler.make import LINE_S, CyclerTruth, Gauge, Make, Reading, Spike
 from hil.simulation.peers.cycler.relays import CHARGE, DISCHARGE, Relays, StuckRelay
 from hil.simulation.peers.cycler.sequence import RUNNING, Sequence, Settings
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.timing import Alarm, Alarms, BoardClock
 from hil.simulation.plants.terminal import Power
-from hil.simulation.truth import Truth
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
@@ -42,7 +40,6 @@ class Firmware(Stateful):
         relays: its relays.
         output: what it says.
         device_clock: its time.
-        boots: starts so far.
         faults: what goes wrong; a `reset` is a dip of its supply.
     """
 
@@ -61,16 +58,16 @@ class Firmware(Stateful):
     _silence: Kept[Alarm]
     _dips: Kept[Alarms]
 
-    def __init__(
-        self, make: Make, relays: Relays, output: Output, device_clock: BoardClock, *, boots: int, faults: Faults
-    ) -> None:
+    def __init__(self, make: Make, relays: Relays, output: Output, device_clock: BoardClock, faults: Faults) -> None:
         self.make = make
         self._measure = make.measuring()
         self.relays = relays
         self.output = output
-        self.boots = boots
+        self.boots = make.truth.boots
         self.reset_reason = "POWER"
-        self.settings = Settings({"cycles": make.cycles, "iend": make.charge_end, "vend": make.discharge_end})
+        truth = make.truth
+        ends = {"iend": round(truth.charge_end * 1000), "vend": round(truth.discharge_end * 1000)}
+        self.settings = Settings({"cycles": truth.cycles, **ends})
         self.sequence = Sequence(extended=make.extended, settings=self.settings, relays=relays)
         self._commands = Commands(self)
         self._reader = LineReader()
@@ -95,7 +92,7 @@ class Firmware(Stateful):
 
     def opened(self) -> None:
         """Be reset by the DTR line of a port that is opened, unless that is prevented."""
-        if self.make.resets_on_open:
+        if self.make.truth.reset_on_open:
             self._reset("EXTERNAL")
 
     def receive(self, data: bytes) -> None:
@@ -150,14 +147,14 @@ class Firmware(Stateful):
         self._reader.clear()
         self.boots += 1
         self.reset_reason = reason
-        self._boot.set(self._clock.now_ns() + self.make.boot_ns)
+        self._boot.set(self._clock.now_ns() + round(self.make.truth.boot_time * NANOSECONDS))
 
     def _booted(self) -> None:
         self._device_clock.reset(self._clock.now_ns())
         self.output.number = 0
-        make = self.make
+        truth = self.make.truth
         self.output.numbered(
-            "START ARDUINO", f";2.0;hil-cycler;{make.firmware};{make.serial};{self.boots};{self.reset_reason}"
+            "START ARDUINO", f";2.0;hil-cycler;{truth.firmware};{truth.serial};{self.boots};{self.reset_reason}"
         )
         self._wait()
 
@@ -239,9 +236,6 @@ class Firmware(Stateful):
         self._wait()
 
 
-_LARGEST_DRIFT = 0.01
-
-
 def build(setup: PeerSetup) -> Firmware:
     """Build the cycler.
 
@@ -252,56 +246,35 @@ def build(setup: PeerSetup) -> Firmware:
     Raises:
         TruthError: with everything that is wrong in its truth or terminals.
     """
-    truth = setup.truth
-    extended = truth.text("level", "2", choices=("1", "2")) == "2"
-    device_clock = BoardClock(truth.number("clock_drift", 0.0, minimum=-_LARGEST_DRIFT, maximum=_LARGEST_DRIFT), 0)
-    make = _make(setup, extended=extended)
-    boots = truth.integer("boots", 41)
+    truth = setup.truth.part(CyclerTruth)
+    make = Make(
+        truth=truth,
+        voltage=_gauge(setup, truth, "voltage", 0.0, 1000),
+        current=_gauge(setup, truth, "current", 0.0, 1000),
+        temperature=_gauge(setup, truth, "temperature", 25.0, 10),
+        spikes=setup.faults.of(Spike),
+    )
     contacts = {relay: setup.connections.input(relay) for relay in (CHARGE, DISCHARGE)}
     power = Power(setup.connections.signal("power"))
     setup.finish()
+    device_clock = BoardClock(truth.clock_drift, 0)
     relays = Relays({relay: point for relay, point in contacts.items() if point is not None}, setup.faults, power)
     output = Output(
-        extended=extended, device_clock=device_clock, faults=setup.faults, chance=setup.stream("torn lines")
+        extended=make.extended, device_clock=device_clock, faults=setup.faults, chance=setup.stream("torn lines")
     )
-    return Firmware(make, relays, output, device_clock, boots=boots, faults=setup.faults)
+    return Firmware(make, relays, output, device_clock, setup.faults)
 
 
-def _make(setup: PeerSetup, *, extended: bool) -> Make:
-    truth = setup.truth
-    return Make(
-        extended=extended,
-        cycles=truth.integer("cycles", 10, minimum=1, maximum=9999),
-        charge_end=round(truth.number("charge_end", 0.05, minimum=0.005, maximum=1.0) * 1000),
-        discharge_end=round(truth.number("discharge_end", 2.7, minimum=2.5, maximum=3.6) * 1000),
-        firmware=_pattern(truth, "firmware", "1.0.0", r"\d{1,3}\.\d{1,3}\.\d{1,3}", "a version such as '1.0.0'"),
-        serial=_pattern(truth, "serial", "C0001", "[A-Z0-9]{1,8}", "up to eight capital letters and digits"),
-        resets_on_open=truth.flag("reset_on_open", True),
-        boot_ns=round(truth.number("boot_time", 1.6, minimum=0.05, maximum=10) * NANOSECONDS),
-        voltage=_gauge(setup, "voltage", 0.0, 1000),
-        current=_gauge(setup, "current", 0.0, 1000),
-        temperature=_gauge(setup, "temperature", 25.0, 10),
-        spikes=setup.faults.of(Spike),
-    )
-
-
-def _gauge(setup: PeerSetup, name: str, unconnected: float, scale: int) -> Gauge:
-    truth = setup.truth
+def _gauge(setup: PeerSetup, truth: CyclerTruth, name: str, unconnected: float, scale: int) -> Gauge:
+    gain, offset, noise = (getattr(truth, f"{name}_{each}") for each in ("gain", "offset", "noise"))
     return Gauge(
         signal=setup.connections.signal(name),
         unconnected=unconnected,
-        factor=scale * truth.number(f"{name}_gain", 1.0, minimum=0.5, maximum=2.0),
-        shift=scale * truth.number(f"{name}_offset", 0.0),
-        noise=scale * truth.number(f"{name}_noise", 0.0, minimum=0),
+        factor=scale * gain,
+        shift=scale * offset,
+        noise=scale * noise,
         stream=setup.stream(name),
     )
-
-
-def _pattern(truth: Truth, key: str, usual: str, pattern: str, expected: str) -> str:
-    text = truth.text(key, usual)
-    if not re.fullmatch(pattern, text):
-        truth.wrong(key, f"expected {expected}, not '{text}'")
-    return text
 
 
 MODEL = PeerModel(link="serial", fault_kinds=(LostLines, Reset, Spike, StuckRelay, TornLines), build=build)

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 from hil.clock.port import NANOSECONDS
-from hil.model.notation import Number
+from hil.model.notation import Flag, NotNegative, Number, matching, number, one_of, whole
 from hil.simulation.faults import Fault
 from hil.simulation.plants.terminal import SignalPoint, observing
 from hil.simulation.seeds import BLOCK, Stream
 
-__all__ = ["LINE_S", "Gauge", "Make", "Reading", "Spike"]
+__all__ = ["LINE_S", "CyclerTruth", "Gauge", "Make", "Reading", "Spike"]
 
 LINE_S = 5
 """Seconds of device time from one data line to the next."""
 
 _LINE_NS = LINE_S * NANOSECONDS
+_LARGEST_DRIFT = 0.01
+_Gain = Annotated[float, number(0.5, 2)]
 
 Reading = tuple[int, int, int]
 """Voltage in mV, current in mA, temperature in tenths of a degree Celsius: what a data line can show."""
@@ -29,6 +32,45 @@ class Spike(Fault):
     name = "spike"
 
     volts: Number = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CyclerTruth:
+    """One device.
+
+    Attributes:
+        level: of the protocol that it speaks.
+        clock_drift: of its crystal, relative.
+        boots: starts so far.
+        cycles: how many a test has, until somebody sets them.
+        charge_end: current that ends a charge [A].
+        discharge_end: voltage that ends a discharge [V].
+        firmware, serial: what it says of itself.
+        reset_on_open: whether opening the port resets it.
+        boot_time: what the bootloader takes [s].
+        voltage_gain, voltage_offset, voltage_noise: of its gauge of the voltage [1, V, V rms]; those of current [A] and
+            temperature [degC] likewise.
+    """
+
+    level: Annotated[str, one_of("1", "2")] = "2"
+    clock_drift: Annotated[float, number(-_LARGEST_DRIFT, _LARGEST_DRIFT)] = 0.0
+    boots: Annotated[int, whole(0, 2**31)] = 41
+    cycles: Annotated[int, whole(1, 9999)] = 10
+    charge_end: Annotated[float, number(0.005, 1)] = 0.05
+    discharge_end: Annotated[float, number(2.5, 3.6)] = 2.7
+    firmware: Annotated[str, matching(r"\d{1,3}\.\d{1,3}\.\d{1,3}", "a version such as '1.0.0'")] = "1.0.0"
+    serial: Annotated[str, matching("[A-Z0-9]{1,8}", "up to eight capital letters and digits")] = "C0001"
+    reset_on_open: Flag = True
+    boot_time: Annotated[float, number(0.05, 10)] = 1.6
+    voltage_gain: _Gain = 1.0
+    voltage_offset: Number = 0.0
+    voltage_noise: NotNegative = 0.0
+    current_gain: _Gain = 1.0
+    current_offset: Number = 0.0
+    current_noise: NotNegative = 0.0
+    temperature_gain: _Gain = 1.0
+    temperature_offset: Number = 0.0
+    temperature_noise: NotNegative = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,32 +105,23 @@ class Make:
     """What this cycler is.
 
     Attributes:
-        extended: whether it speaks level 2.
-        cycles: how many a test has, until somebody sets them.
-        charge_end: current that ends a charge, in mA.
-        discharge_end: voltage that ends a discharge, in mV.
-        firmware: version as it says it.
-        serial: serial number.
-        resets_on_open: whether opening the port resets it.
-        boot_ns: what the bootloader takes.
+        truth: what the bench file says of it.
         voltage: its gauge, in mV.
         current: its gauge, in mA.
         temperature: its gauge, in tenths of a degree Celsius.
         spikes: faults that add to the voltage what they say, while they hold.
     """
 
-    extended: bool
-    cycles: int
-    charge_end: int
-    discharge_end: int
-    firmware: str
-    serial: str
-    resets_on_open: bool
-    boot_ns: int
+    truth: CyclerTruth
     voltage: Gauge
     current: Gauge
     temperature: Gauge
     spikes: tuple[Spike, ...] = ()
+
+    @property
+    def extended(self) -> bool:
+        """Whether it speaks level 2."""
+        return self.truth.level == "2"
 
     def measuring(self) -> Callable[[Sequence[int]], list[Reading]]:
         """Return a function of the bench's times [ns], the first of which is now: what the device will measure then.

@@ -13,7 +13,10 @@ watched; `TV?` gives what the controller commands.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from hil.clock.port import NANOSECONDS
+from hil.model.notation import AnyText, NotNegative
 from hil.simulation.faults import Identity
 from hil.simulation.peers.esp301.axis import Axis, Drive, NoStop, Slipping, StageTruth, Stalled
 from hil.simulation.peers.esp301.commands import CommandSet
@@ -22,9 +25,17 @@ from hil.simulation.peers.timing import Alarm, Alarms
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
-__all__ = ["MODEL", "Esp301", "build"]
+__all__ = ["MODEL", "ControllerTruth", "Esp301", "build"]
 
 _LONGEST_INBOX = 1024
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControllerTruth:
+    """One controller: its version, and how long a command takes [s]."""
+
+    firmware: AnyText = "3.0.1 6/1/99"
+    command_time: NotNegative = 1e-3
 
 
 class Esp301(Stateful):
@@ -88,9 +99,7 @@ def build(setup: PeerSetup) -> Esp301:
         TruthError: with everything that is wrong in its truth or terminals.
     """
     truth, connections = setup.truth, setup.connections
-    stage = truth.part(StageTruth)
-    version = f"ESP301 Version {truth.text('firmware', '3.0.1 6/1/99')}"
-    command_ns = round(truth.number("command_time", 1e-3, minimum=0) * NANOSECONDS)
+    stage, own = truth.part(StageTruth), truth.part(ControllerTruth)
     drive = Drive(
         rate=connections.input("rate"),
         acceleration=connections.input("acceleration"),
@@ -101,7 +110,8 @@ def build(setup: PeerSetup) -> Esp301:
         truth.wrong("connects", "slipping and stalled need the terminal 'grip'")
     setup.finish()
     axis = Axis(1, stage, drive, setup.faults)
-    return Esp301(CommandSet(version, axis, setup.faults), axis, command_ns)
+    commands = CommandSet(f"ESP301 Version {own.firmware}", axis, setup.faults)
+    return Esp301(commands, axis, round(own.command_time * NANOSECONDS))
 
 
 MODEL = PeerModel(link="serial", fault_kinds=(Identity, NoStop, Slipping, Stalled), build=build)

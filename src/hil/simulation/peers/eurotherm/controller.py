@@ -8,11 +8,11 @@ counts for five seconds after it was written. There is no timer, no autotune, an
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from hil.clock.port import NANOSECONDS
-from hil.model.notation import matching
+from hil.model.notation import SomeNanoseconds, matching, number, one_of, whole
 from hil.simulation.faults import Fault, Faults, Stuck
 from hil.simulation.peers.eurotherm import memory as at
 from hil.simulation.peers.eurotherm.loop import Regulation, SensorDetached, SensorInput, SensorOpen, SensorTruth, Tuning
@@ -21,17 +21,18 @@ from hil.simulation.peers.modbus_rtu import FrameReader, checked, seal
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.timing import Alarm
 from hil.simulation.plants.terminal import InputPoint, Power
-from hil.simulation.truth import Truth
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
-__all__ = ["MODEL", "Eurotherm3216", "Make", "OtherType", "Runaway", "build"]
+__all__ = ["MODEL", "ControllerTruth", "Eurotherm3216", "Make", "OtherType", "Runaway", "build"]
 
 _REPLY_NS = 5_000_000
 _REMOTE_NS = 5 * NANOSECONDS
 _ALL = 100.0
 _BROKEN, _BY_HAND, _REMOTE_FAILED = 1 << 5, 1 << 4, 1 << 14
 _UNITS = {"degC": (0, 1.0, 0.0), "degF": (1, 1.8, 32.0), "K": (2, 1.0, 273.15)}
+_CODE_WORDS = "the four digits of a type code, such as '3216'"
+_Setpoint = Annotated[float, number(-200, 1000)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +49,40 @@ class Runaway(Fault):
     """All that there is reaches the cooler, in the direction that was asked for last."""
 
     name = "runaway"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControllerTruth:
+    """One controller, and how somebody left it.
+
+    Attributes:
+        address: of the unit, None for the one that the bench file has.
+        period_ns: of its control loop.
+        decimals, unit: of the display.
+        range_high: what the process value shows while the sensor is broken, in that unit, as all its setpoints are.
+        proportional_band, integral_time, derivative_time, cool_gain: of the loop [1, s, s, 1].
+        output_high, output_low: limits of the output [%].
+        mode: `operating` or `standby`.
+        model, firmware: type code and version, in hexadecimal.
+    """
+
+    address: Annotated[int | None, whole(1, 254)] = None
+    period_ns: SomeNanoseconds = field(default=NANOSECONDS, metadata={"alias": "period"})
+    decimals: Annotated[int, whole(0, 2)] = 1
+    unit: Annotated[str, one_of(*_UNITS)] = "degC"
+    range_high: Annotated[float, number(0, 3000)] = 300.0
+    setpoint: _Setpoint = 22.0
+    setpoint_high: _Setpoint = 60.0
+    setpoint_low: _Setpoint = -30.0
+    proportional_band: Annotated[float, number(0.1, 3000)] = 10.0
+    integral_time: Annotated[int, whole(0, 9999)] = 60
+    derivative_time: Annotated[int, whole(0, 9999)] = 0
+    cool_gain: Annotated[float, number(0.1, 10)] = 2.0
+    output_high: Annotated[float, number(0, 100)] = 100.0
+    output_low: Annotated[float, number(-100, 0)] = -100.0
+    mode: Annotated[str, one_of("operating", "standby")] = "standby"
+    model: Annotated[str, matching("(0[xX])?[0-9A-Fa-f]{1,4}", _CODE_WORDS)] = "3216"
+    firmware: Annotated[str, matching(r"[0-9A-Fa-f]{1,2}\.[0-9A-Fa-f]{1,2}", "a version such as '1.11'")] = "1.11"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -249,7 +284,6 @@ class Eurotherm3216(Stateful):
 
 
 _USUAL_BAUD = 9600
-_PERIOD_NS = 1_000_000_000
 _MODES = {"operating": at.OPERATING, "standby": at.STANDBY}
 
 
@@ -260,8 +294,7 @@ def build(setup: PeerSetup) -> Eurotherm3216:
         TruthError: with everything that is wrong in its truth or terminals.
     """
     truth = setup.truth
-    make = _make(setup, truth)
-    memory = _memory(make, truth)
+    own = truth.part(ControllerTruth)
     sensor = SensorInput(
         truth=truth.part(SensorTruth),
         place=setup.connections.signal("sensor"),
@@ -271,67 +304,43 @@ def build(setup: PeerSetup) -> Eurotherm3216:
     )
     drive, power = setup.connections.input("drive"), Power(setup.connections.signal("power"))
     setup.finish()
+    make = Make(
+        address=own.address or setup.instrument.address or 1,
+        baud=setup.instrument.baud or _USUAL_BAUD,
+        period_ns=own.period_ns,
+        decimals=own.decimals,
+        unit=own.unit,
+        top=own.range_high,
+    )
+    memory = _memory(make, own)
     return Eurotherm3216(make=make, memory=memory, sensor=sensor, drive=drive, power=power, faults=setup.faults)
 
 
-def _make(setup: PeerSetup, truth: Truth) -> Make:
-    period_ns = truth.duration_ns("period", _PERIOD_NS)
-    if period_ns <= 0:
-        truth.wrong("period", "expected a duration above 0 s")
-    return Make(
-        address=truth.integer("address", setup.instrument.address or 1, minimum=1, maximum=254),
-        baud=setup.instrument.baud or _USUAL_BAUD,
-        period_ns=max(period_ns, 1),
-        decimals=truth.integer("decimals", 1, minimum=0, maximum=2),
-        unit=truth.text("unit", "degC", choices=("K", "degC", "degF")),
-        top=truth.number("range_high", 300.0, minimum=0, maximum=3000),
-    )
-
-
-def _memory(make: Make, truth: Truth) -> Memory:
+def _memory(make: Make, own: ControllerTruth) -> Memory:
     """Return the parameters as somebody left them."""
-    setpoint = make.word(truth.number("setpoint", 22.0, minimum=-200, maximum=1000))
+    major, minor = (int(each, 16) for each in own.firmware.split("."))
     return Memory(
         {
             **dict.fromkeys((at.PROCESS_VALUE, at.WORKING_OUTPUT, at.WORKING_SETPOINT, at.STATUS, at.SENSOR_BREAK), 0),
             **dict.fromkeys((at.TIMER_STATUS, at.SETPOINT_SELECT, at.SETPOINT_SOURCE, at.COMMS_SETPOINT), 0),
             **dict.fromkeys((at.MANUAL_OUTPUT, at.SAFE_OUTPUT, at.LOOP_MODE, at.INVERTED_STATUS), 0),
-            **dict.fromkeys(at.SETPOINTS, setpoint),
-            at.PROPORTIONAL_BAND: round(10 * truth.number("proportional_band", 10.0, minimum=0.1, maximum=3000)),
-            at.INTEGRAL_TIME: truth.integer("integral_time", 60, minimum=0, maximum=9999),
-            at.DERIVATIVE_TIME: truth.integer("derivative_time", 0, minimum=0, maximum=9999),
-            at.COOL_GAIN: round(10 * truth.number("cool_gain", 2.0, minimum=0.1, maximum=10)),
-            at.OUTPUT_HIGH: round(10 * truth.number("output_high", 100.0, minimum=0, maximum=100)),
-            at.OUTPUT_LOW: round(10 * truth.number("output_low", -100.0, minimum=-100, maximum=0)),
-            at.SETPOINT_HIGH: make.word(truth.number("setpoint_high", 60.0, minimum=-200, maximum=1000)),
-            at.SETPOINT_LOW: make.word(truth.number("setpoint_low", -30.0, minimum=-200, maximum=1000)),
-            at.INSTRUMENT_MODE: _MODES.get(truth.text("mode", "standby", choices=tuple(_MODES)), at.STANDBY),
-            at.TYPE_CODE: _hexadecimal(truth, "model", "3216"),
-            at.VERSION: _version(truth),
+            **dict.fromkeys(at.SETPOINTS, make.word(own.setpoint)),
+            at.PROPORTIONAL_BAND: round(10 * own.proportional_band),
+            at.INTEGRAL_TIME: own.integral_time,
+            at.DERIVATIVE_TIME: own.derivative_time,
+            at.COOL_GAIN: round(10 * own.cool_gain),
+            at.OUTPUT_HIGH: round(10 * own.output_high),
+            at.OUTPUT_LOW: round(10 * own.output_low),
+            at.SETPOINT_HIGH: make.word(own.setpoint_high),
+            at.SETPOINT_LOW: make.word(own.setpoint_low),
+            at.INSTRUMENT_MODE: _MODES[own.mode],
+            at.TYPE_CODE: int(own.model, 16),
+            at.VERSION: major << 8 | minor,
             at.UNIT_ADDRESS: make.address,
             at.UNITS: make.unit_code,
             at.DECIMALS: make.decimals,
         }
     )
-
-
-def _version(truth: Truth) -> int:
-    text = truth.text("firmware", "1.11")
-    major, _, minor = text.partition(".")
-    try:
-        return int(major, 16) << 8 | int(minor, 16)
-    except ValueError:
-        truth.wrong("firmware", f"expected a version such as '1.11', not {text!r}")
-        return 0
-
-
-def _hexadecimal(truth: Truth, key: str, default: str) -> int:
-    text = truth.text(key, default)
-    try:
-        return int(text, 16) & 0xFFFF
-    except ValueError:
-        truth.wrong(key, f"expected the four digits of a type code, such as '3216', not {text!r}")
-        return 0
 
 
 MODEL = PeerModel(

@@ -8,21 +8,20 @@ events 2 and 3, code HARDWARE), and a frame that a reset cuts short.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.obc_link.bus import BoardBus, NoAcknowledge
-from hil.simulation.peers.obc_link.commands import CHANNELS, MINOR, READING, REQUEST_USER, Commands, Make, Tally
+from hil.simulation.peers.obc_link.commands import CHANNELS, MINOR, READING, REQUEST_USER, BoardTruth, Commands, Tally
 from hil.simulation.peers.obc_link.fields import Code, Refusal
 from hil.simulation.peers.obc_link.stream import STREAM_USER, Stream
 from hil.simulation.peers.obc_link.uart import VERSION, Frame, FrameReader, LoseFrames, Stall, Uart, seal
 from hil.simulation.peers.timing import Alarm, Alarms, BoardClock
+from hil.simulation.plants.terminal import SignalPoint
 from hil.simulation.seeds import Stream as Noise
-from hil.simulation.truth import Truth
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import BusPeer, Line, PeerClock
 
@@ -49,13 +48,11 @@ class ObcBoard(Stateful):
     It has had power since before the epoch. The fault `reset` resets it, as its independent watchdog would.
 
     Args:
-        make: what it is.
-        noise: of its analogue inputs.
-        clock: its own.
+        truth: what it is.
+        inputs: signals [V] by channel of its analogue inputs.
+        noise: of those.
         faults: what goes wrong.
         baud: of its line, 0 for one without a speed.
-        boots: its boot counter at the epoch.
-        times_ns: from a request to its execution, and from a reset to the boot notice.
     """
 
     _board_clock: Kept[BoardClock]
@@ -75,25 +72,24 @@ class ObcBoard(Stateful):
 
     def __init__(
         self,
-        make: Make,
+        truth: BoardTruth,
+        inputs: Mapping[int, SignalPoint],
         noise: Noise,
-        clock: BoardClock,
         faults: Faults,
         *,
         baud: int,
-        boots: int,
-        times_ns: tuple[int, int],
     ) -> None:
-        self._make = make
+        self._truth = truth
+        clock = BoardClock(truth.clock_drift, round(truth.clock_offset * _MICROSECONDS))
         self._board_clock = clock
         self._faults = faults
-        self._command_ns, self._boot_ns = times_ns
+        self._command_ns, self._boot_ns = (round(s * NANOSECONDS) for s in (truth.command_time, truth.boot_time))
         self._reader = FrameReader()
         self._bus = BoardBus(faults)
-        self._uart = Uart(round(10e9 / baud) if baud else 0, make.ring, faults, self._settle)
+        self._uart = Uart(round(10e9 / baud) if baud else 0, truth.ring, faults, self._settle)
         self._stream = Stream(self._bus, self._uart, clock, self._settle)
-        self._commands = Commands(make, noise, (clock, self._bus, self._stream, self._uart), self)
-        self.tally = Tally(boots=boots, reason=_POWER_ON)
+        self._commands = Commands(truth, inputs, noise, (clock, self._bus, self._stream, self._uart), self)
+        self.tally = Tally(boots=truth.boots, reason=_POWER_ON)
         self.watchdog_ms = 0
         self._requests = []
         self._last = None
@@ -228,16 +224,12 @@ class ObcBoard(Stateful):
 
     def _boot(self) -> None:
         head = bytes([VERSION, MINOR]) + self.tally.boots.to_bytes(4, "little")
-        payload = head + bytes([self.tally.reason, *self._make.firmware])
+        payload = head + bytes([self.tally.reason, *self._truth.version])
         self._uart.send(b"\0" + seal(_BOOT, 0, payload))
 
 
 _USUAL_BAUD = 921_600
 _MICROSECONDS = 1_000_000
-_LARGEST_DRIFT = 0.01
-_RING = (4096, 16_384)
-_BUILD = "9f3c21d07be45a18"
-_CHIP = "20373257533055100041002b"
 
 
 def build(setup: PeerSetup) -> ObcBoard:
@@ -246,54 +238,12 @@ def build(setup: PeerSetup) -> ObcBoard:
     Raises:
         TruthError: with everything that is wrong in its truth or terminals.
     """
-    truth = setup.truth
-    clock = BoardClock(
-        truth.number("clock_drift", 0.0, minimum=-_LARGEST_DRIFT, maximum=_LARGEST_DRIFT),
-        round(truth.number("clock_offset", 0.0, minimum=0) * _MICROSECONDS),
-    )
+    board = setup.truth.part(BoardTruth)
     points = {channel: setup.connections.signal(f"A{channel}") for channel in range(CHANNELS)}
-    make = Make(
-        firmware=_version(truth),
-        build=_hexadecimal(truth, "build", _BUILD),
-        chip=_hexadecimal(truth, "unique_id", _CHIP),
-        ring=truth.integer("ring", _RING[1], minimum=_RING[0], maximum=_RING[1]),
-        reference=truth.number("reference", 3.3, minimum=1.0, maximum=4.0),
-        noise=truth.number("analog_noise", 0.5, minimum=0),
-        inputs={channel: point for channel, point in points.items() if point is not None},
-    )
-    boots = truth.integer("boots", 41)
-    seconds = (
-        truth.number("command_time", 20e-6, minimum=0, maximum=0.01),
-        truth.number("boot_time", 0.05, minimum=0, maximum=0.1),
-    )
     setup.finish()
-    command_ns, boot_ns = (round(value * NANOSECONDS) for value in seconds)
-    return ObcBoard(
-        make,
-        setup.stream("analog"),
-        clock,
-        setup.faults,
-        baud=setup.instrument.baud or _USUAL_BAUD,
-        boots=boots,
-        times_ns=(command_ns, boot_ns),
-    )
-
-
-def _version(truth: Truth) -> tuple[int, int, int]:
-    text = truth.text("firmware", "1.0.0")
-    if not re.fullmatch(r"(\d{1,2}|1\d\d|2[0-4]\d|25[0-5])(\.(\d{1,2}|1\d\d|2[0-4]\d|25[0-5])){2}", text):
-        truth.wrong("firmware", f"expected a version such as '1.0.0', not '{text}'")
-        return 0, 0, 0
-    major, minor, patch = map(int, text.split("."))
-    return major, minor, patch
-
-
-def _hexadecimal(truth: Truth, key: str, usual: str) -> bytes:
-    text = truth.text(key, usual)
-    if not re.fullmatch(rf"[0-9A-Fa-f]{{{len(usual)}}}", text):
-        truth.wrong(key, f"expected {len(usual)} hexadecimal digits, not '{text}'")
-        return bytes(len(usual) // 2)
-    return bytes.fromhex(text)
+    inputs = {channel: point for channel, point in points.items() if point is not None}
+    baud = setup.instrument.baud or _USUAL_BAUD
+    return ObcBoard(board, inputs, setup.stream("analog"), setup.faults, baud=baud)
 
 
 MODEL = PeerModel(link="serial", fault_kinds=(LoseFrames, NoAcknowledge, Reset, Stall), build=build, serves_bus=True)

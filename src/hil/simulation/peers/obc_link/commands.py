@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Annotated, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.model.notation import NotNegative, matching, number, whole
 from hil.simulation.peers.obc_link.bus import BoardBus
 from hil.simulation.peers.obc_link.fields import (
     BUSES,
@@ -31,39 +32,48 @@ from hil.simulation.seeds import Stream as Noise
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import PeerClock
 
-__all__ = ["CHANNELS", "FULL_SCALE", "MINOR", "READING", "REQUEST_USER", "Commands", "Make", "Tally", "Watch"]
+__all__ = ["CHANNELS", "FULL_SCALE", "MINOR", "READING", "REQUEST_USER", "BoardTruth", "Commands", "Tally", "Watch"]
 
 CHANNELS = 6
 FULL_SCALE = 4095
 
+_LARGEST_DRIFT = 0.01
+_BYTE = r"(\d{1,2}|1\d\d|2[0-4]\d|25[0-5])"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Make:
-    """What this board is: firmware, chip, and what its analogue inputs see.
+class BoardTruth:
+    """One board.
 
     Attributes:
-        firmware: version, three numbers.
-        build: eight bytes of the firmware's commit.
-        chip: the twelve bytes of the unique id.
+        clock_drift: of its crystal, relative.
+        clock_offset: what its clock shows at the bench's epoch [s].
+        firmware: version.
+        build: eight bytes of the firmware's commit, in hexadecimal.
+        unique_id: the twelve bytes of the chip's, in hexadecimal.
         ring: bytes for stream frames.
-        reference: VDDA in V.
-        noise: of one conversion, in counts rms.
-        inputs: signals in V by channel; the others are 0 V.
+        reference: VDDA [V].
+        analog_noise: of one conversion [counts rms].
+        boots: its boot counter at the epoch.
+        command_time, boot_time: from a request to its execution, and from a reset to the boot notice [s].
     """
 
-    firmware: tuple[int, int, int]
-    build: bytes
-    chip: bytes
-    ring: int
-    reference: float
-    noise: float
-    inputs: Mapping[int, SignalPoint]
+    clock_drift: Annotated[float, number(-_LARGEST_DRIFT, _LARGEST_DRIFT)] = 0.0
+    clock_offset: NotNegative = 0.0
+    firmware: Annotated[str, matching(rf"{_BYTE}(\.{_BYTE}){{2}}", "a version such as '1.0.0'")] = "1.0.0"
+    build: Annotated[str, matching("[0-9A-Fa-f]{16}", "16 hexadecimal digits")] = "9f3c21d07be45a18"
+    unique_id: Annotated[str, matching("[0-9A-Fa-f]{24}", "24 hexadecimal digits")] = "20373257533055100041002b"
+    ring: Annotated[int, whole(4096, 16_384)] = 16_384
+    reference: Annotated[float, number(1, 4)] = 3.3
+    analog_noise: NotNegative = 0.5
+    boots: Annotated[int, whole(0, 2**31)] = 41
+    command_time: Annotated[float, number(0, 0.01)] = 20e-6
+    boot_time: Annotated[float, number(0, 0.1)] = 0.05
 
-    def conversions(self, channel: int, noise: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return raw conversions of a channel now, shape as `noise`, which is in units of its standard deviation."""
-        volts = self.inputs[channel].observe() if channel in self.inputs else 0.0
-        counts = np.rint(volts / self.reference * FULL_SCALE + self.noise * noise)
-        return np.clip(counts, 0, FULL_SCALE).astype(np.int64)
+    @property
+    def version(self) -> bytes:
+        """The three numbers of the firmware's version."""
+        return bytes(map(int, self.firmware.split(".")))
 
 
 MINOR = 0
@@ -117,7 +127,8 @@ class Commands(Stateful):
     """Executes one request after the other.
 
     Args:
-        make: what the board is.
+        truth: what the board is.
+        inputs: signals [V] by channel; the others are 0 V.
         noise: of the conversions.
         parts: its clock, bus, stream and UART.
         board: the board as a whole.
@@ -129,9 +140,15 @@ class Commands(Stateful):
     _converted: Kept[Alarm]
 
     def __init__(
-        self, make: Make, noise: Noise, parts: tuple[BoardClock, BoardBus, Stream, Uart], board: Watch
+        self,
+        truth: BoardTruth,
+        inputs: Mapping[int, SignalPoint],
+        noise: Noise,
+        parts: tuple[BoardClock, BoardBus, Stream, Uart],
+        board: Watch,
     ) -> None:
-        self._make = make
+        self._truth = truth
+        self._inputs = inputs
         self._noise = noise
         self._board_clock, self._bus, self._stream, self._uart = parts
         self._board = board
@@ -205,17 +222,17 @@ class Commands(Stateful):
 
     def _identify(self, payload: bytes) -> bytes:
         Reader(payload).end()
-        make, tally = self._make, self._board.tally
+        truth, tally = self._truth, self._board.tally
         counts = (tally.reason, BUSES, LINES, CHANNELS, STREAMS, TRANSFERS, MESSAGES)
         return b"".join(
             (
-                bytes([Code.OK, VERSION, MINOR, *make.firmware]),
-                make.build,
-                make.chip,
+                bytes([Code.OK, VERSION, MINOR, *truth.version]),
+                bytes.fromhex(truth.build),
+                bytes.fromhex(truth.unique_id),
                 _u32(tally.boots),
                 bytes(counts),
                 LARGEST.to_bytes(2, "little"),
-                _u32(make.ring),
+                _u32(truth.ring),
                 bytes([len(_NAME)]),
                 _NAME,
             )
@@ -238,7 +255,7 @@ class Commands(Stateful):
         channel, count = reader.number(1, 0, CHANNELS - 1), reader.number(2, 1, _MOST_CONVERSIONS)
         reader.end()
         noise = self._noise.normal_block(self._received_us * CHANNELS + channel, count)
-        counts = self._make.conversions(channel, noise)
+        counts = self._conversions(channel, noise)
         self._later = b"".join(
             (
                 bytes([Code.OK, channel]),
@@ -246,10 +263,16 @@ class Commands(Stateful):
                 _u32(int(counts.sum())),
                 int((counts**2).sum()).to_bytes(8, "little"),
                 FULL_SCALE.to_bytes(2, "little"),
-                round(1000 * self._make.reference).to_bytes(2, "little"),
+                round(1000 * self._truth.reference).to_bytes(2, "little"),
             )
         )
         self._converted.set(self._clock.now_ns() + count * _CONVERSION_NS)
+
+    def _conversions(self, channel: int, noise: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return raw conversions of a channel now, shape as `noise`, which is in units of its standard deviation."""
+        volts = self._inputs[channel].observe() if channel in self._inputs else 0.0
+        counts = np.rint(volts / self._truth.reference * FULL_SCALE + self._truth.analog_noise * noise)
+        return np.clip(counts, 0, FULL_SCALE).astype(np.int64)
 
     def _start(self, payload: bytes) -> bytes:
         program = program_of(payload, self._bus.frequency_hz, self._not_busy)

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Annotated, ClassVar
 
 from hil.clock.port import NANOSECONDS
-from hil.model.notation import matching
+from hil.model.notation import NotNegative, matching
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.model import PeerSetup
 from hil.simulation.peers.sensors.registers import RegisterFile
@@ -67,6 +67,13 @@ class Datasheet:
     width: int = 1
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BootTruth:
+    """From power-on to the first acknowledge [s], None for what the data sheet says."""
+
+    boot_time: NotNegative | None = None
+
+
 @dataclass(frozen=True, slots=True)
 class Fitted:
     """How one sensor is fitted: its address, its supply, and what goes wrong with it.
@@ -99,7 +106,8 @@ class Fitted:
             if fault.number >= 256**sheet.width:
                 message = f"'value' must fit into a register of {8 * sheet.width} bits, found '{fault.value}'"
                 raise TruthError((*path, "faults"), message)
-        boot_s = setup.truth.number("boot_time", sheet.boot_s, minimum=0)
+        given = setup.truth.part(BootTruth).boot_time
+        boot_s = sheet.boot_s if given is None else given
         return cls(address, setup.connections.signal("power"), round(boot_s * NANOSECONDS), setup.faults)
 
 

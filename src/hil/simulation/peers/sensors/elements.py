@@ -4,25 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Self, cast
+from typing import Annotated, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.model.notation import Number, number, vector
 from hil.simulation.faults import Saturated
 from hil.simulation.noise.rate_noise import NoiseLevels, RateNoise
 from hil.simulation.peers.model import PeerSetup
 from hil.simulation.seeds import Seeds, Stream
-from hil.simulation.truth import Truth
 
-__all__ = ["AXES", "Die", "FieldElement", "RateElement", "limited"]
+__all__ = ["AXES", "Die", "DieTruth", "FieldElement", "FieldTruth", "RateElement", "RateTruth", "limited"]
 
 AXES = "xyz"
 
 _MISALIGNED = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
 _REFERENCE = 25.0
 
-_Polynomial = tuple[float, ...]
+_NOTHING = (0.0, 0.0, 0.0)
+_Vector = Annotated[tuple[float, float, float], vector(3)]
+_Levels = Annotated[tuple[float, float, float], vector(3, minimum=0)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DieTruth:
+    """What a sensor's temperature is where no plant says it [degC], and what the reading is off [K]."""
+
+    temperature: Annotated[float, number(-40)] = _REFERENCE
+    temperature_offset: Number = 0.0
 
 
 class Die:
@@ -35,8 +45,10 @@ class Die:
     """
 
     def __init__(self, setup: PeerSetup, *, most: float) -> None:
-        self._truth = setup.truth.number("temperature", _REFERENCE, minimum=-40, maximum=most)
-        self._offset = setup.truth.number("temperature_offset", 0.0)
+        own = setup.truth.part(DieTruth)
+        if own.temperature > most:
+            setup.truth.wrong("temperature", f"'temperature' must be at most {most:g}, found '{own.temperature:g}'")
+        self._truth, self._offset = own.temperature, own.temperature_offset
         self._point = setup.connections.signal("temperature")
 
     def many(self, times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -56,44 +68,35 @@ class Die:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _RateTruth:
+class RateTruth:
     """What a gyroscope's elements are. Polynomials are of the die's temperature above 25 degC, lowest power first.
 
+    By default there are no errors. The white noise is that of the ICM-42605's datasheet, 3.8 mdeg/s/sqrt(Hz) one-sided;
+    flicker and random walk, which no datasheet tells, are guesses.
+
     Attributes:
-        bias: three coefficients per axis [deg/s, deg/s/K, deg/s/K^2].
-        scale: three coefficients per axis of the relative error [1, 1/K, 1/K^2].
+        bias_x, bias_y, bias_z: three coefficients each [deg/s, deg/s/K, deg/s/K^2].
+        scale_x, scale_y, scale_z: three coefficients each of the relative error [1, 1/K, 1/K^2].
         misalignment: xy, xz, yx, yz, zx, zy: how much of the second axis' rate the first one sees [rad].
-        noise: levels per axis.
+        white, flicker, random_walk, quantisation: levels per axis, see `NoiseLevels`.
     """
 
-    bias: tuple[_Polynomial, ...]
-    scale: tuple[_Polynomial, ...]
-    misalignment: tuple[float, ...]
-    noise: tuple[NoiseLevels, ...]
+    bias_x: _Vector = _NOTHING
+    bias_y: _Vector = _NOTHING
+    bias_z: _Vector = _NOTHING
+    scale_x: _Vector = _NOTHING
+    scale_y: _Vector = _NOTHING
+    scale_z: _Vector = _NOTHING
+    misalignment: Annotated[tuple[float, ...], vector(6)] = _NOTHING * 2
+    white: _Levels = (2.7e-3,) * 3
+    flicker: _Levels = (1e-3,) * 3
+    random_walk: _Levels = (1e-5,) * 3
+    quantisation: _Levels = _NOTHING
 
-    @classmethod
-    def read(cls, truth: Truth) -> Self:
-        """Read a truth section; by default there are no errors.
-
-        The white noise is then that of the ICM-42605's datasheet, 3.8 mdeg/s/sqrt(Hz) one-sided; flicker and random
-        walk, which no datasheet tells, are guesses.
-        """
-        nothing = (0.0, 0.0, 0.0)
-        return cls(
-            bias=tuple(truth.vector(f"bias_{axis}", 3, nothing) for axis in AXES),
-            scale=tuple(truth.vector(f"scale_{axis}", 3, nothing) for axis in AXES),
-            misalignment=truth.vector("misalignment", 6, nothing * 2),
-            noise=_levels(truth),
-        )
-
-
-def _levels(truth: Truth) -> tuple[NoiseLevels, ...]:
-    usual = {"white": 2.7e-3, "flicker": 1e-3, "random_walk": 1e-5, "quantisation": 0.0}
-    read = {kind: truth.vector(kind, 3, (level,) * 3) for kind, level in usual.items()}
-    for kind, levels in read.items():
-        if min(levels) < 0:
-            truth.wrong(kind, "expected numbers from 0 up")
-    return tuple(NoiseLevels(**{kind: levels[axis] for kind, levels in read.items()}) for axis in range(3))
+    def noise(self) -> tuple[NoiseLevels, ...]:
+        """Return the levels of each axis."""
+        kinds = ("white", "flicker", "random_walk", "quantisation")
+        return tuple(NoiseLevels(**{kind: getattr(self, kind)[axis] for kind in kinds}) for axis in range(len(AXES)))
 
 
 class RateElement:
@@ -105,13 +108,13 @@ class RateElement:
     """
 
     def __init__(self, setup: PeerSetup) -> None:
-        self._truth = _RateTruth.read(setup.truth)
+        self._truth = setup.truth.part(RateTruth)
         self._rate = setup.connections.axes("rate")
         self._faults = setup.faults
         self._seeds: Seeds = setup.seeds
         self._name = setup.instrument.name
-        self._bias = np.array(self._truth.bias).T[:, :, np.newaxis]
-        self._scale = np.array(self._truth.scale).T[:, :, np.newaxis]
+        self._bias = np.array([getattr(self._truth, f"bias_{axis}") for axis in AXES]).T[:, :, np.newaxis]
+        self._scale = np.array([getattr(self._truth, f"scale_{axis}") for axis in AXES]).T[:, :, np.newaxis]
         self._begun: tuple[int, float, float] | None = None
         self._noise: list[RateNoise] = []
 
@@ -126,7 +129,7 @@ class RateElement:
         self._begun = (start_ns, rate, bandwidth)
         self._noise = [
             RateNoise(self._streams(f"{axis} from {start_ns}"), levels, rate=rate, bandwidth=bandwidth)
-            for axis, levels in zip(AXES, self._truth.noise, strict=True)
+            for axis, levels in zip(AXES, self._truth.noise(), strict=True)
         ]
 
     def stop(self) -> None:
@@ -179,23 +182,32 @@ class RateElement:
         return seen
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FieldTruth:
+    """What a magnetometer's elements are.
+
+    Attributes:
+        offset: what they read in no field, with the jig's own magnetism [uT].
+        gain: relative error of the sensitivity.
+        noise: in the best mode [uT rms], None for what the data sheet says.
+    """
+
+    offset: _Vector = _NOTHING
+    gain: _Vector = _NOTHING
+    noise: _Levels | None = None
+
+
 class FieldElement:
     """Three axes that sense a magnetic field, with white noise by sample number.
 
     Args:
-        setup: of the peer: its truth says `offset` [uT], what it reads in no field with the jig's own magnetism;
-            `gain`, the relative error of the sensitivity; and `noise` [uT rms] in the best mode. The terminal `field`
-            goes to a plant's three signals [uT].
+        setup: of the peer: its truth; the terminal `field` goes to a plant's three signals [uT].
         noise: of the data sheet, in the best mode [uT rms].
     """
 
     def __init__(self, setup: PeerSetup, *, noise: tuple[float, ...]) -> None:
-        truth = setup.truth
-        nothing = (0.0, 0.0, 0.0)
-        self._offset, self._gain = truth.vector("offset", 3, nothing), truth.vector("gain", 3, nothing)
-        self._rms = truth.vector("noise", 3, noise)
-        if min(self._rms) < 0:
-            truth.wrong("noise", "expected numbers from 0 up")
+        own = setup.truth.part(FieldTruth)
+        self._offset, self._gain, self._rms = own.offset, own.gain, own.noise or noise
         self._field = setup.connections.axes("field")
         self._faults = setup.faults
         self._seeds = setup.seeds

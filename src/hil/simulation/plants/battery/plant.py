@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from types import MappingProxyType
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
-from hil.model.notation import NotNegative, Positive
+from hil.model.notation import NotNegative, Positive, number, one_of
 from hil.simulation.plants.battery.cell import Cell, CellTruth
 from hil.simulation.plants.battery.housing import HEALTHY, STATES, Housing, HousingTruth, Thermistor
 from hil.simulation.plants.battery.network import Flow, Network
@@ -16,7 +16,7 @@ from hil.simulation.plants.model import PlantModel
 from hil.simulation.plants.plant import Inputs, Plant, Port, Value, Vector
 from hil.simulation.truth import Truth
 
-__all__ = ["MODEL", "PLACES", "Battery", "WiringTruth", "build"]
+__all__ = ["MODEL", "PLACES", "Battery", "RoomTruth", "WiringTruth", "build"]
 
 PLACES = ("container", "assembly")
 """Where a cell can lie: in the metal container alone, or between the halves of the assembly in it."""
@@ -54,6 +54,14 @@ class WiringTruth:
     supply_leads: Positive = 0.06
     load_current: NotNegative = 0.7
     load_resistance: NotNegative = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoomTruth:
+    """Where the battery is at the epoch: temperature of the room [degC], and one of `PLACES`."""
+
+    ambient: Annotated[float, number(-60, 80)] = 24.5
+    place: Annotated[str, one_of(*PLACES)] = PLACES[0]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -243,11 +251,9 @@ def build(name: str, grid_ns: int, truth: Truth) -> Battery:
         TruthError: with everything that is wrong.
     """
     cell, wiring, thermistor = truth.part(CellTruth), truth.part(WiringTruth), truth.part(Thermistor)
-    housing = truth.part(HousingTruth)
+    housing, room = truth.part(HousingTruth), truth.part(RoomTruth)
     if housing.seebeck * housing.current >= housing.sink_ambient:
         truth.wrong("sink_ambient", "must be above seebeck * tec_current, or the sinks run away")
-    ambient = truth.number("ambient", 24.5, minimum=-60, maximum=80)
-    place = truth.text("place", PLACES[0], choices=PLACES)
     truth.finish()
     return Battery(
         name,
@@ -256,8 +262,8 @@ def build(name: str, grid_ns: int, truth: Truth) -> Battery:
         wiring=wiring,
         housing=housing,
         thermistor=thermistor,
-        ambient=ambient,
-        place=place,
+        ambient=room.ambient,
+        place=room.place,
     )
 
 

@@ -13,13 +13,14 @@ from math import sqrt
 from typing import ClassVar
 
 from hil.clock.port import NANOSECONDS
+from hil.model.notation import NotNegative
 from hil.simulation.faults import Fault
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.sensors.chip import Datasheet, Fitted, OtherIdentity, SensorPeer
 from hil.simulation.plants.terminal import SignalPoint
 from hil.simulation.seeds import Stream
 
-__all__ = ["MODEL", "EepromBusy", "Tmp117", "build"]
+__all__ = ["MODEL", "EepromBusy", "NoiseTruth", "Tmp117", "build"]
 
 _RESULT, _CONFIG, _IDENTITY = 0x00, 0x01, 0x0F
 _READY, _BUSY, _SOFT_RESET = 0x2000, 0x1000, 0x0002
@@ -37,6 +38,13 @@ class EepromBusy(Fault):
     """The flag EEPROM_Busy is set: the board's supply dips while its power-on values are written."""
 
     name = "eeprom-busy"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoiseTruth:
+    """The noise of one conversion [K rms]."""
+
+    noise: NotNegative = 0.02
 
 
 class Tmp117(SensorPeer):
@@ -115,7 +123,7 @@ class Tmp117(SensorPeer):
 def build(setup: PeerSetup) -> Tmp117:
     """Build the sensor; terminals `temperature` (degC) and `power` (V) go to plant signals."""
     fitted = Fitted.read(setup, Tmp117.sheet)
-    noise = setup.truth.number("noise", 0.02, minimum=0)
+    noise = setup.truth.part(NoiseTruth).noise
     temperature = setup.connections.signal("temperature")
     setup.finish()
     return Tmp117(fitted, temperature, noise, setup.stream("noise"))
