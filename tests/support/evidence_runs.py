@@ -13,8 +13,8 @@ from hil.evidence.folder import CALIBRATION as CALIBRATION_FILE
 from hil.evidence.folder import CATALOGUE as CATALOGUE_FILE
 from hil.evidence.folder import JOURNAL, PARAMETERS, RECORDINGS, RESERVE, RESULTS, TRANSCRIPT
 from hil.evidence.journal.writer import Journal
+from hil.evidence.package.bag import inventory
 from hil.evidence.package.contents import Package
-from hil.evidence.package.inventory import inventory
 from hil.evidence.package.sealing import seal
 from hil.evidence.recordings.rows import Rows
 from hil.evidence.results.facts import entries_of, freeze_calibration, freeze_catalogue

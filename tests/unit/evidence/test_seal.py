@@ -29,9 +29,8 @@ from hil.evidence.folder import JOURNAL, create, hold
 from hil.evidence.inbox import post
 from hil.evidence.journal.reader import UnknownFormat
 from hil.evidence.journal.writer import Journal
-from hil.evidence.package.bag import evidence_digest, manifest_text, read_manifest, write_manifests
+from hil.evidence.package.bag import evidence_digest, inventory, manifest_text, read_manifest, write_manifests
 from hil.evidence.package.contents import Package
-from hil.evidence.package.inventory import inventory
 from hil.evidence.package.sealing import recover, seal
 from hil.evidence.package.verification import State, verify
 from hil.model.errors import EvidenceError, Refused

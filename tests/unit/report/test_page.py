@@ -14,7 +14,7 @@ from typed_events import event_of, events_of
 from hil.evidence.events import Recording
 from hil.evidence.package.contents import Package
 from hil.model.verdict import Verdict
-from hil.report.drawing.checks import charts
+from hil.report.drawing.checks import bounds_by_case, charts
 from hil.report.drawing.recordings import recording_graphics
 from hil.report.material import Material
 from hil.report.page.as_run import attributed, fed_limits, recording_rows, watched_rows
@@ -495,7 +495,7 @@ def test_recordings_with_the_same_channels_share_a_drawing(folder):
     """Three recordings of one case are one drawing over bench time, with holes in between."""
     material = Material(Package(folder))
     (event,) = Package(folder).of(Recording)
-    (graphic,) = recording_graphics(material, [event] * 3, [], [])[event.case]
+    (graphic,) = recording_graphics(material, [event] * 3, {}, [])[event.case]
     assert graphic.title == "test_noise_at_rest · rest (3 recordings)"
     assert graphic.described.startswith("x from -0.")
     assert re.search(r'class="line c0 d0" d="([^"]*)"', graphic.svg)[1].count("M") == 3
@@ -506,7 +506,7 @@ def test_what_the_envelope_watched_has_its_limits(folder):
     (event,) = Package(folder).of(Recording)
     watched = msgspec.structs.replace(event, case=None, name="board")
     limits = [{"id": "board", "unit": "deg/s", "min": "-1", "max": "1"}, {"id": "other", "unit": "degC", "max": "99"}]
-    (graphic,) = recording_graphics(Material(Package(folder)), [watched], [], limits)[""]
+    (graphic,) = recording_graphics(Material(Package(folder)), [watched], {}, limits)[""]
     assert graphic.title == "board"
     assert graphic.svg.count('class="band"') == 1
 
@@ -521,8 +521,8 @@ def test_what_a_recording_fed_stands_behind_it(folder):
     ]
     fed = [event_of("fed", limit="rate", recording=event.recording)]
     material = Material(Package(folder))
-    (with_fed,) = recording_graphics(material, [event], checks, limits, fed)[event.case]
-    (without,) = recording_graphics(material, [event], checks, limits)[event.case]
+    (with_fed,) = recording_graphics(material, [event], bounds_by_case(checks), limits, fed)[event.case]
+    (without,) = recording_graphics(material, [event], bounds_by_case(checks), limits)[event.case]
     assert [graphic.svg.count('class="limit"') for graphic in (with_fed, without)] == [2, 1]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typed_events import events_of
 
-from hil.report.page.bench import armings
+from hil.report.page.incidents import armings
 
 
 def gate(t, name, detail="as it must", *, ok=True, kind="gate"):

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path, PurePosixPath
 
 from hil.evidence.durable import read_plain, sha256_of, sync_file, sync_folder, write_whole
-from hil.evidence.folder import REPORT, SEAL
+from hil.evidence.folder import JOURNAL, REPORT, SEAL
 from hil.evidence.package.listing import list_folder, shown
 from hil.model.errors import Finding
 
@@ -23,6 +23,8 @@ __all__ = [
     "hash_payload",
     "identifier_of",
     "info_text",
+    "inventory",
+    "is_named",
     "make_read_only",
     "manifest_text",
     "payload_of",
@@ -54,6 +56,23 @@ def hash_payload(folder: Path) -> dict[str, str]:
         OSError: where one cannot be read.
     """
     return {path: sha256_of(folder / path) for path in payload_of(list_folder(folder).files)}
+
+
+def inventory(folder: Path) -> dict[str, str]:
+    """Return path and SHA-256 of every file below `data` that is final before the journal's last event.
+
+    The journal cannot name itself, nor the report, which prints the evidence digest; and it cannot hold a name that is
+    no text: the run wrote no such file, and verification finds it.
+
+    Raises:
+        OSError: where a file cannot be read.
+    """
+    return {path: digest for path, digest in hash_payload(folder).items() if is_named(path) and _is_text(path)}
+
+
+def is_named(path: str) -> bool:
+    """Return whether the journal's last event names a file below `data`."""
+    return path != JOURNAL and not path.startswith(f"{REPORT}/")
 
 
 def manifest_text(hashes: Mapping[str, str]) -> bytes:
@@ -155,6 +174,10 @@ def read_manifest(folder: Path, name: str) -> tuple[dict[str, str], list[Finding
         else:
             entries[path] = match[1]
     return entries, findings
+
+
+def _is_text(path: str) -> bool:
+    return not any("\ud800" <= letter <= "\udfff" for letter in path)
 
 
 def _leaves(path: str) -> bool:

@@ -10,11 +10,10 @@ from typing import Any
 
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.durable import read_plain
-from hil.evidence.events import Check, End, Results, Run
+from hil.evidence.events import Check, End, Frozen, Recovered, Results, Run
 from hil.evidence.folder import ATTACHMENTS, CALIBRATION, CATALOGUE, JOURNAL, PARAMETERS, RECORDINGS, RESULTS
 from hil.evidence.journal.reader import JournalReading
-from hil.evidence.package.bag import INFO
-from hil.evidence.package.inventory import file_findings, hashes_at_end
+from hil.evidence.package.bag import INFO, is_named
 from hil.evidence.package.listing import shown
 from hil.evidence.package.sealing import info_of
 from hil.evidence.recordings.hdf5 import hashes_of
@@ -22,13 +21,16 @@ from hil.evidence.results.derived import results_of
 from hil.evidence.results.facts import Entries, facts_of, limit_of
 from hil.evidence.results.outcome import FORMAT, write_outcome
 from hil.evidence.state import fold
-from hil.model.errors import Finding, HilError
+from hil.model.errors import EvidenceError, Finding, HilError
 from hil.model.figure import Figure, FigureStatus
 from hil.model.verdict import Verdict
 from hil.requirements.decision import Judgement, judge
 from hil.requirements.requirement import Kind, Limit
 
 __all__ = ["content_findings", "guarded", "judge_again"]
+
+_HEAD = ([Run, Frozen], [Run, Recovered])
+"""How a sealed journal begins; a run that was killed before its first case has nothing frozen to name."""
 
 Hashes = Mapping[str, str]
 """Path and SHA-256 of every file below `data`, as they are now."""
@@ -84,7 +86,46 @@ def _info_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterator
 
 
 def _file_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
-    yield from file_findings(reading, hashes)
+    """Compare every file with the journal, which names what was frozen first, and the whole folder at its end."""
+    if [type(event) for event in reading.events[:2]] not in _HEAD:
+        yield Finding(JOURNAL, 0, 0, "its second event does not name what was frozen")
+    frozen = _frozen_files(reading)
+    for path, digest in frozen.items():
+        if hashes.get(path) != digest:
+            what = "it is not what was frozen before the first step" if path in hashes else "what was frozen is missing"
+            yield Finding(shown(path), 0, 0, what)
+    ended = _hashes_at_end(reading)
+    for path in sorted({*ended, *filter(is_named, hashes)} - {*frozen}):
+        if path not in hashes:
+            yield Finding(shown(path), 0, 0, "the journal names it, and it is missing")
+        elif path not in ended:
+            yield Finding(shown(path), 0, 0, "the journal does not name it")
+        elif hashes[path] != ended[path]:
+            yield Finding(shown(path), 0, 0, "it is not the file that the journal names")
+
+
+def _hashes_at_end(reading: JournalReading) -> Mapping[str, str]:
+    """Return what the journal's last event says of the files.
+
+    Raises:
+        EvidenceError: where it says nothing.
+    """
+    last = reading.lines[-1] if reading.lines else None
+    if last is None or not isinstance(last.event, End):
+        raise EvidenceError("the journal has no end that names the files")
+    return _hashes(last.wall.get("files"), "end")
+
+
+def _frozen_files(reading: JournalReading) -> dict[str, str]:
+    lines = [(line.event, line.wall) for line in reading.lines]
+    named = [part for event, wall in lines if isinstance(event, Frozen) for part in (event.files, wall.get("files"))]
+    return {path: digest for files in named for path, digest in _hashes(files, "frozen").items()}
+
+
+def _hashes(files: Any, kind: str) -> Mapping[str, str]:  # noqa: ANN401 - whatever a journal holds
+    if not isinstance(files, dict) or not all(isinstance(digest, str) for digest in files.values()):
+        raise EvidenceError(f"the event {kind} does not name files with their hashes")
+    return files
 
 
 def _begun_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
@@ -118,7 +159,7 @@ def _format(results: bytes) -> int:
 
 def _recording_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
     """Compare rows with the journal's hashes; a file that is not the one the run wrote is not even opened."""
-    written = hashes_at_end(reading)
+    written = _hashes_at_end(reading)
     state = fold(reading.events)
     for identifier, claim in state.rows.items():
         path = f"{RECORDINGS}/{identifier}.h5"

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from hil.evidence import events
-from hil.evidence.durable import DISK_FULL, read_plain, sync_folder, write_whole
+from hil.evidence.durable import DISK_FULL, PART, read_plain, sync_folder, write_whole
 from hil.evidence.folder import CHECKPOINT, INBOX, JOURNAL, RECORDINGS, RESERVE, RESULTS, free_reserve, hold, is_sealed
 from hil.evidence.inbox import Message, poll
 from hil.evidence.journal.reader import JournalReading, cut_torn_tail, read_journal, require_known_format
@@ -18,12 +18,12 @@ from hil.evidence.package.bag import (
     MANIFEST,
     digest_of_manifest,
     info_text,
+    inventory,
     make_read_only,
     put_seal,
     write_manifests,
 )
 from hil.evidence.package.contents import Package
-from hil.evidence.package.inventory import inventory, remove_halves
 from hil.evidence.package.listing import list_folder
 from hil.evidence.recordings.hdf5 import convert
 from hil.evidence.recordings.rows import Rows
@@ -120,7 +120,7 @@ def _write_results(folder: Path, journal: Journal) -> None:
 
 def write_end(folder: Path, journal: Journal, *, exit_code: int) -> None:
     """Write the journal's last event, which names every file, and close the journal; the results are written."""
-    remove_halves(folder)
+    _remove_halves(folder)
     wall = {"files": inventory(folder)}
     journal.write(events.End(state="SEALED", exit_code=exit_code), journal.last_t, beside=wall)
     journal.close()
@@ -220,9 +220,16 @@ def _tidy(folder: Path) -> None:
     (folder / CHECKPOINT).unlink(missing_ok=True)
     if (folder / INBOX).exists():
         shutil.rmtree(folder / INBOX)
-    remove_halves(folder)
+    _remove_halves(folder)
     for empty in reversed(list_folder(folder).empty):  # the innermost come last
         (folder / empty).rmdir()
+
+
+def _remove_halves(folder: Path) -> None:
+    """Remove files that a killed process left half written."""
+    for place in (folder, folder / "data", folder / RECORDINGS):
+        for half in place.glob(f"*{PART}"):
+            half.unlink()
 
 
 EXIT_CODE = 2

@@ -14,7 +14,7 @@ from hil.documents.canonical import canonical
 from hil.evidence import events
 from hil.evidence.events import EventSink
 from hil.evidence.folder import TRANSCRIPT
-from hil.evidence.package.inventory import inventory
+from hil.evidence.package.bag import inventory
 from hil.evidence.package.listing import shown
 from hil.evidence.results.facts import entries_of, freeze_calibration, freeze_catalogue
 from hil.executive.setup.configuration import Configuration

@@ -23,7 +23,7 @@ from hil.report.drawing.panel import (
 )
 from hil.report.sentences import counted
 
-__all__ = ["Point", "charts", "check_bounds", "draw_points", "short"]
+__all__ = ["Point", "bounds_by_case", "charts", "draw_points", "short"]
 
 _MOST_ROWS = 40  # of one chart
 _ABOVE, _BELOW, _ROW = 260, 380, 200
@@ -61,12 +61,21 @@ def charts(checks: Sequence[Check]) -> tuple[Graphic, ...]:
     return tuple(
         graphic
         for (requirement, parameter, unit), members in groups.items()
-        if (check_bounds(members[0]) or len(members) > 1) and not _of_recordings(members)
+        if (_bounds(members[0]) or len(members) > 1) and not _of_recordings(members)
         for graphic in _chart(requirement, parameter, unit, members)
     )
 
 
-def check_bounds(check: Check) -> Band | None:
+def bounds_by_case(checks: Sequence[Check]) -> dict[str, list[Band]]:
+    """Return the limits of the checks of each case that values in the unit of the check can be drawn over."""
+    found: dict[str, list[Band]] = {}
+    for check in checks:
+        if (band := _bounds(check)) is not None:
+            found.setdefault(check.case, []).append(band)
+    return found
+
+
+def _bounds(check: Check) -> Band | None:
     """Return the limit of a check as a band in the unit of its value, or None where it has no such limit."""
     low, high = finite(check.limit.min), finite(check.limit.max)
     if (low is None and high is None) or check.limit_unit not in {"", check.unit}:
@@ -111,14 +120,14 @@ def short(case: str) -> str:
 
 
 def _of_recordings(members: Sequence[Check]) -> bool:
-    return all(check_bounds(check) and check.verdict is Verdict.RECORDED for check in members)
+    return all(_bounds(check) and check.verdict is Verdict.RECORDED for check in members)
 
 
 def _chart(requirement: str, parameter: str, unit: str, members: Sequence[Check]) -> list[Graphic]:
     title = f"{requirement} {parameter}"
     several = len({check.case for check in members}) > 1
     points = [_point(check, several=several) for check in members]
-    band = check_bounds(members[0]) or Band(unit=unit, low=None, high=None)
+    band = _bounds(members[0]) or Band(unit=unit, low=None, high=None)
     parts = [points[first : first + _MOST_ROWS] for first in range(0, len(points), _MOST_ROWS)]
     return [
         Graphic(

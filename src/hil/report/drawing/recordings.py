@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from hil.evidence.events import Check, Fed, Recording
-from hil.report.drawing.checks import check_bounds, short
+from hil.evidence.events import Fed, Recording
+from hil.report.drawing.checks import short
 from hil.report.drawing.panel import (
     TITLE,
     WIDTH,
@@ -46,7 +46,7 @@ _TIMES = ((7200.0, 3600.0, "h"), (300.0, 60.0, "min"))
 def recording_graphics(
     material: Material,
     recordings: Sequence[Recording],
-    checks: Sequence[Check],
+    judged: Mapping[str, Sequence[Band]],
     envelope: Sequence[Body],
     fed: Sequence[Fed] = (),
 ) -> Mapping[str, tuple[Graphic, ...]]:
@@ -55,7 +55,7 @@ def recording_graphics(
     Args:
         material: where the samples are.
         recordings: the events with which recordings began; those of no case are the envelope's.
-        checks: every check of the run; a limit stands behind the channels of its case that have its unit.
+        judged: by case the limits of its checks; each stands behind the channels of the case that have its unit.
         envelope: the limits of the bench file, which stand behind the channels of the same name.
         fed: the events that tell which of them a recording fed; these stand behind its channels, and not those of
             checks, which speak of single moments of it.
@@ -69,7 +69,7 @@ def recording_graphics(
     points = max(_FEWEST_POINTS, min(_MOST_POINTS, share))
     graphics: dict[str, tuple[Graphic, ...]] = {}
     for (case, _), members in drawn:
-        found = _bands(case, members, checks, envelope, fed)
+        found = _bands(case, members, judged.get(case, ()), envelope, fed)
         graphics[case] = graphics.get(case, ()) + _drawn(material, members, found, points)
     return graphics
 
@@ -128,7 +128,7 @@ def _joined(pieces: Sequence[Trace], points: int) -> Trace:
 
 
 def _bands(
-    case: str, recordings: Sequence[Recording], checks: Sequence[Check], envelope: Sequence[Body], fed: Sequence[Fed]
+    case: str, recordings: Sequence[Recording], judged: Sequence[Band], envelope: Sequence[Body], fed: Sequence[Fed]
 ) -> list[Band]:
     """Return the distinct limits that hold for these recordings' channels, by unit; a plain number has no kind."""
     units = {channel.unit for recording in recordings for channel in recording.channels} - {"1"}
@@ -141,8 +141,7 @@ def _bands(
         if text(limit, "id") in (meant if case else names)
     ]
     known = {band.unit for band in watched}
-    judged = [check_bounds(check) for check in checks if case and check.case == case]
-    rest = [band for band in judged if band is not None and band.unit not in known]
+    rest = [band for band in judged if band.unit not in known]
     return list(dict.fromkeys(band for band in [*watched, *rest] if band.unit in units))
 
 

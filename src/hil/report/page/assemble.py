@@ -11,7 +11,7 @@ from hil.evidence.events import Case, Check, Event, Fed, NotRun, Orphan, Recordi
 from hil.evidence.results.outcome import AttemptOutcome, CaseOutcome, Outcome, RequirementOutcome
 from hil.model.identity import Source
 from hil.model.verdict import Verdict
-from hil.report.drawing.checks import charts, short
+from hil.report.drawing.checks import bounds_by_case, charts, short
 from hil.report.drawing.panel import Graphic
 from hil.report.drawing.recordings import recording_graphics
 from hil.report.material import (
@@ -31,17 +31,18 @@ from hil.report.material import (
 )
 from hil.report.numbers import duration, with_unit
 from hil.report.page.as_run import Placed, attributed, checks_of, fed_limits, recording_rows, step_rows, watched_rows
-from hil.report.page.bench import armings, instruments, safe_off, wiring
-from hil.report.page.incidents import guarded, happenings, people
+from hil.report.page.incidents import armings, guarded, happenings, people, safe_off
 from hil.report.page.view import (
     BrokenRow,
     CaseName,
     CaseView,
     DocumentRow,
     Fact,
+    InstrumentRow,
     ParameterRow,
     RequirementRow,
     RunView,
+    WireRow,
 )
 from hil.report.sentences import (
     closing_sentence,
@@ -82,7 +83,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
     counting = [each for each in placed if each.counted and isinstance(each.event, Check)]
     checks = [each.event for each in counting if isinstance(each.event, Check)]
     fed = [event for event in events if isinstance(event, Fed)]
-    drawn = recording_graphics(material, begun, checks, inners(bench, "envelope"), fed)
+    drawn = recording_graphics(material, begun, bounds_by_case(checks), inners(bench, "envelope"), fed)
     return RunView(
         title=", ".join(run.plans) if run else "",
         subject=subject(results),
@@ -113,8 +114,8 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         armings=armings(events),
         safe=safe_off(events),
         safe_word=safe_word(results),
-        instruments=instruments(bench),
-        wiring=wiring(bench),
+        instruments=_instruments(bench),
+        wiring=_wiring(bench),
         people=people(run, placed),
         happenings=happenings(placed, names, guarded(material.guardian()), material.sent()),
         deviations=run.deviations if run else (),
@@ -270,6 +271,52 @@ def _not_run(events: Sequence[Event], results: Outcome) -> tuple[tuple[str, str,
         (entry.case, entry.title, said.get(entry.case) or "; ".join(entry.reasons))
         for entry in results.cases
         if entry.verdict is Verdict.NOT_RUN
+    )
+
+
+def _instruments(bench: Body) -> tuple[InstrumentRow, ...]:
+    """Return the instruments of a bench file, in its order."""
+    section = inner(bench, "instruments")
+    return tuple(_instrument(name, inner(section, name)) for name in section)
+
+
+def _wiring(bench: Body) -> tuple[WireRow, ...]:
+    """Return the wiring of a bench file, in its order."""
+    return tuple(_wire(entry) for entry in inners(bench, "wiring"))
+
+
+def _instrument(name: str, entry: Body) -> InstrumentRow:
+    calibration = inner(entry, "calibration")
+    identity = inner(entry, "identity")
+    return InstrumentRow(
+        name=name,
+        driver=text(entry, "driver"),
+        identity=" ".join(text(identity, key) for key in ("manufacturer", "model", "serial", "firmware")).strip(),
+        certificate=text(calibration, "certificate"),
+        due=text(calibration, "due"),
+        ranges=tuple(_range(item) for item in inners(calibration, "ranges")),
+        dut=text(entry, "dut") == "true",
+    )
+
+
+def _range(entry: Body) -> str:
+    unit = text(entry, "unit")
+    parts = [f"{text(entry, 'absolute') or '0'} {unit}".strip()]
+    if text(entry, "relative") not in {"", "0", "0.0"}:
+        parts.append(f"{text(entry, 'relative')} of the reading")
+    span = f"{text(entry, 'from')} to {text(entry, 'to')} {unit}".strip()
+    return f"{text(entry, 'quantity')} {span}: U = {' + '.join(parts)} (k = {text(entry, 'k') or '2'})"
+
+
+def _wire(entry: Body) -> WireRow:
+    shown = ("role", "instance", "instrument", "channel", "note")
+    rest = "; ".join(f"{key} {value}" for key, value in flat({k: v for k, v in entry.items() if k not in shown}))
+    channel = text(entry, "channel")
+    return WireRow(
+        name=".".join(part for part in (text(entry, "role"), text(entry, "instance")) if part),
+        instrument=text(entry, "instrument"),
+        channel="" if channel == "0" else channel,
+        note="; ".join(part for part in (text(entry, "note"), rest) if part),
     )
 
 

@@ -1,4 +1,4 @@
-"""What happened around the procedure: people, and everything out of the ordinary."""
+"""What happened around the procedure: arming, people, everything out of the ordinary, and the safe state."""
 
 from __future__ import annotations
 
@@ -11,11 +11,13 @@ from hil.evidence.events import (
     Acknowledged,
     Anomaly,
     Answer,
+    Armed,
     Attachment,
     ClockJump,
     Confirmed,
     Event,
     Fault,
+    Gate,
     Hold,
     HoldAsked,
     HoldEnd,
@@ -30,6 +32,7 @@ from hil.evidence.events import (
     Rest,
     Resumed,
     Run,
+    Safe,
     Stop,
     Suspended,
     Trip,
@@ -37,9 +40,24 @@ from hil.evidence.events import (
 from hil.report.material import Body, flag, text
 from hil.report.numbers import bench_time, duration, number, with_unit
 from hil.report.page.as_run import Placed
-from hil.report.page.view import CaseName, Happening
+from hil.report.page.view import Arming, CaseName, GateRow, Happening, SafeRow
 
-__all__ = ["Sentence", "answered", "attached", "guarded", "happenings", "noted", "people", "sentences"]
+__all__ = [
+    "Sentence",
+    "answered",
+    "armings",
+    "attached",
+    "guarded",
+    "happenings",
+    "noted",
+    "people",
+    "safe_off",
+    "sentences",
+]
+
+
+_AGAIN = "Armed again"
+_CUT_PATH, _NOT_TRIED = "cut path of ", "not tried: "
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +66,50 @@ class Sentence:
 
     at: str
     text: str
+
+
+def armings(events: Iterable[Event]) -> tuple[Arming, ...]:
+    """Return the readiness gates, of each arming by itself: a run that was resumed after a stop was armed again.
+
+    A gate after the end of an arming is the guardian's, who does not find the bench safe when it is released.
+    """
+    titles, parts = ["Arming"], list[list[Gate]]([[]])
+    over = False
+    for event in events:
+        again = isinstance(event, Resumed) and event.entry is not None
+        if again or (isinstance(event, Gate) and over):
+            titles.append(_AGAIN if again else "At the release of the bench")
+            parts.append([])
+            over = False
+        if isinstance(event, Gate):
+            parts[-1].append(event)
+            if titles[-1] == _AGAIN and not event.ok:
+                titles[-1] = "Not armed again"
+        over = over or isinstance(event, Armed) or (isinstance(event, Gate) and not event.ok)
+    found = [(title, part) for title, part in zip(titles, parts, strict=True) if part]
+    return tuple(
+        Arming(
+            title=f"{title}, at {bench_time(part[0].t)} of bench time" if len(found) > 1 else "",
+            gates=tuple(map(_gate, part)),
+        )
+        for title, part in found
+    )
+
+
+def safe_off(events: Iterable[Event]) -> tuple[SafeRow, ...]:
+    """Return every output that was made safe, in order."""
+    return tuple(
+        SafeRow(
+            at=bench_time(event.t),
+            output=event.output,
+            state=event.state,
+            ok=event.ok,
+            detail=event.detail,
+            duration=duration(event.duration),
+        )
+        for event in events
+        if isinstance(event, Safe)
+    )
 
 
 def people(run: Run | None, events: Iterable[Placed]) -> tuple[tuple[str, str], ...]:
@@ -168,6 +230,11 @@ def _made_safe(fact: Body, outputs: str) -> str:
     if fact["ok"]:
         return f"the run made {outputs} safe"
     return f"NOT MADE SAFE by the run: {outputs}, which is not {fact['state']}: {fact['detail']}"
+
+
+def _gate(gate: Gate) -> GateRow:
+    tried = not (gate.name.startswith(_CUT_PATH) and _NOT_TRIED in gate.detail)
+    return GateRow(name=gate.name, ok=gate.ok, tried=tried, detail=gate.detail)
 
 
 def _was_ended_by_force(events: Sequence[Event]) -> bool:
