@@ -240,7 +240,7 @@ def test_what_it_is_not_is_refused():
     with controller() as (driver, _):
         with pytest.raises(Refused, match="a eurotherm-3216 is no relays"):
             driver.role(Wire(role="relays", instance="", instrument="device"))
-        with pytest.raises(Refused, match="unknown setting 'decimal', did you mean 'decimals'"):
+        with pytest.raises(Refused, match="unknown key 'decimal', did you mean 'decimals'"):
             driver.role(Wire(role="thermal", instance="", instrument="device", settings={"decimal": "1"}))
-        with pytest.raises(Refused, match="decimals 3"):
+        with pytest.raises(Refused, match="'decimals' must be at most 2"):
             driver.role(wire("3"))

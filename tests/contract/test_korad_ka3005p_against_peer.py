@@ -143,7 +143,7 @@ def test_a_protection_that_acts_is_told(protection, amperes):
     [
         (Wire(role="relays", instance="", instrument="device"), "does not fill the role relays"),
         (Wire(role="supply", instance="x", instrument="device", channel=2), "no channel 2"),
-        (charge(over_volts="at setting"), "unknown setting 'over_volts'"),
+        (charge(over_volts="at setting"), "unknown key 'over_volts'"),
         (charge(over_voltage="4.25"), "have no level"),
     ],
 )

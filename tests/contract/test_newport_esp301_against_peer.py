@@ -148,8 +148,8 @@ def test_settings_of_the_wire_are_read_strictly():
         for change, match in (
             ({"settings": {"acceleratoin": "3"}}, "did you mean 'acceleration'"),
             ({"settings": {"tolerance": "0"}}, "above 0"),
-            ({"channel": 4}, "axis 4"),
-            ({"role": "supply"}, "no supply"),
+            ({"channel": 4}, "no channel 4; it has 1, 2, 3"),
+            ({"role": "supply"}, "does not fill the role supply"),
         ):
             with pytest.raises(Refused, match=match):
                 driver.role(dataclasses.replace(WIRE, **change))

@@ -116,7 +116,7 @@ def test_clamps_hold_in_front_of_the_instrument():
         (Wire(role="relays", instance="", instrument="device"), "does not fill the role relays"),
         (Wire(role="supply", instance="x", instrument="device", channel=4), "no channel 4"),
         (charge(over_voltages="5"), "did you mean 'over_voltage'"),
-        (charge(over_voltage="high"), "write a number in V"),
+        (charge(over_voltage="high"), "must be a number in V"),
     ],
 )
 def test_a_wire_that_it_cannot_fill_is_refused(wire, message):

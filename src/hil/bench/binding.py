@@ -10,6 +10,7 @@ from hil.clock.virtual import VirtualClock
 from hil.documents.findings import Findings
 from hil.documents.node import Place, place_at
 from hil.documents.strict_yaml import read_yaml
+from hil.instruments.settings import WrongSettings
 from hil.model.bench import BenchSpec, SimulatedBench
 from hil.model.errors import Refused
 from hil.model.identity import Source
@@ -131,6 +132,10 @@ def check_twin(spec: BenchSpec, file: Path, shown: str) -> None:
         for index, wire in enumerate(spec.wiring):
             try:
                 bench.drivers[wire.instrument].role(wire)
+            except WrongSettings as error:
+                for problem in error.problems:
+                    at = place_at(root, ("wiring", index, *problem.path), of_key=problem.of_key)
+                    findings.add(at, problem.message)
             except Refused as error:
                 findings.add(place_at(root, ("wiring", index)), str(error))
     finally:

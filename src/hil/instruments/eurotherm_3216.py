@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import ClassVar
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 from hil.clock.port import Clock
 from hil.instruments import settings
@@ -28,9 +29,10 @@ from hil.model.bench import Proof, Wire
 from hil.model.errors import DeviceFault, Garbled, NoReply, Refused, Rejected
 from hil.model.figure import Figure
 from hil.model.identity import Identity
+from hil.model.notation import whole
 from hil.model.safing import SafeBytes
 
-__all__ = ["Eurotherm3216", "Eurotherm3216Thermal"]
+__all__ = ["Eurotherm3216", "Eurotherm3216Thermal", "EurothermSettings"]
 
 _PROCESS_VALUE, _TARGET_SETPOINT, _WORKING_OUTPUT, _WORKING_SETPOINT = 1, 2, 4, 5
 _STATUS, _VERSION, _TYPE_CODE = 75, 107, 122
@@ -47,6 +49,13 @@ _QUIET_S = 0.02
 _OUTPUT_GONE_S = 2.0
 """The control loop needs a turn before its output shows the mode."""
 _PAUSE_S = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EurothermSettings:
+    """What a wire may set: decimals of the display."""
+
+    decimals: Annotated[int, whole(0, _MOST_DECIMALS)] = 1
 
 
 class Eurotherm3216Thermal:
@@ -256,8 +265,7 @@ class Eurotherm3216:
         """Return the loop with the decimals that the wire names, 1 by default."""
         if wire.role not in self.roles:
             raise Refused(f"wiring {wire.name}: a eurotherm-3216 is no {wire.role}", "it fills the role thermal")
-        settings.only(wire, "decimals")
-        decimals = settings.choice(wire, "decimals", "", tuple(range(_MOST_DECIMALS + 1)), 1)
+        own = settings.read(wire, EurothermSettings)
         return Eurotherm3216Thermal(
             name=wire.name,
             device=self._connection.device,
@@ -265,7 +273,7 @@ class Eurotherm3216:
             clock=self._connection.clock,
             clamps=self._connection.clamps,
             channel=wire.channel,
-            decimals=int(decimals),
+            decimals=own.decimals,
         )
 
 

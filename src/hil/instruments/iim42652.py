@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -23,9 +24,10 @@ from hil.instruments.sensors.registers import Banks, Registers
 from hil.instruments.sensors.scale import Scale
 from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
 from hil.model.bench import Wire
-from hil.model.errors import Refused, Rejected
+from hil.model.errors import Rejected
+from hil.model.notation import measured, whole
 
-__all__ = ["CELSIUS", "FIFO", "Iim42652", "Iim42652Gyroscope"]
+__all__ = ["CELSIUS", "FIFO", "Iim42652", "Iim42652Gyroscope", "Iim42652Settings"]
 
 
 class Register(IntEnum):
@@ -137,6 +139,23 @@ FIFO = Fifo(
 """Packets of 8 bytes: header, three axes with the high byte first, temperature of 8 bits."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Iim42652Settings:
+    """What a wire may set.
+
+    Attributes:
+        range: [deg/s].
+        rate: of samples [Hz].
+        bandwidth: at -3 dB [Hz], None for half the rate.
+        line: of the OBC, at which INT1 ends.
+    """
+
+    range: Annotated[float, measured("deg/s", choices=tuple(_RANGES))] = 125.0
+    rate: Annotated[float, measured("Hz", choices=tuple(_RATES))] = 100.0
+    bandwidth: Annotated[float | None, measured("Hz")] = None
+    line: Annotated[int, whole(0, _MOST_LINE)] = 0
+
+
 class Iim42652Gyroscope(FifoGyroscope):
     """One sensor, its accelerometer off; numbers that it marks invalid, as while the gyroscope is off, are NaN."""
 
@@ -153,14 +172,13 @@ class Iim42652Gyroscope(FifoGyroscope):
     rates_at: ClassVar[int] = 8
 
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
-        settings.only(wire, "range", "rate", "bandwidth", "line")
-        full_scale = settings.choice(wire, "range", "deg/s", tuple(_RANGES), 125.0)
-        rate = settings.choice(wire, "rate", "Hz", tuple(_RATES), 100.0)
-        cut_off = settings.choice(wire, "bandwidth", "Hz", tuple(sorted(_filters(rate))), rate / 2)
-        line = settings.quantity(wire, "line", "") or 0.0
-        if line not in range(_MOST_LINE + 1):
-            raise Refused(f"wiring {wire.name}: line {line:g} does not exist", "write a number from 0 up")
-        code, sensitivity = _RANGES[full_scale]
+        own = settings.read(wire, Iim42652Settings)
+        rate = own.rate
+        cut_off = rate / 2 if own.bandwidth is None else own.bandwidth
+        if cut_off not in _filters(rate):
+            known = ", ".join(f"{each:g}" for each in sorted(_filters(rate)))
+            raise settings.wrong(wire, "bandwidth", f"must be one of {known} Hz at {rate:g} Hz")
+        code, sensitivity = _RANGES[own.range]
         self._settings: dict[int, int] = {
             Register.INTF_CONFIG0: _BIG_ENDIAN_COUNTED_IN_BYTES,
             Register.GYRO_CONFIG0: code << 5 | _RATES[rate],
@@ -178,9 +196,9 @@ class Iim42652Gyroscope(FifoGyroscope):
             order="big",
             noise=_NOISE_DENSITY * math.sqrt(bandwidth) * sensitivity,
             awake={Register.PWR_MGMT0: _GYRO_ON},
-            line=int(line),
+            line=own.line,
         )
-        super().__init__(registers, clock, wire, sampling, full_scale=full_scale, bandwidth=bandwidth)
+        super().__init__(registers, clock, wire, sampling, full_scale=own.range, bandwidth=bandwidth)
 
     def _wake(self) -> None:
         """Reset the sensor, set it up, switch the gyroscope on, read all back, and wait for valid data."""

@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from typing import ClassVar
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 from hil.instruments import settings
 from hil.instruments.driver import Connection, Outlet
@@ -22,9 +23,10 @@ from hil.model.bench import Proof, Wire
 from hil.model.errors import Refused, Rejected
 from hil.model.figure import Figure
 from hil.model.identity import Identity
+from hil.model.notation import matching
 from hil.model.safing import SafeBytes
 
-__all__ = ["KoradKa3005p", "KoradOutput"]
+__all__ = ["KoradKa3005p", "KoradOutput", "KoradSettings"]
 
 _CHANNEL = 1
 _TIMES_OFF = 2
@@ -33,7 +35,10 @@ _DECIMALS = {"voltage": 2, "current": 3}
 _COMMANDS = {"voltage": "VSET1:{:05.2f}", "current": "ISET1:{:05.3f}"}
 _MOST = {"voltage": 99.99, "current": 9.999}  # what the width of a command holds; the supply's range is less
 _SAME = 1e-6
-_AT_SETTING = "at setting"
+_AtSetting = Annotated[
+    str,
+    matching("at setting", "'at setting' or left out: the protections of a korad-ka3005p have no level of their own"),
+]
 _VOLTS, _AMPERES = re.compile(rb"\d\d\.\d\d"), re.compile(rb"\d\.\d\d\d")
 _STATUS = Question(command=b"STATUS?", form=re.compile(rb".", re.DOTALL), width=1, proof=True, steady=_ON | _PROTECTED)
 _SET = {
@@ -47,6 +52,14 @@ _MEASURED = {
 _SAYS_OFF = rb"[^\x40-\x7f\xc0-\xff]"  # a status byte without the bit 0x40
 _NAMES = {"KORAD": "Korad", "TENMA": "Tenma", "VELLEMAN": "Velleman", "RND": "RND"}
 _IDENTIFICATION = re.compile(rf"({'|'.join(_NAMES)}) ?(.+?) ?V(\d+\.\d+)(?: SN:(\w+))?", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KoradSettings:
+    """What a wire may set: whether the protections are switched on."""
+
+    over_voltage: _AtSetting = ""
+    over_current: _AtSetting = ""
 
 
 class KoradOutput:
@@ -212,17 +225,7 @@ class KoradKa3005p:
     def role(self, wire: Wire) -> Supply:
         """Return the output."""
         settings.fits(wire, "korad-ka3005p", self.roles, (_CHANNEL,))
-        settings.only(wire, "over_current", "over_voltage")
-        switches = (("over_voltage", "OVP1"), ("over_current", "OCP1"))
-        protections = [command for key, command in switches if _at_setting(wire, key)]
+        own = settings.read(wire, KoradSettings)
+        switches = ((own.over_voltage, "OVP1"), (own.over_current, "OCP1"))
+        protections = [command for setting, command in switches if setting]
         return KoradOutput(wire.name, self._connection, self._line, protections)
-
-
-def _at_setting(wire: Wire, key: str) -> bool:
-    text = wire.settings.get(key)
-    if text not in {None, _AT_SETTING}:
-        raise Refused(
-            f"wiring {wire.name}: setting {key} is {text!r}, and the protections of a korad-ka3005p have no level",
-            f"write '{_AT_SETTING}' or leave it out, and put a second guard behind what must not see too much",
-        )
-    return text is not None

@@ -8,7 +8,8 @@ starts at the X axis rolls over from the Z axis back to X, so the temperature is
 from __future__ import annotations
 
 import struct
-from typing import ClassVar
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 from hil.clock.port import Clock
 from hil.instruments import settings
@@ -19,8 +20,9 @@ from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
 from hil.instruments.sensors.stillness import Stillness
 from hil.model.bench import Wire
 from hil.model.errors import Garbled
+from hil.model.notation import measured
 
-__all__ = ["Lis3mdl", "Lis3mdlMagnetometer"]
+__all__ = ["Lis3mdl", "Lis3mdlMagnetometer", "Lis3mdlSettings"]
 
 _WHO_AM_I, _ITS_NAME = 0x0F, 0x3D
 _CTRL_REG1, _CTRL_REG2, _CTRL_REG3, _CTRL_REG4, _CTRL_REG5 = range(0x20, 0x25)
@@ -47,6 +49,14 @@ _MARGIN_S = 0.1
 _POLLS_PER_SAMPLE = 8
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lis3mdlSettings:
+    """What a wire may set: range [gauss] and rate [Hz]."""
+
+    range: Annotated[float, measured("gauss", choices=tuple(_RANGES))] = 4.0
+    rate: Annotated[float, measured("Hz", choices=tuple(_RATES))] = 80.0
+
+
 class Lis3mdlMagnetometer(Sensor):
     """One sensor; fills the role `magnetometer`. A sample is one that was not read yet."""
 
@@ -62,9 +72,8 @@ class Lis3mdlMagnetometer(Sensor):
 
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
         super().__init__(registers, clock, wire)
-        settings.only(wire, "range", "rate")
-        self._rate = settings.choice(wire, "rate", "Hz", tuple(_RATES), 80.0)
-        full_scale = settings.choice(wire, "range", "gauss", tuple(_RANGES), 4.0)
+        own = settings.read(wire, Lis3mdlSettings)
+        self._rate, full_scale = own.rate, own.range
         code, per_gauss = _RANGES[full_scale]
         self._axes = Scale(
             per_unit=per_gauss, factor=_MICROTESLA_PER_GAUSS, full_scale=full_scale, rails=(-32768, 32767)

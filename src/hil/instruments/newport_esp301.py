@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 from hil.clock.port import Clock
 from hil.instruments import settings
@@ -25,14 +25,14 @@ from hil.model.bench import Proof, Wire
 from hil.model.errors import ClampExceeded, DeviceFault, Refused, Rejected
 from hil.model.figure import Figure
 from hil.model.identity import Identity
+from hil.model.notation import measured
 from hil.model.safing import SafeBytes
 
-__all__ = ["Motion", "NewportEsp301", "Table"]
+__all__ = ["Motion", "NewportEsp301", "Table", "TableSettings"]
 
 _AXES = (1, 2, 3)
 _STAGE_AXIS = 1
 _VERSION = re.compile(r"(ESP\d+)\s+Version\s+(.+)", re.ASCII)
-_ACCELERATION, _TOLERANCE, _ACCURACY = 20.0, 0.1, 0.0
 _TURN = 360.0
 _DEGREE = 7
 _DECIMALS = 4
@@ -40,6 +40,21 @@ _LONGEST_RAMP_S = 5.0
 _SETTLED_WITHIN_S = 1.5
 _LEAST_AT_RATE_S = 1.0
 """A movement that could not even be proven and stopped again is not begun."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableSettings:
+    """What a wire may set.
+
+    Attributes:
+        acceleration: of the table [deg/s2].
+        tolerance: of its rate [deg/s].
+        accuracy: of its encoder [deg].
+    """
+
+    acceleration: Annotated[float, measured("deg/s2", above=0)] = 20.0
+    tolerance: Annotated[float, measured("deg/s", above=0)] = 0.1
+    accuracy: Annotated[float, measured("deg")] = 0.0
 
 
 class NewportEsp301:
@@ -68,16 +83,8 @@ class NewportEsp301:
 
     def role(self, wire: Wire) -> RotationTable:
         """Return the table on the axis that the wire names."""
-        if wire.role not in self.roles:
-            raise Refused(f"wiring {wire.name}: a newport-esp301 is no {wire.role}", "it fills the role rotation_table")
-        if wire.channel not in _AXES:
-            raise Refused(f"wiring {wire.name}: a newport-esp301 has no axis {wire.channel}", "give `channel:` 1 to 3")
-        settings.only(wire, "acceleration", "tolerance", "accuracy")
-        motion = Motion(
-            _above_zero(wire, "acceleration", "deg/s2", _ACCELERATION),
-            _above_zero(wire, "tolerance", "deg/s", _TOLERANCE),
-        )
-        accuracy = settings.quantity(wire, "accuracy", "deg") or _ACCURACY
+        settings.fits(wire, "newport-esp301", self.roles, _AXES)
+        own = settings.read(wire, TableSettings)
         connection = self._connection
         return Table(
             name=wire.name,
@@ -86,22 +93,13 @@ class NewportEsp301:
             clock=connection.clock,
             clamps=connection.clamps,
             axis=wire.channel,
-            encoder=Encoder(self._session, connection.clock, wire.channel, abs(accuracy)),
-            motion=motion,
+            encoder=Encoder(self._session, connection.clock, wire.channel, abs(own.accuracy)),
+            motion=Motion(own.acceleration, own.tolerance),
         )
 
     def _on(self, axis: int) -> bool:
         powered = self._session.query(f"{axis}MO?", as_flag)
         return powered or not self._session.query(f"{axis}MD?", as_flag)
-
-
-def _above_zero(wire: Wire, key: str, unit: str, default: float) -> float:
-    value = settings.quantity(wire, key, unit)
-    if value is None:
-        return default
-    if value <= 0:
-        raise Refused(f"wiring {wire.name}: {key} {value:g} {unit} is not above 0", "give a number above 0")
-    return value
 
 
 def _as_version(reply: str) -> tuple[str, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 from hil.instruments import settings
 from hil.instruments.driver import OVER_VOLTAGE_LEVEL, Clamps, Connection, Outlet
@@ -18,9 +18,10 @@ from hil.model.bench import Proof, Wire
 from hil.model.errors import Refused, Rejected
 from hil.model.figure import Figure
 from hil.model.identity import Identity
+from hil.model.notation import measured
 from hil.model.safing import Exchange, SafeBytes
 
-__all__ = ["Dialect", "Protection", "ScpiOutput", "ScpiSupply"]
+__all__ = ["BothLevels", "Dialect", "Protection", "ScpiOutput", "ScpiSupply", "VoltageLevel"]
 
 _GAP_S = 0.02
 _IDENTIFY = "*IDN?"
@@ -33,6 +34,20 @@ _MODES = {0: "unregulated", _CONSTANT_CURRENT: "CC", _CONSTANT_VOLTAGE: "CV", 3:
 def _as_mode(reply: str) -> str:
     """Accept a condition register: bit 0 in constant current, bit 1 in constant voltage, both where neither holds."""
     return _MODES[as_register(reply) & (_CONSTANT_CURRENT | _CONSTANT_VOLTAGE)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VoltageLevel:
+    """What a wire may set: the level of the over-voltage protection [V]."""
+
+    over_voltage: Annotated[float | None, measured("V")] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BothLevels(VoltageLevel):
+    """The level of the over-current protection [A] besides, where there is one."""
+
+    over_current: Annotated[float | None, measured("A")] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -310,7 +325,7 @@ class ScpiSupply:
         """Return the output that the wire names."""
         dialect = self.dialect
         settings.fits(wire, dialect.driver, self.roles, dialect.channels)
-        settings.only(wire, *(("over_current",) if dialect.over_current else ()), "over_voltage")
+        own = settings.read(wire, BothLevels if dialect.over_current else VoltageLevel)
         return ScpiOutput(
             name=wire.name,
             device=self._connection.device,
@@ -318,8 +333,8 @@ class ScpiSupply:
             dialect=dialect,
             clamps=self._connection.clamps,
             channel=wire.channel,
-            over_voltage=settings.quantity(wire, "over_voltage", "V"),
-            over_current=settings.quantity(wire, "over_current", "A"),
+            over_voltage=own.over_voltage,
+            over_current=own.over_current if isinstance(own, BothLevels) else None,
         )
 
 

@@ -1,15 +1,36 @@
-"""What a wire asks of a driver, read strictly."""
+"""What a wire asks of a driver, read strictly into the model that the driver declares."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
 
-from hil.documents.suggest import did_you_mean
+from hil.documents.declared import Invalid, Problem, validated
 from hil.model.bench import Wire
 from hil.model.errors import Refused
 
-__all__ = ["choice", "fits", "only", "quantity"]
+__all__ = ["NoSettings", "WrongSettings", "fits", "read", "wrong"]
+
+_Model = TypeVar("_Model")
+
+
+@dataclass(frozen=True, slots=True)
+class NoSettings:
+    """What the wire of a driver without settings may say."""
+
+
+class WrongSettings(Refused):
+    """Settings that the driver does not know, or that cannot be.
+
+    Attributes:
+        problems: each with its path below the wire.
+    """
+
+    def __init__(self, wire: Wire, problems: tuple[Problem, ...]) -> None:
+        text = "; ".join(problem.message for problem in problems)
+        super().__init__(text, f"correct the settings of wiring {wire.name}")
+        self.problems = problems
 
 
 def fits(wire: Wire, driver: str, roles: Collection[str], channels: Sequence[int] = ()) -> None:
@@ -35,38 +56,23 @@ def fits(wire: Wire, driver: str, roles: Collection[str], channels: Sequence[int
         )
 
 
-def only(wire: Wire, *known: str) -> None:
-    """Refuse a setting that the driver does not know, and name the nearest that it does."""
-    for key in wire.settings:
-        if key not in known:
-            raise Refused(
-                f"wiring {wire.name}: unknown setting '{key}'{did_you_mean(key, known)}",
-                f"known here: {', '.join(sorted(known)) or 'none'}",
-            )
+def read(wire: Wire, model: type[_Model]) -> _Model:
+    """Return the settings of a wire as a driver declares them; see `hil.model.notation`.
 
+    Args:
+        wire: what the bench file asks for.
+        model: a frozen dataclass; every field has a default.
 
-def quantity(wire: Wire, key: str, unit: str) -> float | None:
-    """Return the number of a setting like `5.5` or `5.5 V`, or None where the wire does not name it."""
-    text = wire.settings.get(key)
-    if text is None:
-        return None
-    number = text.strip().removesuffix(unit).strip()
+    Raises:
+        WrongSettings: with everything that is wrong.
+    """
     try:
-        value = float(number)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise Refused(f"wiring {wire.name}: setting {key} is {text!r}", f"write a number in {unit}, like '5.5 {unit}'")
-    return value
+        return validated(model, wire.settings, f"wiring {wire.name}", ("settings",))
+    except Invalid as error:
+        raise WrongSettings(wire, error.problems) from error
 
 
-def choice(wire: Wire, key: str, unit: str, allowed: Sequence[float], default: float) -> float:
-    """Return the number of a setting that must be one of a few."""
-    value = quantity(wire, key, unit)
-    if value is None:
-        return default
-    if value not in allowed:
-        listed = ", ".join(f"{number:g}" for number in allowed)
-        asked, known = (f"{text} {unit}".rstrip() for text in (f"{value:g}", listed))
-        raise Refused(f"wiring {wire.name}: {key} {asked} does not exist", f"choose one of {known}")
-    return value
+def wrong(wire: Wire, key: str, message: str) -> WrongSettings:
+    """Return what is wrong with a setting that only its driver can see, such as `must be below the rate`."""
+    text = f"wiring {wire.name}: '{key}' {message}, found \"{wire.settings.get(key, '')}\""
+    return WrongSettings(wire, (Problem(path=("settings", key), message=text),))

@@ -180,7 +180,7 @@ class WaveshareRelay:
                 raise Refused(
                     f"wiring {wire.name}: contact {contact} is relay {number}", f"the board has 1 to {_RELAYS}"
                 )
-        settings.only(wire)
+        settings.read(wire, settings.NoSettings)
         return WaveshareRelays(
             name=wire.name, device=self._connection.device, session=self._session, contacts=wire.contacts
         )

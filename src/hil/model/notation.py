@@ -43,6 +43,7 @@ __all__ = [
     "SomeNanoseconds",
     "Text",
     "matching",
+    "measured",
     "number",
     "one_of",
     "read_number",
@@ -166,6 +167,19 @@ def one_of(*choices: str, blank: str = "") -> Notation:
     return Notation(partial(_text, choices=choices), blank)
 
 
+def measured(
+    unit: str = "",
+    *,
+    minimum: float = -math.inf,
+    maximum: float = math.inf,
+    above: float = -math.inf,
+    choices: Sequence[float] = (),
+) -> Notation:
+    """Return the notation of a number with or without its unit, `5.5` or `5.5 V`, within bounds or one of a few."""
+    bounds = (minimum, maximum, above)
+    return Notation(partial(_measured, unit=unit, bounds=bounds, choices=choices), max(0.0, minimum))
+
+
 def number(minimum: float = -math.inf, maximum: float = math.inf, *, above: float = -math.inf) -> Notation:
     """Return the notation of a decimal number in quotes within bounds, in the unit of its field."""
     return Notation(partial(read_number, minimum=minimum, maximum=maximum, above=above), max(0.0, minimum))
@@ -263,6 +277,15 @@ def _vector(value: object, size: int, each: Callable[[object], float], rising: b
     if rising and any(after <= before for before, after in pairwise(numbers)):
         raise Complaint("must be numbers that rise", found=False)
     return tuple(numbers)
+
+
+def _measured(value: object, unit: str, bounds: tuple[float, float, float], choices: Sequence[float]) -> float:
+    number = value.strip().removesuffix(unit).strip() if isinstance(value, str) else ""
+    if not _DECIMAL.fullmatch(number) or not math.isfinite(float(number)):
+        raise Complaint(f"must be a number in {unit}, like '5.5 {unit}'" if unit else "must be a number")
+    if choices and float(number) not in choices:
+        raise Complaint(f"must be one of {', '.join(f'{choice:g}' for choice in choices)} {unit}".rstrip())
+    return _within(float(number), *bounds)
 
 
 def _flag(value: object) -> bool:

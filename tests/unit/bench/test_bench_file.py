@@ -305,8 +305,8 @@ def test_unknown_bench_names_the_nearest(tmp_path):
         (("grid: 10 ms", "grid: 0 s"), "0 s\n      truth", "expected a duration above 0 s"),
         (("model: coil-and-earth-field", "model: coil"), "coil\n      grid", "unknown plant model 'coil'"),
         (("coil.outward", "coil.outwards"), "coil.outwards", "outward"),
-        (('over_voltage: "8"', 'over_voltage: "8 A"'), "{role: supply, instance: coil", "over_voltage is '8 A'"),
-        (("rate: 80 Hz", "rate: 81 Hz"), "{role: magnetometer", "rate 81 Hz does not exist"),
+        (('over_voltage: "8"', 'over_voltage: "8 A"'), '"8 A"', "'over_voltage' must be a number in V"),
+        (("rate: 80 Hz", "rate: 81 Hz"), "81 Hz", "'rate' must be one of"),
         (
             ('instrument: psu1, channel: "3"', 'instrument: mag1, channel: "3"'),
             "{role: supply, instance: sensor",

@@ -85,6 +85,6 @@ def test_a_wrong_setting_of_its_wire_is_told_with_its_place(tmp_path):
     file = wired(tmp_path, ('decimals: "1"', 'decimals: "7"'))
     with pytest.raises(
         ConfigurationError,
-        match=r"bench.yaml:\d+:\d+: wiring thermal: decimals 7 does not exist; choose one of 0, 1, 2",
+        match=r"bench.yaml:\d+:\d+: wiring thermal: 'decimals' must be at most 2",
     ):
         check_twin(loaded(tmp_path), file, "bench.yaml")

@@ -127,11 +127,12 @@ def test_what_the_wiring_says_about_numbers():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"range": "300"}, "range 300 deg/s does not exist"),
-        ({"rate": "2000"}, "rate 2000 Hz does not exist"),
-        ({"bandwidth": "30"}, "bandwidth 30 Hz does not exist.*10, 20, 25, 40, 50, 80, 100"),
-        ({"line": "-1"}, "line -1 does not exist"),
-        ({"line": "0.5"}, "line 0.5 does not exist"),
+        ({"range": "300"}, "'range' must be one of .* deg/s"),
+        ({"rate": "2000"}, "'rate' must be one of .* Hz"),
+        ({"bandwidth": "30"}, "'bandwidth' must be one of .*10, 20, 25, 40, 50, 80, 100.* Hz"),
+        ({"range": "300", "lien": "1"}, "'range' must be one of .*; unknown key 'lien', did you mean 'line'"),
+        ({"line": "-1"}, "'line' must be at least 0"),
+        ({"line": "0.5"}, "'line' must be a whole number"),
     ],
 )
 def test_wiring_that_cannot_be(settings, message):

@@ -255,9 +255,9 @@ def test_the_mode_of_an_output_that_is_off_is_off():
         (Wire(role="relays", instance="", instrument="psu1"), "does not fill the role relays"),
         (Wire(role="supply", instance="coil", instrument="psu1"), "has no channel 0"),
         (Wire(role="supply", instance="coil", instrument="psu1", channel=4), "has no channel 4"),
-        (coil(overvoltage="5.5"), "unknown setting 'overvoltage', did you mean 'over_voltage'"),
-        (coil(over_voltage="much"), "over_voltage is 'much'; write a number in V"),
-        (coil(over_voltage="nan"), "over_voltage is 'nan'"),
+        (coil(overvoltage="5.5"), "unknown key 'overvoltage', did you mean 'over_voltage'"),
+        (coil(over_voltage="much"), "'over_voltage' must be a number in V, like '5.5 V', found \"much\""),
+        (coil(over_voltage="nan"), "'over_voltage' must be a number in V"),
     ],
 )
 def test_wires_that_it_cannot_serve_are_refused(wire, sentence):

@@ -141,7 +141,7 @@ def test_another_unit_address_is_used():
         (Wire(role="relays", instance="", instrument="board", contacts={"a": 9}), "contact a is relay 9"),
         (
             Wire(role="relays", instance="", instrument="board", contacts={"a": 1}, settings={"toggle": "1"}),
-            "unknown setting 'toggle'; known here: none",
+            "unknown key 'toggle'",
         ),
     ],
 )

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from binascii import crc_hqx
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, field
+from typing import Annotated, Self
 
 from hil.instruments import settings
 from hil.model.bench import Wire
 from hil.model.errors import Refused
+from hil.model.notation import Notation, measured, whole
 
 __all__ = ["SETTINGS", "Setting", "Wiring", "checked", "crc_of"]
 
@@ -77,6 +78,10 @@ def _written(device: str, setting: Setting, value: float | None) -> str:
     return f"{rounded:.{setting.decimals}f}"
 
 
+def _level(value: object) -> str:
+    return "1" if measured(choices=(1.0, 2.0)).read(value) == 1 else "2.0"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wiring:
     """The settings of a wire.
@@ -87,30 +92,19 @@ class Wiring:
         cycles: how many a device of level 1 runs, for it cannot be told.
     """
 
-    level: str
-    beat_s: float
-    cycles: int
+    level: Annotated[str, Notation(_level, "2.0")] = "2.0"
+    beat_s: Annotated[float, measured("s", minimum=_SHORTEST_BEAT_S, maximum=_LONGEST_BEAT_S)] = field(
+        default=60.0, metadata={"alias": "beat"}
+    )
+    cycles: Annotated[int, whole(1, _MOST_CYCLES)] = 10
 
     @classmethod
     def read(cls, wire: Wire) -> Self:
-        """Read the settings `level`, `beat` and `cycles`; Refused where one cannot be."""
-        settings.only(wire, "level", "beat", "cycles")
-        level = "1" if settings.choice(wire, "level", "", (1.0, 2.0), 2.0) == 1 else "2.0"
-        beat = settings.quantity(wire, "beat", "s")
-        cycles = settings.quantity(wire, "cycles", "")
+        """Read the settings of a wire; Refused where one cannot be, or is not for that level."""
+        own = settings.read(wire, cls)
         for key, of_level in (("beat", "2.0"), ("cycles", "1")):
-            if key in wire.settings and level != of_level:
-                raise Refused(f"wiring {wire.name}: a device of level {level} has no {key} here", f"leave {key} out")
-        return cls(
-            level=level,
-            beat_s=60.0 if beat is None else float(_within(wire, "beat", beat, _SHORTEST_BEAT_S, _LONGEST_BEAT_S)),
-            cycles=10 if cycles is None else _within(wire, "cycles", cycles, 1, _MOST_CYCLES),
-        )
-
-
-def _within(wire: Wire, key: str, value: float, lowest: int, highest: int) -> int:
-    if value not in range(lowest, highest + 1):
-        raise Refused(
-            f"wiring {wire.name}: {key} cannot be {value:g}", f"write a whole number from {lowest} to {highest}"
-        )
-    return int(value)
+            if key in wire.settings and own.level != of_level:
+                raise settings.wrong(wire, key, f"must be left out: a device of level {own.level} has no {key} here")
+        if own.beat_s != int(own.beat_s):
+            raise settings.wrong(wire, "beat", "must be whole seconds")
+        return own

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.instruments import settings
 from hil.instruments.cycler.hearing import MOST_BYTES
 from hil.instruments.cycler.lines import BANNER, LINE_S, Reading, Told, seal
 from hil.instruments.cycler.numbered import NumberedLines
@@ -333,8 +334,5 @@ class BatteryCycler:
 
     def role(self, wire: Wire) -> BatteryTester:
         """Return the device in the wire's settings."""
-        if wire.role not in self.roles:
-            raise Refused(f"wiring {wire.name}: a cycler is no {wire.role}", "it fills the role cycler")
-        if wire.channel:
-            raise Refused(f"wiring {wire.name}: a cycler has no channels", "leave `channel` out")
+        settings.fits(wire, "cycler", self.roles)
         return BatteryTester(wire.name, self._session, Wiring.read(wire))

@@ -95,5 +95,5 @@ class ObcLink:
         """Return the board."""
         if wire.role not in self.roles:
             raise Refused(f"wiring {wire.name}: an obc-link is no {wire.role}", "it fills the role obc")
-        settings.only(wire)
+        settings.read(wire, settings.NoSettings)
         return ObcBoard(self._session)

@@ -257,13 +257,13 @@ def test_what_is_a_data_line_of_level_1(line, numbers):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"level": "3"}, "level 3 does not exist"),
-        ({"beat": "14 s"}, "beat cannot be 14"),
-        ({"beat": "30.5 s"}, "beat cannot be 30.5"),
+        ({"level": "3"}, "'level' must be one of 1, 2"),
+        ({"beat": "14 s"}, "'beat' must be at least 15"),
+        ({"beat": "30.5 s"}, "'beat' must be whole seconds"),
         ({"level": "1", "beat": "60 s"}, "level 1 has no beat"),
         ({"cycles": "10"}, r"level 2\.0 has no cycles"),
-        ({"level": "1", "cycles": "0"}, "cycles cannot be 0"),
-        ({"levle": "1"}, "unknown setting 'levle', did you mean 'level'"),
+        ({"level": "1", "cycles": "0"}, "'cycles' must be at least 1"),
+        ({"levle": "1"}, "unknown key 'levle', did you mean 'level'"),
     ],
 )
 def test_settings_of_a_wire(settings, message):
@@ -275,7 +275,7 @@ def test_settings_of_a_wire(settings, message):
 def test_what_a_cycler_is_not():
     """Another role, a channel, and a bus are refused."""
     driver = facing_page([])[2]
-    with pytest.raises(Refused, match="no supply"):
+    with pytest.raises(Refused, match="does not fill the role supply"):
         driver.role(Wire(role="supply", instance="", instrument="device"))
     with pytest.raises(Refused, match="no channels"):
         driver.role(Wire(role="cycler", instance="", instrument="device", channel=1))

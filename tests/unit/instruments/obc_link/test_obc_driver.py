@@ -98,7 +98,7 @@ def test_other_roles_and_places_are_refused(driver, port):
     """The driver is no supply, takes no settings, and is reached by a port."""
     with pytest.raises(Refused, match="is no supply"):
         driver.role(Wire(role="supply", instance="", instrument="obc"))
-    with pytest.raises(Refused, match="unknown setting 'speed'"):
+    with pytest.raises(Refused, match="unknown key 'speed'"):
         driver.role(Wire(role="obc", instance="", instrument="obc", settings={"speed": "1"}))
     with pytest.raises(Refused, match="reached by a port"):
         ObcLink(Connection(device="obc", clock=port.clock, clamps=Clamps()))

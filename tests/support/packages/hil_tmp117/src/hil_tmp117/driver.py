@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 from hil.clock.port import Clock
 from hil.instruments import settings
@@ -15,8 +16,9 @@ from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
 from hil.model.bench import Wire
 from hil.model.errors import Garbled, Rejected
 from hil.model.figure import Figure
+from hil.model.notation import measured
 
-__all__ = ["Tmp117", "Tmp117Thermometer"]
+__all__ = ["Tmp117", "Tmp117Settings", "Tmp117Thermometer"]
 
 _TEMP_RESULT, _CONFIGURATION, _DEVICE_ID = 0x00, 0x01, 0x0F
 _CONTINUOUS, _SHUTDOWN = 0b00 << 10, 0b01 << 10
@@ -28,6 +30,13 @@ _LOWEST, _HIGHEST = -55.0, 150.0
 _MARGIN_S = 0.1
 _POLLS = 8
 _HINT = "look at the sensor's power; after a power cut it has to be started again"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tmp117Settings:
+    """What a wire may set: conversions that are averaged."""
+
+    averages: Annotated[float, measured(choices=tuple(_AVERAGES))] = 8.0
 
 
 class Tmp117Thermometer(Sensor):
@@ -47,8 +56,7 @@ class Tmp117Thermometer(Sensor):
 
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
         super().__init__(registers, clock, wire)
-        settings.only(wire, "averages")
-        self._averages, self._cycle = _AVERAGES[settings.choice(wire, "averages", "", tuple(_AVERAGES), 8.0)]
+        self._averages, self._cycle = _AVERAGES[settings.read(wire, Tmp117Settings).averages]
         self._scale = Scale(per_unit=128.0, rails=_RAILS)
 
     @reads
