@@ -129,10 +129,10 @@ def test_a_reset_ends_test_and_stream(level):
     with cycler(truth={"level": level}, settings={"level": level}, faults=[{"kind": "reset", "from": "30 s"}]) as bench:
         bench.cell.show(3.8, 0.7, 25.0)
         begun(bench, cycles=10)
-        with pytest.raises(DeviceFault, match="started anew.*its test is over"):
+        with pytest.raises(DeviceFault, match="has restarted.*its test is over"):
             bench.drained(60)
         for call in (bench.role.drain, bench.role.state, bench.role.voltage):
-            with pytest.raises(DeviceFault, match="started anew"):
+            with pytest.raises(DeviceFault, match="restarted"):
                 call()
         assert bench.role.end().drift is None
         with pytest.raises(Refused, match="no test is prepared"):
@@ -434,7 +434,7 @@ def test_other_rates_and_second_streams_are_refused():
         with pytest.raises(Refused, match="does not stream"):
             bench.role.drain()
         bench.role.begin(0.2)
-        with pytest.raises(Refused, match="streams already"):
+        with pytest.raises(Refused, match="is already streaming"):
             bench.role.begin(0.2)
         assert bench.role.longest_pause == 5.0
         assert bench.role.drain().shape == (0, 7)

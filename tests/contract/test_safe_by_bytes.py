@@ -189,7 +189,7 @@ def test_a_cycler_in_a_rest_is_not_stopped_yet():
 def test_no_byte_goes_to_a_cycler_of_level_1_or_of_no_level():
     """Any byte starts the test of a level 1 device that waits; which level it is a line must have told."""
     with rig(BY_BYTES["cycler"], truth={"level": "1"}) as found:
-        with pytest.raises(Refused, match="has not told its level yet"):
+        with pytest.raises(Refused, match="has not shown its level yet"):
             found.code()
         found.driver.identify()
         with pytest.raises(Refused, match="speaks level 1: no byte stops it") as refused:

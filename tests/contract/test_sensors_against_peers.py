@@ -96,7 +96,7 @@ def test_a_stuck_sensor_is_no_reply(chip):
     for _ in range(40):
         bench.sensor.sample()
     bench.clock.wait_until(SECOND)
-    with pytest.raises(NoReply, match="sensor: 16 samples in a row are equal"):
+    with pytest.raises(NoReply, match="sensor: 16 consecutive samples are equal"):
         for _ in range(20):
             bench.sensor.sample()
             bench.clock.sleep(0.0125)

@@ -131,4 +131,4 @@ def test_chatter_on_the_line_is_a_fault_and_the_board_obeys():
                     told.append(str(fault))
             clock.sleep(0.07)
     assert len(told) > 5
-    assert all("3f came, and nobody had asked for it" in text for text in told)
+    assert all("3f arrived unsolicited" in text for text in told)

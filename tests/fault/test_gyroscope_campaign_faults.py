@@ -134,7 +134,7 @@ def test_a_table_that_cannot_be_stopped_is_unsafe(tmp_path):
     sweeps.sample(
         [
             (f"{{kind: stall, {IN_RECORD}, until: 530 s}}", "obc1: no samples for 4.00 s of gyro1, though it answers"),
-            (f"{{kind: reset, {IN_RECORD}}}", "obc1: the board has started anew (boot 42, independent watchdog)"),
+            (f"{{kind: reset, {IN_RECORD}}}", "obc1: the board has restarted (boot 42, independent watchdog)"),
             (f"{{kind: dead, {IN_RECORD}}}", "obc1: asked IDENTIFY, got no reply"),
         ],
         1,
@@ -191,7 +191,7 @@ def test_a_clock_that_drifts_is_recorded_and_fails(tmp_path):
             ("gyro1", f"{{kind: asleep, {IN_SOAK}}}", "gyro1: its temperature is marked invalid, it sleeps"),
             ("gyro1", f"{{kind: asleep, {IN_RECORD}}}", "gyro1: no samples for 4.00 s: it has lost its settings"),
             ("gyro1", "{kind: stuck}", "gyro1: no valid data 0.56 s after the gyroscope was switched on"),
-            ("gyro1", f"{{kind: stuck, {IN_RECORD}}}", "samples in a row are equal, the sensor stands still"),
+            ("gyro1", f"{{kind: stuck, {IN_RECORD}}}", "consecutive samples are equal, the sensor is stuck"),
         ],
         2,
     ),

@@ -37,11 +37,11 @@ def test_a_healthy_bench_passes(tmp_path):
     sweeps.sample(
         [
             ("mag1", f"{{kind: dead, {FROM}}}", 1, "no acknowledge at address 0x1c"),
-            ("mag1", f"{{kind: stuck, {FROM}}}", 1, "16 samples in a row are equal"),
+            ("mag1", f"{{kind: stuck, {FROM}}}", 1, "16 consecutive samples are equal"),
             ("psu1", f"{{kind: garbled, {FROM}}}", 7, "psu1: asked `*IDN?"),
             ("psu1", f"{{kind: garbled, {FROM}, until: 12 s}}", 1, "psu1: asked `*IDN?"),
             ("psu1", f"{{kind: late, {FROM}, by: 600 ms}}", 7, "nothing came within 0.5 s"),
-            ("psu1", f"{{kind: chatty, {FROM}, every: 3 ms}}", 7, "nobody had asked for it"),
+            ("psu1", f"{{kind: chatty, {FROM}, every: 3 ms}}", 7, "arrived unsolicited"),
             ("psu1", f"{{kind: refuse-off, {FROM}}}", 7, "supply.coil was switched off and is on"),
             ("relay1", f"{{kind: dead, {FROM}}}", 7, "unit 1 gave no reply within 0.5 s"),
         ],

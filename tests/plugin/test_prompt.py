@@ -48,7 +48,7 @@ def test_lines_that_wait_in_a_terminal_are_thrown_away_and_told(keyboard, capsys
     os.write(keyboard, b"yes\nye")
     terminal.discard()
     told = capsys.readouterr()
-    assert (told.out, told.err) == ("", "  ! what was typed before this question was asked is thrown away\n")
+    assert (told.out, told.err) == ("", "  ! input typed before this question was asked is discarded\n")
     assert terminal.line() is None
     os.write(keyboard, b"no\n")
     assert terminal.line() == "no\n"

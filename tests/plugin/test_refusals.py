@@ -33,7 +33,7 @@ def refused(tmp_path, *cases, kind=ConfigurationError, prepare=None, **changes):
     ("marker", "message"),
     [
         ('requirement("T-01O")', "unknown requirement 'T-01O', did you mean 'T-010'?"),
-        ('requirement("T-060")', "requirement 'T-060' is withdrawn, take it from the marker of test_one"),
+        ('requirement("T-060")', "requirement 'T-060' is withdrawn, remove it from the marker of test_one"),
         ('requirement(id="T-010")', "requirement of test_one takes ids and nothing else"),
         ("requirement()", "requirement of test_one takes ids and nothing else"),
         ("max_duration('ten')", "max_duration of test_one takes one number of seconds above zero"),
@@ -200,7 +200,7 @@ def test_cases_below_a_plan_are_refused(tmp_path):
         (workspace.plan / "deeper/test_deep.py").write_text("def test_deep():\n    pass\n")
 
     said = refused(tmp_path, GOOD, prepare=prepare)
-    assert said.startswith("testplans/small/deeper/test_deep.py:1:1: cases stand in the folder of their plan")
+    assert said.startswith("testplans/small/deeper/test_deep.py:1:1: cases belong in the folder of their plan")
 
 
 @pytest.mark.parametrize(
@@ -294,7 +294,7 @@ def test_a_plan_without_cases_has_its_own_code(tmp_path):
         ({"dut": "SIM-ADCS-2"}, "no device under test 'SIM-ADCS-2' in fixtures/duts.yaml, did you mean 'SIM-ADCS-1'?"),
         ({"skips": {"test_on": "why"}}, "no case 'test_on' to skip, did you mean 'test_one'?"),
         ({"overrides": {"curent": "1"}}, "the plan has no parameter 'curent', did you mean 'current'?"),
-        ({"overrides": {"current": "much"}}, "'much' is no value for parameter 'current'"),
+        ({"overrides": {"current": "much"}}, "'much' is not a value for parameter 'current'"),
     ],
 )
 def test_a_name_that_does_not_exist_is_refused_with_the_nearest(tmp_path, changes, message):
@@ -346,7 +346,7 @@ def test_a_method_that_another_of_its_name_replaces_is_refused(tmp_path):
     """
     said = refused(tmp_path, cases)
     place = f"testplans/small/test_small.py:{FIRST + 4}:5: "
-    assert said == f"{place}'test_one' replaces the one of line {FIRST + 1}, which would never run: name it otherwise"
+    assert said == f"{place}'test_one' replaces the one of line {FIRST + 1}, which would never run: rename it"
 
 
 def test_two_cases_of_one_id_are_refused(tmp_path):
@@ -372,7 +372,7 @@ def test_a_case_that_returns_something_is_refused(tmp_path):
     """
     said = refused(tmp_path, cases)
     where = f"testplans/small/test_small.py:{FIRST + 4}:1: "
-    assert said == f"{where}nobody looks at what test_one returns: give it to `check`, or return nothing"
+    assert said == f"{where}what test_one returns is ignored: give it to `check`, or return nothing"
 
 
 @pytest.mark.parametrize(
@@ -412,7 +412,7 @@ def test_two_fixtures_of_one_name_are_refused(tmp_path):
 
     case = "@pytest.fixture\ndef board():\n    return 2\n"
     said = refused(tmp_path, case + "\n\n" + case + "\n\ndef test_one(board):\n    pass", prepare=prepare)
-    already = "already: a case would get one of them, name it otherwise"
+    already = "already: a case would get one of them, rename it"
     small = "testplans/small/test_small.py"
     assert said.splitlines() == [
         f"fixtures/b.py:5:1: there is a fixture 'board' in fixtures/a.py:5 {already}",

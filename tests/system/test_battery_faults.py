@@ -59,7 +59,7 @@ ENDED = {
     "thermistor open before": ({}, ((0.0, plant(ntc="open")),), {}, "what it measures is beyond SENSOR already"),
     "thermistor open": ({}, ((1.0, plant(ntc="open")),), {}, "'tripped SENSOR'"),
     "thermistor shorted": ({}, ((1.0, plant(ntc="shorted")),), {}, "'tripped SENSOR'"),
-    "cycler reset": (cycler("{kind: reset, from: 1 h}"), (), {}, "it has started anew (boot 43, BROWNOUT)"),
+    "cycler reset": (cycler("{kind: reset, from: 1 h}"), (), {}, "it has restarted (boot 43, BROWNOUT)"),
     "no charge any more": ({}, ((1.0, plant(supply_current=0.02)),), {}, "'tripped CURRENT'"),
     "hardly any capacity": (cell('capacity: "0.03"'), (), {}, "'tripped VMIN'"),
     "charge relay welded before": (

@@ -143,7 +143,7 @@ def test_a_firmware_that_hangs_is_reset_and_told(tmp_path):
     clock = "      truth: {clock_drift:"
     ended, package = ran(with_firmware(tmp_path, {clock: '      truth: {converter_hangs: "12000", clock_drift:'}))
     assert (ended.code, results_as_json(package)["cases"][0]["verdict"]) == (1, "ERROR")
-    assert "it has started anew (boot 43, WATCHDOG): its relays are open" in ended.out
+    assert "it has restarted (boot 43, WATCHDOG): its relays are open" in ended.out
     assert "bench safe: every output proven" in ended.out
 
 

@@ -173,7 +173,7 @@ def test_a_safety_confirmation_is_given_at_another_terminal(tmp_path, folder):
         answered = finish(there)
         terminal.leave()
         assert answered.code == 0, answered.out + terminal.shown
-        assert "what was typed before this question was asked is thrown away" in terminal.shown
+        assert "input typed before this question was asked is discarded" in terminal.shown
         assert answered.out.splitlines()[-1] == "answered fuse: yes (Ada)"
         ended = finish(process)
     assert ended.code == 0, ended.out + ended.err
@@ -211,7 +211,7 @@ def test_a_run_is_resumed_whose_person_took_time_to_answer(tmp_path, folder, sai
             clear_latches_of(run.name)
         assert bench.on() == set()
     assert ended.code == (0 if said == "yes" else 1), ended.out + ended.err
-    assert "what was typed before this question was asked is thrown away" in ended.err
+    assert "input typed before this question was asked is discarded" in ended.err
     assert "NOT SAFE" not in ended.out
     package = Package(run)
     (question, answer) = bodies(package, "question", "answer")

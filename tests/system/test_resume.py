@@ -93,7 +93,7 @@ def test_a_run_that_is_killed_again_and_again_comes_to_the_same(workspace):
     resumed = list(bodies(package, "resumed"))
     assert [event["number"] for event in resumed] == list(range(1, len(resumed) + 1))
     assert resumed
-    assert "the run was interrupted, and went on here" in package.text("data/report/report.html")
+    assert "the run was interrupted, and resumed here" in package.text("data/report/report.html")
     assert workspace.hil("replay", str(disturbed), timeout=300).code == 0
 
 

@@ -191,7 +191,7 @@ def _values(figures: Sequence[Figure], unit: str) -> NDArray[np.float64]:
 
 
 def _uncertainties(figures: Sequence[Figure]) -> NDArray[np.float64] | None:
-    """Return the standard uncertainties, or None where one is unknown."""
+    """Return the standard uncertainties, or None if one is unknown."""
     known = [figure.uncertainty for figure in figures if figure.uncertainty is not None]
     return np.array(known, dtype=float) if len(known) == len(figures) else None
 

@@ -1,4 +1,4 @@
-"""The field of a coil, told from the Earth's: its odd response to the current, and where that points."""
+"""The field of a coil, separated from the Earth's: its odd response to the current, and where that points."""
 
 from __future__ import annotations
 

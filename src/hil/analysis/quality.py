@@ -39,10 +39,10 @@ class Gate:
 
     Attributes:
         name: what is asked, such as `stuck`.
-        channel: the channel that was asked, empty where it was the recording as a whole.
-        ok: the answer; None where a fact is missing, so that nothing could be judged.
+        channel: the channel that was asked, empty if it was the recording as a whole.
+        ok: the answer; None if a fact is missing, so that nothing could be judged.
         reason: what was found, or which fact is missing, in a sentence.
-        cycles: numbers of the battery's cycles that the answer speaks against; empty where that is the recording as a
+        cycles: numbers of the battery's cycles that the answer speaks against; empty if that is the recording as a
             whole.
     """
 
@@ -58,7 +58,7 @@ class Gate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Facts:
-    """What is known of a sensor and its settings; None where it is not known. Units are those of the channels.
+    """What is known of a sensor and its settings; None if it is not known. Units are those of the channels.
 
     Attributes:
         rate: samples per second that were asked for.
@@ -188,7 +188,7 @@ _OFF = 0.02  # of the rate: Allan times and densities move by half of it
 
 
 def timing(time: ArrayLike, facts: Facts) -> tuple[SamplingReport | None, tuple[Gate, ...]]:
-    """Return what the timestamps say, None where they say nothing, and the gates on them.
+    """Return what the timestamps say, None if they say nothing, and the gates on them.
 
     Args:
         time: timestamps in s, shape (n,).
@@ -226,7 +226,7 @@ FACTORS = {
 """Factors by which a density is off when two things were taken for each other."""
 
 _LOWEST, _HIGHEST = 0.5, 3.0  # of the data sheet's density: what scatter of parts and settings explains
-_NEAR = 1.3  # factor within which a wrong density is told as one of FACTORS
+_NEAR = 1.3  # factor within which a wrong density is reported as one of FACTORS
 _ROOT = 1.05  # the same for the root of two, which the scatter of parts explains as well
 _RESOLVED = 0.5  # counts: with less noise than this the step is no longer white noise of q^2 / 12
 
@@ -267,9 +267,9 @@ def aliased(rate: float, facts: Facts) -> Gate:
 
 
 def density(values: NDArray[np.float64], rate: float) -> float:
-    """Return the density of white noise as the Allan deviation near 1 s tells it: sigma sqrt(tau), per root of a hertz.
+    """Return the density of white noise from the Allan deviation near 1 s: sigma sqrt(tau), per root of a hertz.
 
-    NaN where the record tells none. A record below 4 s is read at its longest averaging time.
+    NaN if the record shows none. A record below 4 s is read at its longest averaging time.
     """
     try:
         curve = deviation(values, rate, [_second(values.size, rate)], holes=True)

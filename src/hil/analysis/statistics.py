@@ -110,6 +110,6 @@ def observed(value: float | None, unit: str, uncertainty: float | None = None) -
     Args:
         value: in `unit`, or None.
         unit: of the value.
-        uncertainty: standard uncertainty in `unit`, or None where it is not known.
+        uncertainty: standard uncertainty in `unit`, or None if it is not known.
     """
     return not_observable(unit) if value is None else Figure(value=value, unit=unit, uncertainty=uncertainty)

@@ -1,4 +1,4 @@
-"""Tables as text for whoever opens them elsewhere: one line for the columns with their units, then one for each row."""
+"""Tables as text for use in other programs: one line for the columns with their units, then one for each row."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Column:
 
     Attributes:
         name: its heading.
-        unit: follows the name in square brackets; not where there is none, or it is `1`.
+        unit: follows the name in square brackets; not if there is none, or it is `1`.
         form: how its values are written, as a format of Python such as `.3f`; empty for text and whole numbers.
         missing: what stands for a number that is none; None writes it as Python does.
     """

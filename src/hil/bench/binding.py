@@ -1,4 +1,4 @@
-"""The composition root: a bench file becomes drivers on ports, whatever is behind the ports."""
+"""The composition root: a bench file becomes drivers on ports, whatever the ports lead to."""
 
 from __future__ import annotations
 
@@ -49,15 +49,15 @@ def bind_resumed(
     *,
     asked: bool = False,
 ) -> BoundBench:
-    """Build the simulated twin on the record of a run so far; from the checkpoint on its world goes on.
+    """Build the simulated twin on the record of a run so far; from the checkpoint on its world continues.
 
     Args:
         spec: the bench file.
         transcript: where every operation is noted.
         record: the transcript of the run so far.
         checkpoint: what `BoundBench.checkpoint` returned then.
-        where: tells the present step, for messages.
-        asked: whether it goes on when `go_on` is called, instead of where its record comes to the checkpoint.
+        where: returns the current step, for messages.
+        asked: whether it continues when `go_on` is called, instead of where its record reaches the checkpoint.
     """
     twin = simulated_twin(spec)
     clock = VirtualClock(twin.epoch)
@@ -68,7 +68,9 @@ def bind_resumed(
         try:
             simulated.restore(checkpoint.state)
         except (LookupError, TypeError, ValueError, AttributeError) as error:
-            playback.diverge(f"the simulated bench cannot go on from its checkpoint: {type(error).__name__}: {error}")
+            playback.diverge(
+                f"the simulated bench cannot continue from its checkpoint: {type(error).__name__}: {error}"
+            )
         bench.world, bench.lines, bench.playback = simulated.world, simulated.lines, None
         for name, end in ends.items():
             end.hand_to(simulated.of(spec.instrument(name)))
@@ -97,8 +99,8 @@ def bind_replayed(
         spec: the bench file.
         transcript: where every operation is noted.
         record: the transcript of the run.
-        where: tells the present step, for messages.
-        outside: whether the recorded bench was outside of its process.
+        where: returns the current step, for messages.
+        outside: whether the recorded bench was outside its process.
         speed: of the recorded bench, see `BoundBench`.
     """
     clock = VirtualClock(spec.simulated.epoch if spec.simulated else "1970-01-01T00:00:00Z")

@@ -1,4 +1,4 @@
-"""A bench that is bound: its drivers on open ports, whatever is behind the ports."""
+"""A bench that is bound: its drivers on open ports, whatever the ports lead to."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ class BoundBench:
         buses: those that an instrument serves, by name.
         world: plants, peers and person, on a simulated bench only.
         lines: the byte streams of a simulated bench, by instrument.
-        playback: the record that answers, on a replayed bench, and on a resumed one until it goes on.
-        go_on: lets a resumed bench go on from its checkpoint, where its record does not tell when.
-        live: the clock of a bench outside of this process, None for all others.
-        outside: whether the bench is outside of this process, or was where it was recorded.
+        playback: the record that answers, on a replayed bench, and on a resumed one until it continues.
+        go_on: lets a resumed bench continue from its checkpoint, if its record does not say when.
+        live: the clock of a bench outside this process, None for all others.
+        outside: whether the bench is outside this process, or was where it was recorded.
         speed: seconds of the bench in one second of the wall, where somebody waits for it; 1 but for a served bench.
         descriptors: of the open ports of such a bench, by instrument.
         where: such a port's path or URL, by instrument.
@@ -92,9 +92,9 @@ class BoundBench:
         return self.world.person
 
     def checkpoint(self) -> Checkpoint | None:
-        """Return all that a simulated bench needs to go on from here.
+        """Return all that a simulated bench needs to continue from here.
 
-        None while it cannot be told: bytes are on their way, or a record answers for the bench.
+        None while it is not known: bytes are on their way, or a record answers for the bench.
         """
         if self.world is None or not all(line.quiet for line in self.lines.values()):
             return None
@@ -105,7 +105,7 @@ class BoundBench:
         return Checkpoint(at_ns=self.clock.now_ns(), operations=self.transcript.operations, state=state)
 
     def opened_anew(self) -> None:
-        """Tell drivers that their ports were opened anew: an instrument may have been reset by that, or left alone."""
+        """Tell drivers that their ports were reopened: an instrument may have been reset by that, or left alone."""
         for driver in self.drivers.values():
             if isinstance(driver, OpenedAnew):
                 driver.opened_anew()

@@ -1,4 +1,4 @@
-"""What an instrument's certificate says of a reading."""
+"""What an instrument's certificate says about a reading."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["calibrated", "out_of_calibration", "standard_uncertainty"]
 
 
 def standard_uncertainty(calibration: Calibration | None, unit: str, value: float) -> float | None:
-    """Return the standard uncertainty of a reading in its own unit, or None where no range covers it.
+    """Return the standard uncertainty of a reading in its own unit, or None if no range covers it.
 
     The certificate's expanded uncertainty `absolute + relative * |value|` is divided by its coverage
     factor (GUM 4.3.3).

@@ -1,4 +1,4 @@
-"""How an instrument is reached, what its outputs may be told, and what cuts them off when their own port is gone."""
+"""How an instrument is reached, how far its outputs may be set, and what cuts them off when their own port is gone."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = [
 
 
 def server_of(spec: BenchSpec, instrument: InstrumentSpec) -> InstrumentSpec | None:
-    """Return the instrument that serves the bus of another one, None where the bus or port is the host's own."""
+    """Return the instrument that serves the bus of another one, None if the bus or port is the host's own."""
     name = next((bus.instrument for bus in spec.buses if bus.name == instrument.bus), "")
     return spec.instrument(name) if name else None
 
@@ -37,7 +37,7 @@ def servers_first(spec: BenchSpec) -> list[InstrumentSpec]:
 
 
 def clamps_of(spec: BenchSpec, instrument: str) -> Clamps:
-    """Return the limits on what one instrument's outputs may be told."""
+    """Return the clamps on one instrument's outputs."""
     by_channel = {
         wire.channel: tuple(clamp for clamp in spec.clamps if clamp.output == wire.name)
         for wire in spec.wiring
@@ -47,7 +47,7 @@ def clamps_of(spec: BenchSpec, instrument: str) -> Clamps:
 
 
 def line_of(spec: BenchSpec, instrument: str) -> str:
-    """Return the instrument of the host's own whose port or bus carries all that one instrument is told."""
+    """Return the instrument of the host's own whose port or bus carries everything that is sent to one instrument."""
     found = spec.instrument(instrument)
     while server := server_of(spec, found):
         found = server
@@ -92,11 +92,11 @@ def paths_of(spec: BenchSpec, output: str) -> dict[str, CutPath]:
 
 
 def cut_path_shortfall(spec: BenchSpec, least: int) -> list[str]:
-    """Return what is said of every output that can do harm and has fewer independent cut paths, nothing if none is.
+    """Return a sentence for every output that can do harm and has fewer independent cut paths, nothing if none is.
 
     Args:
         spec: the bench file; it was checked.
-        least: how many each needs besides its own port.
+        least: how many each needs in addition to its own port.
     """
     told = []
     for wire in hazardous_wires(spec):
@@ -104,5 +104,7 @@ def cut_path_shortfall(spec: BenchSpec, least: int) -> list[str]:
         if len(paths) < least:
             there = " and ".join(path.means for path in paths.values())
             have = f"{len(paths)}: {there}" if paths else "none"
-            told.append(f"{wire.name} needs {least} cut path{'s' * (least > 1)} besides its own port, it has {have}")
+            told.append(
+                f"{wire.name} needs {least} cut path{'s' * (least > 1)} in addition to its own port, it has {have}"
+            )
     return told

@@ -1,4 +1,4 @@
-"""Cut paths tried on low energy: something flows, the path is taken, and nothing flows any more."""
+"""Cut paths tried at low energy: a current flows, the path is taken, and the current stops."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FLOWS_WITHIN_S = 2.0
 _PAUSE_S = 0.1
 _FLOWING_SHARE = 0.5
 _HEADROOM_V = 0.05
-"""A cell that is so close to the reduced level takes no current that would show anything."""
+"""A cell so close to the reduced level takes too little current to show anything."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,10 +31,10 @@ class _Trial:
     """A supply at its reduced level, through something that a cut path opens.
 
     Attributes:
-        supply: the wire whose current is looked at.
+        supply: the wire whose current is read.
         feeds: wires of further supplies that have to be on.
-        position: the relays to move before, None where a cycler closes its own.
-        cycler: the wire of the cycler that connects the supply to its cell; None where relays do.
+        position: the relays to move before, None if a cycler closes its own.
+        cycler: the wire of the cycler that connects the supply to its cell; None if relays do.
     """
 
     supply: Wire
@@ -149,7 +149,7 @@ def _on(bench: BoundBench, wire: Wire) -> None:
 
 
 def _current(bench: BoundBench, wire: Wire, within_s: float, enough: Callable[[float], bool]) -> float:
-    """Read a supply's current [A] until it is as it should be or time is up, and return the last reading."""
+    """Read a supply's current [A] until it is as expected or time is up, and return the last reading."""
     supply = cast("Supply", bench.roles[wire.name])
     deadline_ns = bench.clock.now_ns() + round(max(within_s, 0.0) * NANOSECONDS)
     while True:

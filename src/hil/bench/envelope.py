@@ -43,7 +43,7 @@ class Trip:
 class Monitor:
     """Watches one limit.
 
-    A reading outside, or one that is no number, counts towards the debounce, and the next is due after
+    A reading outside, or one that is not a number, counts towards the debounce, and the next is due after
     a tenth of the period; a good one clears the count. The absence of good readings for longer than the
     maximum age is a trip of its own, also where the next one is good: nobody knows what was between them.
 
@@ -51,7 +51,7 @@ class Monitor:
         limit: the limit of the bench file.
         read: takes a reading through the driver.
         start_ns: the bench time at which watching begins.
-        derivation: what computes the limit's quantity, None where it is what is read.
+        derivation: what computes the limit's quantity, None if it is what is read.
 
     Attributes:
         limit: as given.
@@ -106,7 +106,7 @@ class Monitor:
         return (now_ns - self.due_ns) / NANOSECONDS if late else 0.0
 
     def restart(self, now_ns: int) -> None:
-        """Begin anew after a time in which nothing could be read, such as a safe-off."""
+        """Start again after a time in which nothing could be read, such as a safe-off."""
         self.catch_up()
         self._start_ns = _grid_ns(now_ns, self._period_ns)
         self.due_ns = self.good_ns = now_ns

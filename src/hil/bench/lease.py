@@ -1,4 +1,4 @@
-"""Leases and latches: one executive per instrument, host-wide, and none where a bench was left by force."""
+"""Leases and latches: one executive per instrument, host-wide, and none if a bench was left by force."""
 
 from __future__ import annotations
 
@@ -61,13 +61,13 @@ class Lease:
         return list(self._files)
 
     def name(self, run: str) -> None:
-        """Tell others the name of the run, once it has one."""
+        """Publish the name of the run, once it has one."""
         self._note["run"] = run
         for file in self._files:
             self._write(file)
 
     def release(self) -> None:
-        """Let go of everything; releasing twice is harmless."""
+        """Release everything; releasing twice is harmless."""
         while self._files:
             os.close(self._files.pop())
 
@@ -140,12 +140,12 @@ def _held(key: str, file: int) -> Refused:
         note = json.loads(os.pread(file, 4096, 0))
         holder, since, run = f"{note['holder']} (process {note['pid']})", note["since"], note["run"]
     except (ValueError, KeyError, TypeError):
-        return Refused(f"{key} is held by another run", "wait for it to end, or stop it: 'hil runs' tells its name")
+        return Refused(f"{key} is held by another run", "wait for it to end, or stop it: 'hil runs' shows its name")
     if not run:
         return Refused(f"{key} is held by {holder} since {since}", "wait for it to end")
     return Refused(
         f"{key} is held by {holder} since {since}, as {run}",
-        f"wait for it to end, look at it with 'hil status {run}', or end it with 'hil stop {run}'",
+        f"wait for it to end, see it with 'hil status {run}', or end it with 'hil stop {run}'",
     )
 
 
@@ -163,12 +163,12 @@ def refuse_latched(leases: Sequence[str], folder: Path | None = None) -> None:
         path = path_of(lease, folder or FOLDER)
         latch = read(path)
         if latch is not None and not latch.run:
-            raise Refused(f"the bench is latched: {latch.why}", f"look at the bench, then remove {path}")
+            raise Refused(f"the bench is latched: {latch.why}", f"check the bench, then remove {path}")
         if latch is not None:
             outputs = f"; not proven safe: {', '.join(latch.outputs)}" if latch.outputs else ""
             raise Refused(
                 f"bench '{latch.bench}' is latched since {latch.since} by {latch.run}: {latch.why}{outputs}",
-                f"look at the bench, then: {ack_line(latch.run)}",
+                f"check the bench, then: {ack_line(latch.run)}",
             )
 
 
@@ -176,8 +176,8 @@ def latch_bench(leases: Sequence[str], latch: Latch, folder: Path | None = None)
     """Latch all that a run holds, such as one that could not prove its bench safe.
 
     Raises:
-        Refused: where the folder of latches is not as it has to be.
-        OSError: where a latch cannot be written.
+        Refused: if the folder of latches is not as it has to be.
+        OSError: if a latch cannot be written.
     """
     for lease in sorted(set(leases)):
         write(path_of(lease, folder or FOLDER), latch)
@@ -206,10 +206,10 @@ def latches_of(run: str, folder: Path | None = None) -> dict[Path, Latch]:
 
 
 def clear_latches_of(run: str, folder: Path | None = None) -> tuple[Latch, ...]:
-    """Take back every latch that a run has left, and return them.
+    """Remove every latch that a run has left, and return them.
 
     Raises:
-        Refused: where one cannot be taken back, which is then still there.
+        Refused: if one cannot be removed, which is then still there.
     """
     found = latches_of(run, folder)
     for path in found:

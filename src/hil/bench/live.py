@@ -1,4 +1,4 @@
-"""Benches outside of this process: hardware, and simulated ones that another process serves."""
+"""Benches outside this process: hardware, and simulated ones that another process serves."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ __all__ = ["Reach", "bind_live", "bind_live_again", "reach_of_hardware", "reach_
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reach:
-    """Where a bench outside of this process is.
+    """Where a bench outside this process is.
 
     Attributes:
-        source: what it is worth as evidence.
+        source: how its evidence counts.
         ports: by instrument, a path or URL.
         buses: by name of the host's own I2C buses, their device.
         served: the folder in which it is served, None for hardware.
@@ -82,7 +82,7 @@ def reach_of_served(spec: BenchSpec, folder: Path) -> Reach:
 def bind_live(
     spec: BenchSpec, reach: Reach, epoch: str, transcript: Transcript, *, by_force: bool = False
 ) -> BoundBench:
-    """Open every port of a bench outside of this process; nothing is sent.
+    """Open every port of a bench outside this process; nothing is sent.
 
     Args:
         spec: the bench file.
@@ -114,7 +114,7 @@ def bind_live(
 def bind_live_again(
     spec: BenchSpec, reach: Reach, epoch: str, transcript: Transcript, record: Path, where: Callable[[], str]
 ) -> BoundBench:
-    """Build a bench on the record of a run so far; from `go_on` on it is the bench outside of this process.
+    """Build a bench on the record of a run so far; from `go_on` on it is the bench outside this process.
 
     Args:
         spec: the bench file.
@@ -122,7 +122,7 @@ def bind_live_again(
         epoch: UTC of the bench's time zero, ISO 8601.
         transcript: where every operation is noted.
         record: the transcript of the run so far.
-        where: tells the present step, for messages.
+        where: returns the current step, for messages.
     """
     clock = LiveClock(epoch, speed=reach.speed)
     playback = Playback(record, clock, where)
@@ -174,7 +174,7 @@ def _open(spec: BenchSpec, reach: Reach, *, by_force: bool = False) -> dict[str,
 
 
 def _strangers(spec: BenchSpec) -> dict[str, WrongPort]:
-    """Return what keeps a serial port closed, by instrument: at another board a first byte may start something."""
+    """Return what keeps a serial port closed, by instrument: on another board the first byte may start something."""
     devices = [instrument.name for instrument in spec.instruments if is_serial_device(instrument)]
     gates = zip(devices, port_gates(spec), strict=True)
     return {name: WrongPort(gate) for name, gate in gates if not gate.ok}

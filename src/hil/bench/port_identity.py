@@ -26,7 +26,7 @@ class WrongPort(Refused):
     def __init__(self, *gates: Gate) -> None:
         super().__init__(
             "; ".join(f"{gate.name}: {gate.detail}" for gate in gates),
-            "plug the boards as the bench file says, or mend it; without them use --source simulated",
+            "plug the boards in as the bench file says, or correct it; without them use --source simulated",
         )
         self.gates = gates
 
@@ -57,7 +57,7 @@ def port_gates(
     listing: Callable[[], Iterable[ListedPort]] = listed_ports,
     real_path: Callable[[str], str] = os.path.realpath,
 ) -> Iterator[Gate]:
-    """Yield a gate for every serial device of a bench. The ports of a served bench have no such identity: ask not."""
+    """Yield a gate for every serial device of a bench, which is not served: pseudo-terminals have no such identity."""
     ports = list(listing())
     for instrument in spec.instruments:
         if is_serial_device(instrument):
@@ -69,7 +69,7 @@ def check_port(
     ports: Iterable[ListedPort] | None = None,
     real_path: Callable[[str], str] = os.path.realpath,
 ) -> Gate:
-    """Compare who an instrument's serial port is with who it must be; nothing is opened.
+    """Compare the device at an instrument's serial port with the one it must be; nothing is opened.
 
     Args:
         instrument: at a serial device.

@@ -1,4 +1,4 @@
-"""Readiness: what arm looks at, and tries, before anybody relies on the bench."""
+"""Readiness: what arming checks and tries before anybody relies on the bench."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def _difference(expected: Identity, found: Identity) -> str:
 
 
 def _polarity(bench: BoundBench, wire: Wire) -> Gate:
-    """Look at a cell before anything is connected to it: a reversed one must not be charged."""
+    """Check a cell before anything is connected to it: a reversed one must not be charged."""
     name, cycler = f"polarity at {wire.name}", cast("Cycler", bench.roles[wire.name])
     try:
         if cycler.level() == "1":

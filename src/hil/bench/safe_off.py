@@ -22,7 +22,7 @@ _ATTEMPTS = 3
 
 @dataclass(frozen=True, slots=True)
 class SafeResult:
-    """What became of one line of the safe-off; `seconds` of bench time."""
+    """The outcome of one line of the safe-off; `seconds` of bench time."""
 
     output: str
     state: str
@@ -37,10 +37,10 @@ def make_safe(
     clock: Clock,
     tell: Callable[[SafeResult], None],
 ) -> bool:
-    """Take every line in order, whatever became of the one before; return whether all are proven.
+    """Execute every line in order, whatever the outcome of the one before; return whether all are proven.
 
     A line is tried up to three times within its time limit, a third of which each try has for its
-    proof. An output that cannot be reached is a result and no error, because the lines after it matter
+    proof. An output that cannot be reached is a result, not an error, because the lines after it matter
     as much; what `tell` raises, such as for a full disk, waits until the last line was taken.
 
     Args:
@@ -64,7 +64,7 @@ def make_safe(
 
 
 def left_on(steps: Sequence[SafeStep], roles: Mapping[str, object], clock: Clock) -> str:
-    """Take lines of the safe-off and return what could not be made safe, or nothing."""
+    """Execute lines of the safe-off and return what could not be made safe, or nothing."""
     results: list[SafeResult] = []
     make_safe(steps, roles, clock, results.append)
     return "; ".join(f"{result.output} is not {result.state}: {result.detail}" for result in results if not result.ok)
@@ -115,10 +115,10 @@ EVERY_S = 5.0
 """How far its readings are apart; a few more seconds where an instrument is slow to answer."""
 
 WATCHED = "watched"
-"""What stands in the place of the state of a line of the safe-off."""
+"""What a result shows in place of the state of a line of the safe-off."""
 
 _CLOSER = 0.9
-"""What goes toward a value has at most this part of its longest distance left in the end."""
+"""A quantity that goes toward a value has at most this part of its longest distance left at the end."""
 
 Reading = Callable[[WatchAfter, float, float], None]
 """Takes what was read: of which line, at which bench time [s], and the value, NaN where there was none."""
@@ -133,14 +133,14 @@ def watch_after(
 ) -> bool:
     """Watch every line for its time, all of them at once, and return whether they hold.
 
-    A line holds that stays between its bounds, or that comes to, or closer to, the value to which it goes by itself.
-    An output that cannot be read in the end was not seen to be safe.
+    A line holds that stays between its bounds, or that reaches, or approaches, the value to which it goes by itself.
+    An output that cannot be read at the end was not seen to be safe.
 
     Args:
         watches: the lines of the bench file.
         roles: the role instances by their dotted names.
         clock: the bench's clock.
-        reading: is told every reading.
+        reading: called with every reading.
         tell: called with every result as soon as it is known.
     """
     start_ns = clock.now_ns()

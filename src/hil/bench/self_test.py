@@ -119,7 +119,7 @@ def _stuck(told: _Course) -> Iterator[tuple[list[_Row], bool]]:
 def self_test(limit: EnvelopeLimit) -> bool:
     """Return whether a monitor of this limit trips on what it must trip on, and only on that.
 
-    Tried are a value beyond each bound, a value that is no number, and a value inside; where the quantity is derived,
+    Tried are a value beyond each bound, one that is not a number, and a value inside; where the quantity is derived,
     courses of numbers that come to such values, and such as look like them.
     """
     if limit.is_derived:

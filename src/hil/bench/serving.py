@@ -47,7 +47,7 @@ def served(spec: BenchSpec, folder: Path, *, speed: float = 1.0, first_port: int
         first_port: of the network instruments, 0 for any free ports.
 
     Raises:
-        Refused: if the bench has no simulated twin, or the folder or a port cannot be had.
+        Refused: if the bench has no simulated twin, or the folder or a port is not available.
     """
     bench = ServedBench(spec, simulated_twin(spec))
     with Server(bench, folder, wall.monotonic, speed=speed, first_port=first_port) as server:
@@ -59,7 +59,7 @@ def ends_of(folder: Path, bench: str) -> tuple[dict[str, str], float]:
 
     Args:
         folder: where it is served.
-        bench: its name, for what a person is told to do where nobody serves it.
+        bench: its name, for the advice to a person if nobody serves it.
 
     Raises:
         Refused: if none is served there.

@@ -1,4 +1,4 @@
-"""The clock of a bench that lives outside of this process: boot time, which stands between operations."""
+"""The clock of a bench that lives outside this process: boot time, which stands still between operations."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ class LiveClock:
     """Bench time that follows boot time, but moves on only where somebody looks, and where a wait ends.
 
     All that a run learns of time then comes from its waits, which end at the instant they were for, and from its port
-    operations, whose ends are in the transcript. So its record tells a replay all it has to know. See ADR 0037.
-    Until it begins nobody waits: a resumed run comes to its past again in no time.
+    operations, whose ends are in the transcript. So its record contains all that a replay has to know. See ADR 0037.
+    Until it begins nobody waits: a resumed run catches up with its past in no time.
 
     Args:
         epoch: UTC of the bench's time zero, ISO 8601.
         speed: seconds of the bench in one second of boot time; other than 1 for a served bench only.
-        real_ns: tells boot time.
+        real_ns: returns boot time.
         pause: lets seconds of boot time pass, or less.
 
     Attributes:

@@ -12,7 +12,7 @@ FOREVER_NS = 2**62
 
 
 class ClockError(RuntimeError):
-    """Time cannot go on: nothing is due, or too much is due at one instant."""
+    """Time cannot continue: nothing is due, or too much is due at one instant."""
 
 
 class Clock(Protocol):
@@ -27,7 +27,7 @@ class Clock(Protocol):
         ...
 
     def look(self) -> int:
-        """Return the nanoseconds as they are at this moment: time outside of this process goes on between looks."""
+        """Return the nanoseconds as they are at this moment: time outside this process moves on between calls."""
         ...
 
     def sleep(self, seconds: float) -> None:

@@ -43,7 +43,7 @@ class VirtualClock:
 
     Time is an integer number of nanoseconds, so that sums of steps are exact and two runs agree.
     Events at one instant happen in the order of their device, then in the order in which they were
-    asked for. Plants follow the clock: whoever looks at one sees it as it is at that instant.
+    asked for. Plants follow the clock: every observer sees a plant as it is at that instant.
 
     Args:
         epoch: the bench's epoch in UTC, ISO 8601; simulated UTC is this plus the virtual time.
@@ -59,7 +59,7 @@ class VirtualClock:
         self.asked = 0
         self._at_this_instant = 0
         self._waiting = "nobody"
-        self._awaited_ns = 0  # until when somebody lets time pass, whatever happens meanwhile
+        self._awaited_ns = 0  # until when somebody lets time pass, whatever happens in between
 
     def now_ns(self) -> int:
         """Return the nanoseconds since the bench's epoch."""
@@ -81,7 +81,7 @@ class VirtualClock:
         return {"now_ns": self._now_ns, "asked": self.asked}
 
     def restore(self, state: Mapping[str, int]) -> None:
-        """Go on from what `state` returned; events come back by whoever asked for them, before.
+        """Continue from what `state` returned; those who asked for events must have asked for them again before.
 
         Raises:
             ValueError: if the clock stands at another instant.
@@ -94,7 +94,7 @@ class VirtualClock:
         """Let `action` happen at `when_ns`, at once if that has passed; `device` orders equal instants.
 
         A `number` is that of an event that was asked for before its peer was restored: it keeps its place, and what is
-        asked for from now on comes behind it.
+        asked for from now on comes after it.
         """
         if number is None:
             number = self.asked
@@ -115,7 +115,7 @@ class VirtualClock:
     def calm_until_ns(self) -> int:
         """Return the last instant up to which nothing else is due and somebody waits, whatever happens; it may be past.
 
-        Asked amid an event. A device that speaks every few seconds for weeks says at once what it says until then: who
+        Asked during an event. A device that sends every few seconds for weeks sends all of it until then at once: who
         asks for it finds each part at its instant, and nobody can ask in between.
         """
         events = self._events
@@ -147,8 +147,8 @@ class VirtualClock:
     def run(self, deadline_ns: int, done: Callable[[], bool], who: str = "nobody") -> bool:
         """Let time pass until `done()` or the deadline; return whether it was done.
 
-        This is how a read waits: time stops at the event that brought the last byte, and goes on to
-        the deadline only if none did. `who` waits is told by the error if time does not move any more.
+        This is how a read waits: time stops at the event that brought the last byte, and moves on to
+        the deadline only if none did. The error names `who` waits if time no longer moves.
         """
         events, self._waiting = self._events, who
         while not done():

@@ -30,9 +30,9 @@ def canonical(value: object) -> bytes:
     try:
         return rfc8785.dumps(value)  # type: ignore[arg-type]  # it checks every value itself
     except rfc8785.FloatDomainError as error:
-        raise JsonError("NaN and infinity have no place in JSON", "write null where there is no number") from error
+        raise JsonError("NaN and infinity are not allowed in JSON", "write null where there is no number") from error
     except (rfc8785.CanonicalizationError, RecursionError, UnicodeEncodeError) as error:
-        raise JsonError(f"this has no canonical JSON: {error}") from error
+        raise JsonError(f"this cannot be written as canonical JSON: {error}") from error
 
 
 def digest(value: object) -> str:
@@ -69,7 +69,7 @@ def _unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
 
 
 def _refuse_constant(name: str) -> object:
-    raise JsonError(f"{name} has no place in JSON")
+    raise JsonError(f"{name} is not allowed in JSON")
 
 
 def _exact(text: str) -> int | float:

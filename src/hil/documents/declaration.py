@@ -26,7 +26,7 @@ class Declaration:
         self._root = schema
 
     def keys(self, path: Path) -> tuple[str, ...]:
-        """Return the keys that the section at a path may have; none where it may have any, or is no section."""
+        """Return the keys that the section at a path may have; none where it may have any, or is not a section."""
         return tuple(_fields(self._at(path)))
 
     def is_named(self, path: Path) -> bool:

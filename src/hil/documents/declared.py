@@ -1,7 +1,7 @@
 """Declared models from strict documents: the only place that knows both the YAML tree and the validation library.
 
 A document is validated as the JSON that means the same, in strict mode and without unknown keys, so that nothing is
-converted on the way. What the library finds at a path of keys is told in our sentences, at its line and column.
+converted on the way. What the library finds at a path of keys is reported in our sentences, at its line and column.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class Invalid(HilError, ValueError):
 
     Attributes:
         problems: everything that is wrong, each with its path in the document.
-        repaired: the model with blank values in the places of the wrong ones, or None where there is none.
+        repaired: the model with blank values in the places of the wrong ones, or None if there is none.
     """
 
     def __init__(self, problems: tuple[Problem, ...], repaired: object = None) -> None:
@@ -114,7 +114,7 @@ def read_document(
         schema: name and version, such as `hil/bench/1`.
 
     Returns:
-        None where nothing can be read under that schema; the findings say why.
+        None if nothing can be read under that schema; the findings say why.
     """
     root = read_yaml(file, shown, findings)
     if root is None:
@@ -179,7 +179,7 @@ class _Reading(Generic[_Model]):
         model: what is declared.
         root: the tree, a mapping.
         what: what the tree is, for messages.
-        besides: keys that it may have besides those of the model.
+        besides: further keys that it may have, beyond those of the model.
     """
 
     def __init__(self, model: type[_Model], root: Node, what: str, besides: tuple[str, ...] = ()) -> None:

@@ -1,4 +1,4 @@
-"""Everything that is wrong with a set of files, gathered before anyone is told."""
+"""Everything that is wrong with a set of files, gathered before anything is reported."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["Findings", "shown"]
 
 
 _LONGEST = 500
-"""A message may quote what stands in the file, which may be megabytes."""
+"""A message may quote the contents of the file, which may be megabytes."""
 
 
 class Findings:

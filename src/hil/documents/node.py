@@ -80,7 +80,7 @@ class Mapping(Node):
 
 
 def node_at(root: Node, path: Path) -> Node | None:
-    """Return the value at a path of keys and list positions, None where there is none."""
+    """Return the value at a path of keys and list positions, None if there is none."""
     node: Node | None = root
     for part in path:
         entry = _entry(node, part)

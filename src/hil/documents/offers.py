@@ -60,7 +60,7 @@ class Offers(Generic[_Offer]):
         return self._loaded[point]
 
     def find(self, name: str) -> _Offer | None:
-        """Return the offer of that name, None where it would be refused."""
+        """Return the offer of that name, None if it would be refused."""
         try:
             return self[name] if name in self.names else None
         except Refused:
@@ -73,7 +73,7 @@ class Offers(Generic[_Offer]):
         points = {point.value: point for point in self._found().select(name=name)}
         if not points:
             installed = ", ".join(self.names)
-            hint = f"installed are {installed}" if installed else "no package offers any: install hil again"
+            hint = f"installed are {installed}" if installed else "no package offers any: reinstall hil"
             raise Refused(f"unknown {self.what} '{name}'{did_you_mean(name, self.names)}", hint)
         if len(points) > 1:
             listed = ", ".join(f"{value}{_by(points[value])}" for value in sorted(points))
@@ -102,5 +102,5 @@ def _installed(group: str) -> EntryPoints:
 
 
 def _by(point: EntryPoint) -> str:
-    """Return which package offers it, nothing where that is not known."""
+    """Return which package offers it, nothing if that is not known."""
     return f" (package {point.dist.name} {point.dist.version})" if point.dist else ""

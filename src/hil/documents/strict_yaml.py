@@ -81,7 +81,7 @@ _SURPRISES = (
 
 
 def read_yaml(file: Path, shown: str, findings: Findings) -> Node | None:
-    """Return the document in `file`; None where there is none, with the reason among the findings.
+    """Return the document in `file`; None if there is none, with the reason among the findings.
 
     Args:
         file: where the document is.
@@ -101,7 +101,7 @@ def read_yaml(file: Path, shown: str, findings: Findings) -> Node | None:
 
 
 def parse_yaml(data: bytes, shown: str, findings: Findings) -> Node | None:
-    """Return the document in `data`; None where there is none, with the reason among the findings."""
+    """Return the document in `data`; None if there is none, with the reason among the findings."""
     text = _decode(data, shown, findings)
     return None if text is None else _Composer(text, shown, findings).document()
 

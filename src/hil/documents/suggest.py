@@ -13,7 +13,7 @@ _LONGEST = 100
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """Return the known word nearest to `word`, or an empty string where none is near."""
+    """Return the known word nearest to `word`, or an empty string if none is near."""
     if len(word) > _LONGEST:
         return ""
     folded: dict[str, str] = {}

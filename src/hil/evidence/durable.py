@@ -52,7 +52,7 @@ def open_plain(path: Path) -> BufferedReader:
     """Open a plain file for reading; a link, a pipe or a device is never read, and nobody waits for it.
 
     Raises:
-        OSError: where it is not there, is something else, or must not be read.
+        OSError: if it is not there, is something else, or must not be read.
     """
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     try:
@@ -61,7 +61,7 @@ def open_plain(path: Path) -> BufferedReader:
         raise OSError(errno.EINVAL, str(error)) from error
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
-        raise OSError(errno.EINVAL, "this is no plain file")
+        raise OSError(errno.EINVAL, "not a plain file")
     return os.fdopen(descriptor, "rb")
 
 
@@ -69,7 +69,7 @@ def read_plain(path: Path, most: int = -1) -> bytes:
     """Return a plain file's content, of `most` bytes if that is given.
 
     Raises:
-        OSError: where it cannot be opened, or is longer.
+        OSError: if it cannot be opened, or is longer.
     """
     with open_plain(path) as stream:
         data = stream.read(most if most < 0 else most + 1)

@@ -68,7 +68,7 @@ def create(reports: Path, *, bench: str, dut: str) -> Path:
     """Create and return the folder `<UTC>-<bench>-<dut>-<6 hex>` in `reports`, ready for a journal.
 
     Raises:
-        EvidenceError: where the folder cannot be written.
+        EvidenceError: if the folder cannot be written.
     """
     name = f"{wall.compact_utc()}-{_safe(bench)}-{_safe(dut)}-{secrets.token_hex(3)}"
     folder = reports / name
@@ -87,7 +87,7 @@ def create(reports: Path, *, bench: str, dut: str) -> Path:
 
 
 def require_space(place: Path, bytes_needed: int, hint: str = _ELSEWHERE) -> None:
-    """Refuse a run for whose evidence there is no space at `place`, which need not exist yet; `hint` tells what to do.
+    """Refuse a run for whose evidence there is no space at `place`, which need not exist yet; `hint` says what to do.
 
     Raises:
         Refused: with both numbers.
@@ -111,22 +111,22 @@ def free_reserve(reserve: Path | None) -> bool:
 
 
 def renew_reserve(folder: Path) -> None:
-    """Reserve the space again in the folder of a resumed run, if it was given back.
+    """Reserve the space again in the folder of a resumed run, if it was released.
 
     Raises:
-        EvidenceError: where the folder cannot be written.
+        EvidenceError: if the folder cannot be written.
     """
     try:
         if not (folder / RESERVE).exists():
             _reserve(folder / RESERVE)
     except OSError as error:
         raise EvidenceError(
-            f"{folder}: the run's folder cannot be written: {error.strerror}", "let it be written, and resume the run"
+            f"{folder}: the run's folder cannot be written: {error.strerror}", "make it writable, and resume the run"
         ) from error
 
 
 def is_sealed(folder: Path) -> bool:
-    """Return whether something stands where a seal does; `verify` tells whether it is one."""
+    """Return whether there is a file where a seal would be; `verify` checks whether it is one."""
     return os.path.lexists(folder / SEAL)
 
 
@@ -155,7 +155,7 @@ def hold(folder: Path) -> Iterator[None]:
             except BlockingIOError:
                 if attempt == _ATTEMPTS - 1:
                     raise Refused(
-                        f"{folder.name}: the run is going on in another process",
+                        f"{folder.name}: the run is in progress in another process",
                         "wait for its end, or stop it with hil stop",
                     ) from None
                 wall.pause(0.01)  # somebody may only be looking, see is_held

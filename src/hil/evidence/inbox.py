@@ -38,7 +38,7 @@ class Message:
 
     Attributes:
         kind: one of `KINDS`, or `unreadable` with the reason as text, or `unheard` with what was asked for as text.
-        by: who sent it, empty where nobody said.
+        by: who sent it, empty if nobody said.
         text: a note's text, the reason of a stop, an answer, the code with which somebody says to have been reached.
         utc: when it was sent, by the sender's clock.
         urgent: whether a stop shall not wait for the end of the step.
@@ -86,13 +86,13 @@ def post(
         question: the name of the question that an answer answers.
 
     Raises:
-        Refused: where the run is sealed, the kind unknown, or the text or attachment too large.
-        EvidenceError: where the attachment cannot be read or the inbox not be written.
+        Refused: if the run is sealed, the kind unknown, or the text or attachment too large.
+        EvidenceError: if the attachment cannot be read or the inbox not be written.
     """
     if is_sealed(folder):
         raise Refused(f"{folder.name} is sealed", "what comes after the seal lives in reports/.ledger")
     if kind not in KINDS:
-        raise Refused(f"{kind!r} is no message of a run", f"one of {', '.join(sorted(KINDS))}")
+        raise Refused(f"{kind!r} is not a message to a run", f"one of {', '.join(sorted(KINDS))}")
     if len(text) > _LONGEST_TEXT:
         raise Refused(f"a text of {len(text)} characters is too long", "attach it as a file")
     moment = wall.utc_now()
@@ -105,7 +105,7 @@ def post(
         write_whole(folder / INBOX / f"{name}{_ENDING}", canonical(asdict(message)))
     except OSError as error:
         raise EvidenceError(
-            f"{folder / INBOX}: the message cannot be left: {error}", "is the run still going on?"
+            f"{folder / INBOX}: the message cannot be left: {error}", "is the run still in progress?"
         ) from error
     return name
 
@@ -145,7 +145,7 @@ def poll(folder: Path, left: Collection[str] = ()) -> Iterator[Message]:
 
 
 def peek(folder: Path) -> Iterator[Message]:
-    """Give the messages that nobody has taken, in the order in which they were sent; they go on waiting."""
+    """Give the messages that nobody has taken, in the order in which they were sent; they keep waiting."""
     for name in waiting(folder):
         yield _read(folder / INBOX / name)
 
@@ -185,7 +185,7 @@ def _read(path: Path) -> Message:
         value = parse_strict(read_plain(path, _LARGEST_MESSAGE))
         message = Message(**value) if isinstance(value, dict) else None
         if message is None or message.kind not in KINDS or not all(_is_plain(message)):
-            return Message(kind=_UNREADABLE, text=f"{path.name}: this is no message")
+            return Message(kind=_UNREADABLE, text=f"{path.name}: not a message")
     except (OSError, TypeError, JsonError) as error:
         return Message(kind=_UNREADABLE, text=f"{path.name}: {error}")
     return message

@@ -29,7 +29,7 @@ def enter(reports: Path, book: str, run: str, said: Mapping[str, object]) -> Pat
         said: what is said, as JSON.
 
     Raises:
-        EvidenceError: where it cannot be written.
+        EvidenceError: if it cannot be written.
     """
     moment = wall.utc_now()
     place = reports / LEDGER / book
@@ -45,5 +45,5 @@ def enter(reports: Path, book: str, run: str, said: Mapping[str, object]) -> Pat
         part.unlink()
         sync_folder(place)
     except OSError as error:
-        raise EvidenceError(f"{place}: the ledger cannot be written: {error.strerror}", "let it be written") from error
+        raise EvidenceError(f"{place}: the ledger cannot be written: {error.strerror}", "make it writable") from error
     return path

@@ -1,4 +1,4 @@
-"""Runs at a glance: which there are, how far they came, and what became of them."""
+"""Runs at a glance: which there are, how far they got, and how they ended."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ class RunSummary:
         purpose: why it was made.
         planned: how many cases were planned.
         ended: how many of them ended.
-        case: the case that is going on, empty where none is.
+        case: the running case, empty if none is.
         step: its step, as `1.2 title`.
         t: bench time of the newest event in s.
-        age: seconds since the newest event; None where the machine was booted since.
+        age: seconds since the newest event; None if the machine was booted since.
         stopped: who or what asked it to stop, and why; empty if nobody did, and once the run is resumed.
         verdict: the sealed verdict, empty before.
         deviates: whether it differs from its plan.
@@ -74,7 +74,7 @@ def run_folders(reports: Path) -> list[Path]:
     """Return the folder of every run in the folder of reports, the newest last; folders with a point are no runs.
 
     Raises:
-        EvidenceError: where the folder of reports cannot be read.
+        EvidenceError: if the folder of reports cannot be read.
     """
     try:
         inside = [path for path in reports.iterdir() if not path.name.startswith(".") and _is_one(path)]
@@ -94,7 +94,7 @@ def status(folder: Path) -> RunSummary:
     """Return one run at a glance; it is only read, also while it is running.
 
     Raises:
-        EvidenceError: where there is no journal to read.
+        EvidenceError: if there is no journal to read.
     """
     reading = read_journal(folder / JOURNAL)
     try:

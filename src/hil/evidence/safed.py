@@ -20,7 +20,7 @@ _LARGEST = 20_000_000
 
 
 def guardian_hash(folder: Path) -> str:
-    """Return the SHA-256 of the guardian's journal; empty where it did nothing in this run, or cannot be read."""
+    """Return the SHA-256 of the guardian's journal; empty if it did nothing in this run, or cannot be read."""
     path = folder / GUARDIAN
     try:
         return sha256_of(path) if path.stat().st_size else ""

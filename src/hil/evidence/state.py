@@ -146,7 +146,7 @@ class RunState:
     Attributes:
         run: what it was asked for, None before its first event.
         cases: the planned cases by id, in order, and whatever else was run.
-        present: the case that is going on, None between cases.
+        present: the running case, None between cases.
         recordings: the beginning of every recording by id, in order; the last one where it began twice.
         ended: the ends of recordings by id, those included whose beginning is missing.
         rows: per recording the hashes that the journal has of its first rows.

@@ -66,7 +66,7 @@ def code_of(pytest_code: int, verdicts: Sequence[Verdict], *, unsafe: bool, trip
 
 
 Binder = Callable[[Transcript, Callable[[], str]], BoundBench]
-"""Makes the bench; gets the transcript, and what tells the present step."""
+"""Makes the bench; gets the transcript, and what returns the current step."""
 
 
 class Spectator(Protocol):
@@ -94,7 +94,7 @@ class Session:
 
     Attributes:
         record: what it writes down.
-        machine: drives a bench outside of this process, None for one that lives in it.
+        machine: drives a bench outside this process, None for one that lives in it.
     """
 
     def __init__(
@@ -241,7 +241,7 @@ class Session:
 
     def _conclude(self, run: CaseRun) -> Verdict:
         self._own()
-        self.keeper.scheduler.catch_up()  # up to here the record tells what the case did
+        self.keeper.scheduler.catch_up()  # up to here the record says what the case did
         if self.flags.astray:
             run.raised(Astray(self.flags.astray))
             self.flags.astray = ""
@@ -262,7 +262,7 @@ class Session:
         self._events.write(ended)
         self._verdicts.append(outcome.verdict)
         self.current = None
-        with suppress(OSError):  # a full disk is told by who looks after it
+        with suppress(OSError):  # a full disk is reported by its own watch
             self.record.transcript.flush()
         return outcome.verdict
 
@@ -288,11 +288,11 @@ class Session:
             self.keeper.release()
 
     def make_safe(self) -> None:
-        """Make the bench safe, amid whatever a case does."""
+        """Make the bench safe, in the middle of whatever a case does."""
         self.keeper.safe()
 
     def give_up(self) -> None:
-        """End the run from where it is, amid a case that lets no stop and no timeout end it."""
+        """End the run from where it is, in the middle of a case that lets no stop and no timeout end it."""
         with self.flags.shielded():
             try:
                 if run := self.current:
@@ -334,7 +334,7 @@ class Session:
         return self.bench.clock.now()
 
     def _own(self) -> None:
-        """End a copy of this process that a case forked and let go on: there is one run."""
+        """End a copy of this process that a case forked and let continue: there is one run."""
         if self.flags.is_copy:
             os._exit(1)
 

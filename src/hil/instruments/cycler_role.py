@@ -1,4 +1,4 @@
-"""The role of a battery cycler: it tests by itself, and tells what it does."""
+"""The role of a battery cycler: it tests by itself, and says what it does."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Cycler(Streamed, Protocol):
 
         Args:
             cycles: a charge and a discharge each.
-            rest: behind each half-cycle but the last [s].
+            rest: after each half-cycle but the last [s].
             vfull: voltage from which on a small current ends a charge [V].
             iend: the current that ends a charge [A].
             vend: the voltage that ends a discharge [V].
@@ -78,17 +78,17 @@ class Cycler(Streamed, Protocol):
 
     @reads
     def voltage(self) -> Annotated[Figure, "V"]:
-        """Return the newest voltage of the battery in V; NoReply where there is none that is new."""
+        """Return the newest voltage of the battery in V; NoReply if there is none that is new."""
         ...
 
     @reads
     def current(self) -> Annotated[Figure, "A"]:
-        """Return the newest current into the battery in A; NoReply where there is none that is new."""
+        """Return the newest current into the battery in A; NoReply if there is none that is new."""
         ...
 
     @reads
     def temperature(self) -> Annotated[Figure, "degC"]:
-        """Return the newest temperature of the battery in degC; NoReply where there is none that is new."""
+        """Return the newest temperature of the battery in degC; NoReply if there is none that is new."""
         ...
 
     @reads

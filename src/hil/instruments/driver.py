@@ -29,7 +29,7 @@ class Outlet:
 
 
 class Clamps:
-    """The limits on what one instrument's outputs may be told; asked with every setting before its bytes leave.
+    """The clamps on one instrument's outputs; asked with every setting before its bytes leave.
 
     Args:
         clamps: per channel, the clamps of the wires on it.
@@ -49,7 +49,7 @@ class Clamps:
                 )
 
     def bounds(self, channel: int, quantity: str) -> tuple[float, float]:
-        """Return the least and the most that every clamp of a quantity allows, infinite where there is none."""
+        """Return the least and the most that every clamp of a quantity allows, infinite if there is none."""
         clamps = [clamp for clamp in self._clamps.get(channel, ()) if clamp.quantity == quantity]
         least = max((clamp.minimum for clamp in clamps), default=-math.inf)
         return least, min((clamp.maximum for clamp in clamps), default=math.inf)
@@ -104,7 +104,7 @@ class OpenedAnew(Protocol):
 
 @runtime_checkable
 class ServesBus(Protocol):
-    """A driver whose instrument runs the transfers of an I2C bus behind it."""
+    """A driver whose instrument runs the transfers of an I2C bus."""
 
     def bus(self, frequency_hz: float) -> StreamingBus:
         """Return the bus, which runs at `frequency_hz`; send nothing before its first transfer."""

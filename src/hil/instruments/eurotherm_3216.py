@@ -66,7 +66,7 @@ class Eurotherm3216Thermal:
         device: the instrument's name, for messages.
         session: its session.
         clock: the bench's clock.
-        clamps: what its setpoint may be told; the quantity is `temperature`.
+        clamps: how far its setpoint may be set; the quantity is `temperature`.
         channel: of the wire, by which clamps are found.
         decimals: how many the display shows; everything about temperature is wrong by powers of ten otherwise.
     """
@@ -103,7 +103,7 @@ class Eurotherm3216Thermal:
         scaled = temperature * 10**self._decimals
         if not -0x8000 <= scaled < 0x7FFF:
             raise Refused(
-                f"{self._name}: {temperature:g} degC has no room in a register", "ask for another temperature"
+                f"{self._name}: {temperature:g} degC does not fit in a register", "ask for another temperature"
             )
         wanted = round(scaled)
         self._agreed = False
@@ -205,7 +205,7 @@ class Eurotherm3216Thermal:
             raise fault or Rejected(
                 self._device,
                 f"{self._name}: {what} was set to {_signed(value)} and reads back {_signed(found)}",
-                "look at its setpoint limits and its access level",
+                "check its setpoint limits and its access level",
             )
 
     def _may_differ(self, register: int, value: int) -> bool:
@@ -246,7 +246,7 @@ class Eurotherm3216:
         self._session = ModbusSession(connection.device, connection.port, connection.clock, unit)
 
     def identify(self) -> Identity:
-        """Read type code and version, hexadecimal numbers that read like the model and V1.11; it tells no more."""
+        """Read type code and version, hexadecimal numbers that read like the model and V1.11; it reports no more."""
         try:
             code, version = (self._session.read_holding(address, 1)[0] for address in (_TYPE_CODE, _VERSION))
         except Rejected:

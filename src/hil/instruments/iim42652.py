@@ -1,4 +1,4 @@
-"""TDK InvenSense IIM-42652 gyroscope on an I2C bus, of the host or behind an OBC.
+"""TDK InvenSense IIM-42652 gyroscope on an I2C bus, of the host or of an OBC.
 
 Registers, ranges and rates: the vendor's header Ixm42xxxDefs.h (InvenSenseInc/public.mcu.iim42652) and Linux
 inv_icm42600. Filter bandwidths: the family's data sheets (GYRO_ACCEL_CONFIG0 of the ICM-42688-P): half the rate, or the
@@ -205,7 +205,7 @@ class Iim42652Gyroscope(FifoGyroscope):
         self._registers.write(Register.DEVICE_CONFIG, _SOFT_RESET)
         self._clock.sleep(_RESET_S)
         if not self._registers.read(Register.INT_STATUS) & _RESET_DONE:
-            raise Rejected(self._device, "it does not report that its reset is done", "look at the sensor's power")
+            raise Rejected(self._device, "it does not report that its reset is done", "check the sensor's power")
         self._registers.set(self._settings)
         self._clock.sleep(_START_UP_S)
         self._registers.expect(self._settings)

@@ -108,22 +108,22 @@ class KoradOutput:
             raise Rejected(
                 self._connection.device,
                 f"{self._name} was switched on and is off",
-                "look at the supply's display: a protection that trips at its setting may have acted",
+                "check the supply's display: a protection that trips at its setting may have acted",
             )
 
     @drives
     def disable(self) -> None:
         """Switch the output off; its bytes leave first, whatever state the line is in.
 
-        Nothing acknowledges them, and a command that comes too soon behind another one is lost with it. So off is said
-        once more to a supply that says it is on.
+        Nothing acknowledges them, and a command that comes too soon after another one is lost with it. So off is said
+        again to a supply that says it is on.
         """
         for _ in range(_TIMES_OFF):
             self._line.setting("OUT0", urgent=True)
             if not self.enabled():
                 return
         raise Rejected(
-            self._connection.device, f"{self._name} was switched off and is on", "cut its mains, then look at it"
+            self._connection.device, f"{self._name} was switched off and is on", "cut its mains, then check it"
         )
 
     @reads
@@ -170,7 +170,7 @@ class KoradOutput:
             raise Rejected(
                 self._connection.device,
                 f"{self._name}: its protections were switched on and are off",
-                "look at the supply's display, and whether its firmware has them",
+                "check the supply's display, and whether its firmware has them",
             )
 
     def _set(self, quantity: str, value: float) -> None:
@@ -183,7 +183,7 @@ class KoradOutput:
             raise Rejected(
                 self._connection.device,
                 f"{self._name}: {quantity} was set by {command} and reads back {taken:g}",
-                "compare the setting with the supply's ratings; it passes over what it cannot do without a word",
+                "compare the setting with the supply's ratings; it silently ignores what it cannot do",
             )
 
     def _sendable(self, quantity: str, value: float) -> float:
@@ -211,7 +211,7 @@ class KoradKa3005p:
         self._line = KoradLine(connection.device, connection.port, connection.clock)
 
     def identify(self) -> Identity:
-        """Ask `*IDN?`; most firmware tells no serial number."""
+        """Ask `*IDN?`; most firmware reports no serial number."""
         text = self._line.identification()
         match = _IDENTIFICATION.fullmatch(text)
         if match is None:

@@ -6,7 +6,7 @@ for. The instrument answers in order: bytes that nobody had asked for make a rep
 identification should be. Of what proves a state two equal replies are asked for before that.
 
 After a fault a reply may still come: the line is listened to until it is silent, and then the identification must come
-whole; it is learnt anew.
+whole; it is learnt again.
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ class KoradLine:
             raise NoReply(
                 self._device,
                 f"asked {command!r}, {what} within {LONGEST_S:g} s",
-                "look at the supply's power and cable, and that its baud is 9600",
+                "check the supply's power and cable, and that its baud is 9600",
             )
         return came
 
@@ -210,26 +210,26 @@ class KoradLine:
         self._in_step = False
         return Garbled(
             self._device,
-            f"{stray[:_MOST_BYTES]!r} came, and nobody had asked for it",
-            "look who else talks on the line, and switch the supply off and on",
+            f"{stray[:_MOST_BYTES]!r} arrived unsolicited",
+            "check what else talks on the line, and switch the supply off and on",
         )
 
     def _nonsense(self, command: bytes, expected: str, came: bytes) -> Garbled:
         return Garbled(
             self._device,
             f"asked {command!r}, expected {expected}, got {came[:_MOST_BYTES]!r}",
-            "look at the driver that the bench file names, the line's speed and its shielding",
+            "check the driver that the bench file names, the line's speed and its shielding",
         )
 
     def _dead_port(self, error: OSError) -> NoReply:
         self._in_step = False
-        return NoReply(self._device, f"the port failed: {error}", "look at cable and power")
+        return NoReply(self._device, f"the port failed: {error}", "check cable and power")
 
 
 def switched_off(questions: tuple[tuple[bytes, bytes, tuple[float, float] | None], ...]) -> SafeBytes:
     """Return how the output is switched off by bytes alone.
 
-    Where a command ends only a silence tells. So there is one first; and the command leaves twice, for half a command
+    Only a silence shows where a command ends. So there is one first; and the command leaves twice, for half a command
     that a killed program left might still spoil the first.
 
     Args:

@@ -111,7 +111,7 @@ class Lis3mdlMagnetometer(Sensor):
         data = self._registers.block(_OUT_X_L, 6)
         temperature = self._registers.block(_TEMP_OUT_L, 2)
         if set(data + temperature) == {0xFF} and self.chip.name_of(self._registers) != _ITS_NAME:
-            raise Garbled(self._device, "the bus reads nothing but ones", "look at the sensor's power and its SDA wire")
+            raise Garbled(self._device, "the bus reads nothing but ones", "check the sensor's power and its SDA wire")
         counts = struct.unpack("<hhh", data)
         self._stillness.judge(counts)
         celsius = _CELSIUS.number(struct.unpack("<h", temperature)[0])
@@ -125,7 +125,7 @@ class Lis3mdlMagnetometer(Sensor):
             1.0 / (self._rate * _POLLS_PER_SAMPLE),
             (
                 f"no new sample within {longest:.3g} s at {self._rate:g} Hz",
-                "look at the sensor's power; after a power cut it has to be started again",
+                "check the sensor's power; after a power cut it has to be started again",
             ),
         )
 

@@ -103,12 +103,12 @@ def coils_taken(address: int, count: int, unit: int) -> bytes:
 
 
 def coils_told(values: Sequence[bool], unit: int) -> bytes:
-    """Return the frame by which a unit tells how its coils are (function 01)."""
+    """Return the frame by which a unit says how its coils are (function 01)."""
     return bytes(_FRAMER.buildFrame(ReadCoilsResponse(bits=list(values), dev_id=unit)))
 
 
 def register_told(value: int, unit: int) -> bytes:
-    """Return the frame by which a unit tells one holding register (function 03)."""
+    """Return the frame with which a unit reports one holding register (function 03)."""
     return bytes(_FRAMER.buildFrame(ReadHoldingRegistersResponse(registers=[value], dev_id=unit)))
 
 
@@ -194,7 +194,7 @@ class ModbusLine:
 
 @lru_cache(maxsize=1024)
 def _understood(data: bytes, unit: int) -> tuple[int, Reply | None]:
-    """Return how many bytes are done with, and the reply in them; what a bench is told for weeks is told often."""
+    """Return how many bytes are done with, and the reply in them; what a bench hears for weeks it hears often."""
     used, reply = _FRAMER.handleFrame(data, unit, 0)
     return used, reply
 

@@ -36,7 +36,7 @@ class ModbusSession:
     """The host's end of one Modbus RTU line to one unit.
 
     Reads are asked again where nothing or nonsense comes; writes are sent once, and the driver
-    reads back what became of them. A reply does not say which of two equal questions it belongs to, so
+    reads back their outcomes. A reply does not say which of two equal questions it belongs to, so
     nothing may wait before a read, and a read that proves something is followed by a quiet gap.
 
     Args:
@@ -78,13 +78,13 @@ class ModbusSession:
         try:
             stray = self._client.unasked(gap)
         except OSError as error:
-            raise NoReply(self._device, f"the port failed: {error}", "look at cable and power") from error
+            raise NoReply(self._device, f"the port failed: {error}", "check cable and power") from error
         if stray:
             self._settled = False
             raise Garbled(
                 self._device,
-                f"{stray[:_MOST_SHOWN].hex(' ')} came, and nobody had asked for it",
-                "look who else talks on the line, and at its termination",
+                f"{stray[:_MOST_SHOWN].hex(' ')} arrived unsolicited",
+                "check what else talks on the line, and its termination",
             )
 
     def read_coils(self, address: int, count: int) -> tuple[bool, ...]:
@@ -160,7 +160,7 @@ class ModbusSession:
             self._settled = False
             reply = self._client.ask(request)
         except OSError as error:
-            raise NoReply(self._device, f"the port failed at {asked}: {error}", "look at cable and power") from error
+            raise NoReply(self._device, f"the port failed at {asked}: {error}", "check cable and power") from error
         if reply is None:
             raise self._silence(asked)
         if reply.function_code == function | _IS_EXCEPTION:
@@ -189,12 +189,12 @@ class ModbusSession:
         return NoReply(
             self._device,
             f"asked for {asked}, unit {self._unit} gave no reply within {self._timeout:g} s",
-            "look at its power, its A and B wires, its address and its speed",
+            "check its power, its A and B wires, its address and its speed",
         )
 
     def _garbled(self, asked: str, expected: str) -> Garbled:
         return Garbled(
             self._device,
             f"asked for {asked}, expected {expected}, got {self._client.received.hex(' ') or 'nothing'}",
-            "look at the line's speed, termination and shielding, and who else talks on it",
+            "check the line's speed, termination and shielding, and what else talks on it",
         )

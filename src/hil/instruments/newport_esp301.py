@@ -129,7 +129,7 @@ class Table:
 
     Rates come from the encoder. Motor power is on from a permitted rate to the proven stop only. The clamp `turns`
     holds for the way from where the table stood when the bench was armed: a movement that would leave it is refused,
-    and one that comes to its end is stopped by whatever reads the encoder next, the envelope's monitors included.
+    and one that ends is stopped by whatever reads the encoder next, the envelope's monitors included.
 
     Args:
         name: the wire's dotted name.
@@ -196,7 +196,7 @@ class Table:
         """Stop, wait until the encoder stands still, and switch the motor off; the bytes leave first.
 
         Raises:
-            Rejected: the table goes on, or its motor stays on, or the error buffer held something.
+            Rejected: the table continues, or its motor stays on, or the error buffer held something.
         """
         slowing = abs(self._commanded) / self._motion.acceleration
         queued = self._session.urgent(f"{self._axis}ST")
@@ -205,16 +205,16 @@ class Table:
         if not stands:
             cut = "its motor power was cut" + ("" if self._comes_to_rest(slowing) else ", and it still turns")
             raise Rejected(
-                self._device, f"{self._name} was stopped and went on; {cut}", "cut its mains, then look at the drive"
+                self._device, f"{self._name} was stopped and went on; {cut}", "cut its mains, then check the drive"
             )
         self._commanded = 0.0
         if self._session.query(f"{self._axis}MO?", as_flag):
-            raise Rejected(self._device, f"the motor of {self._name} stays on", "cut its mains, then look at it")
+            raise Rejected(self._device, f"the motor of {self._name} stays on", "cut its mains, then check it")
         if queued:
             raise Rejected(
                 self._device,
                 f"{self._name} stands still, but the error buffer held {'; '.join(queued)}",
-                "look at the stage, its load and its harness",
+                "check the stage, its load and its harness",
             )
 
     @reads
@@ -259,7 +259,7 @@ class Table:
     def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
         """Return the bytes of stop and power off; see `hil.instruments.roles.SafeByBytes`.
 
-        Standstill is always asked of the encoder; a rate besides of the controller, which may tell what it commands.
+        Standstill is always asked of the encoder; a rate also of the controller, which may report what it commands.
         """
         must_be_state(ROTATION_TABLE, self._name, state)
         return stopped(self._axis, own_bounds(self._name, proof, "rate"))
@@ -325,7 +325,7 @@ class Table:
         self._session.setting(f"{self._axis}MO")
         self._commanded = rate
         if not self._session.query(f"{self._axis}MO?", as_flag):
-            raise Rejected(self._device, f"the motor of {self._name} does not switch on", "look at the interlock")
+            raise Rejected(self._device, f"the motor of {self._name} does not switch on", "check the interlock")
         self._session.setting(f"{self._axis}MV{'+' if rate > 0 else '-'}")
 
     def _set(self, mnemonic: str, value: float) -> None:
@@ -335,11 +335,11 @@ class Table:
             raise Rejected(
                 self._device,
                 f"{self._name}: {mnemonic} was set to {value:g} and reads back {taken:g}",
-                "look who else sets it, and at the stage's ratings",
+                "check what else sets it, and the stage's ratings",
             )
 
     def _wait_for(self, rate: float) -> None:
-        """Wait out the ramp, then for the rate; a table that does not come to it is stopped and told of."""
+        """Wait out the ramp, then for the rate; a table that does not reach it is stopped and reported."""
         self._clock.sleep(abs(rate) / self._motion.acceleration)
         deadline = self._clock.now() + _SETTLED_WITHIN_S
         while True:
@@ -357,7 +357,7 @@ class Table:
         raise Rejected(
             self._device,
             f"{self._name} was set to {rate:g} deg/s and its encoder shows {shown:.4g} deg/s; {ended}",
-            "look whether the table slips or is held, and at its load",
+            "check whether the table slips or is held, and its load",
         )
 
     def _comes_to_rest(self, slowing: float) -> bool:

@@ -120,7 +120,7 @@ def stopped(axis: int, rate: tuple[float, float] | None) -> SafeBytes:
 
     Args:
         axis: its number.
-        rate: bounds of the velocity that the controller tells [deg/s], None where it is not to be asked.
+        rate: bounds of the velocity that the controller reports [deg/s], None if it is not to be asked.
     """
     asked = [_asked("VE?", _VERSION), _asked(f"{axis}MD?", rb"\A *1" + _END), _asked(*_standing(axis))]
     if rate is not None:

@@ -1,9 +1,9 @@
 """A dialogue with an ESP301: every exchange ends with the error buffer, whose time proves that the reply is fresh.
 
 The controller answers line by line, and a reply does not say which question it belongs to. So `TB?` follows every
-command: its reply has a form of its own, empties the error buffer, and tells the controller's time in ticks of 0.4 ms.
+command: its reply has a form of its own, empties the error buffer, and gives the controller's time in ticks of 0.4 ms.
 A stray line before a question is refused, one between question and reply displaces the reply of `TB?`, and a stale
-reply shows a controller's clock that did not go on with the bench's.
+reply shows a controller's clock that did not advance with the bench's.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ class EspSession:
             if not status.code:
                 return tuple(queued)
             queued.append(_told(status))
-        raise Garbled(self._device, f"errors come without an end, the newest {queued[-1]}", "switch it off and on")
+        raise Garbled(self._device, f"errors keep coming, the newest {queued[-1]}", "switch it off and on")
 
     def _must_be_known(self) -> None:
         """Before the first exchange take out what others left in the buffer: it is not held against our commands."""
@@ -178,7 +178,7 @@ class EspSession:
         return self._status(self._line("TB?"), sent)
 
     def _status(self, line: str, sent: float) -> _Status:
-        """Read a reply of `TB?`; the time of one without an error must go on with the bench's."""
+        """Read a reply of `TB?`; the time of one without an error must advance with the bench's."""
         match = _STATUS.fullmatch(line)
         if match is None:
             raise self._garbled("TB?", "code, time and text", line)
@@ -197,7 +197,7 @@ class EspSession:
                 raise Garbled(
                     self._device,
                     f"its clock went {went:.3f} s while the bench's went {most:.3f} s",
-                    "look who else talks to it, and whether it was switched off and on; then arm anew",
+                    "check what else talks to it, and whether it was power-cycled; then arm again",
                 )
         self._reference = (now, ticks)
 
@@ -226,8 +226,8 @@ class EspSession:
             self._in_step = False
             raise Garbled(
                 self._device,
-                f"{stray[:_MOST_SHOWN]!r} came, and nobody had asked for it",
-                "look who else talks to it, and switch it off and on",
+                f"{stray[:_MOST_SHOWN]!r} arrived unsolicited",
+                "check what else talks to it, and switch it off and on",
             )
 
     def _write(self, text: str) -> None:
@@ -247,7 +247,7 @@ class EspSession:
             raise NoReply(
                 self._device,
                 f"asked `{command}`, {came} within {LONGEST_S:g} s",
-                "look at the controller's power, its cable and its speed",
+                "check the controller's power, its cable and its speed",
             )
         return line.removesuffix(_END).decode("ascii", errors="backslashreplace").strip()
 
@@ -255,12 +255,12 @@ class EspSession:
         return Garbled(
             self._device,
             f"asked `{command}`, expected {expected}, got {got[:_MOST_SHOWN]!r}",
-            "look at the line's speed and shielding, and who else talks on it",
+            "check the line's speed and shielding, and what else talks on it",
         )
 
     def _dead_port(self, command: str, error: OSError) -> NoReply:
         shown = command.partition("\r")[0]
-        return NoReply(self._device, f"the port failed at `{shown}`: {error}", "look at cable and power")
+        return NoReply(self._device, f"the port failed at `{shown}`: {error}", "check cable and power")
 
 
 def as_decimal(reply: str) -> float:

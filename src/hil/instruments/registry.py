@@ -30,7 +30,7 @@ ROLES: Offers[Role] = Offers("hil.roles", "role", problem_with, "a hil.instrumen
 
 
 def role_of(output: str) -> Role | None:
-    """Return the role of an output such as `supply.coil`, None where there is no such role."""
+    """Return the role of an output such as `supply.coil`, None if there is no such role."""
     return ROLES.find(output.partition(".")[0])
 
 
@@ -41,7 +41,7 @@ def states_of(output: str) -> Mapping[str, str]:
 
 
 def unit_of(output: str, quantity: str) -> str:
-    """Return the unit in which an output's role gives a quantity, empty where it has no such quantity."""
+    """Return the unit in which an output's role gives a quantity, empty if it has no such quantity."""
     role = role_of(output)
     return role.quantities.get(quantity, "") if role else ""
 
@@ -49,7 +49,7 @@ def unit_of(output: str, quantity: str) -> str:
 def quantity_units() -> dict[str, tuple[str, ...]]:
     """Return every quantity that some role has, with the units in which roles give it.
 
-    A role that cannot be used has none here; who wires it is told why.
+    A role that cannot be used has none here; wiring it reports why.
     """
     units: dict[str, tuple[str, ...]] = {}
     for name in ROLES:

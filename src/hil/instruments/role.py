@@ -14,7 +14,7 @@ __all__ = ["Argument", "Operation", "Role", "problem_with"]
 
 @dataclass(frozen=True, slots=True)
 class Argument:
-    """One argument of an operation: whether it takes a number, and the unit of that, empty where it has none."""
+    """One argument of an operation: whether it takes a number, and the unit of that, empty if it has none."""
 
     name: str
     number: bool
@@ -31,7 +31,7 @@ class Operation:
         drives: whether it changes the bench; else it only reads.
         begins: whether it begins something, and is never issued again without its case.
         arguments: by name, in their order.
-        unit: of the figure that it returns, empty where it returns none.
+        unit: of the figure that it returns, empty if it returns none.
         signature: of the function.
     """
 
@@ -63,7 +63,7 @@ class Role:
         hazardous: whether its outputs can do harm: they belong into the safe-off and need cut paths.
         clamped: the quantities that such an output must have clamps for.
         proven: whether its line in the safe-off needs a proof.
-        part: the argument that tells the parts of one output apart, such as `contact`; each is driven by itself.
+        part: the argument that distinguishes the parts of one output, such as `contact`; each is driven by itself.
     """
 
     name: str

@@ -239,12 +239,12 @@ class SafeByBytes(Protocol):
     """
 
     def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
-        """Return how the output comes to a state, from what the driver knows; nothing is sent.
+        """Return how to bring the output to a state, from what the driver knows; nothing is sent.
 
         Args:
             state: one of its role's states.
             proof: how the bench file proves that state. Where it reads a quantity of this very output that the
-                instrument tells in text, the bytes ask for it too, and hold it to these bounds.
+                instrument reports in text, the bytes ask for it too, and hold it to these bounds.
 
         Raises:
             Refused: there is no such state, or bytes do not lead there.

@@ -30,7 +30,7 @@ def must_be_state(role: Role, name: str, state: str) -> None:
 
 
 def own_bounds(name: str, proof: Proof | None, quantity: str) -> tuple[float, float] | None:
-    """Return the bounds of a proof that reads this quantity of this very output, None where it does not."""
+    """Return the bounds of a proof that reads this quantity of this very output, None if it does not."""
     if proof is None or (proof.output, proof.quantity) != (name, quantity):
         return None
     return proof.minimum, proof.maximum

@@ -39,12 +39,12 @@ class StreamReport:
     Attributes:
         frames: frames received.
         lost: frames that never came.
-        drift: rate of the device's clock against the bench's minus 1, None where unknown.
+        drift: rate of the device's clock against the bench's minus 1, None if unknown.
         drift_uncertainty: standard uncertainty of `drift`.
         lost_samples: samples that the device dropped, or sent damaged, inside of frames that came.
         losses_known: whether every loss shows; False where frames have no numbers.
         time_uncertainty: standard uncertainty in s of the rows' times against the bench's clock at their beginning,
-            None where it is not told.
+            None if it is not told.
     """
 
     frames: int
@@ -94,5 +94,5 @@ class Ending(Protocol):
 
     @property
     def over(self) -> bool:
-        """Whether the device told the end of its test, as far as is known; it is not asked."""
+        """Whether the device reported the end of its test, as far as is known; it is not asked."""
         ...

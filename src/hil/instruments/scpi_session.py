@@ -150,7 +150,7 @@ class ScpiSession:
         raise Garbled(
             self._device,
             f"`{self._error_query}` gave {_LONGEST_ERROR_QUEUE} errors without an end, the newest {queued[-1]}",
-            "switch the instrument off and on, and look who else talks to it",
+            "switch the instrument off and on, and check what else talks to it",
         )
 
     def _query(self, ask: Callable[[], _T]) -> _T:
@@ -195,7 +195,7 @@ class ScpiSession:
             raise Garbled(
                 self._device,
                 f"asked `{command}`, expected {error}, got {line!r}",
-                "look at the driver that the bench file names, the line's speed and its shielding",
+                "check the driver that the bench file names, the line's speed and its shielding",
             ) from None
 
     def _send(self, command: str) -> None:
@@ -215,12 +215,12 @@ class ScpiSession:
             raise NoReply(
                 self._device,
                 f"asked `{command}`, {came} within {self._timeout:g} s",
-                "look at the instrument's power, cable and remote settings",
+                "check the instrument's power, cable and remote settings",
             )
         return line.removesuffix(self._terminator).decode("ascii", errors="backslashreplace")
 
     def _dead_port(self, command: str, error: OSError) -> NoReply:
-        return NoReply(self._device, f"the port failed at `{command}`: {error}", "look at cable and power")
+        return NoReply(self._device, f"the port failed at `{command}`: {error}", "check cable and power")
 
     def _step_again(self) -> None:
         """Bring queries and replies back into step, by the one reply that cannot be mistaken."""
@@ -235,7 +235,7 @@ class ScpiSession:
             else:
                 self._in_step = True
                 return
-        raise Garbled(self._device, "lines come without an end that no query asked for", "look who else talks to it")
+        raise Garbled(self._device, "unsolicited lines keep coming", "check what else talks to it")
 
     def _must_be_quiet(self) -> None:
         """Refuse bytes that came unasked; out of step some may be owed, and stepping again deals with them."""
@@ -243,8 +243,8 @@ class ScpiSession:
             self._in_step = self._queue_known = False
             raise Garbled(
                 self._device,
-                f"{stray[:_MOST_SHOWN]!r} came, and nobody had asked for it",
-                "look who else talks to it, and switch it off and on",
+                f"{stray[:_MOST_SHOWN]!r} arrived unsolicited",
+                "check what else talks to it, and switch it off and on",
             )
 
     def _waiting(self) -> bytes:
@@ -287,7 +287,7 @@ class ClosedSession(ScpiSession):
             if not self._silence():
                 break
         else:
-            raise Garbled(self._device, "bytes come without an end that nobody asked for", "look who else talks to it")
+            raise Garbled(self._device, "unsolicited bytes keep coming", "check what else talks to it")
         self._bare("*IDN?", self._identified)
         self._in_step = True
 

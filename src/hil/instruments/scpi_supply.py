@@ -58,7 +58,7 @@ class Protection:
         set_level: sets the level (V or A).
         get_level: asks for it.
         tripped: asks whether it has tripped.
-        arm: switches it on; empty where it is always on.
+        arm: switches it on; empty if it is always on.
         armed: asks whether it is on.
     """
 
@@ -189,14 +189,14 @@ class ScpiOutput:
         self._session.setting(self._filled(self._dialect.switch_on))
         if not self.enabled():
             self._must_not_have_tripped()
-            raise Rejected(self._device, f"{self._name} was switched on and is off", "look at the instrument's display")
+            raise Rejected(self._device, f"{self._name} was switched on and is off", "check the instrument's display")
 
     @drives
     def disable(self) -> None:
         """Switch the output off; its bytes leave first, whatever state the dialogue is in."""
         self._session.setting(self._filled(self._dialect.switch_off), urgent=True)
         if self.enabled():
-            raise Rejected(self._device, f"{self._name} was switched off and is on", "cut its mains, then look at it")
+            raise Rejected(self._device, f"{self._name} was switched off and is on", "cut its mains, then check it")
 
     @reads
     def enabled(self) -> bool:
@@ -241,7 +241,7 @@ class ScpiOutput:
                 raise Rejected(
                     self._device,
                     f"the {what} protection of {self._name} has tripped",
-                    f"look for what raised the {what[5:]}, then clear the protection at the instrument",
+                    f"find out what raised the {what[5:]}, then clear the protection at the instrument",
                 )
 
     def _protect(self) -> None:
@@ -258,7 +258,7 @@ class ScpiOutput:
             raise Rejected(
                 self._device,
                 f"{self._name}: the {quantity.replace('_', '-')} protection was switched on and is off",
-                "look at the instrument's display and its programming guide",
+                "check the instrument's display and its programming guide",
             )
 
     def _set(self, quantity: str, command: str, question: str, value: float) -> None:
@@ -271,7 +271,7 @@ class ScpiOutput:
             raise Rejected(
                 self._device,
                 f"{self._name}: {quantity} was set to {text} and reads back {taken:g}",
-                "look whether the front panel or another program changes it, and at the instrument's ratings",
+                "check whether the front panel or another program changes it, and the instrument's ratings",
             )
 
     def _sendable(self, quantity: str, value: float) -> float:
@@ -350,7 +350,7 @@ def _switched_off(
     A killed program may have left half a line, and a line feed would let the instrument execute it: `OUTP ON` without
     the channels that were to follow switches whichever is selected. So the first thing sent is `*IDN?`: after half a
     line it makes nonsense of it, which is refused whole; after nothing it is a question that changes nothing. The error
-    queue is not emptied: what stands there tells the next program what happened.
+    queue is not emptied: what stands there shows the next program what happened.
 
     Instruments answer in order. The proof begins with `*IDN?` too: when its reply has come, no older one is owed.
 

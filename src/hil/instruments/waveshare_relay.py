@@ -91,7 +91,7 @@ class WaveshareRelays:
         self._prove(lambda: self._session.write_coil(coil, on), {coil: on})
 
     def _prove(self, write: Callable[[], None], wanted: Mapping[int, bool]) -> None:
-        """Write once and read back what became of it, with silence after that, so that no stale frame was read.
+        """Write once and read back its outcome, with silence after that, so that no stale frame was read.
 
         Raises:
             NoReply: nothing came, or a reply was lost and the relays are not as wanted.
@@ -115,7 +115,7 @@ class WaveshareRelays:
             raise Rejected(
                 self._device,
                 f"{self._name}: the board acknowledged, but reads back relay {', '.join(map(str, wrong))} otherwise",
-                "look at the board's supply voltage, and who else talks to it",
+                "check the board's supply voltage, and what else talks to it",
             )
 
     def _stray(self) -> DeviceFault | None:
@@ -172,7 +172,9 @@ class WaveshareRelay:
     def role(self, wire: Wire) -> Relays:
         """Return the contacts that the wire names."""
         if wire.role not in self.roles:
-            raise Refused(f"wiring {wire.name}: a waveshare-relay is no {wire.role}", "it fills the role relays")
+            raise Refused(
+                f"wiring {wire.name}: a waveshare-relay cannot fill the role {wire.role}", "it fills the role relays"
+            )
         if not wire.contacts:
             raise Refused(f"wiring {wire.name}: no contacts", "name them: `contacts: {heater: 1}`")
         for contact, number in wire.contacts.items():

@@ -93,7 +93,7 @@ class Calibration:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rating:
-    """What an instrument's channel can stand or give; channel 0 means the whole instrument."""
+    """What an instrument's channel can withstand or deliver; channel 0 means the whole instrument."""
 
     channel: _Count = 0
     quantity: Text
@@ -106,7 +106,7 @@ class UsbPort:
     """Which USB device a serial port must be: its serial number, or the place in which it is plugged in.
 
     Attributes:
-        serial: serial number of the device, empty where it has none of its own.
+        serial: serial number of the device, empty if it has none of its own.
         path: name of the port in `/dev/serial/by-path`, for devices whose serial numbers are all alike.
     """
 
@@ -119,7 +119,7 @@ class InstrumentSpec:
     """One instrument: its driver, where it is, who it must be, what it may do.
 
     Either `port` (a URL for pyserial) or `bus` and `address` (I2C) is set. `powered_by` names the
-    output that feeds it, empty where it has power of its own. `usb` says which device a serial port must be.
+    output that feeds it, empty if it has power of its own. `usb` says which device a serial port must be.
     """
 
     name: str = field(default="", metadata=NAMED)
@@ -168,13 +168,13 @@ class Wire:
 
     Attributes:
         role: what a case asks for (`supply`, `relays`, `magnetometer`).
-        instance: its name within the role, empty where the role has one instance only.
+        instance: its name within the role, empty if the role has one instance only.
         instrument: the instrument that fills it.
         channel: the instrument's channel, 0 where it has none.
         contacts: for relays, name of a contact to its number on the board.
-        settings: what the role needs besides (measurement range, output rate), as strings.
+        settings: what else the role needs (measurement range, output rate), as strings.
         reduced: for supplies, the level at which arm tries the output.
-        charges: for supplies, the cycler through which the output charges a battery; empty where it charges none.
+        charges: for supplies, the cycler through which the output charges a battery; empty if it charges none.
         hazardous: whether its output can do harm when nobody can reach it; only roles that drive anything are asked.
         note: polarity, fuse, cable: printed in the report's wiring table.
     """
@@ -271,7 +271,7 @@ class SimulatedBench:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchHead:
-    """What a bench is called, where it stands, and the dew point of its air in degC, None where nobody knows it."""
+    """What a bench is called, where it stands, and the dew point of its air in degC, None if nobody knows it."""
 
     name: Annotated[str, matching("[a-z][a-z0-9-]*")]
     title: Text

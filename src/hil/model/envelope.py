@@ -17,7 +17,7 @@ MADE_OF = {
     "slope": (),
     "unchanged": (),
 }
-"""Derived quantities, and what they are computed from besides what the limit names."""
+"""Derived quantities, and what else they are computed from, beyond what the limit names."""
 
 _MILLISECOND = seconds(0.001)
 _MADE = {"slope": "slope of {of}", "unchanged": "time of unchanged {of}"}

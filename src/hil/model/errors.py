@@ -48,7 +48,7 @@ class HilError(Exception):
 
     Args:
         message: where and what, in one sentence without a full stop.
-        hint: what to do next, or an empty string where the message already says it.
+        hint: what to do next, or an empty string if the message already says it.
     """
 
     def __init__(self, message: str, hint: str = "") -> None:
@@ -84,7 +84,7 @@ class ConfigurationError(HilError):
 
 
 class Refused(HilError):
-    """The product declines to go on, and nothing was driven."""
+    """The product declines to continue, and nothing was driven."""
 
 
 class DeviceFault(HilError):
@@ -138,7 +138,7 @@ class GuardianLost(HilError):
 
 
 class Misused(HilError):
-    """A case asks for what the catalogue does not hold, or gives something that is no figure or no role of its own."""
+    """A case asks for what the catalogue does not hold, or gives something that is not a figure or role of its own."""
 
 
 class NotInTime(HilError):

@@ -27,7 +27,7 @@ class Figure:
     Attributes:
         value: the number, in `unit`; NaN is allowed and never passes a check.
         unit: a unit string of the catalogue's notation (`deg/s/sqrt(Hz)`, `1` for a plain number).
-        uncertainty: standard uncertainty (k = 1) in the same unit, None where unknown.
+        uncertainty: standard uncertainty (k = 1) in the same unit, None if unknown.
         dof: degrees of freedom of the uncertainty, infinite where it is taken as exact.
         status: what the analysis says of the number; only MEASURED and UPPER_LIMIT can pass.
     """

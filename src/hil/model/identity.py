@@ -44,7 +44,7 @@ class Model(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identity:
-    """What an instrument says of itself; an empty string where it does not say."""
+    """What an instrument says of itself; an empty string if it does not say."""
 
     manufacturer: AnyText = ""
     model: AnyText = ""
@@ -64,7 +64,7 @@ class Dut:
         part: part number.
         model: EM, QM or FM.
         hardware: hardware revision.
-        firmware: firmware revision, empty where it has none.
+        firmware: firmware revision, empty if it has none.
         title: what it is, in words.
         simulated: whether it exists in simulated benches only.
         recognised: per device of the bench, what must be read there for this DUT to be the one.

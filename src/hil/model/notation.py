@@ -62,7 +62,7 @@ NAMED = {"alias": "\0name"}
 """Metadata of the field that holds the name of an entry, for `ByName`: the name stands before the entry, not in it."""
 
 UNWRITTEN = {"alias": "\0"}
-"""Metadata of a field that no file gives: whoever reads the file fills it."""
+"""Metadata of a field that no file gives: the code that reads the file fills it in."""
 
 _Real = TypeVar("_Real", int, float)
 
@@ -96,7 +96,7 @@ class Complaint(ValueError):
 
     Args:
         expected: the words.
-        quote: whether writing the value in quotes would mend it.
+        quote: whether writing the value in quotes would fix it.
         found: whether the words are followed by what was found.
         known: what the value may be; the nearest of them is suggested.
         inner: complaints about parts of the value, by their path below it; the words are empty then.
@@ -275,7 +275,7 @@ def _vector(value: object, size: int, each: Callable[[object], float], rising: b
     if wrong:
         raise Complaint(inner=wrong)
     if rising and any(after <= before for before, after in pairwise(numbers)):
-        raise Complaint("must be numbers that rise", found=False)
+        raise Complaint("must be rising numbers", found=False)
     return tuple(numbers)
 
 
@@ -306,7 +306,7 @@ def _seconds(value: object, minimum: float = 0.0, above: float = -math.inf) -> f
 def _nanoseconds(value: object, minimum: int = 0) -> int:
     nanoseconds = round(_seconds(value) * _NANO)
     if nanoseconds > _CENTURY_S * _NANO:
-        raise Complaint("must be a century at most")
+        raise Complaint("must be at most a century")
     if nanoseconds < minimum:
         raise Complaint("must be longer than zero")
     return nanoseconds
@@ -325,7 +325,7 @@ def _quantity(value: object, units: Mapping[str, Decimal], expected: str) -> flo
         raise Complaint(f"must be {expected}")
     number, unit = match.groups()
     if unit not in units:
-        raise Complaint(f"must be {expected}; the unit '{unit}' is none of {', '.join(units)}", found=False)
+        raise Complaint(f"must be {expected}; the unit '{unit}' is not one of {', '.join(units)}", found=False)
     amount = float(Decimal(number) * units[unit])
     if not math.isfinite(amount):
         raise Complaint("is too large")
@@ -382,4 +382,4 @@ Hertz = Annotated[float, Notation(_hertz, 1.0)]
 """Hertz, written as `100 Hz`, `400 kHz`."""
 
 Plain = Annotated[object, Notation(_plain, "")]
-"""Texts and flags, in lists and mappings; numbers are texts, in quotes. Whoever the part is for reads it further."""
+"""Texts and flags, in lists and mappings; numbers are texts, in quotes. The owner of the part parses it further."""

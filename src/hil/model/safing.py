@@ -12,12 +12,12 @@ class Exchange:
     """Bytes for one instrument, and the reply that shows they were taken.
 
     Attributes:
-        send: the bytes; empty where only silence or a reply is waited for.
+        send: the bytes; empty if only silence or a reply is waited for.
         expect: a regular expression over bytes, of which the reply must hold a match (`re.search`, DOTALL); empty
             where no reply comes.
         within_s: how long the reply may take [s].
         quiet_s: how long the line must have been silent before the bytes are sent [s].
-        between: the least and the most that the number in the first group of `expect` may be; None where the match
+        between: the least and the most that the number in the first group of `expect` may be; None if the match
             alone says it all.
     """
 
@@ -30,10 +30,10 @@ class Exchange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SafeBytes:
-    """How one output comes to one safe state, by bytes alone, from whatever the line was in the middle of.
+    """How to bring one output to one safe state, by bytes alone, whatever the line was in the middle of.
 
     Attributes:
-        resync: ends what another process may have left half sent on the line; what is heard meanwhile is thrown away.
+        resync: ends what another process may have left half sent on the line; what is heard in this time is discarded.
         off: the commands; each may be sent again, and sending one to an output that is safe already does no harm.
         proof: asks whether it is safe; sends nothing that changes anything.
     """
@@ -45,11 +45,11 @@ class SafeBytes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardedPort:
-    """One instrument's port, and how it is opened anew where the descriptor that was passed is dead.
+    """One instrument's port, and how to reopen it if the descriptor that was passed is dead.
 
     Attributes:
         device: the instrument's name.
-        url: a path of a serial device, or `socket://host:port`; empty where it must not be opened anew, such as that
+        url: a path of a serial device, or `socket://host:port`; empty if it must not be reopened, such as that
             of a board which a rising DTR resets.
         baud: of a serial device.
     """

@@ -38,7 +38,7 @@ class Campaign:
 
     Attributes:
         session: the open session, None before the first case.
-        error: why there is none, where a person can mend it.
+        error: why there is none, where a person can fix it.
         collection_errors: files that could not be collected, and why.
     """
 
@@ -79,7 +79,7 @@ class Campaign:
         try:
             return (yield)
         except SystemExit as error:
-            text = f"E the module ends the process (sys.exit({error.code!r})): take it out, a run ends by itself"
+            text = f"E the module ends the process (sys.exit({error.code!r})): remove it, a run ends by itself"
             return pytest.CollectReport(collector.nodeid, "failed", text, [])
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
@@ -147,7 +147,7 @@ class Campaign:
     def pytest_pyfunc_call(self) -> Generator[None, object, object]:
         """Let an urgent stop end the case's own code, wherever it is; whatever comes out of it is noted here.
 
-        Whoever tells pytest afterwards that nothing was raised does not tell the run.
+        Code that makes pytest believe afterwards that nothing was raised does not deceive the run.
         """
         run = self.running.current
         try:
@@ -194,7 +194,7 @@ class Campaign:
         return report.outcome, "." if good else verdict[0], (verdict, {"green" if good else "red": True})
 
     def _refuse(self, error: HilError) -> NoReturn:
-        """End pytest with its code for wrong usage; whoever launched it tells the person."""
+        """End pytest with its code for wrong usage; the launcher reports it to the person."""
         self.error = error
         pytest.exit(str(error), returncode=pytest.ExitCode.USAGE_ERROR)
 
@@ -203,7 +203,7 @@ class Campaign:
             session.shouldstop = f"stopped by {self.running.flags.reason}"
 
     def _reason_against(self, item: pytest.Item) -> str:
-        """Return why this case is not run, empty where it is."""
+        """Return why this case is not run, empty if it is."""
         running = self.running
         if known := self._skipped.get(item.nodeid) or running.poison:
             return known

@@ -61,7 +61,7 @@ def launch(configuration: Configuration, opener: Opener) -> Launched:
         root = workspace.root
         raise ConfigurationError(tuple(_finding(where, text, root) for where, text in campaign.collection_errors))
     if campaign.session is None and code == pytest.ExitCode.USAGE_ERROR:
-        raise Refused("the plans could not be collected, see above", "mend what pytest names there")
+        raise Refused("the plans could not be collected, see above", "correct what pytest names there")
     return Launched(code, campaign.session)
 
 
@@ -72,7 +72,7 @@ def _outcome(campaign: Campaign, arguments: list[str]) -> int:
     except SystemExit as error:
         if campaign.session is None:
             what = f"a module of the plans ended the process (sys.exit({error.code!r}))"
-            raise Refused(what, "take it out: a run ends by itself") from error
+            raise Refused(what, "remove it: a run ends by itself") from error
     except BaseException as error:
         if campaign.session is None:
             raise
@@ -121,7 +121,7 @@ def _own_modules(roots: Sequence[Path]) -> Iterator[None]:
     try:
         yield
     finally:
-        # All of them are looked at before one goes: a namespace package asks its parent where it is.
+        # All of them are checked before one goes: a namespace package asks its parent where it is.
         for name in [name for name in set(sys.modules) - before if _is_inside(sys.modules[name], roots)]:
             del sys.modules[name]
 

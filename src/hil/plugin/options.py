@@ -19,6 +19,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Register what drives a bench, if one is named."""
     if config.getoption("--bench", None):
-        from hil.plugin.plain import configure_plain  # noqa: PLC0415 - costs nothing where no bench is named
+        from hil.plugin.plain import configure_plain  # noqa: PLC0415 - costs nothing if no bench is named
 
         configure_plain(config)

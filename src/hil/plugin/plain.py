@@ -46,7 +46,7 @@ class Chosen:
         Raises:
             pytest.UsageError: for a name that no case has.
         """
-        if session.testsfailed:  # what could not be collected is told by pytest
+        if session.testsfailed:  # pytest reports what could not be collected
             return
         for argument in self._arguments:
             if not any(_is_meant(item, argument) for item in items):

@@ -38,7 +38,7 @@ class Replayed:
         cases: how many cases were compared.
         checks: how many checks they have.
         differences: every difference, in a sentence, up to the one where a case left the record.
-        following: how many more came out otherwise behind that.
+        following: how many more differed after that.
         broken_off: how many cases of the record a stop cut short, which are not compared.
         never_ran: how many cases of the record never ran.
     """

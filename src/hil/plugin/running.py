@@ -35,7 +35,7 @@ __all__ = ["Word", "left_open_lines", "resume", "run"]
 
 _WITHOUT = {
     2: "interrupted before the run began, nothing was driven",
-    3: "nothing was run: pytest came to an unexpected end, see above",
+    3: "nothing was run: pytest ended unexpectedly, see above",
     5: "no cases were found in these plans",
 }
 """Why there is no package, by exit code."""
@@ -46,7 +46,7 @@ _SMALL = 1_000_000  # bytes of a journal that is derived again as a whole in les
 
 
 class Word(Protocol):
-    """Whoever waits for the run's end hears this."""
+    """Anyone who waits for the run's end hears this."""
 
     def begun(self, folder: Path) -> None:
         """Hear where the run writes."""
@@ -84,7 +84,7 @@ def run(request: Request, out: TextIO, *, verbose: bool = False, word: Word | No
         request: what is run.
         out: where it is shown.
         verbose: whether everything is shown.
-        word: whoever waits for the run's end.
+        word: reaches the process that waits for the run's end.
     """
     return _run(lambda: configure(request), partial(open_new, alone=True), out, word or _Unheard(), verbose)
 
@@ -104,12 +104,12 @@ def resume(
         folder: the run's folder.
         request: makes the request that it began with.
         out: as of `run`.
-        other_software: why it goes on though the software is not that which began it.
+        other_software: why it resumes although the software differs from the one that started it.
         verbose: whether everything is shown.
-        word: whoever waits for the run's end.
+        word: reaches the process that waits for the run's end.
 
     Raises:
-        Refused: if there is nothing to go on with, what the run is made of has changed, or the guardian ended it and
+        Refused: if there is nothing to resume, what the run is made of has changed, or the guardian ended it and
             nobody has acknowledged that.
     """
     earlier = find_earlier(folder)
@@ -141,13 +141,13 @@ def _run(
 
 
 class _RunProcess:
-    """The process that was started for one run, and is left if the run cannot go on.
+    """The process that was started for one run, and is left if the run cannot continue.
 
     Args:
         opener: opens the session.
         out: where the run is shown.
         verbose: whether everything is shown.
-        word: whoever waits for the run's end.
+        word: reaches the process that waits for the run's end.
     """
 
     def __init__(self, opener: Callable[..., Session], out: TextIO, word: Word, *, verbose: bool) -> None:
@@ -177,22 +177,22 @@ class _RunProcess:
         if self._session.flags.reason:
             self.stopped_early()  # on the way to the safe state it leaves its record
         told = f"hil: {self._session.folder.name} cannot be resumed: {error.first}"
-        _complain(told, "     it is as it was; seal it with hil seal")
+        _complain(told, "     it is unchanged; seal it with hil seal")
         self._word.leave(_INTERNAL)
 
     def stopped_early(self) -> None:
         """End the process of a resumed run that is to stop before it has come to its past again."""
         if self._session is not None:
-            told = f"hil: {self._session.folder.name} was stopped before it went on"
-            _complain(told, "     it is as it was; hil resume begins again")
+            told = f"hil: {self._session.folder.name} was stopped before it resumed"
+            _complain(told, "     it is unchanged; hil resume starts again")
             self._word.leave(EXIT_INTERRUPTED)
 
     def given_up(self) -> None:
-        """Seal the run, and end the process amid a case that nothing else ends."""
+        """Seal the run, and end the process in the middle of a case that nothing else ends."""
         self._word.leave(self.close(_FAILED))
 
     def close(self, pytest_code: int) -> int:
-        """Seal, tell, and return the exit code; what cannot be told changes nothing."""
+        """Seal, report, and return the exit code; what cannot be reported changes nothing."""
         if self._session is None:
             return _nothing(self._out, pytest_code)
         return _close(self._session, self._notifier, pytest_code, self._out, self._word)
@@ -203,7 +203,7 @@ def _attend(session: Session, notifier: Notifier) -> None:
 
     Args:
         session: the run, before its bench is armed.
-        notifier: reaches whoever is on call.
+        notifier: reaches the person on call.
     """
     configuration = session.configuration
     if session.machine is None:
@@ -244,7 +244,7 @@ def _nothing(out: TextIO, code: int) -> int:
 
 
 def _close(session: Session, notifier: Notifier | None, pytest_code: int, out: TextIO, word: Word) -> int:
-    """Seal, tell, and return the exit code; what cannot be told changes nothing."""
+    """Seal, report, and return the exit code; what cannot be reported changes nothing."""
     code = session.exit_code(pytest_code)
     if session.left_open:
         return _leave_open(session, notifier, code, out)
@@ -271,7 +271,7 @@ def _close(session: Session, notifier: Notifier | None, pytest_code: int, out: T
 
 
 def _leave_open(session: Session, notifier: Notifier | None, code: int, out: TextIO) -> int:
-    """Leave a run unsealed that was stopped to be resumed, tell how it goes on, and return the exit code."""
+    """Leave a run unsealed that was stopped to be resumed, say how to resume it, and return the exit code."""
     lines = left_open_lines(session.folder, session.flags.reason)
     if notifier is not None:
         notifier.finish(code, "; ".join(lines))
@@ -283,12 +283,12 @@ def _leave_open(session: Session, notifier: Notifier | None, code: int, out: Tex
 
 
 def _looked_at(folder: Path, digest: str) -> tuple[str, ...]:
-    """Look at a package once more, and return why its run is no pass, nothing where it is one."""
+    """Verify a package again, and return why its run does not pass, nothing if it does."""
     try:
         findings = _findings(folder, digest)
     except MemoryError:
-        return ("hil: out of memory: the package is sealed, and was not looked at once more, so the run is no pass",)
-    return (*findings, "hil: the package does not verify, so the run is no pass") if findings else ()
+        return ("hil: out of memory: the package is sealed but was not verified, so the run does not pass",)
+    return (*findings, "hil: the package does not verify, so the run does not pass") if findings else ()
 
 
 def _findings(folder: Path, digest: str) -> tuple[str, ...]:
@@ -341,7 +341,7 @@ def left_open_lines(folder: Path, reason: str) -> list[str]:
 
 
 def _disk(folder: Path) -> str:
-    """Return where the folder's file system is mounted, and how much is free now that the reserve was given back."""
+    """Return where the folder's file system is mounted, and how much is free now that the reserve was released."""
     folder = folder.resolve()
     mounted = next((place for place in (folder, *folder.parents) if place.is_mount()), folder)
     try:

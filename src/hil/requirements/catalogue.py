@@ -99,7 +99,7 @@ class Catalogue:
         return self.requirement(requirement_id).fingerprint
 
     def parent(self, requirement_id: str) -> Requirement | None:
-        """Return the requirement that others serve, None where only its id is known."""
+        """Return the requirement that others serve, None if only its id is known."""
         return self._parents.get(requirement_id) or self._requirements.get(requirement_id)
 
 
@@ -212,7 +212,7 @@ def _check_cycles(known: Mapping[str, Requirement], start: Sequence[str], findin
                 finished.add(current)
             elif current in on_path:
                 cycle = [*path[path.index(current) :], current]
-                findings.add(known[current].place, f"parents run in a circle: {' -> '.join(cycle)}")
+                findings.add(known[current].place, f"parents form a circle: {' -> '.join(cycle)}")
             elif current not in finished and current in known:
                 path.append(current)
                 on_path.add(current)

@@ -33,10 +33,10 @@ class Judgement:
     """A verdict with everything that led to it, in the limit's unit.
 
     Attributes:
-        uncertainty: combined standard uncertainty, None where unknown or not finite.
+        uncertainty: combined standard uncertainty, None if unknown or not finite.
         dof: its effective degrees of freedom, infinite where it is taken as exact.
-        expanded: U95, None where the uncertainty is unknown.
-        margin: distance from the value to the nearest acceptance limit, positive inside; None where
+        expanded: U95, None if the uncertainty is unknown.
+        margin: distance from the value to the nearest acceptance limit, positive inside; None if
             there is none.
         tur: test uncertainty ratio (maximum - minimum) / (2 U95) of a limit with two sides, else None.
         reason: why the verdict is what it is; empty for a plain pass.
@@ -61,10 +61,10 @@ def judge(figure: Figure | str, limit: Limit, *, instrument_uncertainty: float |
         figure: what was found, in any unit that converts to the limit's.
         limit: what it must be. Without minimum, maximum and word, the value is only recorded.
         instrument_uncertainty: standard uncertainty of the instruments in the figure's unit, added in
-            quadrature; None where there is none to add.
+            quadrature; None if there is none to add.
 
     Raises:
-        UnitError: where the units do not convert.
+        UnitError: if the units do not convert.
     """
     if isinstance(figure, str):
         return _judge_word(figure, limit)
@@ -99,7 +99,7 @@ def combined(figure: Figure, limit: Limit, instrument_uncertainty: float | None)
     """Return a figure in the limit's unit, with the instruments' uncertainty added; a limit without unit leaves it.
 
     Raises:
-        UnitError: where the units do not convert.
+        UnitError: if the units do not convert.
     """
     if limit.equals is not None or not limit.unit:
         return Figure(value=figure.value, unit=figure.unit, status=figure.status)
@@ -167,7 +167,7 @@ def _verdict(known: _Known, limit: Limit, status: FigureStatus) -> tuple[Verdict
 
 
 def _obstacle(known: _Known, limit: Limit, status: FigureStatus) -> str:
-    """Return why this value can show nothing, an empty string where it can."""
+    """Return why this value can show nothing, an empty string if it can."""
     value = known.value
     if not math.isfinite(value):
         return f"the value is {value}, not a finite number"
@@ -183,7 +183,7 @@ def _obstacle(known: _Known, limit: Limit, status: FigureStatus) -> str:
 
 
 def _too_coarse(known: _Known, limit: Limit) -> str:
-    """Return why the uncertainty is too large for the limit, an empty string where it is not."""
+    """Return why the uncertainty is too large for the limit, an empty string if it is not."""
     if limit.min_tur is not None:
         if known.tur is None:
             return f"the test uncertainty ratio is not known, at least {limit.min_tur} is required"

@@ -28,7 +28,7 @@ LOCK = "requirements.lock.json"
 _FORMAT = 1
 _SHORT = 60
 _NONE = "nothing"
-_TAKE_BACK = "restore it from version control"  # the command refuses it, too: it would forget what it says
+_TAKE_BACK = "restore it from version control"  # the command refuses it, too: it would lose its contents
 _RELOCK = "and the next `hil requirements lock` writes them"
 
 
@@ -43,7 +43,7 @@ class ChangeKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Locked:
-    """What the lock says of one requirement; meaning and explanation are empty where it was written without."""
+    """What the lock says of one requirement; meaning and explanation are empty if it was written without."""
 
     rev: int
     fingerprint: str
@@ -71,7 +71,7 @@ class Change:
 
 
 def read_lock(plan: Path, shown: str, findings: Findings) -> dict[str, Locked] | None:
-    """Return the lock of a plan by id; None where there is none or it cannot be read."""
+    """Return the lock of a plan by id; None if there is none or it cannot be read."""
     file = plan / LOCK
     place = Place(path=f"{shown}/{LOCK}")
     if not file.exists():
@@ -163,14 +163,14 @@ def _change(item: Requirement, was: Locked) -> Change | None:
 
 
 def _came_back(item: Requirement, was: Locked | None) -> str:
-    """Return that a requirement is not withdrawn any more, an empty string where it never was, or still is."""
+    """Return that a requirement is no longer withdrawn, an empty string if it never was, or still is."""
     if was is None or item.withdrawn or not was.explanation.get("withdrawn"):
         return ""
     return f"{item.id} was withdrawn, and its id is never reused: keep `withdrawn: true`, and take a new id"
 
 
 def _disagreement(item: Requirement, was: Locked | None, shown: str, *, writing: bool) -> str:
-    """Return what is wrong between a requirement and its lock, an empty string where nothing is."""
+    """Return what is wrong between a requirement and its lock, an empty string if nothing is."""
     if was is None:
         return "" if writing else f"{item.id} is not locked, {_rerun(shown)}"
     if item.rev < was.rev:

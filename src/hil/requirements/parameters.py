@@ -84,7 +84,7 @@ class UnknownParameter(HilError, AttributeError):
 class Ambiguous(HilError):
     """A parameter whose number means something else in the unit that a reader would expect.
 
-    Not an AttributeError: nobody who looks whether there is a parameter may be told that there is none.
+    Not an AttributeError: nobody who checks for a parameter may get the answer that there is none.
     """
 
 
@@ -101,7 +101,7 @@ class Parameter:
 
     @property
     def problem(self) -> str:
-        """What the plan has against the value, empty where it is allowed."""
+        """What the plan has against the value, empty if it is allowed."""
         values = self.value if isinstance(self.value, tuple) else (self.value,)
         if self.allowed.holds([value for value in values if not isinstance(value, str)]):
             return ""
@@ -109,7 +109,7 @@ class Parameter:
 
     @property
     def deviation(self) -> str:
-        """How it differs from the plan, empty where it does not."""
+        """How it differs from the plan, empty if it does not."""
         if self.planned in {"", self.shown}:
             return ""
         return f"parameter {self.name} is {self.shown} instead of {self.planned}"
@@ -149,7 +149,7 @@ class Parameters:
         raise HilError(f"parameter '{name}' cannot be changed by a case", "see hil run --parameter")
 
     def __delattr__(self, name: str) -> None:
-        raise HilError(f"parameter '{name}' cannot be taken away by a case", "see hil run --parameter")
+        raise HilError(f"parameter '{name}' cannot be removed by a case", "see hil run --parameter")
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self._parameters]
@@ -158,8 +158,8 @@ class Parameters:
         """Return a parameter's number, or numbers, in this unit.
 
         Raises:
-            UnknownParameter: where the plan does not have it.
-            HilError: where it is a text, or its unit does not convert.
+            UnknownParameter: if the plan does not have it.
+            HilError: if it is a text, or its unit does not convert.
         """
         parameter = self._parameter(name)
         if not parameter.unit:
@@ -169,7 +169,7 @@ class Parameters:
         return converted if isinstance(parameter.value, tuple) else converted[0]
 
     def problem_with(self, name: str) -> str:
-        """Return why `parameters.name` cannot be read, empty where it can."""
+        """Return why `parameters.name` cannot be read, empty if it can."""
         if name in self._parameters:
             return "" if _is_plain(self._parameters[name]) else _ambiguous(self._parameters[name])
         if hasattr(type(self), name):
@@ -185,9 +185,9 @@ class Parameters:
                 separated by commas.
 
         Raises:
-            UnknownParameter: where the plan does not have it.
-            Refused: where the plan does not allow the value.
-            HilError: where the text is no value for it.
+            UnknownParameter: if the plan does not have it.
+            Refused: if the plan does not allow the value.
+            HilError: if the text is not a value for it.
         """
         before = self._parameter(name)
         changed = replace(before, value=_value_of(before, text), planned=before.planned or before.shown)
@@ -296,7 +296,7 @@ def _problems(document: Document[_File], at: Path, entry: _Entry) -> Iterator[tu
         yield given[0], f"a text has no '{given[0]}', only a number with a unit has"
     for key in ("rising", "count"):
         if key in given and not document.has((*at, "values")):
-            yield key, f"'{key}' is of a list, and this parameter has no values"
+            yield key, f"'{key}' applies to a list, and this parameter has no values"
     if entry.minimum is not None and entry.maximum is not None and entry.minimum > entry.maximum:
         yield "min", f"min {entry.minimum:.15g} is above max {entry.maximum:.15g}"
 
@@ -321,10 +321,10 @@ def _value_of(before: Parameter, text: str) -> _Single | tuple[_Single, ...]:
         values = tuple(_with_unit(part, before.unit) if before.unit else part for part in parts)
     except ValueError as error:
         raise HilError(
-            f"'{text}' is no value for parameter '{before.name}'", f"give a decimal number in {before.unit}"
+            f"'{text}' is not a value for parameter '{before.name}'", f"give a decimal number in {before.unit}"
         ) from error
     except UnitError as error:
-        raise HilError(f"'{text}' is no value for parameter '{before.name}': {error.message}", error.hint) from error
+        raise HilError(f"'{text}' is not a value for parameter '{before.name}': {error.message}", error.hint) from error
     if not all(part for part in parts):
         raise HilError(f"parameter '{before.name}' needs a value", f"it is {before.shown} in the plan")
     return values if isinstance(before.value, tuple) else values[0]

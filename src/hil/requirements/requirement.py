@@ -72,8 +72,8 @@ class Limit:
 
     Attributes:
         parameter: its name in checks.
-        of: what it is evaluated for (axes, channels): the denominator; empty where it is evaluated once.
-        unit: unit of the limits, empty where a word is due.
+        of: what it is evaluated for (axes, channels): the denominator; empty if it is evaluated once.
+        unit: unit of the limits, empty if a word is expected.
         minimum: lowest allowed value as a decimal string, or None.
         maximum: highest allowed value as a decimal string, or None.
         equals: the word that must have been found (a direction, a mode), or None.
@@ -165,7 +165,7 @@ class Requirement:
 
     @property
     def explanation(self) -> dict[str, object]:
-        """What is said besides, as JSON: it may change without a new revision."""
+        """The explanations, as JSON: they may change without a new revision."""
         return {
             "source": self.source,
             "parents": list(self.parents),

@@ -45,7 +45,7 @@ _Read = declared.Document[_Plan] | declared.Document[_Workspace]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RequirementFile:
-    """What one `requirements.yaml` holds; `part_numbers` are those that the plan is for, empty where it is for any."""
+    """What one `requirements.yaml` holds; `part_numbers` are those that the plan is for, empty if it is for any."""
 
     path: str
     plan: str
@@ -55,7 +55,7 @@ class RequirementFile:
 
 
 def read_requirements(file: File, shown: str, plan: str, findings: Findings) -> RequirementFile | None:
-    """Return what the file holds; None where it cannot be read at all, with the reason among the findings.
+    """Return what the file holds; None if it cannot be read at all, with the reason among the findings.
 
     Args:
         file: where it is.

@@ -42,11 +42,11 @@ _NOTATION = (
 
 
 class UnitError(HilError):
-    """A unit that nobody knows, or two that do not convert."""
+    """An unknown unit, or two that do not convert."""
 
 
 def check_unit(text: str) -> str | None:
-    """Return what is wrong with a unit's text, None where it is a unit."""
+    """Return what is wrong with a unit's text, None if it is a unit."""
     try:
         _unit(text)
     except UnitError as error:
@@ -59,7 +59,7 @@ def compatible(one: str, other: str) -> bool:
     """Return whether numbers in one unit convert to the other.
 
     Raises:
-        UnitError: where one of them is no unit.
+        UnitError: if one of them is not a unit.
     """
     first, second = _unit(one), _unit(other)
     return first.dimensionality == second.dimensionality and _is_offset(first) == _is_offset(second)
@@ -69,7 +69,7 @@ def convert(value: float, from_unit: str, to_unit: str) -> float:
     """Return `value` in another unit.
 
     Raises:
-        UnitError: where one of them is no unit, or they do not convert.
+        UnitError: if one of them is not a unit, or they do not convert.
     """
     if from_unit == to_unit:
         _unit(from_unit)
@@ -84,7 +84,7 @@ def is_plain(text: str) -> bool:
     """Return whether numbers in this unit can be used as they are: SI without a prefix, degC, and degrees of angle.
 
     Raises:
-        UnitError: where it is no unit.
+        UnitError: if it is not a unit.
     """
     unit = _unit(text)
     if _is_offset(unit):
@@ -101,7 +101,7 @@ def scale(from_unit: str, to_unit: str) -> float:
     """Return the factor for differences and uncertainties; offsets of temperatures play no part.
 
     Raises:
-        UnitError: where one of them is no unit, or they do not convert.
+        UnitError: if one of them is not a unit, or they do not convert.
     """
     registry = _registry()
     first, second = _difference(_unit(from_unit)), _difference(_unit(to_unit))

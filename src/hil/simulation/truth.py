@@ -22,7 +22,7 @@ class TruthError(ValueError):
     Args:
         path: where it is, as keys and list positions below `simulated`.
         message: what is wrong, in one sentence without a full stop.
-        others: more of the same section, so that all can be told at once.
+        others: more of the same section, so that all can be reported at once.
     """
 
     def __init__(self, path: Path, message: str, others: tuple[TruthError, ...] = ()) -> None:
@@ -68,7 +68,7 @@ def suggestion(word: str, known: Sequence[str]) -> str:
 
 
 class Truth:
-    """One section. `part` and `wrong` note what is wrong and go on; `finish` raises all of it.
+    """One section. `part` and `wrong` note what is wrong and continue; `finish` raises all of it.
 
     Args:
         values: the section as read.
@@ -104,7 +104,7 @@ class Truth:
             model: a frozen dataclass.
 
         Raises:
-            TruthError: where so much is wrong that nothing can be returned.
+            TruthError: if so much is wrong that nothing can be returned.
         """
         keys = [str(each.metadata.get("alias", each.name)) for each in fields(model)]  # type: ignore[arg-type]  # one is
         self._asked += keys

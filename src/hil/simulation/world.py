@@ -44,9 +44,9 @@ class DeviceClock:
 
 @dataclass(slots=True, kw_only=True)
 class World(Stateful):
-    """Everything behind the ports of one simulated bench.
+    """Everything that the ports of one simulated bench lead to.
 
-    Bus peers are attached to the clock already; a serial peer is attached by whoever gives it its line, with
+    Bus peers are attached to the clock already; a serial peer is attached together with its line, with
     `clock_of(device)`.
 
     Attributes:
@@ -132,7 +132,7 @@ class _Builder:
         self._guard(self._build_person)
 
     def world(self) -> World:
-        """Return what was built, with plants and buses on the clock, and served buses behind their instruments."""
+        """Return what was built, with plants and buses on the clock, and served buses at their instruments."""
         for plant in self._plants.values():
             plant.follow(self._clock.now_ns)
         world = World(
@@ -159,7 +159,7 @@ class _Builder:
             self.errors += (one for one in (error, *error.others) if not self._follows(one))
 
     def _follows(self, error: TruthError) -> bool:
-        """Return whether an error only follows from one that was told: a plant that could not be built."""
+        """Return whether an error only follows from one that was reported: a plant that could not be built."""
         there = {plant.name for plant in self._spec.plants}
         return isinstance(error, UnknownPlant) and error.plant in there
 
@@ -216,14 +216,14 @@ def _faults(spec: PeerSpec, model: PeerModel, path: Path) -> Faults:
     own = {kind.name for kind in kinds}
     for place, row in enumerate(spec.faults):
         name = str(row.get("kind", ""))
-        if name in FAULTS and name not in own:  # of another link, or one that cannot be used: then it is told why
+        if name in FAULTS and name not in own:  # of another link, or one that cannot be used: the reason is reported
             offered(FAULTS, name, (*path, place, "kind"))
     return read_faults(spec.faults, path, kinds)
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatedEnds(Stateful):
-    """The far ends of every port and bus of a simulated bench, and the world behind them."""
+    """The far ends of every port and bus of a simulated bench, and the world that they belong to."""
 
     world: Kept[World]
     lines: Kept[dict[str, SimulatedLine]]

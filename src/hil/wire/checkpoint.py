@@ -1,4 +1,4 @@
-"""Checkpoints: what a simulated bench keeps of itself, so that it can go on from there in another process."""
+"""Checkpoints: what a simulated bench keeps of itself, so that it can continue from there in another process."""
 
 from __future__ import annotations
 
@@ -59,11 +59,11 @@ class Part(Protocol):
     """Anything with a state."""
 
     def state(self) -> Any:  # noqa: ANN401 - JSON values of any shape
-        """Return what is needed to go on, as JSON values."""
+        """Return what is needed to continue, as JSON values."""
         ...
 
     def restore(self, state: Any, /) -> None:  # noqa: ANN401 - as above
-        """Go on from what `state` returned."""
+        """Continue from what `state` returned."""
         ...
 
 
@@ -71,11 +71,11 @@ class Stateful:
     """Base of everything with a state: the attributes that the class marks as `Kept`, and nothing else."""
 
     def state(self) -> Mapping[str, object]:
-        """Return everything that is needed to go on, as JSON values."""
+        """Return everything that is needed to continue, as JSON values."""
         return {field.name: field.written(getattr(self, field.attribute)) for field in _fields(type(self))}
 
     def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned.
+        """Continue from what `state` returned.
 
         Raises:
             StateError: if a part is missing, unknown, or not of its type.

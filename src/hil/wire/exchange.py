@@ -13,7 +13,7 @@ __all__ = ["FarEnd", "Handed", "Unreachable", "find_bus", "find_stream", "publis
 
 
 class Unreachable:
-    """Stands in for an end, so that what is behind the other ends can be reached; it has the interface of all of them.
+    """Stands in for an end, so that the other ends can be reached; it has the interface of all of them.
 
     Args:
         error: why it could not be opened; everything but opening and closing raises it.
@@ -36,7 +36,7 @@ _End = TypeVar("_End")
 
 
 class Handed(Generic[_End]):
-    """The far end of a byte stream or a bus, whichever end answers behind it; it has the interface of both.
+    """The far end of a byte stream or a bus, whichever end answers; it has the interface of both.
 
     Args:
         end: what answers until `hand_to`.

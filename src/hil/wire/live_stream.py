@@ -1,4 +1,4 @@
-"""The end of a byte stream that lies outside of this process: a serial device or a socket."""
+"""The end of a byte stream that lies outside this process: a serial device or a socket."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class LiveStream:
             raise NoReply(device, f"{where} cannot be opened ({error})", hint) from error
 
     def fileno(self) -> int:
-        """Return the descriptor; whoever gets a copy of it needs not open the port."""
+        """Return the descriptor; a process that gets a copy of it need not open the port."""
         number: int = self._serial.fileno()
         return number
 
@@ -56,7 +56,7 @@ class LiveStream:
         self._serial.close()
 
     def dtr_rose(self) -> None:
-        """Let DTR fall and rise: what asks for it has waited already, but of the fall nobody was told."""
+        """Let DTR fall and rise: the caller has already waited, but the fall has not been reported."""
         self._serial.dtr = False
         wall.pause(_DTR_LOW_S)
         self._serial.dtr = True

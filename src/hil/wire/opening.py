@@ -43,7 +43,7 @@ def open_port(
 
     Raises:
         NoReply: if nothing is there.
-        Refused: if it is no stream of this process.
+        Refused: if it is not a stream of this process.
     """
     if _PROTOCOLS not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append(_PROTOCOLS)

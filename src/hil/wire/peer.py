@@ -37,7 +37,7 @@ class PeerClock(Protocol):
         ...
 
     def calm_until_ns(self) -> int:
-        """Return the last instant up to which nothing else happens; asked amid an action."""
+        """Return the last instant up to which nothing else happens; asked during an action."""
         ...
 
 
@@ -61,11 +61,11 @@ class SerialPeer(Protocol):
         ...
 
     def state(self) -> Mapping[str, object]:
-        """Return everything that the peer would need to go on, as JSON values."""
+        """Return everything that the peer would need to continue, as JSON values."""
         ...
 
     def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned, also where this peer has more faults: those that were added come last."""
+        """Continue from what `state` returned, also if this peer has more faults: added ones come last."""
         ...
 
 
@@ -99,17 +99,17 @@ class BusPeer(Protocol):
         ...
 
     def state(self) -> Mapping[str, object]:
-        """Return everything that the peer would need to go on, as JSON values."""
+        """Return everything that the peer would need to continue, as JSON values."""
         ...
 
     def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned, also where this peer has more faults: those that were added come last."""
+        """Continue from what `state` returned, also if this peer has more faults: added ones come last."""
         ...
 
 
 @runtime_checkable
 class BusServer(Protocol):
-    """A simulated instrument with an I2C bus of its own behind it."""
+    """A simulated instrument that serves an I2C bus of its own."""
 
     def serve(self, peers: Sequence[BusPeer]) -> None:
         """Put devices on its bus, once, before it is attached."""

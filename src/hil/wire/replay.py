@@ -38,12 +38,12 @@ BUSY = "busy"
 It sends the number of events of the run's own course up to there, and for how many seconds of the wall."""
 
 CLOCK = "clock"
-"""The operation that marks where a bench outside of its process came to the present without any other one.
+"""The operation that marks where a bench outside its process caught up with the present without any other one.
 
 It sends the number of events of the run's own course up to there, because it stands between two of them."""
 
 DISTRESS = "distress"
-"""The operation that marks where a bench outside of its process could not be driven any more.
+"""The operation that marks where a bench outside its process could not be driven any more.
 
 It sends the number of events as above, and why."""
 
@@ -76,12 +76,12 @@ _HEX_SHOWN = 48
 
 @dataclass(frozen=True, slots=True)
 class Handover:
-    """Where a record stops to answer for a bench, because the bench itself goes on from there.
+    """Where a record stops answering for a bench, because the bench itself continues from there.
 
     Attributes:
         operations: how many operations the record answers.
         at_ns: the bench time of the handover, at a scheduling point after the last of them.
-        act: lets the bench go on.
+        act: lets the bench continue.
     """
 
     operations: int
@@ -95,8 +95,8 @@ class Playback:
     Args:
         path: the transcript of the run.
         clock: set to the recorded end of every operation.
-        where: tells the present step, for messages.
-        handover: where the record stops to answer, None where it does not.
+        where: returns the current step, for messages.
+        handover: where the record stops to answer, None if it does not.
 
     Attributes:
         at_divergence: hears of an operation that the record does not hold, before it is raised.

@@ -130,7 +130,7 @@ class SimulatedLine(Stateful):
         self._received.clear()
 
     def send(self, data: bytes, after_ns: int = 0) -> None:
-        """Take bytes from the peer; the first leaves after `after_ns`, behind what is still being sent."""
+        """Take bytes from the peer; the first leaves after `after_ns`, after what is still being sent."""
         start_ns = self._now_ns() + after_ns
         start_ns = max(start_ns, self._free_at_ns)
         self._free_at_ns = arrives_ns = start_ns + len(data) * self._ns_per_byte
@@ -139,7 +139,7 @@ class SimulatedLine(Stateful):
             self._clock.at(arrives_ns, self._arrive, device=self._number)
 
     def state(self) -> Mapping[str, object]:
-        """Return everything that the line needs to go on, as JSON values."""
+        """Return everything that the line needs to continue, as JSON values."""
         self._arrive()
         return super().state()
 

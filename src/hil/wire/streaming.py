@@ -22,7 +22,7 @@ class RegisterRead:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FifoRead:
-    """A transfer of a stream whose length the device tells: read a counter, then that much of a data register.
+    """A transfer of a stream whose length the device reports: read a counter, then that much of a data register.
 
     Attributes:
         address: 7-bit address.
@@ -52,7 +52,7 @@ class StreamFrame:
         number: counted by the device from 0; a frame that was lost leaves its number out.
         lost: frames that the device itself had to drop since the stream began.
         device_s: device time of the trigger in s, unwrapped, from the device's start.
-        replies: the raw bytes of every transfer, in the order of the program; None where the device did not
+        replies: the raw bytes of every transfer, in the order of the program; None if the device did not
             acknowledge.
     """
 
@@ -69,7 +69,7 @@ class StreamSummary:
     Attributes:
         frames: frames received.
         lost: frames that never came, dropped by the device or lost on the way.
-        drift: rate of the device's clock against the host's minus 1 (1e-6 is 1 ppm), None where unknown.
+        drift: rate of the device's clock against the host's minus 1 (1e-6 is 1 ppm), None if unknown.
         drift_uncertainty: standard uncertainty of `drift`.
         offset_s: host time minus device time at the end, in s.
     """
@@ -88,7 +88,7 @@ class BusStream(Protocol):
         """Return the frames that have come and were not fetched yet, in order; never waits longer than one frame lasts.
 
         Raises:
-            DeviceFault: if the link is silent or answers nonsense, or its device started anew.
+            DeviceFault: if the link is silent or answers nonsense, or its device restarted.
         """
         ...
 
@@ -98,7 +98,7 @@ class BusStream(Protocol):
 
 
 class StreamingBus(I2cBus, Protocol):
-    """An I2C bus behind a device that runs transfers on its own timer, or on an interrupt line."""
+    """An I2C bus of a device that runs transfers on its own timer, or on an interrupt line."""
 
     @property
     def device(self) -> str:

@@ -20,7 +20,7 @@ __all__ = ["LONGEST_TRANSACTION", "Opened", "TappedBus", "TappedPort", "message_
 LONGEST_TRANSACTION = 0.5
 """Seconds that one operation may take at most: nothing looks at stop flags and monitors in the meantime."""
 
-_DTR_LOW_S = 0.1  # the capacitor behind DTR is charged in a few ms
+_DTR_LOW_S = 0.1  # the capacitor at DTR is charged in a few ms
 _READ_FLAG = 0x0001
 _Result = TypeVar("_Result")
 
@@ -197,7 +197,7 @@ class TappedPort(_Tap):
             raise self._gone(error) from error
 
     def _gone(self, error: Exception) -> NoReply:
-        """Return what is told of it: no more than the transcript holds, so that a replay tells the same."""
+        """Return how it is reported: no more than the transcript holds, so that a replay reports the same."""
         number = getattr(error, "errno", None)
         why = f" ({os.strerror(number)})" if number else ""
         return NoReply(self.device, f"its port is gone{why}", "check cable, power and hub")

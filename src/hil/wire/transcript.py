@@ -114,10 +114,10 @@ class Transcript:
             self._sequence += 1
 
     def flush(self) -> None:
-        """Hand what is waiting to the operating system; what finds no space goes on waiting.
+        """Hand what is waiting to the operating system; what finds no space keeps waiting.
 
         Raises:
-            OSError: where the disk is full or fails.
+            OSError: if the disk is full or fails.
         """
         if self._sink is None:
             return
@@ -131,7 +131,7 @@ class Transcript:
         """Bring it all to the disk.
 
         Raises:
-            OSError: where the disk is full or fails.
+            OSError: if the disk is full or fails.
         """
         self.flush()
         if self._sink is not None:
@@ -148,7 +148,7 @@ class Transcript:
 
 
 def past_lines(path: Path) -> Iterator[str] | None:
-    """Cut a torn last line off a transcript, and return its lines below the header; None where there is no header yet.
+    """Cut a torn last line off a transcript, and return its lines below the header; None if there is no header yet.
 
     Raises:
         EvidenceError: as `read_transcript`.
@@ -214,4 +214,4 @@ def _parse(line: str, name: str, number: int) -> Operation:
             int(sequence), device, operation, int(start), int(end), bytes.fromhex(sent), bytes.fromhex(received), error
         )
     except ValueError:
-        raise EvidenceError(f"{name}:{number}: the line is damaged", "hil verify tells what else is") from None
+        raise EvidenceError(f"{name}:{number}: the line is damaged", "hil verify shows what else is") from None

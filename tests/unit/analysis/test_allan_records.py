@@ -194,5 +194,5 @@ def test_the_analysis_needs_one_copy_of_the_data():
 @pytest.mark.parametrize("rate", [1e30, 1e-30, 0.0, -1.0, math.nan])
 def test_a_rate_that_no_sensor_has_is_refused(rate):
     """A unit of time that is wrong by far is told, before numbers leave their range."""
-    with pytest.raises(Refused, match="no sampling rate of a sensor; look at the unit of time"):
+    with pytest.raises(Refused, match="no sampling rate of a sensor; check the unit of time"):
         characterise(np.random.default_rng(0).standard_normal(4000), rate, "deg/s")

@@ -63,8 +63,8 @@ CHANGES = [
     (("    bus: i2c1\n", ""), "mag1:\n", "mag1 needs either a port or a bus with an address"),
     (("bus: i2c1", "bus: i2c2"), "mag1:\n", "unknown bus 'i2c2', did you mean 'i2c1'?"),
     (('address: "1"', 'address: "-1"'), '"-1"\n    identity', "instruments relay1: 'address' must be at least 0"),
-    (('address: "1"', 'address: "248"'), "relay1:\n", "relay1: 248 is no station's address (1 to 247)"),
-    (('"0x1C"', '"0x7C"'), "mag1:\n", "mag1: 0x7C is no 7-bit I2C address (0x08 to 0x77)"),
+    (('address: "1"', 'address: "248"'), "relay1:\n", "relay1: 248 is not a station's address (1 to 247)"),
+    (('"0x1C"', '"0x7C"'), "mag1:\n", "mag1: 0x7C is not a 7-bit I2C address (0x08 to 0x77)"),
     (("powered_by: supply.sensor", "powered_by: supply.senser"), "mag1:\n", "did you mean 'supply.sensor'?"),
     (("powered_by: supply.sensor", "powered_by: relays"), "mag1:\n", "mag1 is fed by relays, which needs a reduced"),
     (

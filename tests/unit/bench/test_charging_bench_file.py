@@ -54,7 +54,7 @@ def test_the_committed_bench_is_clean(tmp_path):
             "a korad-ka3005p has no over-voltage protection with a level of its own: add a second guard, a limit",
         ),
         (KORAD | {', max: "4.25",': ","}, "add a second guard, a limit of the envelope with max"),
-        ({"- {role: thermal, ": "- {role: thermal, charges: cycler, "}, "thermal charges nothing: only a supply does"),
+        ({"- {role: thermal, ": "- {role: thermal, charges: cycler, "}, "thermal cannot charge: only a supply can"),
     ],
 )
 def test_what_must_be_said_of_it(tmp_path, changes, message):

@@ -83,7 +83,7 @@ BATTERY = [
     (
         {CHARGE_BEAT: CHARGE_BEAT.replace("within", "state: stopped, within")},
         "{output: supply.charge, hardware",
-        "only an output has a state; leave it out beside hardware",
+        "only an output has a state; leave it out with hardware",
     ),
     ({CHARGE: CHARGE.replace("10 s", "0 ms")}, "0 ms}", "cut_paths: 'within' must be longer than 0 s"),
     ({CHARGE: CHARGE.replace("within", "witin")}, "witin", "unknown key 'witin', did you mean 'within'?"),
@@ -101,7 +101,7 @@ BATTERY = [
     (
         {f"- {CHARGE}\n": "", f"- {CHARGE_BEAT}\n": ""},
         "{role: supply, instance: charge",
-        "supply.charge has one path only, its own port, and this bench charges a battery: give it a line in cut_paths",
+        "supply.charge has only one path, its own port, and this bench charges a battery: give it a line in cut_paths",
     ),
     (
         {"charges: cycler,": "charges: cycler, hazardous: false,"},
@@ -195,8 +195,8 @@ def test_what_is_independent_counts(tmp_path):
     assert list(paths_of(spec, "cycler")) == ["psu1", "heartbeat of the tester opens its relays"]
     assert cut_path_shortfall(spec, 2) == []
     assert cut_path_shortfall(spec, 3)[0] == (
-        "supply.charge needs 3 cut paths besides its own port, it has 2: cycler stopped and heartbeat of the tester"
-        " opens its relays"
+        "supply.charge needs 3 cut paths in addition to its own port, it has 2: cycler stopped and heartbeat of the"
+        " tester opens its relays"
     )
 
 
@@ -214,7 +214,7 @@ def test_two_paths_through_one_port_are_one(tmp_path):
     )
     assert cut_path_shortfall(short, 1) == []
     assert cut_path_shortfall(short, 2) == [
-        "thermal needs 2 cut paths besides its own port, it has 1: supply.charge off"
+        "thermal needs 2 cut paths in addition to its own port, it has 1: supply.charge off"
     ]
 
 
@@ -232,6 +232,6 @@ def test_a_bench_that_only_answers_from_its_record_needs_no_cut_path(tmp_path):
     file = tmp_path / FILE.format("battery")
     begin = text.index("cut_paths:")
     file.write_text(text[:begin] + text[text.index("\nwatch_after:", begin) :], encoding="utf-8")
-    with pytest.raises(ConfigurationError, match="supply.charge has one path only"):
+    with pytest.raises(ConfigurationError, match="supply.charge has only one path"):
         load_bench(tmp_path / "fixtures/benches", "battery", tmp_path)
     assert load_bench(tmp_path / "fixtures/benches", "battery", tmp_path, driven=False).cut_paths == ()

@@ -115,7 +115,7 @@ def test_nobody_acknowledges_what_still_goes_on(reports, capsys):
     """Neither while the run is held, nor while its guardian has the leases."""
     wanted = ("ack", SAFED, "--by", "Ada", "--text", TEXT)
     with hold(reports / SAFED):
-        assert "the run, or its guardian, is still going on" in said(capsys, *wanted)[2]
+        assert "the run, or its guardian, is still running" in said(capsys, *wanted)[2]
     lease = Lease(["/dev/psu"], "a run of battery")
     lease.name(SAFED)
     assert "its guardian still holds the bench" in said(capsys, *wanted)[2]

@@ -97,7 +97,7 @@ def test_a_server_that_has_ended_is_told_with_how_to_start_it_again(tmp_path, mo
     monkeypatch.chdir(ROOT)
     code, out, err = said(capfd, *arguments, "--source", "simulated", "--served", str(tmp_path / "gone"))
     assert (code, out) == (4, "")
-    assert "gone: the folder is not there; its server has ended, or another folder was meant" in err
+    assert "gone: the folder does not exist; its server has ended, or you meant another folder" in err
     assert f"start it again with: hil simulate battery --folder {tmp_path / 'gone'}" in err
 
 

@@ -159,7 +159,7 @@ def test_durations_are_exact_seconds(read, text, seconds):
         ("title:", "1:7: bench: 'title' has no value: give it one, or leave the key out"),
         ("limits:", "1:8: bench: 'limits' has no value: give it one, or leave the key out"),
         ("title: [a]", "1:8: bench: 'title' must be text, found a list"),
-        ("period: 4 hours", "the unit 'hours' is none of us, µs, ms, s, min, h, d"),
+        ("period: 4 hours", "the unit 'hours' is not one of us, µs, ms, s, min, h, d"),
         ("period: '4'", "1:9: bench: 'period' must be a duration such as 10 ms, 4 h or 90 d, found \"4\""),
         ("rate: 0 Hz", "1:7: bench: 'rate' must be a frequency above zero"),
         ("axes: x", "1:7: bench: 'axes' must be a list, found `x`"),

@@ -57,7 +57,7 @@ def test_an_offer_is_found_and_loaded_once(packages, lamps):
 
 def test_an_unknown_name_is_refused_with_the_nearest(packages, lamps):
     """A slip of the keyboard gets the right word back; an empty group has another hint."""
-    with pytest.raises(Refused, match="unknown lamp 'red'; no package offers any: install hil again"):
+    with pytest.raises(Refused, match="unknown lamp 'red'; no package offers any: reinstall hil"):
         lamps["red"]
     offers._installed.cache_clear()
     packages("alpha_lamps", [("red", "alpha_lamps:Lamp")])

@@ -85,7 +85,7 @@ def test_a_forged_attachment_does_not_leave_the_run(folder, file):
 
 def test_what_cannot_be_posted_is_refused(folder, tmp_path, monkeypatch):
     """Unknown kinds, endless texts, folders and large files are refused in a sentence."""
-    with pytest.raises(Refused, match="no message"):
+    with pytest.raises(Refused, match="is not a message"):
         post(folder, "shout")
     with pytest.raises(Refused, match="too long"):
         post(folder, "note", text="x" * 100_001)
@@ -100,7 +100,7 @@ def test_what_cannot_be_posted_is_refused(folder, tmp_path, monkeypatch):
 def test_a_run_without_inbox_takes_nothing(tmp_path, folder):
     """A sealed run refuses, and one that is being sealed says that it may be over."""
     (tmp_path / "data").mkdir()
-    with pytest.raises(EvidenceError, match="still going on"):
+    with pytest.raises(EvidenceError, match="still in progress"):
         post(tmp_path, "note")
     assert list(poll(tmp_path)) == []
     (folder / "bagit.txt").write_text("sealed")

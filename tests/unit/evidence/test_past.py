@@ -66,7 +66,7 @@ def test_a_person_who_took_time_does_not_have_to_take_it_again(tmp_path):
     past = Past(read_journal(tmp_path / "journal.jsonl").lines)
     assert past.take(event_of("monitor-late", limit="cell"), 48.0)
     assert past.take(event_of("question", **fields), 49.3)
-    with pytest.raises(Diverged, match="the run came to"):
+    with pytest.raises(Diverged, match="the run gave"):
         past.take(event_of("answer", **{"value": False, **fields}), 49.3)
     assert past.take(event_of("answer", **{"value": True, **fields}), 49.3)
     assert past.take(event_of("effect", name="operator.fuse"), 49.3)

@@ -259,7 +259,7 @@ def test_another_catalogue_in_a_fresh_bag_is_found(writable):
     path.write_bytes(path.read_bytes().replace(b'"max":"0.5"', b'"max":"5"'))
     rebag(writable)
     found = messages(writable)
-    assert "not the catalogue that the run was begun with" in found
+    assert "not the catalogue that the run started with" in found
     assert "maximum was 0.5, and the catalogue has 5" in found
 
 
@@ -333,14 +333,14 @@ def test_a_socket_in_a_package_is_found(monkeypatch, writable):
     monkeypatch.chdir(writable / "data")
     with socket.socket(socket.AF_UNIX) as server:
         server.bind("s")
-    assert "data/s: only plain files belong into a package, this is a socket" in messages(writable)
+    assert "data/s: only plain files belong in a package, this is a socket" in messages(writable)
 
 
 def test_nothing_is_read_through_a_link(tmp_path, writable):
     """A folder that is a link to the true one is a finding, and nothing else is looked at."""
     (writable / "data").rename(tmp_path / "elsewhere")
     (writable / "data").symlink_to(tmp_path / "elsewhere")
-    assert messages(writable) == "data: only plain files belong into a package, this is a link"
+    assert messages(writable) == "data: only plain files belong in a package, this is a link"
 
 
 def test_each_finding_is_told_once_and_by_a_path_in_the_package(writable):
@@ -349,7 +349,7 @@ def test_each_finding_is_told_once_and_by_a_path_in_the_package(writable):
     found = messages(writable).splitlines()
     assert len(found) == len(set(found))
     assert str(writable) not in "".join(found)
-    assert any("verification cannot go on here: data/catalogue/catalogue.json: not JSON" in line for line in found)
+    assert any("verification cannot continue: data/catalogue/catalogue.json: not JSON" in line for line in found)
 
 
 def test_an_empty_journal_is_told_in_sentences(writable):
@@ -357,7 +357,7 @@ def test_an_empty_journal_is_told_in_sentences(writable):
     (writable / JOURNAL).write_bytes(b"")
     found = messages(writable)
     assert "a sealed journal begins with run, and ends with results and end, each once" in found
-    assert "bag-info.txt: it does not say what the journal and the files say" in found
+    assert "bag-info.txt: it does not agree with the journal and the files" in found
     assert "Error" not in found
 
 
@@ -386,7 +386,7 @@ def test_a_chain_that_was_cut_in_a_fresh_bag_is_found(writable):
         ({"measured": 0.1, "verdict": "FAIL"}, "its value gives PASS"),
         ({"measured": 0.1, "decision": "simple"}, "decision was simple"),
         ({"measured": 0.1, "limit": {"min": "-9", "max": "9", "equals": None}}, "minimum was -9"),
-        ({"measured": 0.1, "unit": "m"}, "verification cannot go on here"),
+        ({"measured": 0.1, "unit": "m"}, "verification cannot continue"),
         ({"measured": 0.1, "requirement": "GYR-999"}, "no such requirement"),
         ({"measured": 0.1, "margin": 0.7}, "margin is 0.7"),
     ],
@@ -513,7 +513,7 @@ def test_rows_that_changed_behind_the_runs_back_are_kept_and_told(folder):
 def test_what_was_frozen_is_what_the_run_was_begun_with(folder):
     """A calibration record that the run's first event does not name is found."""
     sealed_run(folder, calibration="0" * 64)
-    assert "not the calibration that the run was begun with" in messages(folder)
+    assert "not the calibration that the run started with" in messages(folder)
 
 
 def test_a_format_of_the_future_is_not_judged(folder):
@@ -539,7 +539,7 @@ def test_a_format_of_the_future_hides_no_damage(folder):
 
 def test_what_is_no_run_says_so(tmp_path):
     """Any other folder is refused by name."""
-    with pytest.raises(EvidenceError, match="no run's folder"):
+    with pytest.raises(EvidenceError, match="not a run's folder"):
         verify(tmp_path)
 
 

@@ -121,8 +121,8 @@ def test_a_file_attaches_what_it_names():
 @pytest.mark.parametrize(
     ("answers", "message"),
     [
-        ({"jgi": "yes"}, "a.yaml has no answer to 'jig', did you mean 'jgi'?; asked was: Closed?"),
-        ({"jig": "sure"}, "a.yaml answers 'sure' to 'jig'; answer yes or no; asked was: Closed?"),
+        ({"jgi": "yes"}, "a.yaml has no answer to 'jig', did you mean 'jgi'?; the question was: Closed?"),
+        ({"jig": "sure"}, "a.yaml answers 'sure' to 'jig'; answer yes or no; the question was: Closed?"),
     ],
 )
 def test_a_file_that_does_not_answer_declines(answers, message):
@@ -185,9 +185,9 @@ def test_an_answer_is_evidence_with_its_question(tmp_path):
     ("value", "ask", "message"),
     [
         (False, lambda operator: operator.confirm("Closed?", name="jig"), "'Closed?' was not confirmed"),
-        ("up", lambda operator: operator.choose("Which?", ["in", "out"], name="way"), "'up' is no answer to 'way'"),
-        ("nan", lambda operator: operator.measure("Read", "V", name="meter"), "'nan' is no number for 'meter'"),
-        (True, lambda operator: operator.measure("Read", "V", name="meter"), "'True' is no number for 'meter'"),
+        ("up", lambda operator: operator.choose("Which?", ["in", "out"], name="way"), "'up' is not an answer to 'way'"),
+        ("nan", lambda operator: operator.measure("Read", "V", name="meter"), "'nan' is not a number for 'meter'"),
+        (True, lambda operator: operator.measure("Read", "V", name="meter"), "'True' is not a number for 'meter'"),
         (
             "y",
             lambda operator: operator.attach("x", "Connect x", name="b", options=["x", "y"]),
@@ -274,14 +274,14 @@ def test_another_terminal_answers_while_this_one_waits(question, text, value):
 def test_what_another_terminal_says_in_vain_is_told():
     """Another question, no name, no answer, and what comes too late: the question goes on waiting."""
     elsewhere = Elsewhere()
-    assert elsewhere.take("jig", "yes", "Ada") == "'jig' is not asked now"
+    assert elsewhere.take("jig", "yes", "Ada") == "'jig' is not being asked now"
     with elsewhere.asks(CONFIRM):
-        assert elsewhere.take("phone", "yes", "Ada") == "'phone' is not asked now"
+        assert elsewhere.take("phone", "yes", "Ada") == "'phone' is not being asked now"
         assert elsewhere.take("jig", "yes", " ") == "'jig' was answered without a name"
-        assert elsewhere.take("jig", "maybe", "Ada") == "'maybe' is no answer to 'jig', which takes yes or no"
+        assert elsewhere.take("jig", "maybe", "Ada") == "'maybe' is not an answer to 'jig', which takes yes or no"
         assert elsewhere.answer is None
         assert elsewhere.take("jig", "yes", "Ada") == ""
-        assert elsewhere.take("jig", "no", "Eve") == "'jig' is not asked now"
+        assert elsewhere.take("jig", "no", "Eve") == "'jig' is not being asked now"
         assert elsewhere.answer == Answer(True, "Ada")
     assert elsewhere.answer is None
 
@@ -293,4 +293,4 @@ def test_who_typed_an_answer_here_gives_a_name_here():
     terminal = Typed("yes\n", None, "Bob\n")
     person = TerminalPerson(terminal, "", lambda: taken.append(elsewhere.take("fuse", "no", "Ada")), elsewhere)
     assert person.answer(SAFETY) == Answer(True, "Bob")
-    assert taken == ["'fuse' is not asked now"]
+    assert taken == ["'fuse' is not being asked now"]

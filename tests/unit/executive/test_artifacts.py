@@ -47,7 +47,7 @@ def test_an_earlier_attempt_is_not_overwritten(tmp_path):
 def test_only_plain_file_names_are_taken(tmp_path, name):
     """Nothing leaves the folder of attachments."""
     _, artifact = artifacts_of(tmp_path)
-    with pytest.raises(Misused, match="no file name"):
+    with pytest.raises(Misused, match="not a valid file name"):
         artifact(name, "x")
 
 
@@ -57,7 +57,7 @@ def test_content_is_text_or_bytes_and_kept_once(tmp_path):
     with pytest.raises(Misused, match="a float"):
         artifact("a.txt", 1.0)
     artifact("a.txt", "x")
-    with pytest.raises(Misused, match="has kept"):
+    with pytest.raises(Misused, match="already keeps"):
         artifact("a.txt", "y")
 
 

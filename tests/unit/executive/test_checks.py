@@ -161,7 +161,7 @@ def test_what_is_written_is_what_was_judged(tmp_path):
         (Figure(value=1.0, unit="1", uncertainty=True), "the uncertainty of a figure is one real number"),
         (Figure(value=1.0, unit="1", dof=True), "the dof of a figure is one real number"),
         (Figure(value=1.0, unit=1), "the unit of a figure is a text"),
-        (Figure(value=1.0, unit="1", status="fine"), "'fine' (str) is no status of a figure"),
+        (Figure(value=1.0, unit="1", status="fine"), "'fine' (str) is not a status of a figure"),
     ],
 )
 def test_what_is_no_figure_is_refused(tmp_path, value, message):

@@ -55,7 +55,7 @@ def test_hardware_is_refused_where_nothing_can_guard_it(tmp_path, monkeypatch):
 def test_what_is_served_is_no_hardware(tmp_path):
     """A served bench can never close a requirement."""
     bench = configure(make(tmp_path / "workspace", CASES).request()).bench
-    with pytest.raises(Refused, match="what is served is no hardware; use --source simulated with --served"):
+    with pytest.raises(Refused, match="a served bench is not hardware; use --source simulated with --served"):
         reach_of(bench, Source.HARDWARE, tmp_path)
 
 

@@ -142,7 +142,7 @@ def test_a_run_that_somebody_went_on_with_is_not_gone_on_with_twice(tmp_path):
     ResumedRun(earlier).take_over(folder)
     with Journal(folder / "data/journal.jsonl") as journal:
         journal.write(event_of("note", text="of another process"), 100.0)
-    with pytest.raises(Refused, match="another process went on with it"):
+    with pytest.raises(Refused, match="another process has resumed it"):
         ResumedRun(earlier).take_over(folder)
 
 

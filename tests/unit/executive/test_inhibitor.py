@@ -57,7 +57,7 @@ def test_a_hold_that_logind_ends_is_told_and_can_be_taken_again(bus):
     """A logind that was started anew may have forgotten it."""
     with serving_logind(bus) as logind, Inhibitor("a run") as inhibitor:
         logind.drop()
-        assert inhibitor.lost() == "whoever held it off let go"
+        assert inhibitor.lost() == "the inhibitor was released"
         inhibitor.take()
         assert inhibitor.lost() == ""
         assert logind.holds() == 1

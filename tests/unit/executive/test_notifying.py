@@ -148,7 +148,7 @@ def test_commands_do_not_pile_up(tmp_path):
     """Of those that hang only a few are there at once."""
     late = [{**LATE, "limit": str(number)} for number in range(6)]
     told = notified(tmp_path, ["/bin/sleep", "60"], *late, limit_s=0.3)
-    assert [reason for _, _, reason in told].count("too many commands were still going on") == 3
+    assert [reason for _, _, reason in told].count("too many commands were still running") == 3
 
 
 def test_without_a_command_nothing_happens(tmp_path):

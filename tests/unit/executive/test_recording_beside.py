@@ -97,7 +97,7 @@ def test_what_cannot_be_awaited_is_refused(tmp_path):
     """Two conditions, none, an unknown channel, a wait of no length, and looking before, behind, or twice."""
     case, _, facade = beside(tmp_path)
     test = case.run.record.during("test", facade, rate=0.2)
-    with pytest.raises(Misused, match="does not run"):
+    with pytest.raises(Misused, match="is not running"):
         test.latest("voltage")
     with test:
         with pytest.raises(NotInTime, match="no row has come yet"):
@@ -116,9 +116,9 @@ def test_what_cannot_be_awaited_is_refused(tmp_path):
             pytest.raises(Misused, match="does not say when"),
         ):
             field.until_over(within=1.0)
-        with pytest.raises(Misused, match="recorded already"):
+        with pytest.raises(Misused, match="is already being recorded"):
             case.run.record.during("other", facade, rate=0.2)
-    with pytest.raises(Misused, match="begun before"), test:
+    with pytest.raises(Misused, match="was already started"), test:
         pass
 
 

@@ -83,5 +83,5 @@ def test_a_package_without_a_run_is_refused(copied, root):
 def test_results_without_cases_are_none(copied):
     """What is no result is told wherever results are asked for."""
     (copied / "data/results.json").write_text('{"verdict": 1}')
-    with pytest.raises(EvidenceError, match="these are no results"):
+    with pytest.raises(EvidenceError, match="not a results file"):
         results_as_json(Package(copied))

@@ -74,7 +74,9 @@ def test_source_that_differs_is_named(checkout, tmp_path, names, told):
         (checkout / "src/hil" / name).write_text("pass\n", encoding="utf-8")
     with pytest.raises(Refused) as refused:
         deviation_of(*run, "")
-    assert refused.value.message == f"run: the software is not that which began it: its source differs in {told}"
+    assert (
+        refused.value.message == f"run: the software differs from the one that started it: its source differs in {told}"
+    )
     assert deviation_of(*run, "mended") == f"resumed with other software (its source differs in {told}): mended"
 
 
@@ -93,7 +95,7 @@ def test_another_commit_is_named(checkout, tmp_path):
     """By digits, which git takes."""
     run = begun(checkout, tmp_path)
     git(checkout, "commit", "--allow-empty", "-m", "Go on")
-    with pytest.raises(Refused, match=r"began it: hil commit [0-9a-f]{12} is [0-9a-f]{12}; "):
+    with pytest.raises(Refused, match=r"started it: hil commit [0-9a-f]{12} is [0-9a-f]{12}; "):
         deviation_of(*run, "")
 
 

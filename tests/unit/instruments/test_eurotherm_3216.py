@@ -117,7 +117,7 @@ def test_on_is_whatever_regulates_or_gives_power(mode, loop, output, on):
 def test_a_setpoint_without_room_in_a_register_is_refused(temperature):
     """Nothing is sent."""
     _, role, port = thermal()
-    with pytest.raises(Refused, match="has no room in a register"):
+    with pytest.raises(Refused, match="does not fit in a register"):
         role.hold(temperature)
     assert port.written == []
 

@@ -96,7 +96,7 @@ def test_a_reply_in_pieces_is_one_reply():
 def test_a_dead_unit_is_no_reply_on_the_benchs_clock():
     """A read is asked three times, each within half a second."""
     modbus, port = session(*[(READ_COILS, b"")] * 3)
-    with pytest.raises(NoReply, match=r"relays: asked for coils 0 to 7, unit 1 gave no reply within 0.5 s; look"):
+    with pytest.raises(NoReply, match=r"relays: asked for coils 0 to 7, unit 1 gave no reply within 0.5 s; check"):
         modbus.read_coils(0, 8)
     assert port.done
     assert port.longest_wait == 0.5
@@ -216,7 +216,7 @@ def test_what_came_before_a_read_is_a_fault_and_no_reply():
     """A frame that waits may be the reply that another request should have got; nothing is sent."""
     modbus, port = session((READ_COILS, COILS_5))
     port.come(COILS_5)
-    with pytest.raises(Garbled, match="01 01 01 05 .* came, and nobody had asked for it"):
+    with pytest.raises(Garbled, match="01 01 01 05 .* arrived unsolicited"):
         modbus.read_coils(0, 8)
     assert port.written == []
     assert modbus.discarded == len(COILS_5)
@@ -227,7 +227,7 @@ def test_a_quiet_gap_shows_the_reply_that_a_stale_frame_has_displaced():
     """A stale frame is read in place of the reply; the reply that comes behind it gives it away."""
     modbus, _ = session((READ_COILS, ((0.0, COILS_5), (0.008, framed("01 01 01 07")))))
     modbus.read_coils(0, 8)
-    with pytest.raises(Garbled, match="01 01 01 07 .* came"):
+    with pytest.raises(Garbled, match="01 01 01 07 .* arrived"):
         modbus.must_be_quiet(0.02)
 
 

@@ -169,7 +169,7 @@ def test_what_waits_before_a_question_is_told():
     controller = Controller(ask(b"1TP?", b"1"), ask(b"1SU?", b"0.0002"))
     controller.role.angle()
     controller.port.come(b"99.0\r\n")
-    with pytest.raises(Garbled, match="nobody had asked for it"):
+    with pytest.raises(Garbled, match="arrived unsolicited"):
         controller.role.angle()
 
 

@@ -77,8 +77,11 @@ def test_bounds_are_no_part_of_a_value(load):
         ('{name: a, value: "1", unit: s, min: 1}', "'min' must be a number in quotes"),
         ('{name: a, value: "1", unit: s, whole: "yes"}', "'whole' must be true or false"),
         ('{name: a, values: ["1"], unit: s, count: 0}', "'count' must be at least 1"),
-        ('{name: a, value: "1", unit: s, count: 1}', "'count' is of a list, and this parameter has no values"),
-        ('{name: a, value: "1", unit: s, rising: true}', "'rising' is of a list, and this parameter has no values"),
+        ('{name: a, value: "1", unit: s, count: 1}', "'count' applies to a list, and this parameter has no values"),
+        (
+            '{name: a, value: "1", unit: s, rising: true}',
+            "'rising' applies to a list, and this parameter has no values",
+        ),
         ('{name: a, value: up, max: "1"}', "a text has no 'max', only a number with a unit has"),
         ('{name: a, value: "1", unit: s, minimum: "1"}', "unknown key 'minimum', did you mean 'min'?"),
     ],

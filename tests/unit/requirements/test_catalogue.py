@@ -180,7 +180,7 @@ def test_parents_must_not_run_in_a_circle(workspace):
     )
     found = findings(workspace.load)
     assert found == [
-        "testplans/requirements.yaml:3:8: parents run in a circle: EPS-001 -> EPS-002 -> EPS-001",
+        "testplans/requirements.yaml:3:8: parents form a circle: EPS-001 -> EPS-002 -> EPS-001",
     ]
     workspace.file.write_text(one_entry(f"{limit}  parents: [EPS-BAT-010]\n"))
     assert "EPS-BAT-010 -> EPS-BAT-010" in findings(workspace.load)[0]

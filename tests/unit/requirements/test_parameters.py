@@ -84,7 +84,7 @@ def test_a_small_change_is_still_a_deviation(load):
 @pytest.mark.parametrize("text", ["", "abc", "nan", "inf", "1_0", "1,2"])
 def test_what_is_no_value_is_refused(load, text):
     """A number stays a finite number."""
-    with pytest.raises(HilError, match=r"is no value for parameter 'rest_duration'; give a decimal number in s"):
+    with pytest.raises(HilError, match=r"is not a value for parameter 'rest_duration'; give a decimal number in s"):
         load().override("rest_duration", text)
 
 
@@ -105,7 +105,7 @@ def test_a_changed_parameter_may_name_its_unit(load):
         ("4 K", "'K' does not convert to 's'"),
         ("4 furlong", "'furlong' is not a known unit"),
     ):
-        with pytest.raises(HilError, match=f"'{text}' is no value for parameter 'rest_duration': {message}"):
+        with pytest.raises(HilError, match=f"'{text}' is not a value for parameter 'rest_duration': {message}"):
             planned.override("rest_duration", text)
     with pytest.raises(HilError, match="'K' does not convert to 'degC'"):
         planned.override("temperatures", "20 K, 30 K")
@@ -117,7 +117,7 @@ def test_parameters_cannot_be_changed(load):
     for name in ("rest_duration", "_parameters", "anything"):
         with pytest.raises(HilError, match=f"parameter '{name}' cannot be changed by a case"):
             setattr(parameters, name, 1.0)
-        with pytest.raises(HilError, match=f"parameter '{name}' cannot be taken away"):
+        with pytest.raises(HilError, match=f"parameter '{name}' cannot be removed"):
             delattr(parameters, name)
     with pytest.raises(TypeError):
         parameters._parameters["rest_duration"] = None

@@ -133,7 +133,7 @@ def test_cold_raises_the_resistance():
     ("truth", "message"),
     [
         ({"capacity": "0"}, "must be above 0"),
-        ({"open_circuit": ["3"] * 14}, "must be numbers that rise"),
+        ({"open_circuit": ["3"] * 14}, "must be rising numbers"),
         ({"sink_ambient": "0.2"}, "or the sinks run away"),
         ({"place": "oven"}, "must be one of container, assembly"),
         ({"led": "0.1"}, "unknown key 'led', did you mean 'leads'"),

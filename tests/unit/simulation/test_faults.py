@@ -76,7 +76,7 @@ def test_a_part_asks_for_its_own_fault():
         ({"kind": "garbled", "shar": "1"}, ("faults", 0, "shar"), "unknown key 'shar', did you mean 'share'"),
         ({"kind": "garbled", "share": "1.1"}, ("faults", 0, "share"), "must be at most 1"),
         ({"kind": "garbled", "until": "101 d 2"}, ("faults", 0, "until"), "must be a duration"),
-        ({"kind": "garbled", "until": "40000 d"}, ("faults", 0, "until"), "must be a century at most"),
+        ({"kind": "garbled", "until": "40000 d"}, ("faults", 0, "until"), "must be at most a century"),
         ({"kind": "partial", "share": "1"}, ("faults", 0, "share"), "unknown key 'share'"),
     ],
 )

@@ -212,10 +212,10 @@ def test_an_end_that_is_unplugged_hangs_up_and_comes_back(folder):
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        (b"nonsense\n", "no JSON document"),
-        (b"[" * 50_000 + b"\n", "no JSON document"),
-        (b"\xff\xfe\n", "no JSON document"),
-        (b"[]\n", "no JSON object"),
+        (b"nonsense\n", "not a JSON document"),
+        (b"[" * 50_000 + b"\n", "not a JSON document"),
+        (b"\xff\xfe\n", "not a JSON document"),
+        (b"[]\n", "not a JSON object"),
         (b"{}\n", "one key"),
         (b'{"stat": ""}\n', "did you mean 'state'"),
         (b'{"state": 3}\n', "by a path"),
@@ -314,7 +314,7 @@ def test_folders_that_cannot_be_used_are_refused(tmp_path):
         serving(tmp_path / ("x" * 120))
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        with pytest.raises(Refused, match=f"port {port} cannot be had"):
+        with pytest.raises(Refused, match=f"port {port} is not available"):
             serving(tmp_path / "ends", first_port=port)
     assert not (tmp_path / "ends").exists()
 
@@ -328,7 +328,7 @@ def test_no_instrument_can_take_the_sockets_name(folder):
 @pytest.mark.parametrize(
     ("left", "why"),
     [
-        ("nothing", "the folder is not there; its server has ended, or another folder was meant"),
+        ("nothing", "the folder does not exist; its server has ended, or you meant another folder"),
         ("folder", "its server has ended, or has not begun"),
         ("file", "Not a directory"),
         ("socket", "its server was killed"),
@@ -347,7 +347,7 @@ def test_asking_where_nobody_serves_any_more_says_where_what_and_what_to_do(fold
         ask(folder, {"time": None}, bench="adcs")
     assert str(refused.value).startswith(f"no served bench answers in {folder}: {why}")
     assert refused.value.hint == (
-        f"start it again with: hil simulate adcs --folder {folder}; hil status tells how far a run on it came"
+        f"start it again with: hil simulate adcs --folder {folder}; hil status shows how far a run on it got"
     )
 
 

@@ -107,7 +107,7 @@ def test_parts_of_a_section_are_declared():
         ({"sides": ["1", "0"]}, ("sides", 1), "must be above 0"),
         ({"sides": ["one", "2"]}, ("sides", 0), "must be a decimal number in quotes"),
         ({"heating": "-1"}, ("heating",), "must be at least 0"),
-        ({"levels": ["0", "2", "2"]}, ("levels",), "must be numbers that rise"),
+        ({"levels": ["0", "2", "2"]}, ("levels",), "must be rising numbers"),
     ],
 )
 def test_what_a_part_cannot_be_is_told_at_its_place(section, path, message):

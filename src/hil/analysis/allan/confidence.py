@@ -37,7 +37,7 @@ _TOTAL_BIAS = {-1: 1.0 / (3.0 * math.log(2.0)), -2: 0.75}  # SP1065, section on 
 
 
 def identify(averages: _Array, reddest: int = -2) -> int | None:
-    """Return the noise type of consecutive averages of the rate, or None where they are too few or all the same.
+    """Return the noise type of consecutive averages of the rate, or None if they are too few or all the same.
 
     Model: with r1 the lag-1 autocorrelation of the averages without their linear drift, delta = r1 / (1 + r1); while
     delta is 0.25 or more the averages are differenced and counted again. alpha = -2 (delta + differences), rounded and

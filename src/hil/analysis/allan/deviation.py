@@ -266,7 +266,7 @@ def _phase(data: ArrayLike, rate: float, *, holes: bool) -> tuple[_Array, _Place
     if not math.isfinite(mean):
         raise _not_finite(values, missing)
     if missing.size == values.size:
-        raise Refused(f"all {values.size} samples are missing", "look for the channel that was recorded")
+        raise Refused(f"all {values.size} samples are missing", "check which channel was recorded")
     if np.nanmin(values) == np.nanmax(values):
         mean = float(values[np.isfinite(values)][0])  # a mean that rounds differently would look like noise
     phase = np.empty(values.size + 1)

@@ -55,7 +55,7 @@ def characterise(
         Refused: the data are not a finite series of two samples or more, or the rate is none of a sensor.
     """
     if not _SLOWEST <= rate <= _FASTEST:
-        raise Refused(f"{rate:g} Hz is no sampling rate of a sensor", "look at the unit of time")
+        raise Refused(f"{rate:g} Hz is no sampling rate of a sensor", "check the unit of time")
     curve = deviation(data, rate, unit=unit, confidence=confidence, holes=holes)
     usable = int((curve.tau >= tau_min * (1.0 - 1e-9)).sum())
     first = curve.tau.size - usable
@@ -244,7 +244,7 @@ def rest_mean(samples: ArrayLike, rate: float, unit: str, *, systematic: float =
     """Return the mean of a record at rest as a measure of the bias.
 
     u^2 is the Allan variance at the record's own length T, plus systematic^2. It is that at tau, the longest octave
-    within an eighth of the record, carried on to T as the noise type found there tells: tau / T for white noise, 1 for
+    within an eighth of the record, extrapolated to T by the noise type found there: tau / T for white noise, 1 for
     flicker and T / tau for random walk. For white noise this is s^2 / n; under flicker or random walk, s / sqrt(n)
     would promise far too much. Degrees of freedom are those of the Allan variance at tau.
 

@@ -63,7 +63,7 @@ class NoiseModel:
         averaging_window: averaging time with the smallest deviation, in s, among those that are known with ten degrees
             of freedom; NOT_OBSERVABLE where that is the longest of them.
         curve: the deviations.
-        fitted: deviation of the fitted model at the curve's averaging times; empty where nothing was fitted.
+        fitted: deviation of the fitted model at the curve's averaging times; empty if nothing was fitted.
         chi: root of chi-square per degree of freedom of the fit, NaN where nothing was fitted.
         tau_min: shortest averaging time in the fit, in s.
         model_error: relative uncertainty that the model itself had to be granted: 0 or 0.03.

@@ -1,4 +1,4 @@
-"""How well a battery tester knows what it tells: standard uncertainties of the numbers of a cycle.
+"""How well a battery tester knows what it reports: standard uncertainties of the numbers of a cycle.
 
 The tester's meters are taken to be off by the same amount all the time (their certificate does not say what part of it
 changes), and its clock by the drift that was found. Sources: JCGM 100:2008 (GUM), 4.3.7 and 5.1.2.
@@ -18,7 +18,7 @@ __all__ = ["Certainty"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certainty:
-    """Standard uncertainties of one tester, None where its certificate or its firmware does not tell.
+    """Standard uncertainties of one tester, None if its certificate or its firmware does not tell.
 
     Attributes:
         interval: from line to line [s].

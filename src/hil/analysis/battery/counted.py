@@ -58,7 +58,7 @@ def counted(data: Series, steps: Sequence[Step]) -> Counted:
 
     Samples alone do not tell when in such an interval the current was switched: anything from nothing to the larger
     current held throughout may have flowed. A count within these bounds is taken; one outside (a counter that begins
-    anew with each step, or that has another sign) is not.
+    again with each step, or that has another sign) is not.
 
     Args:
         data: the samples, with the instrument's own `charge` and `energy`.

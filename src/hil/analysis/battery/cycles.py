@@ -23,7 +23,7 @@ class Group:
     """The steps of one cycle.
 
     Attributes:
-        number: of the source where it counts them, else from 1; numbered on where a new test begins anew.
+        number: of the source where it counts them, else from 1; numbered on where a new test starts again.
         steps: in order, at least one of them charge or discharge.
         cut: whether the series begins or ends within it, or may lack a part of it, as far as that can be told.
         end: index of the sample at which its time ends: the first of the next cycle, or the last of its stretch.
@@ -38,7 +38,7 @@ class Group:
 def groups(data: Series, steps: Sequence[Step], limits: Limits) -> tuple[Group, ...]:
     """Return the steps of each cycle that has a charge or a discharge.
 
-    No cycle goes across stretches. Where a new test counts from the beginning again, its numbers go on behind the
+    No cycle goes across stretches. Where a new test counts from the beginning again, its numbers continue after the
     highest before them, so that no two cycles of different tests share one.
 
     Args:
@@ -139,7 +139,7 @@ class Rest:
     """A step without current.
 
     Attributes:
-        after: what came before it; None where the series begins with it.
+        after: what came before it; None if the series begins with it.
         voltage: of its last sample, in V.
         duration: s that it lasted; a cell needs an hour or more to settle.
     """
@@ -178,7 +178,7 @@ class Cycle:
         duration: s to the first sample of the next cycle; to the last sample for the last cycle of a stretch.
         complete: whether it has charge and discharge, is not the part that a series or a stretch of it begins or
             ends in, as far as that can be told, and has lost nothing to a gap across an edge.
-        charge: its charge; None where there is none.
+        charge: its charge; None if there is none.
         discharge: its discharge.
         coulombic_efficiency: charge out over charge in; NaN where one is missing.
         energy_efficiency: energy out over energy in.
@@ -201,13 +201,13 @@ class Cycle:
 def cycles(data: Series, limits: Limits | None = None, how: Segmentation | None = None) -> tuple[Cycle, ...]:
     """Return the cycles of a series.
 
-    Where the series numbers its cycles these numbers hold, numbered on where a new test begins anew. Else a cycle
+    Where the series numbers its cycles these numbers hold, numbered on where a new test starts again. Else a cycle
     begins with each step of the kind that came first in the test, charge or discharge, after one of the other kind.
 
     Args:
         data: the samples.
         limits: levels for times to voltage and current.
-        how: how steps are told apart.
+        how: how steps are distinguished.
     """
     how, limits = how or Segmentation(), limits or Limits()
     steps = segment(data, how)

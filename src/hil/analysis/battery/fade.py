@@ -18,12 +18,12 @@ _LEAST = 3  # cycles: a slope and one degree of freedom
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EndOfLife:
-    """The cycle at which a fraction of the beginning is left, if the straight line goes on.
+    """The cycle at which a fraction of the beginning is left, if the straight line continues.
 
     Attributes:
         level: what is left then, in the unit of the quantity.
         cycle: where the line reaches it; NaN where the slope does not lead there.
-        low: lower end of the interval; NaN where there is none.
+        low: lower end of the interval; NaN if there is none.
         high: upper end; infinite where the slope is not significant.
     """
 
@@ -42,7 +42,7 @@ class Fade:
         beginning: the line at the first cycle that was taken.
         low: lower end of the slope's interval.
         high: its upper end.
-        probability: of such a slope by chance where there is none, two-sided.
+        probability: of such a slope by chance if there is none, two-sided.
         significant: whether it is below 1 - confidence.
         robust: the slope by Theil and Sen, the median of the slopes of all pairs.
         robust_low: lower end of its interval.

@@ -23,7 +23,7 @@ _WIDE = 0.8  # V: no cell goes through these without most of its charge
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Declared:
-    """What is known of the cell and the test beforehand; None where it is not known.
+    """What is known of the cell and the test beforehand; None if it is not known.
 
     Attributes:
         capacity: nominal, in Ah.
@@ -213,7 +213,7 @@ def _limit(name: str, value: float, limit: float | None, slack: float) -> Gate:
         return Gate(name=name, channel="", ok=None, reason="cannot be told without a limit and samples")
     ok = value <= limit + slack if slack >= 0 else value >= limit + slack
     found = f"{value:.4g} V, limit {limit:g} V"
-    advice = "stop such a test, and look for what drove the cell beyond it"
+    advice = "stop such a test, and find out what drove the cell beyond it"
     return Gate(name=name, channel="", ok=ok, reason=found if ok else f"{found}: {advice}")
 
 

@@ -60,15 +60,15 @@ def first_fall(time: NDArray[np.float64], value: NDArray[np.float64], level: flo
 
 
 _LAST_V = 0.05
-"""Over these V before its lower limit a voltage tells how fast it comes there; beyond the noise of any tester."""
+"""Over these V before its lower limit a voltage says how fast it comes there; beyond the noise of any tester."""
 
 _LAST_PART = 1.25
-"""From this many times the cut-off on a current tells how fast it fades."""
+"""From this many times the cut-off on a current says how fast it fades."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """The levels that a test is run between; None where they are not known.
+    """The levels that a test is run between; None if they are not known.
 
     Attributes:
         upper: end of charge, in V.
@@ -104,7 +104,7 @@ class Flow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HalfCycle:
-    """The charge or the discharge of a cycle. What cannot be told is NaN.
+    """The charge or the discharge of a cycle. What cannot be determined is NaN.
 
     Attributes:
         start: s after the series' own zero.
@@ -244,9 +244,9 @@ def half_cycle(data: Series, steps: Sequence[Step], flows: Flow, limits: Limits)
 
 
 def end_uncertainty(meter: float, last_change: float) -> float:
-    """Return the standard uncertainty in V of the voltage at the end of a half-cycle, of which no sample tells.
+    """Return the standard uncertainty in V of the voltage at the end of a half-cycle, which no sample shows.
 
-    The end lies behind the last sample, by a change of voltage that is at most `last_change` and as likely anywhere up
+    The end lies after the last sample, by a change of voltage that is at most `last_change` and as likely anywhere up
     to it: JCGM 100:2008, 4.3.7, with that as the half-width.
 
     Args:

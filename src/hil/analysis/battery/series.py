@@ -26,12 +26,12 @@ class Series:
         time: in s, not falling; shape (n,).
         voltage: at the cell, in V.
         current: in A, positive where it charges the cell.
-        temperature: in degC, or None where it was not recorded.
-        cycle: number of the cycle that each sample belongs to, or None where the source does not count them.
-        charge: net charge in Ah that the instrument itself had counted at each sample, None where it does not tell.
+        temperature: in degC, or None if it was not recorded.
+        cycle: number of the cycle that each sample belongs to, or None if the source does not count them.
+        charge: net charge in Ah that the instrument itself had counted at each sample, None if it does not tell.
         energy: likewise net energy, in Wh.
-        test: number of the test that each sample belongs to, None where there is one; tests follow on each other.
-        stretch: number of the stretch of each sample, None where the series is one; between two stretches the time is
+        test: number of the test that each sample belongs to, None if there is one; tests follow on each other.
+        stretch: number of the stretch of each sample, None if the series is one; between two stretches the time is
             not known, and no step goes across.
     """
 
@@ -47,7 +47,7 @@ class Series:
 
     @property
     def broken(self) -> NDArray[np.bool_]:
-        """Whether the interval behind each sample lies between two stretches, shape (n - 1,)."""
+        """Whether the interval after each sample lies between two stretches, shape (n - 1,)."""
         if self.stretch is None:
             return np.zeros(self.time.size - 1, dtype=bool)
         return np.asarray(np.diff(self.stretch) != 0)
@@ -58,7 +58,7 @@ class Series:
 
 
 def can_be_warm(temperature: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which temperatures in degC a cell can have; one that is no number is none."""
+    """Return which temperatures in degC a cell can have; one that is not a number is none."""
     return np.asarray((temperature >= _WARMTH[0]) & (temperature <= _WARMTH[1]))
 
 
@@ -74,9 +74,9 @@ def series(  # noqa: PLR0913 - one argument per column
     test: ArrayLike | None = None,
     stretch: ArrayLike | None = None,
 ) -> Series:
-    """Return samples as a series; those with a time, voltage, current or cycle that is no number are left out.
+    """Return samples as a series; those with a time, voltage, current or cycle that is not a number are left out.
 
-    A temperature or a charge or energy as counted that is no number stays: only what is told of it leaves it out.
+    A temperature or a charge or energy as counted that is not a number stays: only reports about it leave it out.
 
     Args:
         time: in s, shape (n,).
@@ -126,7 +126,7 @@ def series(  # noqa: PLR0913 - one argument per column
 
 
 def usual_interval(time: NDArray[np.float64]) -> float:
-    """Return the median of the intervals above zero between samples, in s; zero where there are none."""
+    """Return the median of the intervals above zero between samples, in s; zero if there are none."""
     steps = np.diff(time)
     steps = steps[steps > 0]
     return float(np.median(steps)) if steps.size else 0.0

@@ -34,7 +34,7 @@ def judge_singles(
         data: the samples.
         steps: from `segment`.
         made: from `cycles`.
-        capacity: nominal, in Ah; None where it is not known.
+        capacity: nominal, in Ah; None if it is not known.
     """
     return (_one_stretch(data), _coulombic(made), _own_energy(made), *_rows(data, steps, made, capacity))
 

@@ -1,4 +1,4 @@
-"""Charge, discharge and rest, told apart by the current."""
+"""Charge, discharge and rest, distinguished by the current."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _KINDS = {1: StepKind.CHARGE, -1: StepKind.DISCHARGE, 0: StepKind.REST}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Segmentation:
-    """How steps are told apart.
+    """How steps are distinguished.
 
     Attributes:
         rest_current: magnitude in A below which the cell rests; None takes 1 % of the largest usual current.
@@ -53,7 +53,7 @@ class Step(NamedTuple):
         kind: what the current does.
         first: index of the first sample.
         last: index of the last sample.
-        cv: index of the first sample under constant voltage, None where there is no such part.
+        cv: index of the first sample under constant voltage, None if there is no such part.
     """
 
     kind: StepKind
@@ -110,7 +110,7 @@ def _states(current: NDArray[np.float64], threshold: float, hysteresis: float) -
     signs = np.where(magnitude > threshold, np.sign(current), 0.0).astype(np.int64)
     places = np.maximum.accumulate(np.where(sure, np.arange(current.size), 0))
     held = signs[places]
-    # Whoever falls back through zero between the thresholds has the other sign, and is not held.
+    # Anyone who falls back through zero between the thresholds has the other sign, and is not held.
     return np.where((held != 0) & (held * current < 0), signs, held)
 
 

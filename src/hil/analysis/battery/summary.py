@@ -39,7 +39,7 @@ class Summary:
 
     Attributes:
         cycles: in order.
-        fades: by name of quantity, over the complete cycles; empty where they are too few.
+        fades: by name of quantity, over the complete cycles; empty if they are too few.
         gates: all of them, also those that could not be judged.
     """
 
@@ -64,7 +64,7 @@ def summarise(
         data: the samples.
         limits: levels that the test is run between.
         declared: what is known of the cell; its limits are those of `limits` where it has none.
-        how: how steps are told apart.
+        how: how steps are distinguished.
         skip: complete cycles at the beginning that the fade leaves out.
         remaining: fraction of the beginning at which life ends.
         counted: how many cycles somebody says there were, to hold against the time that the test took.
@@ -96,7 +96,7 @@ def incremental_capacities(
     Args:
         data: the samples.
         kind: charge or discharge.
-        how: how steps are told apart.
+        how: how steps are distinguished.
     """
     steps = segment(data, how)
     charge = cumulative(flow(data, steps, how).charge[kind])

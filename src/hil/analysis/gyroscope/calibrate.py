@@ -137,7 +137,7 @@ def _scale(name: str, found: Sequence[Response], reference: float, rate_uncertai
 
 def _inverse(gain: Figure) -> Figure:
     if not abs(gain.value) > 0.0:
-        raise Refused("an axis does not respond to its rate", "look at the mounting, and which axis is which")
+        raise Refused("an axis does not respond to its rate", "check the mounting, and which axis is which")
     uncertainty = None if gain.uncertainty is None else gain.uncertainty / gain.value**2
     return Figure(value=1.0 / gain.value, unit="1", uncertainty=uncertainty, dof=gain.dof)
 

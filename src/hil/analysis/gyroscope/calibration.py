@@ -29,7 +29,7 @@ class Polynomial:
         reference: temperature at which the value is c0, in degC.
         low: lowest temperature that was measured, in degC.
         high: highest temperature that was measured, in degC.
-        covariance: of the coefficients, None where unknown.
+        covariance: of the coefficients, None if unknown.
         dof: degrees of freedom of the covariance, infinite where it is taken as exact.
     """
 
@@ -121,7 +121,7 @@ class CalibratedRate:
         """Return the rate for one reading, its uncertainty that of reading, bias, scale and temperature together.
 
         u^2 = s^2 (u_m^2 + u_b^2) + (m - b)^2 u_s^2 + (s' (m - b) - s b')^2 u_T^2, where ' is the change per kelvin
-        (GUM 10). Unknown where one of them is unknown.
+        (GUM 10). Unknown if one of them is unknown.
 
         Raises:
             Refused: the temperature is outside what was measured.
@@ -155,7 +155,7 @@ class Calibration:
         unit: of readings and rates.
         axes: the axes by name, in the order of the matrix.
         alignment: matrix from scaled readings to rates about the table's axes.
-        alignment_uncertainty: standard uncertainties of its elements, None where it was not measured.
+        alignment_uncertainty: standard uncertainties of its elements, None if it was not measured.
         alignment_dof: the least of their degrees of freedom, infinite where they are taken as exact.
     """
 

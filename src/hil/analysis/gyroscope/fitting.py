@@ -101,7 +101,7 @@ def fit(temperatures: Sequence[float], values: Sequence[Figure], *, reference: f
     if where.size != data.size or distinct < 2:
         raise Refused(f"{distinct} temperature does not tell a dependence", "measure at two temperatures or more")
     if not (np.isfinite(where).all() and np.isfinite(data).all()):
-        raise Refused("a temperature or a mean is not a finite number", "look for the record that it came from")
+        raise Refused("a temperature or a mean is not a finite number", "check the record that it came from")
     spread = np.array([math.nan if figure.uncertainty is None else figure.uncertainty for figure in values])
     known = bool((spread > 0.0).all())
     weight = 1.0 / spread if known else np.ones(where.size)

@@ -25,7 +25,7 @@ class Rejection:
         temperature: where it is worst, in degC.
         tabled: the value of the table there.
         recomputed: what the equation gives there.
-        remark: what would mend it, where that is plain, else empty.
+        remark: what would fix it, where that is plain, else empty.
     """
 
     axis: str
@@ -48,7 +48,7 @@ def disagreements(
     """Return the equations that miss their own table by more than a tolerance, by axis.
 
     Args:
-        equations: by axis; their range is not looked at.
+        equations: by axis; their range is not read.
         table: pairs of temperature in degC and value, by axis.
         tolerance: largest absolute difference that is accepted, in the values' unit.
     """

@@ -1,4 +1,4 @@
-"""The rows that a limit is judged by: their course, and how far each may still go."""
+"""The rows by which a limit is judged: their course, and how far each may still go."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from operator import add, mul
 __all__ = ["AHEAD_NS", "NONE", "Course", "Room", "common_room", "direction", "flow_bounds", "micro"]
 
 NONE = (math.nan, math.nan)
-"""The extremes of a column that holds something that is no number: nothing is within any bounds then."""
+"""The extremes of a column that holds something that is not a number: then nothing is within any bounds."""
 
 _MICRO = 1_000_000
 
@@ -56,7 +56,7 @@ class Course:
         return found
 
     def extremes(self, quantity: str) -> tuple[float, float]:
-        """Return the lowest and the highest number of a quantity; `NONE` where one is no number, or infinite."""
+        """Return the lowest and the highest number of a quantity; `NONE` where one is not a number, or infinite."""
         if (found := self._extremes.get(quantity)) is None:
             numbers = self.column(quantity)
             found = (min(numbers), max(numbers)) if math.isfinite(sum(numbers)) else NONE
@@ -64,7 +64,7 @@ class Course:
         return found
 
     def flow(self, threshold: float) -> int | None:
-        """Return the direction of the current of every row, None where it changes or is not known. See `direction`."""
+        """Return the direction of the current of every row, None if it changes or is not known. See `direction`."""
         low, high = self.extremes("current")
         if low >= threshold:
             return 1
@@ -116,7 +116,7 @@ class Room:
 
 
 def common_room(rooms: Iterable[Room | None]) -> Room | None:
-    """Return the room that several limits leave together, None where one of them leaves none."""
+    """Return the room that several limits leave together, None if one of them leaves none."""
     until_ns, bounds = 2**62, dict[str, tuple[float, float]]()
     for room in rooms:
         if room is None:

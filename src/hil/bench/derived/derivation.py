@@ -51,7 +51,7 @@ class Derivation(Protocol):
         ...
 
     def room(self) -> Room | None:
-        """Return how far rows may go without anything to be seen, all of them `quiet`; None where that is not known."""
+        """Return how far rows may go without anything to be seen, all of them `quiet`; None if that is not known."""
         ...
 
     def pause(self) -> None:
@@ -83,11 +83,11 @@ class Watching:
         return direction(numbers[self._current], self._threshold) if self._gated else 0
 
     def flow_room(self, flow: int) -> dict[str, tuple[float, float]]:
-        """Return between which currents the flow stays as it is; nothing where the limit always counts."""
+        """Return between which currents the flow stays as it is; nothing if the limit always counts."""
         return {"current": flow_bounds(flow, self._threshold)} if self._gated else {}
 
     def flow_through(self, course: Course) -> int | None:
-        """Return the direction of all rows, None where it is not one; 0 where the limit always counts."""
+        """Return the direction of all rows, None if it is not one; 0 where the limit always counts."""
         return course.flow(self._threshold) if self._gated else 0
 
     def pause(self) -> None:

@@ -70,9 +70,9 @@ def _instruments(spec: BenchSpec) -> Complaints:
         if item.bus:
             yield from known(at, "bus", item.bus, buses)
             if not 0x08 <= item.address <= 0x77:
-                yield at, f"{item.name}: 0x{item.address:02X} is no 7-bit I2C address (0x08 to 0x77)"
+                yield at, f"{item.name}: 0x{item.address:02X} is not a 7-bit I2C address (0x08 to 0x77)"
         elif item.address > _HIGHEST_STATION:
-            yield at, f"{item.name}: {item.address} is no station's address (1 to {_HIGHEST_STATION})"
+            yield at, f"{item.name}: {item.address} is not a station's address (1 to {_HIGHEST_STATION})"
 
 
 def _buses(spec: BenchSpec) -> Complaints:

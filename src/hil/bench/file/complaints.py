@@ -34,13 +34,13 @@ def named(items: Sequence[_Named], *section: str) -> Iterator[tuple[Path, _Named
 
 
 def known(at: Path, what: str, name: str, names: Iterable[str]) -> Complaints:
-    """Complain of a name that nothing has; an empty one could not be read, which was told before."""
+    """Complain about a name that nothing has; an empty one could not be read, which was reported before."""
     if name and name not in names:
         yield at, f"unknown {what} '{name}'{did_you_mean(name, names)}"
 
 
 def usable(at: Path, offers: Offers[Any], name: str) -> Complaints:
-    """Complain of a name that no package offers, or of an offer that is refused."""
+    """Complain about a name that no package offers, or of an offer that is refused."""
     yield from known(at, offers.what, name, offers)
     if name in offers:
         try:
@@ -50,12 +50,12 @@ def usable(at: Path, offers: Offers[Any], name: str) -> Complaints:
 
 
 def quantity(at: Path, name: str, unit: str) -> Complaints:
-    """Complain of a quantity that no role has, or of a unit in which none gives it."""
+    """Complain about a quantity that no role has, or of a unit in which none gives it."""
     yield from _given(at, name, unit, quantity_units())
 
 
 def quantity_of(at: Path, output: str, name: str, unit: str) -> Complaints:
-    """Complain of a quantity that the output's role does not have, or of a unit in which it does not give it."""
+    """Complain about a quantity that the output's role does not have, or of a unit in which it does not give it."""
     role, units = role_of(output), quantity_units()
     own = {each: (given,) for each, given in role.quantities.items()} if role else {}
     yield from _given(at, name, unit, {**units, **own})

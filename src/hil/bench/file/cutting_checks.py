@@ -17,7 +17,7 @@ __all__ = ["charging", "cut_off", "cut_paths", "usb_ports", "watched_after"]
 
 
 def charging(spec: BenchSpec) -> Complaints:
-    """Check that every battery has a charger, and that something besides its setting keeps the voltage down.
+    """Check that every battery has a charger, and that something other than its setting limits the voltage.
 
     The first guard is the supply's own over-voltage protection. Where that has no level of its own, which a wrong
     setting would raise with it, the cycler's measurement in the envelope has to be the guard.
@@ -35,7 +35,7 @@ def charging(spec: BenchSpec) -> Complaints:
 
 def _problems(spec: BenchSpec, wire: Wire) -> Iterator[str]:
     if wire.role != "supply":
-        yield "charges nothing: only a supply does"
+        yield "cannot charge: only a supply can"
         return
     drivers = [item.driver for item in spec.instruments if item.name == wire.instrument]
     if not drivers or drivers[0] not in DRIVERS:
@@ -76,7 +76,7 @@ def _path_problems(spec: BenchSpec, path: CutPath) -> Iterator[str]:
     if bool(path.by) == bool(path.hardware):
         yield "it needs either by, an output whose safe state cuts it off, or hardware, in words"
     if path.hardware and path.state:
-        yield "only an output has a state; leave it out beside hardware"
+        yield "only an output has a state; leave it out with hardware"
     if path.by:
         yield from _by_problems(spec, path)
 
@@ -104,7 +104,7 @@ def _one_line(spec: BenchSpec, one: str, other: str) -> bool:
 
 
 def cut_off(spec: BenchSpec) -> Complaints:
-    """Check that nothing that can do harm hangs on one port alone."""
+    """Check that nothing that can do harm depends on one port alone."""
     names = {item.name for item in spec.instruments}
     battery = charges_a_battery(spec)
     for at, wire in listed("wiring", spec.wiring):
@@ -120,7 +120,7 @@ def cut_off(spec: BenchSpec) -> Complaints:
             yield (
                 at,
                 (
-                    f"{wire.name} has one path only, its own port, and this bench charges a battery: give it a line in"
+                    f"{wire.name} has only one path, its own port, and this bench charges a battery: give it a line in"
                     " cut_paths that opens it when that port is gone"
                 ),
             )
@@ -138,7 +138,7 @@ def _paths(spec: BenchSpec, output: str) -> bool:
     wired = {wire.name for wire in spec.wiring}
     names = {item.name for item in spec.instruments}
     if any(path.by and path.by not in wired for path in spec.cut_paths):
-        return True  # that is told where it stands
+        return True  # reported with the other wire
     if any(path.by and spec.wire(path.by).instrument not in names for path in spec.cut_paths):
         return True
     return bool(paths_of(spec, output))

@@ -66,7 +66,7 @@ def _guarded(spec: BenchSpec, wire: Wire, lowest: float) -> bool:
 
 
 def _keys(limit: EnvelopeLimit) -> Iterator[str]:
-    """What a quantity needs, what it takes besides, and nothing else."""
+    """What a quantity needs, what else it takes, and nothing more."""
     given = limit.derivation
     needed = _NEEDED.get(limit.quantity, ())
     allowed = (*needed, *_ALLOWED.get(limit.quantity, _OF_WHAT_IS_READ))
@@ -126,7 +126,7 @@ def _numbers(limit: EnvelopeLimit) -> Iterator[str]:
 
 
 def ratings(spec: BenchSpec) -> Complaints:
-    """Check that clamps can be held against every rating."""
+    """Check that clamps can be compared with every rating."""
     for path, item in named(spec.instruments, "instruments"):
         for at, rating in listed("ratings", item.ratings):
             yield from quantity((*path, *at), rating.quantity, rating.unit)

@@ -48,7 +48,7 @@ def draw_allan(path: Path, axes: Sequence[Axis]) -> None:
     """
     drawn = [axis for axis in axes if axis.curve.deviation.any()]
     if not drawn:
-        raise Refused(f"{path}: there is no deviation above zero to draw", "look at the columns' remarks")
+        raise Refused(f"{path}: there is no deviation above zero to draw", "check the columns' remarks")
     _save(path, lambda: _allan(drawn))
 
 

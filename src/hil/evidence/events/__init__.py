@@ -1,4 +1,4 @@
-"""Events: what a journal tells, each kind a frozen type; `codec` writes and reads them."""
+"""Events: the contents of a journal, each kind a frozen type; `codec` writes and reads them."""
 
 from __future__ import annotations
 

@@ -148,7 +148,7 @@ def encode(event: Event) -> bytes:
 
 
 def decode(body: Mapping[str, Any]) -> Event:
-    """Return the event that a line's body tells.
+    """Return the event in a line's body.
 
     Raises:
         JsonError: for an unknown kind, and for a missing, unknown or mistyped field, which it names.

@@ -358,7 +358,7 @@ class End(Event, frozen=True, kw_only=True):
     """The run has ended; the last event.
 
     Attributes:
-        state: what became of it.
+        state: its outcome.
         exit_code: the run's exit code.
     """
 

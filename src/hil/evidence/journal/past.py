@@ -73,7 +73,7 @@ class Past:
         held = next(line for line in self._lines if line.event.origin is not Origin.OUTSIDE)
         found = encode(stamped(event, held.event.seq, t))
         raise Diverged(
-            f"the run came to {_text(found)}, but its journal holds {_text(held.raw)}",
+            f"the run gave {_text(found)}, but its journal holds {_text(held.raw)}",
             "seal it as it is with hil seal",
         )
 

@@ -116,7 +116,7 @@ def read_journal(path: Path) -> JournalReading:
     """Read a journal, whatever state it is in.
 
     Raises:
-        EvidenceError: where there is no file to read.
+        EvidenceError: if there is no file to read.
     """
     try:
         with open_plain(path) as stream:
@@ -128,7 +128,7 @@ def read_journal(path: Path) -> JournalReading:
 
 
 def require_known_format(reading: JournalReading) -> None:
-    """Look whether this version knows the format that a run's first event names.
+    """Check whether this version knows the format that a run's first event names.
 
     Raises:
         UnknownFormat: where it does not.
@@ -244,7 +244,7 @@ def _out_of_place(line: JournalLine, named: str, previous: str) -> Iterator[Find
     if named != previous:
         yield _finding(line.number, "the chain is broken: this line, or the one before it, is not the one written")
     if line.event.seq != line.number - 1:
-        yield _finding(line.number, f"sequence number {line.event.seq} where {line.number - 1} is due")
+        yield _finding(line.number, f"sequence number {line.event.seq} where {line.number - 1} is expected")
 
 
 def _finding(line: int, message: str) -> Finding:

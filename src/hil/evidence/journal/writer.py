@@ -28,14 +28,14 @@ class Journal:
 
     Args:
         path: the journal's file.
-        reserve: a file whose space is given back when the disk is full.
+        reserve: a file whose space is released when the disk is full.
         stamp: where wall time comes from.
         write: `os.write`, or what stands in for a disk in tests.
         sync: `os.fsync`, or the same.
         now: seconds on a wall clock that only goes forward.
 
     Raises:
-        EvidenceError: where the existing journal is torn or its chain is broken.
+        EvidenceError: if the existing journal is torn or its chain is broken.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class Journal:
     def write(self, event: Event, t: float, *, beside: Mapping[str, object] = NOTHING) -> int:
         """Write one event down and return its sequence number.
 
-        On a full disk the reserve is given back and the event still written; that is told once, by an error. From
+        On a full disk the reserve is released and the event still written; that is told once, by an error. From
         then on events are written as far as space allows, so that making the bench safe is not disturbed again.
 
         Args:
@@ -122,7 +122,7 @@ class Journal:
         """Bring events to the disk that wait for long; called at every scheduling point, twice a second or more often.
 
         Raises:
-            OSError: where the disk does not take them, and there is no reserve to give back.
+            OSError: if the disk does not take them, and there is no reserve to release.
         """
         if self._waits_since is not None and self._now() - self._waits_since >= _OLDEST_S:
             self._sync()
@@ -155,7 +155,7 @@ class Journal:
         reading = read_journal(self._path)
         if reading.torn or reading.findings:
             first = reading.findings[0] if reading.findings else f"{self._path}: the last line is torn"
-            raise EvidenceError(str(first), "look at it with hil verify; a torn tail is cut when the run is recovered")
+            raise EvidenceError(str(first), "check it with hil verify; a torn tail is cut when the run is recovered")
         for line in reading.lines:
             self._content.update(line.raw + b"\n")
         self._head = reading.head.encode()

@@ -53,7 +53,7 @@ def hash_payload(folder: Path) -> dict[str, str]:
     """Return path and SHA-256 of every plain file below `data`, sorted as manifests are.
 
     Raises:
-        OSError: where one cannot be read.
+        OSError: if one cannot be read.
     """
     return {path: sha256_of(folder / path) for path in payload_of(list_folder(folder).files)}
 
@@ -114,7 +114,7 @@ def info_text(folder: Path, *, identifier: str, date: str, content: str, version
 
 
 def identifier_of(info: str) -> str:
-    """Return the name that a folder had at its seal, from its `bag-info.txt`; empty where that does not tell it."""
+    """Return the name that a folder had at its seal, from its `bag-info.txt`; empty if that does not tell it."""
     names = [line.removeprefix(_IDENTIFIER) for line in info.splitlines() if line.startswith(_IDENTIFIER)]
     return names[0] if names else ""
 
@@ -138,7 +138,7 @@ def write_manifests(folder: Path, info: bytes) -> None:
 
 
 def put_seal(folder: Path) -> None:
-    """Seal the bag: the declaration comes to its name whole, and last."""
+    """Seal the bag: the declaration gets its name whole, and last."""
     write_whole(folder / SEAL, DECLARATION)
 
 

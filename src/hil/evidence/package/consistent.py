@@ -61,15 +61,15 @@ def guarded(look: Callable[[], Iterator[Finding]]) -> Iterator[Finding]:
     """Turn whatever hostile content makes of a look into a finding."""
     try:
         yield from look()
-    except Exception as error:  # noqa: BLE001 - whoever made the content chooses what goes wrong in reading it
+    except Exception as error:  # noqa: BLE001 - the content decides what goes wrong in reading it
         what = error.message if isinstance(error, HilError) else f"{type(error).__name__}: {error}"
-        yield Finding("data", 0, 0, f"verification cannot go on here: {what}")
+        yield Finding("data", 0, 0, f"verification cannot continue: {what}")
 
 
 def _journal_findings(_: Path, reading: JournalReading, __: Hashes) -> Iterator[Finding]:
     yield from reading.findings
     if reading.torn:
-        yield Finding(JOURNAL, 0, 0, f"{len(reading.torn)} bytes at the end are half a line")
+        yield Finding(JOURNAL, 0, 0, f"{len(reading.torn)} bytes at the end are an incomplete line")
     kinds = [type(event) for event in reading.events]
     if kinds[:1] != [Run] or kinds[-2:] != [Results, End] or kinds.count(Results) != 1:
         yield Finding(JOURNAL, 0, 0, "a sealed journal begins with run, and ends with results and end, each once")
@@ -82,7 +82,7 @@ def _info_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterator
     text = read_plain(folder / INFO)
     names = [line.removeprefix(b"External-Identifier: ") for line in text.split(b"\n") if line.startswith(b"Ext")]
     if len(names) != 1 or not reading.lines or text != info_of(folder, names[0].decode(), reading):
-        yield Finding(INFO, 0, 0, "it does not say what the journal and the files say")
+        yield Finding(INFO, 0, 0, "it does not agree with the journal and the files")
 
 
 def _file_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
@@ -132,7 +132,7 @@ def _begun_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterato
     run = fold(reading.events).run
     for field, path in (("catalogue", CATALOGUE), ("parameters", PARAMETERS), ("calibration", CALIBRATION)):
         if getattr(run, field, None) != hashes.get(path):
-            yield Finding(path, 0, 0, f"this is not the {field} that the run was begun with")
+            yield Finding(path, 0, 0, f"this is not the {field} that the run started with")
 
 
 def _results_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:

@@ -91,7 +91,7 @@ class Package:
         """Return the results: as sealed, or derived from the journal so far.
 
         Raises:
-            EvidenceError: where `data/results.json` cannot be read.
+            EvidenceError: if `data/results.json` cannot be read.
         """
         path, reading = self.folder / RESULTS, self._reading
         if not path.exists():
@@ -99,7 +99,7 @@ class Package:
         try:
             return read_outcome(self._bytes(RESULTS))
         except JsonError as error:
-            raise EvidenceError(f"{path}: these are no results: {error.message}", "see hil verify") from error
+            raise EvidenceError(f"{path}: not a results file: {error.message}", "see hil verify") from error
 
     def catalogue(self) -> Entries:
         """Return the requirements as they were frozen, by id."""
@@ -113,7 +113,7 @@ class Package:
         """Return one recording, from its rows while the run is running.
 
         Raises:
-            EvidenceError: where the run has no such recording, or it cannot be read.
+            EvidenceError: if the run has no such recording, or it cannot be read.
         """
         begun = self.state.recordings
         if identifier not in begun:
@@ -129,12 +129,12 @@ class Package:
         """Return the text of a file of the package; the path is relative to the folder.
 
         Raises:
-            EvidenceError: where there is no such text inside the package.
+            EvidenceError: if there is no such text inside the package.
         """
         try:
             return self._bytes(relative).decode("utf-8")
         except UnicodeDecodeError as error:
-            raise EvidenceError(f"{self.name}/{relative}: this is no text: {error}", "see hil verify") from error
+            raise EvidenceError(f"{self.name}/{relative}: not a text file: {error}", "see hil verify") from error
 
     def _bytes(self, relative: str) -> bytes:
         try:

@@ -69,7 +69,7 @@ def list_folder(folder: Path) -> Listing:
                 files.append(path)
             else:
                 what = _SPECIAL.get(kind, "something special")
-                odd.append(Finding(shown(path), 0, 0, f"only plain files belong into a package, this is {what}"))
+                odd.append(Finding(shown(path), 0, 0, f"only plain files belong in a package, this is {what}"))
     holding = {path[:cut] for path in files for cut, letter in enumerate(path) if letter == "/"}
     return Listing(
         files=tuple(sorted(files, key=os.fsencode)),
@@ -86,5 +86,5 @@ def _looked_at(folder: Path, here: str) -> Iterator[tuple[str, int]]:
 
 
 def shown(path: str) -> str:
-    """Return a text as it can be printed anywhere: what is no text, or moves a terminal's cursor, is escaped."""
+    """Return a text as it can be printed anywhere: what is not a text, or moves a terminal's cursor, is escaped."""
     return "".join(letter if letter.isprintable() else letter.encode("unicode_escape").decode() for letter in path)

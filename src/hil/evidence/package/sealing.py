@@ -68,7 +68,7 @@ def seal(folder: Path, journal: Journal, *, exit_code: int, write_reports: Repor
         write_reports: writes the reports; if it fails, the package is sealed before the error is raised.
 
     Raises:
-        EvidenceError: where the disk is full or fails, or there is not enough memory; the folder stays as it is, and
+        EvidenceError: if the disk is full or fails, or there is not enough memory; the folder stays as it is, and
             can be recovered.
     """
     then = "resume it with hil resume, or seal it as it is with hil seal"
@@ -92,7 +92,7 @@ def not_sealed(folder: Path, error: BaseException, then: str) -> EvidenceError:
     full = isinstance(error, OSError) and error.errno in DISK_FULL
     short = isinstance(error, MemoryError)
     what = "disk full" if full else "out of memory" if short else str(error)
-    first = "free some space" if full else "let it have more memory" if short else "fix that"
+    first = "free some space" if full else "give it more memory" if short else "fix that"
     if is_sealed(folder):
         return EvidenceError(
             f"{folder.name}: it is sealed, but not every report could be written: {what}",
@@ -153,7 +153,7 @@ def info_of(folder: Path, identifier: str, reading: JournalReading) -> bytes:
 
 
 def event_of(message: Message) -> events.Event:
-    """Return the event that writes down what came through the inbox."""
+    """Return the event that records a message from the inbox."""
     by, text = message.by, message.text
     match message.kind:
         case "attachment":
@@ -244,7 +244,7 @@ def recover(folder: Path, *, write_reports: ReportWriter) -> str:
 
     Raises:
         Refused: while the run's process is alive, and where nothing was recorded at all.
-        EvidenceError: where the journal is damaged beyond a torn tail or is of another format, a file cannot be
+        EvidenceError: if the journal is damaged beyond a torn tail or is of another format, a file cannot be
             read or written, or there is not enough memory.
     """
     with hold(folder):
@@ -254,9 +254,7 @@ def recover(folder: Path, *, write_reports: ReportWriter) -> str:
             make_read_only(folder)
             return digest_of_manifest(read_plain(folder / MANIFEST))
         except SEAL_ERRORS as error:
-            raise not_sealed(
-                folder, error, "seal it once more with hil seal; hil verify tells what is there"
-            ) from error
+            raise not_sealed(folder, error, "seal it again with hil seal; hil verify shows what is there") from error
 
 
 def _seal_as_it_is(folder: Path, write_reports: ReportWriter) -> str:

@@ -33,7 +33,7 @@ __all__ = ["State", "Verification", "bag_findings", "verify"]
 
 
 class State(StrEnum):
-    """What became of a run's folder."""
+    """The outcome of a run's folder."""
 
     RUNNING = "RUNNING"
     INTERRUPTED = "INTERRUPTED"
@@ -83,13 +83,13 @@ def verify(folder: Path) -> Verification:
     """Verify a run's folder, offline and from its own bytes only; whatever is in it, nothing but findings comes out.
 
     Raises:
-        EvidenceError: where this is no run's folder at all.
+        EvidenceError: if this is no run's folder at all.
     """
     held = is_held(folder)  # asked first: a run that ends in between is then sealed
     if is_sealed(folder):
         return _verify_sealed(folder)
     if not is_run(folder):
-        raise EvidenceError(f"{shown(str(folder))}: this is no run's folder", "name a folder of reports/, see hil runs")
+        raise EvidenceError(f"{shown(str(folder))}: not a run's folder", "name a folder of reports/, see hil runs")
     return _verify_unsealed(folder, State.RUNNING if held else State.INTERRUPTED)
 
 
@@ -151,7 +151,7 @@ def _verify_unsealed(folder: Path, state: State) -> Verification:
     findings.insert(0, _unsealed(state))
     findings += reading.findings
     if reading.torn and not running:
-        findings.append(Finding(JOURNAL, 0, 0, f"{len(reading.torn)} bytes at the end are half a line"))
+        findings.append(Finding(JOURNAL, 0, 0, f"{len(reading.torn)} bytes at the end are an incomplete line"))
     return Verification(folder=folder, state=state, findings=tuple(findings))
 
 

@@ -33,7 +33,7 @@ def open_dataset(group: Any, name: str) -> Dataset:  # noqa: ANN401 - h5py publi
     """Open a dataset of an open file or group.
 
     Raises:
-        KeyError: where there is no such dataset.
+        KeyError: if there is no such dataset.
     """
     from h5py import h5d  # noqa: PLC0415 - slow to import
 
@@ -87,8 +87,8 @@ def listed_words(thing: Any, name: str) -> list[str]:  # noqa: ANN401 - h5py pub
         name: the attribute's name.
 
     Raises:
-        KeyError: where there is no such attribute.
-        OSError: where it holds something else.
+        KeyError: if there is no such attribute.
+        OSError: if it holds something else.
     """
     import numpy as np  # noqa: PLC0415 - slow to import
     from h5py import h5a  # noqa: PLC0415 - slow to import
@@ -150,7 +150,7 @@ def _spaces(dataset: Dataset, start: int, rows: int) -> tuple[Any, Any]:
     """Return what to take in memory and in the file: everything, or a stretch of rows.
 
     Raises:
-        ValueError: where the dataset has another shape.
+        ValueError: if the dataset has another shape.
     """
     from h5py import h5s  # noqa: PLC0415 - slow to import
 

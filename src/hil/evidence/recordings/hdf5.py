@@ -103,7 +103,7 @@ def convert(rows: Path, hdf5: Path, *, begun: Recording, ended: RecordingEnd) ->
         ended: its end.
 
     Raises:
-        EvidenceError: where the rows are not those that the journal names.
+        EvidenceError: if the rows are not those that the journal names.
     """
     found = read_rows(rows)
     part = hdf5.with_name(hdf5.name + PART)
@@ -141,10 +141,10 @@ def read_recording(folder: Path, begun: Recording, ended: RecordingEnd | None) -
     Args:
         folder: the run's `data/recordings`.
         begun: the recording.
-        ended: its end, None while it is going on.
+        ended: its end, None while it is in progress.
 
     Raises:
-        EvidenceError: where neither file can be read.
+        EvidenceError: if neither file can be read.
     """
     name, hdf5 = begun.recording, folder / f"{begun.recording}.h5"
     columns: Mapping[str, NDArray[np.float64]]
@@ -205,7 +205,7 @@ def read_hdf5(path: Path) -> dict[str, NDArray[np.float64]]:
     """Return `time` and every channel of a recording's HDF5 file.
 
     Raises:
-        EvidenceError: where it cannot be read.
+        EvidenceError: if it cannot be read.
     """
     with _open(path) as sets:
         return {name: read_part(dataset, 0, dataset.shape[0]) for name, dataset in sets.items()}
@@ -215,7 +215,7 @@ def read_column(path: Path, name: str) -> NDArray[np.float64]:
     """Return `time` or one channel of a recording's HDF5 file, shape (rows,).
 
     Raises:
-        EvidenceError: where it cannot be read.
+        EvidenceError: if it cannot be read.
     """
     with _open(path) as sets:
         return read_part(sets[name], 0, sets[name].shape[0])
@@ -228,7 +228,7 @@ def read_blocks(path: Path, most: int = BLOCK) -> Iterator[list[NDArray[np.float
         Per block the time and then every channel, each of shape (n,).
 
     Raises:
-        EvidenceError: where the file cannot be read.
+        EvidenceError: if the file cannot be read.
     """
     with _open(path) as sets:
         rows = sets["time"].shape[0]
@@ -243,7 +243,7 @@ def hashes_of(path: Path, at: Sequence[int]) -> list[tuple[int, str]]:
         Per number of `at`, ascending, the rows that are there up to it and the hash over their bytes.
 
     Raises:
-        EvidenceError: where the file cannot be read.
+        EvidenceError: if the file cannot be read.
     """
     with _open(path) as sets:
         return list(_hashes([*sets.values()], at))
@@ -254,7 +254,7 @@ def _open(path: Path) -> Iterator[dict[str, Dataset]]:
     """Open a recording's HDF5 file: `time`, and the channels in their order.
 
     Raises:
-        EvidenceError: where it cannot be read, now or while it is open.
+        EvidenceError: if it cannot be read, now or while it is open.
     """
     import h5py  # noqa: PLC0415 - slow to import
 
@@ -307,8 +307,8 @@ def revert(folder: Path, begun: Iterable[Recording]) -> None:
         begun: its recordings.
 
     Raises:
-        EvidenceError: where an HDF5 file cannot be read.
-        OSError: where the disk is full or fails.
+        EvidenceError: if an HDF5 file cannot be read.
+        OSError: if the disk is full or fails.
     """
     for event in begun:
         rows, hdf5 = (folder / f"{event.recording}{suffix}" for suffix in (".rows", ".h5"))

@@ -58,7 +58,7 @@ def read_rows(path: Path) -> RowsFile:
     """Read a row file's header and count its whole rows; a torn last row is left out.
 
     Raises:
-        EvidenceError: where there is no such file, or its header cannot be read.
+        EvidenceError: if there is no such file, or its header cannot be read.
     """
     try:
         with path.open("rb") as stream:
@@ -66,7 +66,7 @@ def read_rows(path: Path) -> RowsFile:
             size = os.fstat(stream.fileno()).st_size
         header = parse_strict(line) if line.endswith(b"\n") else None
     except (OSError, JsonError) as error:
-        raise EvidenceError(f"{path}: this is no row file: {error}", "the recording cannot be read back") from error
+        raise EvidenceError(f"{path}: not a row file: {error}", "the recording cannot be read back") from error
     if not isinstance(header, dict) or not isinstance(header.get("channels"), list):
         raise EvidenceError(f"{path}: its header is not that of a row file", "the recording cannot be read back")
     rows, torn = divmod(size - len(line), (len(header["channels"]) + 1) * NUMBER)
@@ -125,7 +125,7 @@ class Columns(Mapping[str, "NDArray[np.float64]"]):
         """Return time and channels of the rows from `first` to before `end`.
 
         Raises:
-            EvidenceError: where the file cannot be read.
+            EvidenceError: if the file cannot be read.
         """
         found = self._found
         first, end, _ = slice(first, end).indices(found.rows)

@@ -46,7 +46,7 @@ class Rows:
         channels: name and unit of every channel.
         on_block: called with the number of rows so far and the hash over all their bytes, every `BLOCK` rows and at
             the end; those rows are on the disk by then.
-        reserve: a file whose space is given back when the disk is full.
+        reserve: a file whose space is released when the disk is full.
         again: whether the rows of a file that exists are made again: the first ones have to be those that it holds,
             and are not written a second time.
         now: seconds on a wall clock that only goes forward.
@@ -93,7 +93,7 @@ class Rows:
         return self._rows
 
     def append(self, row: Sequence[float]) -> None:
-        """Take one row: time in seconds, then a number per channel, NaN where there is none."""
+        """Take one row: time in seconds, then a number per channel, NaN if there is none."""
         self._buffer += self._pack(*row)
         self._rows += 1
         if self._rows >= self._due:

@@ -37,7 +37,7 @@ def results_of(folder: Path, reading: JournalReading, form: int = FORMAT) -> Out
     """Derive the results of a run's folder from its journal and what was frozen in it, in a format.
 
     Raises:
-        EvidenceError: where what was frozen cannot be read.
+        EvidenceError: if what was frozen cannot be read.
     """
     return derive(reading.events, facts_of(folder, reading), content_digest=reading.content_digest, form=form)
 
@@ -46,7 +46,7 @@ def derive(events: Iterable[Event], facts: Facts, *, content_digest: str, form: 
     """Derive cases, requirements and the run's verdict; none is better than its evidence.
 
     A planned case that did not end is ABORTED if it began and NOT_RUN if it did not. A requirement's verdict is the
-    worst of all planned cases that carry it. Events from `results` on are not looked at.
+    worst of all planned cases that carry it. Events from `results` on are ignored.
     """
     state = fold(standing(before_results(events)))
     cases = tuple(_case(case, facts, form) for case in state.cases.values())

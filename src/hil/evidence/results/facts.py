@@ -33,11 +33,11 @@ Entries = Mapping[str, Mapping[str, Any]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Facts:
-    """What results are derived by, besides the events.
+    """What results are derived from, in addition to the events.
 
     Attributes:
         catalogue: per requirement id: rev, text, kind, method, source, and its limits where it has some.
-        calibration: per instrument: certificate, due (ISO 8601, empty where unknown), dut.
+        calibration: per instrument: certificate, due (ISO 8601, empty if unknown), dut.
         date: the day on which calibrations must still count, ISO 8601; the run's last one.
     """
 
@@ -72,7 +72,7 @@ def facts_of(folder: Path, reading: JournalReading) -> Facts:
     A run that ended before something was frozen has nothing there, and nothing in it can close a requirement.
 
     Raises:
-        EvidenceError: where a frozen file cannot be read.
+        EvidenceError: if a frozen file cannot be read.
     """
     before = takewhile(lambda line: not isinstance(line.event, Results), reading.lines)
     return Facts(
@@ -86,7 +86,7 @@ def read_json(path: Path) -> Any:  # noqa: ANN401 - JSON holds what it holds
     """Return what a JSON file of the package says.
 
     Raises:
-        EvidenceError: where it is missing or is not strict JSON.
+        EvidenceError: if it is missing or is not strict JSON.
     """
     try:
         return parse_strict(read_plain(path))

@@ -31,7 +31,7 @@ _OF_EVENT = frozenset({"kind", "seq", "t"})
 
 
 class AttemptOutcome(Part, frozen=True, kw_only=True):
-    """What became of one attempt of a case; the verdict is None if it did not end."""
+    """The outcome of one attempt of a case; the verdict is None if it did not end."""
 
     attempt: int
     verdict: Verdict | None
@@ -39,7 +39,7 @@ class AttemptOutcome(Part, frozen=True, kw_only=True):
 
 
 class StepOutcome(Part, frozen=True, kw_only=True):
-    """What became of one step; outcome and duration in s are None if it did not end."""
+    """The outcome of one step; outcome and duration in s are None if it did not end."""
 
     path: tuple[str, ...]
     number: str
@@ -57,7 +57,7 @@ class HoldOutcome(Part, frozen=True, kw_only=True):
 
 
 class CaseOutcome(Part, frozen=True, kw_only=True):
-    """What became of one case; checks and steps are those of its last attempt.
+    """The outcome of one case; checks and steps are those of its last attempt.
 
     Attributes:
         case: its id.
@@ -98,7 +98,7 @@ class CaseVerdict(Part, frozen=True, kw_only=True):
 
 
 class RequirementOutcome(Part, frozen=True, kw_only=True):
-    """What became of one requirement.
+    """The outcome of one requirement.
 
     Attributes:
         id: the requirement.
@@ -128,7 +128,7 @@ class RequirementOutcome(Part, frozen=True, kw_only=True):
 
 
 class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What a run came to; all of it is derived from the journal and the frozen catalogue.
+    """The results of a run; all of it is derived from the journal and the frozen catalogue.
 
     Attributes:
         format: the number of the format.
@@ -163,7 +163,7 @@ def write_outcome(outcome: Outcome) -> bytes:
 
 
 def read_outcome(data: bytes) -> Outcome:
-    """Return the results that `data/results.json` tells.
+    """Return the results in `data/results.json`.
 
     Raises:
         JsonError: for what is not strict JSON, and for a missing, unknown or mistyped field, which it names.

@@ -1,4 +1,4 @@
-"""The rule for a verdict on one requirement within one case: for the case while it runs, and for whoever derives it."""
+"""The rule for a verdict on one requirement within one case: for the case while it runs, and for deriving it later."""
 
 from __future__ import annotations
 

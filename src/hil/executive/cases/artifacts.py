@@ -26,7 +26,7 @@ class Artifacts:
     What is kept is an effect with its hash: a replay has to make the same bytes again.
 
     Args:
-        steps: tells the case.
+        steps: knows the case.
         effects: where it is noted.
         journal: where events are written.
         folder: where attachments lie.
@@ -45,7 +45,7 @@ class Artifacts:
         """Keep a file: a calibration, a table, a drawing. Text is stored as UTF-8.
 
         Raises:
-            Misused: for a name that is no plain file name or was used before, or content that is neither text nor
+            Misused: for a name that is not a plain file name or was used before, or content that is neither text nor
                 bytes, or too large.
         """
         data = self._data(name, content)
@@ -55,7 +55,7 @@ class Artifacts:
 
     def _data(self, name: object, content: object) -> bytes:
         if not isinstance(name, str) or not _NAME.fullmatch(name):
-            raise Misused(f"artifact {name!r}: this is no file name", "take letters, digits, '.', '_' and '-'")
+            raise Misused(f"artifact {name!r}: not a valid file name", "use letters, digits, '.', '_' and '-'")
         if not isinstance(content, str | bytes):
             what = type(content).__name__
             raise Misused(f"artifact '{name}': the content is a {what}", "give text or bytes")
@@ -66,7 +66,7 @@ class Artifacts:
 
     def _keep(self, name: str, data: bytes, digest: str) -> str:
         if name in self._kept:
-            raise Misused(f"artifact '{name}': this case has kept a file of that name", "take another name")
+            raise Misused(f"artifact '{name}': this case already keeps a file of that name", "use another name")
         self._kept.add(name)
         path = self._free(name, data)
         write_whole(path, data)

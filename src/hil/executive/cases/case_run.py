@@ -34,7 +34,7 @@ _ADDRESS = re.compile(r" at 0x[0-9A-Fa-f]{8,}")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What became of a case: its verdict, one per requirement, and the reasons in sentences."""
+    """The outcome of a case: its verdict, one per requirement, and the reasons in sentences."""
 
     verdict: Verdict
     requirements: dict[str, Verdict]
@@ -73,7 +73,7 @@ class CaseRun:
 
     @property
     def bench_fault(self) -> str:
-        """The first silence or nonsense of the bench, empty where there was none."""
+        """The first silence or nonsense of the bench, empty if there was none."""
         return self._bench_faults[0] if self._bench_faults else ""
 
     def point(self) -> None:
@@ -98,7 +98,7 @@ class CaseRun:
         self._skipped = writable(reason) or "skipped"
 
     def raised(self, error: BaseException, where: str = "") -> None:
-        """Note what came out of the case's code, and from where (file and line, as people see them)."""
+        """Note what the case's code raised, and from where (file and line, as people see them)."""
         self._raised.append(error)
         if isinstance(error, Stopped):
             self._aborted = f"stopped by {error}"

@@ -44,9 +44,9 @@ class Checks:
 
     Args:
         requirements: the requirements of the case's marker, by id.
-        steps: tells case and step.
+        steps: knows case and step.
         journal: where events are written.
-        used: the instruments that the case has used so far; every one of them may stand behind a figure.
+        used: the instruments that the case has used so far; any of them may have contributed to a figure.
 
     Attributes:
         refused: why calls were refused, in order: a check that was not made is an error, whatever the case makes of it.
@@ -77,7 +77,7 @@ class Checks:
         instrument: Facade | None = None,
         doubts: Sequence[str] = (),
     ) -> Verdict:
-        """Evaluate one criterion, record it, and go on; the case fails at its end.
+        """Evaluate one criterion, record it, and continue; the case fails at its end.
 
         The same criterion may be evaluated again, in every turn of a loop for example: each is a check of its own, and
         the worst of them counts.
@@ -89,7 +89,7 @@ class Checks:
             of: which member of the limit's denominator (axis, channel).
             instrument: the role whose certificate adds its uncertainty in quadrature; readings and
                 recordings of roles carry theirs already.
-            doubts: why the data behind the value cannot be trusted, a sentence each, such as gates that tripped;
+            doubts: why the data of the value cannot be trusted, a sentence each, such as gates that tripped;
                 with one of them the check is INCONCLUSIVE, whatever the value.
 
         Raises:
@@ -133,7 +133,7 @@ class Checks:
             requirement: what asks for the recording.
             limit: the criterion.
             value: what was found.
-            reason: why it is not met, where that can be told better than by value and limit.
+            reason: why it is not met, where that says more than value and limit.
         """
         self._evaluate(requirement.id, limit, None, value, None, reason)
 
@@ -263,7 +263,7 @@ def _written(found: Figure, limit: Limit, added: float | None) -> Figure:
 
 
 def _told(number: float | None) -> float | None:
-    """Return a number for the journal, None where it is not finite."""
+    """Return a number for the journal, None if it is not finite."""
     return None if number is None or not math.isfinite(number) else _digits(number)
 
 
@@ -305,7 +305,7 @@ def _figure(figure: Figure, what: str) -> Figure:
     if not isinstance(figure.unit, str):
         raise Misused(f"{what}: the unit of a figure is a text, found {_named(figure.unit)}", _HINT)
     if figure.status not in _STATUSES:
-        raise Misused(f"{what}: {_named(figure.status)} is no status of a figure", "take one of FigureStatus")
+        raise Misused(f"{what}: {_named(figure.status)} is not a status of a figure", "use one of FigureStatus")
     uncertainty = figure.uncertainty
     return Figure(
         value=_number(figure.value, f"{what}: the value of a figure"),

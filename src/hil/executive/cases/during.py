@@ -1,4 +1,4 @@
-"""`record.during`: a recording that goes on beside what the case does."""
+"""`record.during`: a recording in parallel with the case."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["During", "KeepsRecordings"]
 
-_HINT = "wait longer, or look at what the device does"
+_HINT = "wait longer, or check what the device does"
 
 
 class KeepsRecordings(Protocol):
@@ -64,13 +64,13 @@ class During:
             Misused: within the block, or where the recording was not finished.
         """
         if self._recording is None:
-            raise Misused(f"record '{self._name}' is not finished", "take its recording behind the `with` block")
+            raise Misused(f"record '{self._name}' is not finished", "use its recording after the `with` block")
         return self._recording
 
     def __enter__(self) -> Self:
         facts = self._taking.facts
         if self._taking.begun:
-            raise Misused(f"record '{self._name}' was begun before", "call record.during for each recording")
+            raise Misused(f"record '{self._name}' was already started", "call record.during for each recording")
         arguments = {"rate": facts.rate, "channels": [channel.name for channel in facts.channels]}
         self._scheduler.point()
         self._effects.perform(f"record.{self._name}.begin", "records", arguments, self._taking.begin)
@@ -98,7 +98,7 @@ class During:
     ) -> float:
         """Wait for a row in which a channel equals, or is above or below, a number; return that row's bench time in s.
 
-        Every row is looked at, from the newest one on; behind another `until` from the row on that it found.
+        Every row is checked, from the newest one on; after another `until`, from the row that it found.
 
         Args:
             channel: the channel's name.
@@ -161,7 +161,7 @@ class During:
         intake, turns = self._taking.intake, self._taking.turns
         intake.await_row(condition)
         try:
-            if intake.found is None:  # behind the end of the device's own test no row will come
+            if intake.found is None:  # after the end of the device's own test no row will come
                 self._come(within, lambda: intake.found is not None or bool(turns.over))
         finally:
             intake.await_nothing()
@@ -206,4 +206,4 @@ class During:
 
     def _require_running(self) -> None:
         if not self._taking.running:
-            raise Misused(f"record '{self._name}' does not run", "wait and look within its `with` block")
+            raise Misused(f"record '{self._name}' is not running", "wait and read within its `with` block")

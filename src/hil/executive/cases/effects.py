@@ -64,7 +64,7 @@ class Recall:
         return found
 
     def rest(self, case: str) -> str:
-        """Return what the record of a case goes on with, empty where it has ended, too."""
+        """Return what the record of a case continues with, empty if it has ended, too."""
         waiting = self._effects.get(case, [])
         return _spoken(waiting[0]) if waiting else ""
 
@@ -78,7 +78,7 @@ class Effects:
 
     Args:
         journal: where events are written.
-        where: tells case and step.
+        where: returns case and step.
         recall: the record that this run has to agree with, or None.
         undisturbed: keeps requests to stop waiting while an effect is performed.
 

@@ -113,11 +113,11 @@ class Facade:
 
     @property
     def streamed(self) -> Streamed | None:
-        """The role as `record` lets it run by itself, None where it cannot."""
+        """The role as `record` lets it run by itself, None if it cannot."""
         return self._role if hasattr(self._role, "drain") else None  # type: ignore[return-value]  # it was looked at
 
     def sample(self) -> tuple[float, ...]:
-        """Take one sample; a fault is told before it is raised."""
+        """Take one sample; a fault is reported before it is raised."""
         return self.guarded(self.sampled.sample)
 
     def _bound(self, operation: Operation) -> Callable[..., Any]:
@@ -143,7 +143,7 @@ class Facade:
         return calibrated(result, self.instrument.calibration) if isinstance(result, Figure) else result
 
     def guarded(self, action: Callable[[], _Result]) -> _Result:
-        """Do something with the role; a fault is told before it is raised, and counts for the device that it names."""
+        """Do something with the role; a fault is reported before it is raised, and counts for the device it names."""
         self._case.uses(self.instrument)
         try:
             return action()
@@ -153,7 +153,7 @@ class Facade:
 
 
 def _require_numbers(what: str, operation: Operation, arguments: Mapping[str, object]) -> None:
-    """Refuse what is no number where the role says that one is due; a flag would pass for 0 or 1."""
+    """Refuse what is not a number where the role requires one; a flag would pass for 0 or 1."""
     for name, value in arguments.items():
         if not operation.arguments[name].number:
             continue

@@ -20,7 +20,7 @@ class Operator:
     Args:
         source: who answers.
         effects: where answers are noted and, in a replay, come from.
-        where: tells case and step.
+        where: returns case and step.
         journal: where events are written.
         point: the scheduling point.
     """
@@ -46,7 +46,7 @@ class Operator:
             text: what the person reads.
             name: the question's name.
             safety: whether somebody's safety hangs on it. On hardware, and on a served bench, no file answers it: a
-                person does, live and by name, and again whenever the bench is armed anew.
+                person does, live and by name, and again whenever the bench is armed again.
 
         Raises:
             Declined: if it is not given.
@@ -113,9 +113,11 @@ class Operator:
 
 def _check(question: Question, value: str | float | bool) -> None:
     if question.options and value not in question.options:
-        raise Declined(f"'{value}' is no answer to '{question.name}'", f"answer one of: {', '.join(question.options)}")
+        raise Declined(
+            f"'{value}' is not an answer to '{question.name}'", f"answer one of: {', '.join(question.options)}"
+        )
     if question.form == "measure" and (isinstance(value, bool) or not _is_number(value)):
-        raise Declined(f"'{value}' is no number for '{question.name}'", f"answer in {question.unit}")
+        raise Declined(f"'{value}' is not a number for '{question.name}'", f"answer in {question.unit}")
 
 
 def _is_number(value: str | float) -> bool:

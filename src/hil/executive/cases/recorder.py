@@ -37,7 +37,7 @@ class Recorder:
     """The `record` fixture of one case.
 
     Args:
-        steps: tells case and step.
+        steps: knows case and step.
         scheduler: lets bench time pass between samples.
         effects: where a recording is noted as an effect.
         store: opens row files.
@@ -72,12 +72,12 @@ class Recorder:
         role the channels have its names; with several they are `role.channel`. A role that can sample by
         itself is streamed: the times are those of its own clock, counted from the beginning.
 
-        A run that was stopped in this recording makes it again from its beginning. One that `continues` goes on in it
-        instead, behind a gap, until the samples of before and after together last as long.
+        A run that was stopped in this recording makes it again from its beginning. One that `continues` continues in it
+        instead, after a gap, until the samples from before and after together last as long.
 
         Raises:
             ValueError: for no role, or a duration or rate that is not above zero.
-            Misused: for something that is no role of this case, or a streamed role beside another.
+            Misused: for something that is not a role of this case, or a streamed role beside another.
             DeviceFault: if a device falls silent; what was recorded is kept as incomplete.
         """
         self._require(name, sources, duration > 0 and math.isfinite(duration * rate), rate)
@@ -133,7 +133,7 @@ class Recorder:
         if len(sources) > 1 and any(source.streamed for source in sources):
             raise Misused(
                 f"record '{name}': a role that samples by itself is recorded alone",
-                "record the others by themselves, before, after or beside it",
+                "record the others separately, before, after or in parallel",
             )
 
     def _facts(self, name: str, sources: tuple[Facade, ...], rate: float, duration: float | None) -> events.Recording:
@@ -149,7 +149,7 @@ class Recorder:
         )
 
     def _require_own(self, name: str, source: object) -> None:
-        """Refuse what is no role of this case, or is recorded already: its numbers would come from nowhere."""
+        """Refuse what is not a role of this case, or is recorded already: its numbers would come from nowhere."""
         if isinstance(source, RoleSet):
             raise Misused(f"record '{name}': {source!r} is a set of roles", "name one, as in supply.coil")
         if not isinstance(source, Facade) or not source.serves(self._effects):
@@ -157,7 +157,7 @@ class Recorder:
             raise Misused(f"record '{name}': only roles of this case can be recorded, this {what}", "give its fixture")
         if source.streamed and any(taking.running and source in taking.sources for taking in self._beside):
             raise Misused(
-                f"record '{name}': {source.wire.name} is recorded already", "take its rows from that recording"
+                f"record '{name}': {source.wire.name} is already being recorded", "take its rows from that recording"
             )
 
     def _stream(self, taking: Taking, turns: StreamTurns) -> str | Mapping[str, object]:
@@ -222,7 +222,7 @@ def _uncertainties(facts: events.Recording, recorded: Recorded, sources: tuple[F
 
 
 def _largest(numbers: NDArray[np.float64]) -> float:
-    """Return the number that is farthest from zero, 0 where there is none."""
+    """Return the number that is farthest from zero, 0 if there is none."""
     known = numbers == numbers  # noqa: PLR0124 - NaN is what differs from itself
     finite = numbers if known.all() else numbers[known]
     return max(float(finite.min()), float(finite.max()), key=abs) if len(finite) else 0.0

@@ -24,7 +24,7 @@ class Recording:
     Attributes:
         id: its id in the run.
         rate: nominal samples per second.
-        stream: how the stream went, None where the samples were taken one by one.
+        stream: how the stream went, None if the samples were taken one by one.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Recording:
         return self._recorded.unit(channel)
 
     def uncertainty(self, channel: str) -> float | None:
-        """Return the standard uncertainty that the certificate gives this channel, None where unknown."""
+        """Return the standard uncertainty that the certificate gives this channel, None if unknown."""
         return self._uncertainties[channel]
 
 
@@ -84,7 +84,7 @@ def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 Criterion = tuple[Limit, Figure | str, str]
-"""What must hold, what was found, and a reason where that is told better than by the two; else empty."""
+"""What must hold, what was found, and a reason where that says more than the two; else empty."""
 
 
 def data_checks(records: Records, taken: Sequence[Mapping[str, object]]) -> Iterator[Criterion]:
@@ -118,14 +118,18 @@ def data_checks(records: Records, taken: Sequence[Mapping[str, object]]) -> Iter
 
 
 def _stopped(longest_s: float, found: Sequence[Recorded], ends: Sequence[Sequence[int]]) -> Iterator[Criterion]:
-    """Yield the time for which the run was stopped amid a recording, where it is longer than a gap may be.
+    """Yield the time for which the run was stopped in the middle of a recording, where it is longer than a gap may be.
 
     What the device did then nobody knows, and it is not to blame.
     """
     gaps = [float(item.time[end] - item.time[end - 1]) for item, at in zip(found, ends, strict=True) for end in at]
     if gaps and max(gaps) > longest_s:
         figure = Figure(value=round(max(gaps), 9), unit="s", status=FigureStatus.NOT_OBSERVABLE)
-        yield _at_most("stopped", longest_s, "s"), figure, f"the run was stopped amid the recording for {max(gaps):g} s"
+        yield (
+            _at_most("stopped", longest_s, "s"),
+            figure,
+            f"the run was stopped during the recording for {max(gaps):g} s",
+        )
 
 
 def _ends_of_voids(taken: Mapping[str, object]) -> list[int]:

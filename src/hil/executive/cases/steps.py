@@ -51,7 +51,7 @@ class Steps:
         case: the case's id.
         journal: where events are written.
         now: bench time in seconds.
-        undisturbed: keeps what looks after the bench amid a case from moving its time while a step begins or ends.
+        undisturbed: keeps the bench's watching during a case from moving its time while a step begins or ends.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class Steps:
 
     @contextmanager
     def __call__(self, title: str, turn: int | None = None) -> Iterator[None]:
-        """Be in a step; steps nest, and whoever leaves a step leaves those inside it.
+        """Be in a step; steps nest, and leaving a step leaves those inside it.
 
         Args:
             title: what is done in it.

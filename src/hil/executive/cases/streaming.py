@@ -39,7 +39,7 @@ class Condition:
     bound: float
 
     def first(self, rows: list[list[float]] | NDArray[np.float64]) -> int | None:
-        """Return the place of the first row that fulfils it, None where none does; NaN fulfils nothing."""
+        """Return the place of the first row that fulfils it, None if none does; NaN fulfils nothing."""
         compare: Callable[..., object] = getattr(operator, _COMPARISONS[self.compare])
         if isinstance(rows, list):
             for place, row in enumerate(rows):
@@ -102,7 +102,7 @@ class Intake:
             self._search(self._unseen)
 
     def await_nothing(self) -> None:
-        """Look for nothing any more."""
+        """Stop looking."""
         self._condition = None
 
     def _pass_on(self, rows: list[list[float]] | NDArray[np.float64], last: list[float]) -> None:
@@ -144,7 +144,7 @@ class Turns(Beside, Protocol):
         ...
 
     def end(self) -> StreamReport | None:
-        """Fetch what is there still, end, and return how the stream went, None where there was none.
+        """Fetch what is there still, end, and return how the stream went, None if there was none.
 
         Raises:
             DeviceFault: as above; what can be ended is.
@@ -157,17 +157,17 @@ class Turns(Beside, Protocol):
 
 
 class StreamTurns:
-    """A role that samples by itself, emptied at least every `longest_pause`, or as often as its limits are looked at.
+    """A role that samples by itself, emptied at least every `longest_pause`, or as often as its limits are read.
 
     The time of a row is the bench time at the beginning plus the time that the device counted since. What the
-    device's clock does against the bench's is told in the report, and changes no row.
+    device's clock does against the bench's is shown in the report, and changes no row.
 
     Args:
         source: the role's façade.
         role: the role.
         clock: the bench's clock.
         rate: samples per second.
-        enough: seconds after the first row from which on no row is wanted, None where the case ends the stream.
+        enough: seconds after the first row from which on no row is wanted, None if the case ends the stream.
 
     Attributes:
         full: whether a row came that was not wanted any more.
@@ -215,7 +215,7 @@ class StreamTurns:
             self._enough -= seconds
 
     def begin_again(self) -> None:
-        """Let the device sample anew; its time counts from now."""
+        """Restart the device's sampling; its time counts from now."""
         self.give_up()
         self.begin(self._intake)
 

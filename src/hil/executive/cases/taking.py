@@ -1,4 +1,4 @@
-"""One recording from its first row to its last, whoever fetches the rows."""
+"""One recording from its first row to its last, whichever code fetches the rows."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class Taking:
 
     Attributes:
         intake: what becomes of the rows.
-        report: how the stream went, once it has ended; None where there was none.
-        whole: whether the recording came to its end.
+        report: how the stream went, once it has ended; None if there was none.
+        whole: whether the recording ended as planned.
     """
 
     intake: Intake
@@ -89,10 +89,10 @@ class Taking:
             raise
 
     def end(self, *, complete: bool) -> str | Mapping[str, object]:
-        """End, and return the hash of all rows, of a stream besides how it went; ended again, return it again.
+        """End, and return the hash of all rows, and of a stream also its statistics; ended again, return it again.
 
         Args:
-            complete: whether to fetch what is there still; else what came is kept as incomplete.
+            complete: whether to fetch what is still there; otherwise what has arrived is kept as incomplete.
 
         Raises:
             DeviceFault: a device falls silent at last; the recording is incomplete then.

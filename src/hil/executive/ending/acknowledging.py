@@ -17,7 +17,7 @@ __all__ = ["Acknowledged", "acknowledge", "require_acknowledged", "waits_for_ack
 
 @dataclass(frozen=True, slots=True)
 class Acknowledged:
-    """What became of an acknowledgement: the benches that were latched, and the file of the ledger it is in, if any."""
+    """The outcome of an acknowledgement: the benches that were latched, and the file of the ledger it is in, if any."""
 
     benches: tuple[str, ...]
     entry: Path | None
@@ -31,7 +31,7 @@ def waits_for_ack(folder: Path) -> bool:
 
 
 def require_acknowledged(folder: Path) -> None:
-    """Require that somebody acknowledged what the guardian did, before a run goes on.
+    """Require that somebody acknowledged what the guardian did, before a run resumes.
 
     Raises:
         Refused: if nobody did.
@@ -39,12 +39,12 @@ def require_acknowledged(folder: Path) -> None:
     if not is_acknowledged(folder):
         raise Refused(
             f"{folder.name}: the guardian ended this run, and nobody has acknowledged it",
-            f"look at the bench, then: {ack_line(folder.name)}",
+            f"check the bench, then: {ack_line(folder.name)}",
         )
 
 
 def acknowledge(folder: Path, reports: Path, *, by: str, text: str) -> Acknowledged:
-    """Write down that a person looked at the bench that a run left by force, and take back the run's latches.
+    """Write down that a person checked the bench that a run left by force, and remove the run's latches.
 
     Args:
         folder: the run's folder; it may be gone, as long as a latch names it.
@@ -53,8 +53,8 @@ def acknowledge(folder: Path, reports: Path, *, by: str, text: str) -> Acknowled
         text: what was seen and done.
 
     Raises:
-        Refused: where name or text is missing, the run or its guardian is still at work, or nothing waits for it.
-        EvidenceError: where it cannot be written down; the latches are then still there.
+        Refused: if name or text is missing, the run or its guardian is still at work, or nothing waits for it.
+        EvidenceError: if it cannot be written down; the latches are then still there.
     """
     by, text = by.strip(), text.strip()
     if not by or not text:
@@ -64,7 +64,7 @@ def acknowledge(folder: Path, reports: Path, *, by: str, text: str) -> Acknowled
     _require_over(folder)
     there = is_run(folder)
     if not latches and not (there and waits_for_ack(folder)):
-        raise Refused(f"{folder.name}: nothing waits for an acknowledgement", "hil status tells how a run stands")
+        raise Refused(f"{folder.name}: nothing waits for an acknowledgement", "hil status shows the state of a run")
     entry = None
     if there and not is_sealed(folder):
         post(folder, "ack", by=by, text=text, seen=guardian_hash(folder))
@@ -78,6 +78,6 @@ def acknowledge(folder: Path, reports: Path, *, by: str, text: str) -> Acknowled
 def _require_over(folder: Path) -> None:
     hint = "wait for its end, or stop it with hil stop"
     if is_run(folder) and is_held(folder):
-        raise Refused(f"{folder.name}: the run, or its guardian, is still going on", hint)
+        raise Refused(f"{folder.name}: the run, or its guardian, is still running", hint)
     if holds_a_lease(folder.name):
-        raise Refused(f"{folder.name}: its guardian still holds the bench", "wait until it is done, some seconds")
+        raise Refused(f"{folder.name}: its guardian still holds the bench", "wait some seconds until it is done")

@@ -1,4 +1,4 @@
-"""Signals while a run goes on: requests to stop, and the timer that looks after a bench amid a case's own code."""
+"""Signals while a run is in progress: requests to stop, and the timer that watches a bench during a case's own code."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _PATIENCE_S = 5.0
 _AGAIN_S = 0.3
 
 LOOK_S = 0.2
-"""How often the executive looks after a bench outside of this process while a case's own code runs."""
+"""How often the executive looks after a bench outside this process while a case's own code runs."""
 
 _SLACK_S = 0.01
 
@@ -36,13 +36,13 @@ def handle_signals(flags: StopFlags) -> Iterator[Alarm]:
     Given is what rings in the case's own code.
 
     An ignored SIGHUP stays ignored (`nohup`). A case that does not come to a scheduling point for some seconds after
-    a program's signal is cut as by a second one, and is cut again for as long as it goes on.
+    a program's signal is cut as by a second one, and is cut again for as long as it continues.
     """
     alarm = Alarm(flags)
 
     def handler(number: int, _frame: FrameType | None) -> None:
         name = signal.Signals(number).name
-        if not flags.reason == name == "SIGHUP":  # one hang-up is told by the terminal, the shell and the supervisor
+        if not flags.reason == name == "SIGHUP":  # the terminal, the shell and the supervisor report one hang-up each
             flags.request(name)
         if flags.urgent or number in _UNATTENDED:
             alarm.set(_AGAIN_S if flags.urgent else _PATIENCE_S)
@@ -59,7 +59,7 @@ def handle_signals(flags: StopFlags) -> Iterator[Alarm]:
 
 
 class Attends(Protocol):
-    """Looks after a bench outside of this process."""
+    """Looks after a bench outside this process."""
 
     def amid(self, alone_s: float) -> None:
         """Look after it where the case's own code may be disturbed, which ran alone for so many seconds."""
@@ -71,10 +71,10 @@ class Attends(Protocol):
 
 
 class Alarm:
-    """Rings in the case's own code: to look after a bench outside of this process, and to cut what does not end.
+    """Rings in the case's own code: to look after a bench outside this process, and to cut what does not end.
 
     Args:
-        flags: know whether a case's own code runs, and what is to be done amid it.
+        flags: know whether a case's own code runs, and what is to be done in the middle of it.
     """
 
     def __init__(self, flags: StopFlags) -> None:
@@ -87,7 +87,7 @@ class Alarm:
     def keep(self, attendant: Attends) -> None:
         """Ring a few times a second from now on.
 
-        A call into C is not disturbed; what rang meanwhile rings after it. See `StopFlags.interlude`.
+        A call into C is not disturbed; what rang in the meantime rings after it. See `StopFlags.interlude`.
 
         Args:
             attendant: looks after the bench then.

@@ -36,7 +36,7 @@ class EndableRun(Protocol):
         ...
 
     def give_up(self) -> None:
-        """End the run from where it is; called for a case that was cut again and again and goes on."""
+        """End the run from where it is; called for a case that was cut again and again and continues."""
         ...
 
 
@@ -49,12 +49,12 @@ class StopFlags:
     All of that happens in the thread that made the flags; any other is turned away.
 
     Attributes:
-        reason: who or what asked first, empty where nobody did.
+        reason: who or what asked first, empty if nobody did.
         leave_open: whether the run is not sealed then, so that it can be resumed.
         urgent: whether somebody asked again.
         cuts: how often a case's own code was cut.
         turns: how many cases had or have their turn.
-        astray: why another thread, process or case was turned away, empty where none was.
+        astray: why another thread, process or case was turned away, empty if none was.
     """
 
     def __init__(self) -> None:
@@ -78,7 +78,7 @@ class StopFlags:
 
     @property
     def is_shielded(self) -> bool:
-        """Whether nothing may interrupt what goes on."""
+        """Whether nothing may interrupt what continues."""
         return self._shielded > 0
 
     @property
@@ -131,7 +131,7 @@ class StopFlags:
         """Do something if a case's own code is at nothing that must not be disturbed.
 
         Args:
-            amid: is told for how many seconds of the wall that code ran since the executive had a look.
+            in the middle of: is told for how many seconds of the wall that code ran since the executive had a look.
         """
         if self._in_case and not self._undisturbed and not self._shielded:
             amid(wall.monotonic() - self._alone_since)

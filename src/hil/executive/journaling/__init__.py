@@ -1,1 +1,1 @@
-"""What a run writes down while it goes on: events, rows and the upkeep of both."""
+"""What a run writes down while it runs: events, rows and the upkeep of both."""

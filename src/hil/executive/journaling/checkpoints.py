@@ -44,7 +44,7 @@ class Checkpoints:
         """Write one if it is time; called at scheduling points only.
 
         Raises:
-            OSError: where the disk is full or fails.
+            OSError: if the disk is full or fails.
         """
         began = wall.monotonic()
         if began < self._due:
@@ -61,7 +61,7 @@ class Checkpoints:
         """Write one.
 
         Raises:
-            OSError: where the disk is full or fails.
+            OSError: if the disk is full or fails.
         """
         self._bench.transcript.sync()
         if found := self._bench.checkpoint():
@@ -73,7 +73,7 @@ class Checkpoints:
 
 
 def read_checkpoint(folder: Path) -> Checkpoint | None:
-    """Return the last checkpoint of a run, None where there is none.
+    """Return the last checkpoint of a run, None if there is none.
 
     Raises:
         EvidenceError: if it cannot be read, or is not of this run, or of more than the run's transcript holds.
@@ -85,8 +85,8 @@ def read_checkpoint(folder: Path) -> Checkpoint | None:
         return None
     except (OSError, ValueError, LookupError, TypeError, ArithmeticError, RecursionError) as error:
         raise EvidenceError(
-            f"{path}: this is no checkpoint of this run: {error}",
-            "remove it: the run is then made again from its first step, and must come to the same",
+            f"{path}: not a checkpoint of this run: {error}",
+            "remove it: the run is then repeated from its first step, and must reproduce its journal",
         ) from error
 
 

@@ -1,4 +1,4 @@
-"""Events: written to the journal first, then shown to whoever listens."""
+"""Events: written to the journal first, then shown to all listeners."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Listener = Callable[[Event], None]
 
 
 class Retraced(Protocol):
-    """The events of an interrupted run, which a resumed one comes to again before it writes anything new."""
+    """The events of an interrupted run, which a resumed one reproduces before it writes anything new."""
 
     @property
     def over(self) -> bool:
@@ -66,18 +66,18 @@ class Eventful(Protocol):
 
 
 class Caller(Protocol):
-    """Whoever called for the run, and hears of what it cannot come back from."""
+    """Anyone who called for the run, and hears of what it cannot come back from."""
 
     def diverged(self, error: Diverged) -> None:
         """Hear why a resumed run does not come to its past again; nothing is to be written any more."""
         ...
 
     def stopped_early(self) -> None:
-        """Hear that a resumed run is to stop before it came to its past again: it cannot."""
+        """Hear that a resumed run is to stop before it has replayed its past: it cannot."""
         ...
 
     def given_up(self) -> None:
-        """Seal and end the process, for a case that never comes to its end; nothing of the run is left then."""
+        """Seal and end the process, for a case that never ends; nothing of the run is left then."""
         ...
 
 
@@ -148,7 +148,7 @@ class Events:
             beside: see `Journal.write`.
         """
         run = self._run
-        with self._flags.undisturbed():  # where bench time came to the present is told by the number of events
+        with self._flags.undisturbed():  # the number of events says where bench time caught up with the present
             if run is not None:
                 run.before_event()
             t = self._now()
@@ -161,7 +161,7 @@ class Events:
             run.after_event(self._count)
 
     def show(self, event: Event) -> None:
-        """Show an event to whoever listens."""
+        """Show an event to all listeners."""
         for listener in self._heard_by(type(event)):
             try:
                 listener(event)
@@ -200,12 +200,12 @@ class Events:
 
     def _append(self, event: Event, t: float, beside: Mapping[str, object]) -> None:
         if self._run is not None:
-            with suppress(OSError):  # a full disk is told by who looks after it
+            with suppress(OSError):  # a full disk is reported by its own watch
                 self._run.before_line()
         try:
             self._journal.write(event, t, beside=beside)
         except EvidenceError:
-            self._flags.leave_off(DISK_FULL)  # told once, see Journal.write
+            self._flags.leave_off(DISK_FULL)  # reported once, see Journal.write
 
     def _comes_again(self, event: Event, t: float) -> bool:
         if self._past is None:

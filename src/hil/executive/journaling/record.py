@@ -1,4 +1,4 @@
-"""The record of one run while it goes on: its folder, journal, row files and transcript, and their upkeep."""
+"""The record of one run while it runs: its folder, journal, row files and transcript, and their upkeep."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Timekeeping:
 
     Args:
         journal: where events are written.
-        clocks: tells what they say.
+        clocks: says what they say.
     """
 
     def __init__(self, journal: EventSink, clocks: Callable[[], wall.Clocks] = wall.clocks) -> None:
@@ -46,7 +46,7 @@ class Timekeeping:
         self._before = clocks()
 
     def tick(self) -> None:
-        """Look at the clocks and write down what one of them did alone since the last look."""
+        """Read the clocks and write down what one of them did alone since the last reading."""
         before, now = self._before, self._clocks()
         self._before = now
         boot = now.boot - before.boot
@@ -66,12 +66,12 @@ class RunProgress(Protocol):
         ...
 
     def retraces(self) -> bool:
-        """Return whether the run still comes to what it came to before; nothing from outside can be taken then."""
+        """Return whether the run still repeats its past; nothing from outside can be taken then."""
         ...
 
 
 class KnowsCode(Protocol):
-    """Whoever was sent a code."""
+    """Anyone who was sent a code."""
 
     def knows(self, code: str) -> bool:
         """Return whether this is the code that was sent last."""
@@ -83,7 +83,7 @@ class Upkeep:
 
     Args:
         folder: the run's folder.
-        journal: where messages are written, and shown to whoever listens.
+        journal: where messages are written, and shown to all listeners.
         store: the open recordings.
         transcript: what went over the wire.
         flags: asked to end the run when somebody says so, or the disk is full.
@@ -130,7 +130,7 @@ class Upkeep:
             self._flags.request("another terminal")
 
     def keep_time(self) -> None:
-        """Write down what became of the machine's clocks, before anything is that was stamped by them."""
+        """Write down what the machine's clocks did, before anything that was stamped by them."""
         self._timekeeping.tick()
 
     def _take(self, message: Message) -> None:
@@ -164,7 +164,7 @@ class Upkeep:
                 self.flush()
 
     def _disk_is_full(self) -> None:
-        """Ask for an end from which the run goes on once there is space again."""
+        """Ask for an end from which the run can be resumed once there is space again."""
         self._flags.leave_off(DISK_FULL)
 
 
@@ -198,7 +198,7 @@ class Beginning(Protocol):
         ...
 
     def past(self, journal: Journal) -> Retraced | None:
-        """Return the events that come again, None where none do."""
+        """Return the events that come again, None if none do."""
         ...
 
     def write_head(
@@ -301,7 +301,7 @@ class Record:
         self.transcript.flush()
 
     def _released(self, _: Event) -> None:
-        """Do not let a run that is killed now begin amid a hold that is over."""
+        """Do not let a run that is killed now begin in the middle of a hold that is over."""
         if self._checkpoints is not None:
             self._checkpoints.soon()
 

@@ -1,4 +1,4 @@
-"""The row files that are open, whoever records."""
+"""The row files that are open, for all recordings."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ class RowStore:
         """Take over the rows that are not made again; return each recording that has void rows, and what reads them.
 
         Args:
-            entry: tells which.
+            entry: says which.
             void_rows: returns rows, shape (rows, 1 + channels), for a run that does not hold them.
         """
         self._void_rows = void_rows
@@ -173,7 +173,7 @@ class RowStore:
         return [(part.recording, partial(read, part)) for part in void if part.first < part.end]
 
     def note_void(self, entry: events.Entry) -> None:
-        """Keep which rows were void when the run had been entered at a place at which it is entered once more."""
+        """Keep which rows were void when the run had been entered at a place at which it is entered again."""
         still_open = {each.facts.recording for each in self._open}
         for part in entry.rows:
             if part.recording in still_open:

@@ -88,12 +88,14 @@ class AnswersFile:
         """Answer from the file."""
         if question.name not in self._answers:
             hint = did_you_mean(question.name, self._answers)
-            raise Declined(f"{self._shown} has no answer to '{question.name}'{hint}", f"asked was: {question.text}")
+            raise Declined(
+                f"{self._shown} has no answer to '{question.name}'{hint}", f"the question was: {question.text}"
+            )
         value = understood(question, self._answers[question.name])
         if value is None:
             raise Declined(
                 f"{self._shown} answers '{self._answers[question.name]}' to '{question.name}'",
-                f"answer {form(question)}; asked was: {question.text}",
+                f"answer {form(question)}; the question was: {question.text}",
             )
         return Answer(value, "answers file")
 
@@ -102,7 +104,7 @@ class SimulatedPerson:
     """The simulated bench's own person.
 
     Args:
-        person: returns it; on a resumed bench there is none before the bench goes on.
+        person: returns it; on a resumed bench there is none before the bench continues.
     """
 
     def __init__(self, person: Callable[[], Person]) -> None:
@@ -115,7 +117,7 @@ class SimulatedPerson:
 
 
 class TerminalPerson:
-    """A person at the terminal; monitors and stop requests are looked at while an answer is awaited.
+    """A person at the terminal; monitors and stop requests are served while an answer is awaited.
 
     A safety confirmation is answered by what is typed once it is shown, never by what was typed ahead.
 
@@ -191,7 +193,7 @@ class NobodyLive:
         """Decline, and say what to do."""
         raise Declined(
             f"'{question.text}' is a safety confirmation: a person gives it live, by name, at each arm",
-            "run from a terminal; on a bench outside of this process no file and nobody simulated can give it",
+            "run from a terminal; on a bench outside this process neither a file nor the simulated person can give it",
         )
 
 
@@ -248,12 +250,12 @@ def load_answers(path: Path, shown: str) -> Mapping[str, str]:
 class Answered:
     """The answers that persons gave before the interruption: nobody is asked a second time.
 
-    The simulated person is: what it does with its hands belongs to a world that goes on from before it did it.
+    The simulated person is: what it does with its hands belongs to a world that continues from before it did it.
 
     Args:
         lines: the journal's lines.
         source: who answers what is new.
-        goes_on: tells whether the simulated world goes on already.
+        goes_on: returns whether the simulated world already continues.
     """
 
     def __init__(self, lines: Sequence[JournalLine], source: AnswerSource, goes_on: Callable[[], bool]) -> None:

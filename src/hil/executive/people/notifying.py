@@ -37,7 +37,7 @@ _ENDS = {
 
 @dataclass(slots=True)
 class _Sent:
-    """One notification and what became of it: empty where it succeeded, None while it is going on."""
+    """One notification and its outcome: empty if it succeeded, None while it is in progress."""
 
     event: str
     began: float
@@ -95,7 +95,7 @@ class Notifier:
                 self._planned = len(event.cases)
 
     def send(self, event: str, text: str) -> Callable[[], str | None]:
-        """Notify of something that is no event of the run; return what tells what became of it.
+        """Notify of something that is not an event of the run; return a function that gives its outcome.
 
         That is None while it is under way, empty once the command succeeded, and otherwise what kept it.
         """
@@ -113,11 +113,11 @@ class Notifier:
                 self._look_after(sent)
 
     def finish(self, code: int, text: str = "") -> None:
-        """Notify of the end of the run, wait for every command within its limit, and write down what became of them.
+        """Notify of the end of the run, wait for every command within its limit, and write down their outcomes.
 
         Args:
             code: the run's exit code.
-            text: what is told of the end, that of the exit code where it is empty.
+            text: the sentence about the end; the exit code's if it is empty.
         """
         self._question = ""
         self._send("end", text or self._ended(code))
@@ -132,7 +132,7 @@ class Notifier:
         self._sent.clear()
 
     def _ended(self, code: int) -> str:
-        """Return how the run ended: of one that is no pass its verdict, and how many cases have which."""
+        """Return how the run ended: of one that is not a pass its verdict, and how many cases have which."""
         told = _ENDS.get(code, f"the run ended with exit code {code}")
         counts = Counter(verdict for verdict in self._verdicts.values() if not verdict.good)
         if code != _FAILED or not counts:
@@ -147,7 +147,7 @@ class Notifier:
         sent = _Sent(event, wall.monotonic())
         self._sent.append(sent)
         if sum(each.problem is None for each in self._sent) > _MOST_AT_ONCE:
-            self._end(sent, "too many commands were still going on")
+            self._end(sent, "too many commands were still running")
             return sent
         text = text.replace("\0", "")[:_LONGEST_TEXT]
         try:

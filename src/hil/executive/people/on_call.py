@@ -25,7 +25,7 @@ _CODE_LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"
 _CODE_LENGTH = 6
 
 Became = Callable[[], str | None]
-"""Tells what became of a notification: None while it is under way, empty once it went out, else what kept it."""
+"""Gives the outcome of a notification: None while it is under way, empty once it went out, else the error."""
 
 
 def require_unattended(configuration: Configuration) -> None:
@@ -37,7 +37,7 @@ def require_unattended(configuration: Configuration) -> None:
     request, spec = configuration.request, configuration.bench
     if not request.unattended:
         if request.on_call:
-            raise Refused("--on-call names somebody for a run that is attended", "give --unattended, too")
+            raise Refused("--on-call names somebody for a run that is attended", "add --unattended")
         return
     if configuration.reach is None:
         raise Refused(
@@ -46,7 +46,7 @@ def require_unattended(configuration: Configuration) -> None:
     missing = list(_missing(configuration))
     if missing:
         told = "; ".join(missing)
-        raise Refused(f"nobody attends this run of bench '{spec.name}', and that takes more: {told}", "or stay with it")
+        raise Refused(f"this run of bench '{spec.name}' is unattended, which needs more: {told}", "or attend it")
 
 
 def _missing(configuration: Configuration) -> Iterator[str]:
@@ -61,7 +61,7 @@ def _missing(configuration: Configuration) -> Iterator[str]:
 
 
 class OnCall:
-    """Whoever is on call for a run: sent a code when the bench is armed, and reached once somebody gives it back.
+    """Anyone who is on call for a run: sent a code when the bench is armed, and reached once somebody gives it back.
 
     It listens to the run's events, and compares the codes that come through its inbox.
 
@@ -69,7 +69,7 @@ class OnCall:
         name: who is on call.
         run: the run's name, for the command that the person types.
         within_s: how long an answer may take in wall time [s].
-        notify: sends a notification, given its event and text; returns what tells what became of it.
+        notify: sends a notification, given its event and text; returns a function that gives its outcome.
         journal: where events are written.
     """
 
@@ -103,7 +103,7 @@ class OnCall:
         """Send a code and wait until somebody gives it back; return why nobody was reached, empty if somebody was.
 
         Args:
-            idle: looks after the run while it waits; returns whether it may go on waiting.
+            idle: watches the run while it waits; returns whether it may keep waiting.
         """
         self._by = ""
         self._code = "".join(secrets.choice(_CODE_LETTERS) for _ in range(_CODE_LENGTH))
@@ -129,15 +129,15 @@ class OnCall:
 
 
 class People:
-    """Gates that people open each time that a bench outside of this process is armed, before anything is driven.
+    """Gates that people open each time that a bench outside this process is armed, before anything is driven.
 
     It listens to the run's events, for what was confirmed. Who opened a gate stands in events of its own.
 
     Args:
-        on_call: whoever is to be reached, None for a run that somebody attends.
+        on_call: the person to be reached, None for a run that somebody attends.
         answers: asks a person for safety confirmations that were given when the bench was armed before.
         journal: where events are written.
-        idle: looks after the run while somebody is awaited; returns whether the run may go on.
+        idle: watches the run while it waits for somebody; returns whether the run may continue.
 
     Attributes:
         hears: the kinds of events that it has to be shown.

@@ -34,7 +34,7 @@ class Question:
         text: what the person reads.
         options: for `choose` and `attach`, what can be answered.
         unit: for `measure`, the unit of the number.
-        safety: whether somebody's safety hangs on it: on a bench outside of this process a person answers it live.
+        safety: whether somebody's safety hangs on it: on a bench outside this process a person answers it live.
     """
 
     name: str
@@ -85,12 +85,12 @@ class Elsewhere:
         """Take what somebody says to the question of this name; return why that is not taken, nothing if it is."""
         question = self._question
         if question is None or question.name != name or self.answer is not None:
-            return f"'{name}' is not asked now"
+            return f"'{name}' is not being asked now"
         if not by.strip():
             return f"'{name}' was answered without a name"
         value = understood(question, text)
         if value is None:
-            return f"'{text}' is no answer to '{name}', which takes {form(question)}"
+            return f"'{text}' is not an answer to '{name}', which takes {form(question)}"
         self.answer = Answer(value, by.strip())
         return ""
 
@@ -114,7 +114,7 @@ def form(question: Question) -> str:
 
 
 def understood(question: Question, line: str) -> str | float | bool | None:
-    """Return the answer that a line gives, None where it gives none."""
+    """Return the answer that a line gives, None if it gives none."""
     said = line.strip()
     match question.form:
         case "confirm":

@@ -48,11 +48,11 @@ class NewRun:
 
     Attributes:
         resumes: whether its folder holds what an interrupted run wrote down.
-        earlier: that run, None where there is none.
+        earlier: that run, None if there is none.
         entries: where the run was entered before, and at which bench time in s.
         not_opened: the gates of the host that ended its armings, see `BenchKeeper`.
-        recall: the effects that it has to agree with, None where there are none.
-        void_rows: returns the void rows of a record, None where the run's own folder holds them.
+        recall: the effects that it has to agree with, None if there are none.
+        void_rows: returns the void rows of a record, None if the run's own folder holds them.
     """
 
     resumes = False
@@ -106,7 +106,7 @@ class ReplayedRun(NewRun):
 
 
 class ResumedRun(NewRun):
-    """An interrupted run that goes on in its folder.
+    """An interrupted run that continues in its folder.
 
     Args:
         earlier: the run as it was found.
@@ -134,7 +134,7 @@ class ResumedRun(NewRun):
             Refused: if somebody went on with the run, or sealed it, since it was found; its folder is held by now.
         """
         if is_sealed(folder) or (folder / JOURNAL).stat().st_size != self.earlier.size:
-            raise Refused(f"{folder.name}: another process went on with it meanwhile", "see it with hil status")
+            raise Refused(f"{folder.name}: another process has resumed it in the meantime", "see it with hil status")
         renew_reserve(folder)
         revert(folder / RECORDINGS, self.earlier.state.recordings.values())
 
@@ -169,16 +169,16 @@ class Resumption(Past):
         return self._earlier.own_course
 
     def resume(self, t: float, entry: events.Entry | None) -> None:
-        """Write down that the run was resumed, and before that if the machine was started anew in between.
+        """Write down that the run was resumed, and before that if the machine was restarted in between.
 
         Args:
             t: bench time in s.
-            entry: where it is entered again, None where it goes on where it was.
+            entry: where it is entered again, None if it goes on where it was.
         """
         earlier, last = self._earlier, self._earlier.last_wall
         beside, seconds = {"interrupted": last}, round(wall.seconds_since(str(last["utc"])), 1)
         if last["boot_id"] != wall.stamp().boot_id:
-            rebooted = events.Reboot(text="the machine was started anew meanwhile", seconds=seconds)
+            rebooted = events.Reboot(text="the machine was restarted in the meantime", seconds=seconds)
             self._journal.write(rebooted, t, beside=beside)
         resumed = events.Resumed(
             number=earlier.resumes + 1,
@@ -186,7 +186,7 @@ class Resumption(Past):
             torn_bytes=earlier.torn,
             deviation=earlier.deviation,
             seconds=seconds,
-            text="the run was interrupted, and went on here" if entry is None else _entered(earlier),
+            text="the run was interrupted, and resumed here" if entry is None else _entered(earlier),
             entry=entry,
         )
         self._journal.write(resumed, t, beside=beside)
@@ -197,9 +197,9 @@ def _entered(earlier: Earlier) -> str:
     stop = next((event for event in told if isinstance(event, events.Stop)), None)
     how = f"stopped by {stop.reason}" if stop else "interrupted"
     if earlier.boundary and earlier.boundary.over:
-        return f"{how} behind its last case; nothing but the way to the safe state is driven, and the end made anew"
+        return f"{how} after its last case; only the safe-off is driven, and the end is repeated"
     where = "recording" if earlier.boundary and earlier.boundary.kept else "turn or case"
-    return f"{how}, and entered again where the last {where} began; what came behind that is void"
+    return f"{how}, and resumed where the last {where} began; everything after that is void"
 
 
 class NotArmedAgain(HilError):
@@ -209,7 +209,7 @@ class NotArmedAgain(HilError):
 class Entering:
     """Lets a run go on behind the event at which it is entered, on a bench that stood safe in the meantime.
 
-    What came behind that event before is void, and is kept: events, operations, rows. The bench is armed anew, every
+    What came behind that event before is void, and is kept: events, operations, rows. The bench is armed again, every
     output driven again as it was at that event, and every stream begun again. Behind the last case none of that is
     done: the safe state, the watch behind it, and the seal are all that is left. A run that was entered before is
     entered again on its record in the same way, and so is the replay of one.
@@ -237,7 +237,7 @@ class Entering:
 
         Raises:
             NotArmedAgain: if the bench cannot be armed.
-            DeviceFault: if an output or a stream does not go on.
+            DeviceFault: if an output or a stream does not continue.
         """
         entries, anew = self._places.pop(place, []), self._boundary is not None and place == self._boundary.place
         if not entries and not anew:
@@ -246,7 +246,7 @@ class Entering:
             self._enter(place, entries, anew=anew)
 
     def _enter(self, place: int, entries: list[tuple[events.Entry, float]], *, anew: bool) -> None:
-        for entry, _ in entries if anew else entries[:-1]:  # entered here once more: what came behind it is void, too
+        for entry, _ in entries if anew else entries[:-1]:  # entered here again: what came behind it is void, too
             self._record.store.note_void(entry)
         entry = self._anew(place) if anew else self._as_recorded(*entries[-1])
         if self._bench.outside:

@@ -44,7 +44,7 @@ class Boundary:
         place: which event of the run's own course it is, from 1.
         sequence: its sequence number.
         at_ns: its instant.
-        kept: the recording that it begins, and that goes on; empty where it begins none.
+        kept: the recording that it begins, and that continues; empty if it begins none.
         over: whether every case has its outcome there, so that only the end of the run is missing.
     """
 
@@ -65,8 +65,8 @@ class Earlier:
         lines: the journal's lines behind the head.
         size: bytes of its journal.
         torn: bytes of half a line that stood at the journal's end.
-        checkpoint: where its simulated bench was, None where that was not written down yet.
-        deviation: how this resume deviates from the plan, empty where it does not.
+        checkpoint: where its simulated bench was, None if that was not written down yet.
+        deviation: how this resume deviates from the plan, empty if it does not.
         boundary: where it is entered again, None for one that was killed, and goes on where it was.
     """
 
@@ -124,7 +124,7 @@ class Earlier:
 
     @property
     def live(self) -> bool:
-        """Whether its bench is outside of its process, and went on without it."""
+        """Whether its bench is outside its process, and went on without it."""
         return self.run.live is not None
 
     @property
@@ -141,7 +141,7 @@ class Earlier:
     def stood_s(self) -> float:
         """How long ago that was, in bench time: 0 of a bench that stood still with its process.
 
-        By boot time, which nobody sets; by the time of day where the machine was started anew.
+        By boot time, which nobody sets; by the time of day where the machine was restarted.
         """
         if self.run.live is None:
             return 0.0
@@ -154,7 +154,7 @@ class Earlier:
         """Return how far bench time lagged at the newest event: as long as a suspend right before it."""
         lags: list[float] = []
         for line in self.lines:
-            if isinstance(line.event, events.Resumed):  # the clock began anew
+            if isinstance(line.event, events.Resumed):  # the clock started again
                 lags.clear()
             lags.append(float(line.wall["boot"]) * speed - line.event.t)
         return lags[-1] - min(lags) if lags else 0.0
@@ -168,11 +168,11 @@ class Earlier:
         """Return the event of a kind in the head.
 
         Raises:
-            Refused: where there is none.
+            Refused: if there is none.
         """
         found = next((line.event for line in self.head if isinstance(line.event, kind)), None)
         if found is None:
-            raise Refused(f"{self.folder.name}: the run had not begun", "delete the folder and start it anew")
+            raise Refused(f"{self.folder.name}: the run had not begun", "delete the folder and start a new run")
         return found
 
 
@@ -215,14 +215,14 @@ def _cut(folder: Path) -> int:
         return cut_torn_tail(folder)
     except OSError as error:
         raise EvidenceError(
-            f"{folder}: the run's folder cannot be written: {error.strerror}", "let it be written, and resume the run"
+            f"{folder}: the run's folder cannot be written: {error.strerror}", "make it writable, and resume the run"
         ) from error
 
 
 def _boundary(earlier: Earlier) -> Boundary | None:
     """Return where a run can be entered again, None for one that was killed, and goes on where it was.
 
-    A bench outside of its process was made safe when that was killed, as if the run had been stopped. The run is
+    A bench outside its process was made safe when that was killed, as if the run had been stopped. The run is
     entered at the beginning of the recording that was going on, if it continues, else of the turn of a loop, else of
     the case, else at the end of the case before.
     """
@@ -265,7 +265,7 @@ def not_opened(happened: Iterable[events.Event]) -> dict[int, Gate]:
     """Return the gate of the host that ended an arming, per arming that one ended.
 
     An arming is told by the `void_to` of the entry at which it was done, the first one by `FIRST_ARMING`. What the
-    guardian finds behind an arming, at its release, is no gate of it.
+    guardian finds behind an arming, at its release, is not a gate of it.
     """
     found: dict[int, Gate] = {}
     arming: int | None = FIRST_ARMING

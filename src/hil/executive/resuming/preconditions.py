@@ -46,10 +46,10 @@ def resumed_request(
 
     Args:
         earlier: the interrupted run.
-        start: the folder where the workspace is looked for.
+        start: the folder where the workspace is searched for.
         answers: a file with answers to further questions.
         person: whether a person at the terminal answers.
-        served: the folder in which its bench is served, None where it is not.
+        served: the folder in which its bench is served, None if it is not.
         acknowledge_within_s: how long the person on call of an unattended run may take to answer [s].
 
     Raises:
@@ -94,12 +94,12 @@ def changes(earlier: Earlier, configuration: Configuration) -> tuple[str, ...]:
 
 
 def deviation_of(earlier: Earlier, configuration: Configuration, reason: str) -> str:
-    """Return how the software deviates from that which began the run, empty where it does not.
+    """Return how the software deviates from that which began the run, empty if it does not.
 
     Args:
         earlier: the interrupted run.
         configuration: what it is made of.
-        reason: why it is resumed in spite of that, empty where nobody gave one.
+        reason: why it is resumed in spite of that, empty if nobody gave one.
 
     Raises:
         Refused: if it deviates and there is no reason.
@@ -111,8 +111,8 @@ def deviation_of(earlier: Earlier, configuration: Configuration, reason: str) ->
         return ""
     if not reason:
         raise Refused(
-            f"{earlier.folder.name}: the software is not that which began it: {told}",
-            "install that again, or give a reason with --other-software; it is then a deviation and closes nothing",
+            f"{earlier.folder.name}: the software differs from the one that started it: {told}",
+            "install that again, or give a reason with --other-software; the run then deviates and closes nothing",
         )
     return f"resumed with other software ({told}): {reason}"
 
@@ -144,7 +144,9 @@ def require_same_cases(earlier: Earlier, planned: Sequence[PlannedCase]) -> None
     now = [case.id for case in planned]
     if then != now:
         differing = sorted(set(then) ^ set(now)) or ["their order"]
-        raise Refused(f"{earlier.folder.name}: other cases than before: {', '.join(differing)}", "seal it as it is")
+        raise Refused(
+            f"{earlier.folder.name}: the cases differ from before: {', '.join(differing)}", "seal it as it is"
+        )
 
 
 def _told(paths: Sequence[str]) -> Iterator[str]:
@@ -174,7 +176,7 @@ def _versions(name: str, then: object, now: object) -> str:
 
 
 def _version(name: str, then: object, now: object) -> str:
-    """Return in words what is another, nothing where it only looks so; of a commit which, and the files beside it."""
+    """Return in words what is another, nothing if it only looks so; of a commit which, and the files beside it."""
     if not isinstance(then, dict) or not isinstance(now, dict):
         return f"{name} {then} is {now}"
     told = [] if then.get("id") == now.get("id") else [f"{name} {_short(then)} is {_short(now)}"]

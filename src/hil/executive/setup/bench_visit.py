@@ -1,4 +1,4 @@
-"""Visits to a bench outside runs: look at it, or make it safe."""
+"""Visits to a bench outside runs: check it, or make it safe."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def check_bench(
     Where a port is not there, or is another board's, nothing but that is told. A latch is a gate that does not hold.
 
     Args:
-        start: the folder where the workspace is looked for.
+        start: the folder where the workspace is searched for.
         name: the bench's.
         source: hardware or simulated.
         energise: whether outputs are tried at their reduced level.
@@ -74,9 +74,9 @@ def _latch_gates(spec: BenchSpec, source: Source, served: Path | None) -> Iterat
 def safe_bench(
     start: Path, name: str, source: Source, *, served: Path | None = None, tell: Callable[[str], None]
 ) -> list[SafeResult]:
-    """Take every line of a bench's safe-off and return what became of each; see `check_bench`.
+    """Execute every line of a bench's safe-off and return the outcome of each; see `check_bench`.
 
-    Whoever holds the bench does not keep anybody from making it safe, nor does an instrument that cannot be reached:
+    Anyone who holds the bench does not keep anybody from making it safe, nor does an instrument that cannot be reached:
     its lines are not proven. Who holds the bench is told.
     """
     results: list[SafeResult] = []
@@ -122,7 +122,7 @@ def _visit(
 
 
 def _leased(keys: Sequence[str], by_force: Callable[[str], None] | None) -> Lease:
-    """Take the bench's leases; by force it goes on without them, and tells who has them."""
+    """Take the bench's leases; by force it continues without them, and reports who has them."""
     try:
         return Lease(keys, "hil bench")
     except Refused as error:

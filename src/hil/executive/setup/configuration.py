@@ -33,21 +33,21 @@ class Request:
     """What a person asks of the executive.
 
     Attributes:
-        start: the folder where the workspace is looked for.
+        start: the folder where the workspace is searched for.
         plans: plans, as paths or names.
         bench: the bench's name.
         dut: serial number of the device under test.
         source: hardware or simulated.
         purpose: why the run is made.
-        operator: the person's name, empty where nobody said.
+        operator: the person's name, empty if nobody said.
         skips: parts of case ids to the reason why they are not run.
         overrides: parameters changed on the command line.
         answers: a file with answers to questions.
         person: whether a person at the terminal answers, also on a simulated bench.
         output: where the package goes, the workspace's reports where None.
-        served: the folder in which another process serves the simulated bench, None where none does.
-        epoch: UTC of bench time zero, ISO 8601, for a bench outside of this process.
-        unattended: whether nobody stays with the run; that takes more of a bench outside of this process.
+        served: the folder in which another process serves the simulated bench, None if none does.
+        epoch: UTC of bench time zero, ISO 8601, for a bench outside this process.
+        unattended: whether nobody stays with the run; that takes more of a bench outside this process.
         on_call: who comes if something happens then.
         acknowledge_within_s: how long that person may take to answer when the bench is armed [s].
     """
@@ -90,12 +90,12 @@ class Configuration:
 
     @property
     def reach(self) -> Reach | None:
-        """Where the bench is, None where it lives in this process. See `reach_of`."""
+        """Where the bench is, None if it lives in this process. See `reach_of`."""
         return reach_of(self.bench, self.request.source, self.request.served)
 
     @property
     def epoch(self) -> str:
-        """UTC of bench time zero, ISO 8601; empty where nothing tells it."""
+        """UTC of bench time zero, ISO 8601; empty if it is not known."""
         return self.request.epoch or (self.bench.simulated.epoch if self.bench.simulated else "")
 
     @property
@@ -136,13 +136,13 @@ def configure(request: Request) -> Configuration:
 
 
 def reach_of(bench: BenchSpec, source: Source, served: Path | None) -> Reach | None:
-    """Return where a bench outside of this process is, None for one that lives in it.
+    """Return where a bench outside this process is, None for one that lives in it.
 
     Raises:
         Refused: for hardware on a system that cannot guard it, and for a folder in which no such bench is served.
     """
     if source is Source.HARDWARE and served is not None:
-        raise Refused("what is served is no hardware", "use --source simulated with --served")
+        raise Refused("a served bench is not hardware", "use --source simulated with --served")
     if served is not None:
         return reach_of_served(bench, served)
     if source is not Source.HARDWARE:

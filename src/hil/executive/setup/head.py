@@ -121,7 +121,7 @@ def _run(configuration: Configuration, frozen: Frozen) -> events.Run:
 
 
 def _live(configuration: Configuration) -> events.Live | None:
-    """Return what is told of a bench outside of the run's process, and nothing of another."""
+    """Return the facts about a bench outside the run's process, and nothing about another."""
     reach = configuration.reach
     return events.Live(speed=reach.speed, served=reach.served is not None) if reach else None
 
@@ -153,7 +153,7 @@ def freeze(configuration: Configuration, folder: Path) -> Frozen:
     """Copy catalogue, parameters, sources, bench file and registers into the package.
 
     Raises:
-        EvidenceError: where one of them cannot be read or written, or has a name that is no text.
+        EvidenceError: if one of them cannot be read or written, or has a name that is not a text.
     """
     try:
         return _freeze(configuration, folder)

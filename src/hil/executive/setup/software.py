@@ -69,7 +69,7 @@ def _source(package: Path) -> dict[str, object]:
     """Return the commit of the product's own source, and the files that differ from it, by their SHA-256.
 
     What else lies in its checkout cannot change a run: plans and fixtures have digests of their own. A package that was
-    installed into somebody's checkout is no part of it.
+    installed into somebody's checkout is not part of it.
     """
     if not _git(package, "ls-files", "--", "__init__.py"):
         return {"id": "", "changed": False, "files": {}}
@@ -81,7 +81,7 @@ def _source(package: Path) -> dict[str, object]:
 
 
 def _digest(path: Path) -> str:
-    """Return a file's SHA-256, empty where it is gone."""
+    """Return a file's SHA-256, empty if it is gone."""
     try:
         return sha256_of(path)
     except OSError:

@@ -130,7 +130,7 @@ def find_workspace(start: Path) -> Workspace:
 
 
 def _settings(folder: Path) -> tuple[dict[str, Any], Path, Keys] | None:
-    """Return a workspace's settings, their file, and the table of it in which they stand; None where it is none."""
+    """Return a workspace's settings, their file, and the table of it in which they stand; None if it is none."""
     own, project = folder / "hil.toml", folder / "pyproject.toml"
     if own.exists():
         return _toml(own), own, ()

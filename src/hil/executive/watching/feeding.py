@@ -207,7 +207,7 @@ def _columns_of(monitor: Monitor, output: str, columns: Mapping[tuple[str, str],
 
 
 def pause_allowed(monitors: Fed, row_s: float) -> float:
-    """Return how long rows may wait in seconds: no limit is looked at more seldom than its period, and none trips.
+    """Return how long rows may wait in seconds: every limit is read at least once per period, and none trips.
 
     Args:
         monitors: those that a stream feeds.

@@ -40,7 +40,7 @@ class Driven:
 
     Of every output the last call of each operation is kept, in the order in which they were first needed: a voltage is
     set before an output is switched on. A call that leads to a state of rest makes those before it void. A call that
-    begins something is not kept: nobody but the case may begin it anew.
+    begins something is not kept: nobody but the case may begin it again.
     """
 
     def __init__(self) -> None:
@@ -95,14 +95,14 @@ _NOBODY = events.HoldAsked(release=True, by="", text="")
 class Holding:
     """Holds the bench when somebody asks for it; a listener of the run's events.
 
-    Bench time of a simulated bench stands still meanwhile, as it does while a person is asked. That of hardware
-    goes on, with monitors and recordings. Neither counts for the case's `max_duration`.
+    Bench time of a simulated bench stands still in the meantime, as it does while a person is asked. That of hardware
+    continues, with monitors and recordings. Neither counts for the case's `max_duration`.
 
     Args:
         bench: the bench.
         flags: stop requests; they end a hold.
         journal: where events are written.
-        scheduler: the scheduling points to pass meanwhile.
+        scheduler: the scheduling points to pass in the meantime.
 
     Attributes:
         hears: the kinds of events that it has to be shown.
@@ -199,7 +199,7 @@ class Holding:
             self._wanted = event
 
     def _against(self, *, release: bool) -> str:
-        """Return why that cannot be done, empty where it can."""
+        """Return why that cannot be done, empty if it can."""
         held = self._held or self._wanted is not None
         if release:
             return "" if held and self._released is None else "the bench is not held"
@@ -243,7 +243,7 @@ class Holding:
         return results
 
     def _end_unless_held(self, results: list[SafeResult]) -> None:
-        """End the run if the hold state was not reached: whoever asked for it may rely on it."""
+        """End the run if the hold state was not reached: the person who asked for it may rely on it."""
         wrong = [f"{each.output} is not {each.state}: {each.detail}" for each in results if not each.ok]
         if wrong:
             self._flags.request(f"the bench, which did not reach its hold state: {wrong[0]}")

@@ -34,7 +34,7 @@ def hold_off(why: str, limit_s: float = _LIMIT_S) -> int:
     system's own.
 
     Args:
-        why: what the machine is busy with, for whoever asks it to sleep.
+        why: what the machine is busy with, for anyone who asks it to sleep.
         limit_s: how long the connection, and each call, may take [s].
 
     Raises:
@@ -149,7 +149,7 @@ class Inhibitor:
     guardian, was passed the descriptor.
 
     Args:
-        why: what the machine is busy with, for whoever asks it to sleep.
+        why: what the machine is busy with, for anyone who asks it to sleep.
         command: holds in the place of logind; it writes a line once it holds, until its standard input ends.
         limit_s: how long each answer may take [s].
     """
@@ -199,7 +199,7 @@ class Inhibitor:
         looked = select.poll()
         looked.register(self._descriptor, 0)
         gone = any(events & (select.POLLERR | select.POLLHUP | select.POLLNVAL) for _, events in looked.poll(0))
-        return "whoever held it off let go" if gone else ""
+        return "the inhibitor was released" if gone else ""
 
     def close(self) -> None:
         """Let go; closing twice is harmless."""

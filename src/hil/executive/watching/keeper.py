@@ -28,7 +28,7 @@ from hil.model.identity import Dut
 __all__ = ["FIRST_ARMING", "BenchKeeper", "Ticking", "watch_afterwards"]
 
 FIRST_ARMING = -1
-"""Stands for the first arming of a run; every other one is told by the `void_to` of the entry at which it is done."""
+"""Stands for the first arming of a run; every other one is known by the `void_to` of the entry at which it is done."""
 
 
 class Ticking(Protocol):
@@ -49,13 +49,13 @@ class BenchKeeper:
         journal: where events are written.
         store: opens recordings, one per monitor.
         machine: the machine that drives the bench.
-        timeline: decides when what no case asks for comes to pass.
-        ticking: what else has to be done every fraction of a wall second; the first goes on in the watch after the end.
+        timeline: decides when what no case asks for happens.
+        ticking: what else is done every fraction of a wall second; the first also runs in the watch after the end.
 
     Attributes:
         holding: holds the bench when it is asked for; it has to be shown every event.
         journal: where events are written.
-        over: whether the run was entered again behind its last case, on a bench that is not armed any more.
+        over: whether the run was entered again after its last case, on a bench that is not armed any more.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class BenchKeeper:
         return ""
 
     def arm_again(self, arming: int) -> str:
-        """Arm a bench that was made safe, and go on watching it; return why not, if not.
+        """Arm a bench that was made safe, and continue watching it; return why not, if not.
 
         Args:
             arming: the `void_to` of the entry at which it is armed.
@@ -165,7 +165,7 @@ class BenchKeeper:
             self._journal.write(events.HostGate(name="guardian", ok=False, detail="; ".join(problems)))
             self.unsafe = True
         goes_on = self._flags.leave_open and not self.unsafe and not self.scheduler.tripped
-        if self.touched and not goes_on:  # what is read behind the end belongs to the end of a run
+        if self.touched and not goes_on:  # what is read after the end belongs to the end of a run
             self._watch_afterwards()
         if self.unsafe:
             self._machine.latch("the run could not prove the bench safe")
@@ -252,7 +252,7 @@ def watch_afterwards(bench: BoundBench, store: RowStore, tell: Callable[[SafeRes
         bench: the bench, whose safe-off has been taken.
         store: opens the recordings.
         tell: called with every result.
-        ticking: what has to go on meanwhile.
+        ticking: what has to continue in the meantime.
     """
     recordings = {watch: store.begin(_watched_facts(bench, watch)) for watch in bench.spec.watch_after}
 

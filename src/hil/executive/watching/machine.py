@@ -1,4 +1,4 @@
-"""The machine that drives a bench outside of this process: ports, wakefulness, and the guardian of the run."""
+"""The machine that drives a bench outside this process: ports, wakefulness, and the guardian of the run."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Guarding:
 
     Args:
         bench: the bench, on its open ports.
-        clock: its clock, which pulses wherever it is looked at.
+        clock: its clock, which pulses wherever it is read.
         flags: tell whether the executive is at something that no monitor can interrupt.
         folder: the run's folder.
         leases: what the run holds alone.
@@ -84,7 +84,7 @@ class Guarding:
         """Start the guardian, let it take every output through its safe-off, and let it watch; each is a gate.
 
         Args:
-            freshness: tells how long what is known of the bench is good.
+            freshness: says how long what is known of the bench is good.
             held: more descriptors that the guardian is to keep open as long as it is at work.
         """
         self._freshness = freshness
@@ -108,7 +108,7 @@ class Guarding:
         self._beat(self._pulsed)
 
     def between(self) -> None:
-        """Tell it the same where the run looks at no clock for a while; after some seconds it has to do so itself.
+        """Send it the same where the run reads no clock for a while; after some seconds the run has to do so itself.
 
         The end of a case is such a place: what failed is formatted, and written down. So is a slow disk.
         """
@@ -126,7 +126,7 @@ class Guarding:
             self.lost = self.lost or str(error)
 
     def end(self) -> list[str]:
-        """Let the guardian look at every output itself, and go; return what it does not find safe.
+        """Let the guardian check every output itself, and go; return what it does not find safe.
 
         It goes in any case. Where something is not safe it has tried itself and has latched the bench.
         """
@@ -198,7 +198,7 @@ def _output(bench: BoundBench, step: SafeStep) -> GuardedOutput:
 
 
 def _port(bench: BoundBench, instrument: InstrumentSpec) -> GuardedPort:
-    """Return how the guardian may open a port anew: not one that resets what is behind it."""
+    """Return how the guardian may open a port again: not one that resets its device."""
     resets = getattr(bench.drivers[instrument.name], "resets_on_open", False)
     url = "" if resets else url_of_resource(bench.where[instrument.name])
     return GuardedPort(device=instrument.name, url=url, baud=instrument.baud)
@@ -250,7 +250,7 @@ class LiveMachine:
         self._people = people
 
     def between(self) -> None:
-        """Let the guardian hear of the run where nothing looks at the bench for some seconds."""
+        """Let the guardian hear of the run while nothing reads the bench for some seconds."""
         self._guarding.between()
 
     def gates(self, freshness: Freshness) -> Iterator[Gate]:
@@ -306,7 +306,7 @@ class LiveMachine:
 
 
 class Attendant:
-    """Looks after a bench outside of this process while a case's own code runs, unless a record stands in for it.
+    """Looks after a bench outside this process while a case's own code runs, unless a record stands in for it.
 
     Args:
         machine: lets the guardian hear of the run.
@@ -343,7 +343,7 @@ class Attendant:
 def live_machine(
     bench: BoundBench, clock: LiveClock, flags: StopFlags, record: Record, inhibit: Sequence[str]
 ) -> LiveMachine:
-    """Return the machine of a bench outside of this process.
+    """Return the machine of a bench outside this process.
 
     Args:
         bench: the bench.

@@ -1,4 +1,4 @@
-"""Monitors while a run goes on: each takes its turn when it is due, and in a replay when the record has it."""
+"""Monitors while a run is in progress: each takes its turn when it is due, and in a replay when the record has it."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class Monitoring:
     Args:
         bench: the bench.
         monitors: one per limit of the envelope.
-        reports: is told every reading.
+        reports: is called with every reading.
         trip: makes the bench safe for the first trip, and ends what the case does.
 
     Attributes:
-        case: is told when a monitor's device is silent or talks nonsense, None between cases.
+        case: hears when a monitor's device is silent or talks nonsense, None between cases.
         soonest_ns: before this instant none is due.
     """
 
@@ -50,7 +50,7 @@ class Monitoring:
         self._trip = trip
 
     def restart(self) -> None:
-        """Begin to watch anew."""
+        """Start watching again."""
         for monitor in self.all:
             monitor.restart(self._clock.now_ns())
         self.soonest_ns = 0
@@ -102,10 +102,10 @@ class Monitoring:
         if lasted_ns > LONGEST_TRANSACTION * self._bench.speed * NANOSECONDS:
             lasted = f"the {monitor.limit.words} of {monitor.limit.output} came after {lasted_ns / NANOSECONDS:.3g} s"
             instrument = self._instrument(monitor)
-            self._tell(monitor, NoReply(instrument.name, f"{lasted}, asked for more than once", "look at its line"))
+            self._tell(monitor, NoReply(instrument.name, f"{lasted}, asked for more than once", "check its line"))
 
     def _tell(self, monitor: Monitor, fault: DeviceFault) -> None:
-        """Tell the present case: what it records meanwhile has a gap that is the bench's, not the DUT's."""
+        """Tell the present case: what it records in the meantime has a gap that is the bench's, not the DUT's."""
         if self.case is not None:
             self.case.fault(self._instrument(monitor), fault)
 

@@ -1,4 +1,4 @@
-"""What watching a bench asks of others: a case, what takes turns beside it, whoever hears of it, and the machine."""
+"""What watching a bench asks of others: a case, what takes turns beside it, its listeners, and the machine."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Beside(Protocol):
         ...
 
     def begin_again(self) -> None:
-        """Begin anew: the bench was made safe in the meantime."""
+        """Start again: the bench was made safe in the meantime."""
         ...
 
 
@@ -104,7 +104,7 @@ class Machine(Protocol):
         ...
 
     def latch(self, why: str) -> None:
-        """Latch a bench that was not proven safe, so that a named person looks at it before anybody drives it."""
+        """Latch a bench that was not proven safe, so that a named person checks it before anybody drives it."""
         ...
 
 

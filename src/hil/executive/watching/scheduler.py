@@ -53,12 +53,12 @@ class Scheduler:
         monitors: one per limit of the envelope.
         flags: stop requests.
         reports: what it reports to.
-        timeline: decides when what no case asks for comes to pass.
+        timeline: decides when what no case asks for happens.
 
     Attributes:
         clock: the bench's clock.
         deadline_ns: the instant at which the present case has taken too long.
-        refused: how often the present case was told to end.
+        refused: how often the current case was asked to end.
         monitoring: runs the monitors.
         feeds: judge the rows of streams.
         timeline: the one that holds now.
@@ -154,7 +154,7 @@ class Scheduler:
             self._beside.remove(beside)
 
     def begin_again(self) -> None:
-        """Let what takes turns begin anew, after a time in which nothing did."""
+        """Let what takes turns start again, after a time in which nothing did."""
         for beside in tuple(self._beside):
             beside.begin_again()
 
@@ -187,12 +187,12 @@ class Scheduler:
         self.monitoring.soonest_ns = 0
 
     def come(self) -> None:
-        """Come to the present, where people or other processes took their time; a replayed bench comes to the same."""
+        """Catch up with the present, where people or other processes took time; a replayed bench catches up alike."""
         self.timeline.come()
         self.catch_up()
 
     def catch_up(self) -> None:
-        """Pass the points of a replayed bench at which it came to the present amid computations and questions."""
+        """Pass the points of a replayed bench at which it caught up in the middle of computations and questions."""
         for held_up in self.timeline.marks():
             if held_up is not None:
                 self._blame(held_up)
@@ -207,7 +207,7 @@ class Scheduler:
             self._blame(held_up)
 
     def go_on(self) -> None:
-        """Let a resumed bench go on itself from here."""
+        """Let a resumed bench continue by itself from here."""
         self._bench.go_on()
         self.timeline = self.timeline.look()
 

@@ -1,4 +1,4 @@
-"""When things come to pass that no case asks for: by the bench's own clock, or where a record has them."""
+"""When things happen that no case asks for: by the bench's own clock, or where a record has them."""
 
 from __future__ import annotations
 
@@ -55,11 +55,11 @@ class Timeline(Protocol):
         ...
 
     def come(self) -> None:
-        """Come to the present, if bench time is behind."""
+        """Catch up with the present, if bench time is behind."""
         ...
 
     def marks(self) -> Iterator[HilError | None]:
-        """Yield each point between two calls at which the record came to the present, and errors of the case there."""
+        """Yield each point between two calls at which the record caught up, and errors of the case there."""
         ...
 
     def look(self) -> Timeline:
@@ -71,7 +71,7 @@ class Timeline(Protocol):
         ...
 
     def busy(self, seconds: float) -> HilError | None:
-        """Return the error of a case whose own code ran for so many seconds of the wall, None where that is allowed."""
+        """Return the error of a case whose own code ran for so many seconds of the wall, None if that is allowed."""
         ...
 
     def due(self, monitors: Sequence[Monitor], until_ns: int, name: str) -> Iterator[Monitor]:
@@ -108,7 +108,7 @@ class Timeline(Protocol):
 
 
 class OnBench:
-    """The timeline of a bench that lives in this process: its clock tells when whose turn is.
+    """The timeline of a bench that lives in this process: its clock says whose turn is when.
 
     Args:
         bench: the bench.
@@ -135,7 +135,7 @@ class OnBench:
         return iter(())
 
     def look(self) -> Timeline:
-        """Return this one: a bench that is there goes on by itself."""
+        """Return this one: a bench that is there runs on by itself."""
         return self
 
     def distress(self) -> str:
@@ -187,9 +187,9 @@ class OnBench:
 
 
 class OnLiveBench(OnBench):
-    """The timeline of a bench outside of this process, whose clock stands between operations.
+    """The timeline of a bench outside this process, whose clock stands between operations.
 
-    Where somebody is asked, or a case computes, bench time has to go on all the same, for monitors and turns. In the
+    Where somebody is asked, or a case computes, bench time must keep running, for monitors and turns. In the
     transcript that stands with the number of events before it, so that a replay comes there between the same two.
 
     Args:
@@ -205,7 +205,7 @@ class OnLiveBench(OnBench):
         self._events = events
 
     def come(self) -> None:
-        """Come to the present, if bench time is behind by more than a moment."""
+        """Catch up with the present, if bench time is behind by more than a moment."""
         live = self._live
         if live.behind_ns() > _BEHIND_NS:
             began_ns, sent = live.now_ns(), str(self._events.course).encode()
@@ -234,12 +234,12 @@ class OnLiveBench(OnBench):
 
 
 class OnRecord:
-    """The timeline of a record: everything comes to pass where the transcript has it.
+    """The timeline of a record: everything happens where the transcript has it.
 
     Args:
         bench: the bench.
         playback: the record that answers for it.
-        after: the timeline of the bench, once it goes on itself.
+        after: the timeline of the bench, once it continues by itself.
         events: tell how many of them there are.
         not_opened: the gate of the host that ended an arming, by arming: nobody asks people or machine again.
     """
@@ -266,7 +266,7 @@ class OnRecord:
         return True
 
     def come(self) -> None:
-        """Do nothing: the marks of the record tell where it came to its present."""
+        """Do nothing: the marks of the record show where it caught up with its present."""
 
     def marks(self) -> Iterator[HilError | None]:
         """Yield what the record holds between the last event and the next one; see `Timeline`."""
@@ -278,7 +278,7 @@ class OnRecord:
             yield None
 
     def look(self) -> Timeline:
-        """Let the bench go on from here, if the record ends here; return its timeline then."""
+        """Let the bench continue from here, if the record ends here; return its timeline then."""
         self._playback.hand_over_if_due()
         return self._after if self._bench.playback is None else self
 
@@ -331,7 +331,7 @@ class OnRecord:
         self._playback.skip(operations)
 
     def _mark(self, name: str) -> bytes:
-        """Take a mark that the record holds between the last event and the next one; return what it tells."""
+        """Take a mark that the record holds between the last event and the next one; return its contents."""
         found = self._playback.next_if(name)
         if found is None:
             return b""
@@ -368,5 +368,5 @@ def _held_up(seconds: str) -> HilError:
     return HilError(
         f"its own code ran for {seconds} s without letting anybody look after the bench, with outputs on;"
         f" {LONGEST_TRANSACTION:g} s are allowed",
-        "compute behind the last use of the outputs, or in smaller pieces",
+        "compute after the last use of the outputs, or in smaller pieces",
     )

@@ -17,7 +17,7 @@ _LEAST_SHARE = 0.0004
 """Energy of one line in W.h from which on its rounding to 0.0001 does not hide how many lines it stands for."""
 
 _CLEAR_A = 0.02
-"""A current beyond this tells the half-cycle: marks may be missing, and the procedure does not know them all."""
+"""A current beyond this shows the half-cycle: marks may be missing, and the procedure does not know them all."""
 
 
 class Arrivals:
@@ -50,7 +50,7 @@ class Arrivals:
             since: when the port was looked at without finding it.
             until: when it was found.
             behind: how many lines were found with it that were sent later.
-            lost: how many before it are missing at least, by what it tells.
+            lost: at least how many before it are missing, by its content.
         """
         since, until = since - _ON_THE_LINE_S, until - behind * _SHORTEST_S
         since = min(since, until)
@@ -70,7 +70,7 @@ class BareLines(Told):
 
     Attributes:
         waiting: whether it has started, and no byte was sent to it since.
-        sealed: whether lines of level 2 come: it is no device of level 1.
+        sealed: whether lines of level 2 come: it is not a device of level 1.
         uncertainty: largest standard uncertainty of the times of the rows in s, None before the first row.
         begun_s: bench time from which rows count.
     """
@@ -86,7 +86,7 @@ class BareLines(Told):
         self._arrivals = Arrivals()
         self._looked_s = now
         self._energy: float | None = None  # of the last line
-        self._torn = 0  # lines since then that told nothing
+        self._torn = 0  # lines since then that said nothing
 
     def take(self, lines: list[bytes], now: float) -> None:
         """Take whole lines without their ends, in their order; the port was looked at `now`."""
@@ -143,7 +143,7 @@ class BareLines(Told):
         return max(0, round((energy - last if energy >= last else energy) / share) - 1 - torn)
 
     def _judge_phase(self, current: float) -> None:
-        """Tell the half-cycle by the current, where it is clear or nothing else tells it."""
+        """Take the half-cycle from the current, where it is clear or nothing else shows it."""
         least = _CLEAR_A if self.running else 0.0
         if current >= least and self.state != "charge":
             self.charging(self.cycle + 1)

@@ -1,6 +1,6 @@
 """The line of a cycler: it is met, listened to, and reset.
 
-A level 1 device starts its test at any byte. So nothing is written before a line has told the level, and to a device of
+A level 1 device starts its test at any byte. So nothing is written before a line has shown the level, and to one of
 level 1 nothing but the one byte that starts it.
 """
 
@@ -42,9 +42,9 @@ class Hearing:
 
     Attributes:
         told: what its lines have told, None before the level is known.
-        banner: what it says of itself, None where it was not told.
+        banner: what it says of itself, None if it was not told.
         starts: how often it was seen to start.
-        fault: why a test that ran, or a stream, is over: it has started anew.
+        fault: why a test that ran, or a stream, is over: it has restarted.
         in_step: whether what it has of the host's line ends with a whole one.
     """
 
@@ -61,7 +61,7 @@ class Hearing:
         self._resetting = False
 
     def meet(self) -> NumberedLines | BareLines:
-        """Return what it has told; listen until a line tells the level, where none has yet.
+        """Return what it has reported; listen until a line shows the level, if none has yet.
 
         Raises:
             NoReply: none did.
@@ -74,12 +74,12 @@ class Hearing:
             raise NoReply(
                 self.device,
                 f"no banner and no line of level 2 within {BANNER_S + _STATUS_S:g} s, and any byte may start it",
-                "look at its power and its baud, 9600; if opening does not reset it, press its reset button meanwhile",
+                "check its power and its baud rate, 9600; if opening does not reset it, press its reset button now",
             )
         return self.told
 
     def opened_anew(self) -> None:
-        """Forget what the line has told; the next one to ask waits until it tells its level again."""
+        """Forget what the line has said; the next one to ask waits until it shows its level again."""
         if self.told is not None:
             self.told.recording = False
         self.told = self.banner = self.fault = None
@@ -121,7 +121,7 @@ class Hearing:
             raise NoReply(
                 self.device,
                 f"DTR was pulsed, and no banner came within {BANNER_S:g} s: it was not reset",
-                "cut its supply and its load by hand; look at the capacitor between DTR and its reset pin",
+                "cut its supply and its load by hand; check the capacitor between DTR and its reset pin",
             )
 
     def write(self, data: bytes) -> None:
@@ -153,8 +153,8 @@ class Hearing:
             reason = f" (boot {banner.boots}, {banner.reset})" if banner else ""
             self.fault = DeviceFault(
                 self.device,
-                f"it has started anew{reason}: its relays are open, and its test is over",
-                "look at its power and its USB cable, and begin the test anew",
+                f"it has restarted{reason}: its relays are open, and its test is over",
+                "check its power and its USB cable, and start the test again",
             )
 
     def listen(self, seconds: float, done: Callable[[], bool]) -> None:
@@ -181,7 +181,7 @@ class Hearing:
             self.told.looked(now)
 
     def _look_at(self, told: NumberedLines | BareLines, now: float, *, running: bool) -> None:
-        """See to what lines told besides readings."""
+        """Handle what lines say in addition to readings."""
         if told.started:
             self._has_started(told, told.started[-1], running=running)
             told.started.clear()
@@ -195,7 +195,7 @@ class Hearing:
             raise self.nonsense(nonsense.decode("ascii", "replace"))
 
     def _learn(self, lines: list[bytes], now: float) -> list[bytes]:
-        """Learn the level from the first line that tells it, and return the lines from there on."""
+        """Learn the level from the first line that shows it, and return the lines from there on."""
         for place, line in enumerate(lines):
             if opened(line) is not None:
                 self.told = NumberedLines(now)

@@ -73,7 +73,7 @@ def seal(text: str) -> bytes:
 
 
 def opened(line: bytes) -> bytes | None:
-    """Return what stands before the seal of a line of level 2, None where it has none or a wrong one."""
+    """Return what stands before the seal of a line of level 2, None if it has none or a wrong one."""
     body = line[:-5]
     if body and line[-5:-4] == b"*" and b"%04X" % crc_hqx(body, _INITIAL) == line[-4:]:
         return body
@@ -92,9 +92,9 @@ def fields_of(words: str) -> dict[str, str]:
 
 
 def plain_numbers(line: bytes) -> tuple[float, float, float, float] | None:
-    """Return the four numbers of a data line of level 1, None where something else stands there.
+    """Return the four numbers of a data line of level 1, None if something else stands there.
 
-    Every field is digits with one point among them, and may begin with `-`; how many stand behind the point is left
+    Every field is digits with one point among them, and may begin with `-`; how many come after the point is left
     open. A line that a loss has shortened can still look like one.
     """
     fields = line.split(b";")
@@ -112,10 +112,10 @@ class Told:
     """The present state, the newest reading, and the rows that nobody has taken yet.
 
     Attributes:
-        state: as the role tells it.
+        state: in the role's words.
         phase: 1 in a charge, -1 in a discharge, 0 in neither.
         cycle: counted from 1, 0 before the first.
-        reading: the newest numbers, None where they say nothing of now any more.
+        reading: the newest numbers, None if they say nothing of now any more.
         read_s: bench time at which they were read.
         heard_s: bench time of the newest line that was whole.
         recording: whether rows are kept.
@@ -123,7 +123,7 @@ class Told:
         frames: lines that came while rows are kept.
         lost: lines that did not come, or came damaged, while rows are kept.
         damaged: lines that were damaged, ever.
-        started: the banners that came and were not looked at; None is that of level 1.
+        started: the banners that came and were not read; None is that of level 1.
     """
 
     def __init__(self, now: float) -> None:
@@ -165,7 +165,7 @@ class Told:
         return rows
 
     def record(self) -> None:
-        """Keep rows from now on, and count anew."""
+        """Keep rows from now on, and count again."""
         self.rows = []
         self.frames = self.lost = 0
         self.recording = True

@@ -27,7 +27,7 @@ class NumberedLines(Told):
 
     Attributes:
         replies: what stood before the seal of replies that nobody has looked at.
-        unsure: whether a line was lost that may have told of the state.
+        unsure: whether a line was lost that may have reported the state.
         went_back: whether number or time went back, though no banner came.
         nonsense: a line whose seal is right, and that means nothing.
         rests: whether rests were set, so that one follows a half-cycle.
@@ -124,9 +124,9 @@ class NumberedLines(Told):
         return ms + self._wrapped_ms
 
     def resume(self, number: int, ms: int, state: str, cycle: float) -> int:
-        """Go on from the reply to STATE: number of the last line, time, state and cycle; return the time without wraps.
+        """Continue from the reply to STATE: number of the last line, time, state, cycle; return the time without wraps.
 
-        A reply that is older than the newest line tells nothing new; one that is much older, that it has started.
+        A reply that is older than the newest line says nothing new; one that is much older, that it has started.
         """
         behind = 0 if self.number is None else self.number - number
         if behind > 0:

@@ -65,7 +65,7 @@ class Attendance:
             raise NoReply(
                 session.device,
                 f"no line for {now - told.heard_s:.0f} s, and its test has not ended",
-                "look at its power and its USB cable; a level 1 device cannot be asked",
+                "check its power and its USB cable; a level 1 device cannot be asked",
             )
 
     def _keep_alive(self, told: NumberedLines, now: float) -> None:
@@ -78,7 +78,7 @@ class Attendance:
             self._beating, self._first_s, self._sent_s = True, now, now
 
     def _look_for_reply(self, told: NumberedLines, now: float) -> None:
-        if self._session.tag != self._tag:  # something else was asked meanwhile, and its answer took the place
+        if self._session.tag != self._tag:  # something else was asked in the meantime, and its answer took the place
             self._beating = False
             return
         words = self._session.answer()
@@ -154,7 +154,7 @@ class Preparing:
         self._attendance.attend()
         if self._prepared_at != session.starts:
             raise Refused(
-                f"{session.device}: no test is prepared, or it has started anew since then", "call prepare() first"
+                f"{session.device}: no test is prepared, or it has restarted since then", "call prepare() first"
             )
         self._prepared_at = -1
         before = session.clock.now()
@@ -198,7 +198,7 @@ class Preparing:
             session.told.state = "stopped"
 
     def _has_a_level(self) -> bool:
-        """Return whether it turns out to be a device that can be told to stop."""
+        """Return whether it turns out to be a device that can be stopped by a command."""
         try:
             return isinstance(self._session.meet(), NumberedLines)
         except NoReply:
@@ -242,22 +242,22 @@ class Preparing:
             if value != does[name]:
                 raise Rejected(
                     self._session.device,
-                    f"a level 1 device has {name} {does[name]:g}, not {value:g}, and cannot be told",
-                    f"prepare it with {name} {does[name]:g}" + ("" if name != "cycles" else ", or mend the wiring"),
+                    f"a level 1 device has {name} {does[name]:g}, not {value:g}, and cannot be set",
+                    f"prepare it with {name} {does[name]:g}" + ("" if name != "cycles" else ", or correct the wiring"),
                 )
 
     def _set(self, settings: Mapping[str, str]) -> None:
-        """Set every setting; what was not set before it began anew would be a default."""
+        """Set every setting; what was not set before it started again would be a default."""
         for setting in SETTINGS:
             wanted = f"{setting.name}={settings[setting.name]}"
             found = self._session.ask(f"SET {wanted}")
             if found != wanted:
-                raise Rejected(self._session.device, f"{wanted} was set, it reads {found}", "look at its firmware")
+                raise Rejected(self._session.device, f"{wanted} was set, it reads {found}", "check its firmware")
 
     def _next_run(self) -> str:
         """Return a run that the device has not had: its boot counter, and a count since then, four digits each.
 
-        The count goes on from the device's last run, so that another session of this boot repeats none.
+        The count continues from the device's last run, so that another session of this boot repeats none.
         """
         session = self._session
         last = Status.ask(session).run

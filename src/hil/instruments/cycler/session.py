@@ -27,10 +27,10 @@ _MEANINGS = {
     "RANGE": ("that is lower or higher than {word} may be", "choose a value from the table of its settings"),
     "BUSY": ("the test {word} runs", "wait for its end, or stop() it"),
     "STATE": ("its state is {word}", "call prepare() before start(); it acknowledges what ended the last test"),
-    "RUN": ("its last test is {word}", "look who else starts tests on it, and prepare the test anew"),
-    "SETTINGS": ("its settings are not those that were set, their CRC is {word}", "prepare the test anew"),
+    "RUN": ("its last test is {word}", "check what else starts tests on it, and prepare the test again"),
+    "SETTINGS": ("its settings are not those that were set, their CRC is {word}", "prepare the test again"),
     "ORDER": ("its settings contradict each other, the first is {word}", "see the order of settings on its page"),
-    "LIMIT": ("what it measures is beyond {word} already", "look at the battery, its wires, and its limits"),
+    "LIMIT": ("what it measures is beyond {word} already", "check the battery, its wires, and its limits"),
 }
 _STEP_S = 0.001
 _EXCHANGES = 3
@@ -61,7 +61,7 @@ class CyclerSession(Hearing):
         self._prefix, self._words = b"", None
 
     def ask(self, command: str) -> str:
-        """Send a command, and return what stands behind OK; the same bytes again where no reply comes.
+        """Send a command, and return what follows OK; the same bytes again where no reply comes.
 
         Raises:
             Rejected: it answers with an error.
@@ -82,10 +82,10 @@ class CyclerSession(Hearing):
         if self.numbered().damaged > damaged:
             raise Garbled(
                 self.device,
-                f"asked {command}, and what came is damaged",
-                "look at the line's speed, 9600, and at the USB cable",
+                f"asked {command}, and the reply is damaged",
+                "check the line's speed, 9600, and the USB cable",
             )
-        raise NoReply(self.device, f"asked {command}, and no reply came", "look at its power and its USB cable")
+        raise NoReply(self.device, f"asked {command}, and no reply came", "check its power and its USB cable")
 
     def send(self, command: str) -> int:
         """Send a command, do not wait, and return its tag; where a rest may stand before it, an end comes first."""
@@ -102,7 +102,7 @@ class CyclerSession(Hearing):
         self.write(self._line)
 
     def answer(self) -> str | None:
-        """Return what stands behind the tag of the last command, if the reply has come; others were late copies."""
+        """Return what follows the tag of the last command, if the reply has come; others were late copies."""
         if self._prefix and isinstance(self.told, NumberedLines):
             replies, self.told.replies = self.told.replies, []
             for reply in replies:
@@ -142,7 +142,7 @@ class CyclerSession(Hearing):
         return found
 
     def judged(self, command: str, words: str) -> str:
-        """Return what stands behind OK; Rejected where it is an error, Garbled where it is neither."""
+        """Return what follows OK; Rejected if it is an error, Garbled if it is neither."""
         result, _, rest = words.partition(" ")
         if result == "ERROR":
             raise refusal(self.device, command, rest)
@@ -151,7 +151,7 @@ class CyclerSession(Hearing):
         return rest
 
     def numbered(self) -> NumberedLines:
-        """Return what a device of level 2 has told; Garbled where it is none any more."""
+        """Return what a device of level 2 has reported; Garbled if it no longer is one."""
         told = self.meet()
         if not isinstance(told, NumberedLines):
             raise Garbled(self.device, "it speaks level 1", FIRMWARE)
@@ -187,7 +187,7 @@ class Status:
 
     @classmethod
     def ask(cls, session: CyclerSession) -> Self:
-        """Ask, and let what the lines have told go on from the reply.
+        """Ask, and let what the lines have said continue from the reply.
 
         Raises:
             DeviceFault: it does not answer, or nonsense.

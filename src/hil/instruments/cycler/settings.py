@@ -52,7 +52,7 @@ def checked(device: str, given: Mapping[str, float]) -> dict[str, str]:
     """Return every setting as it is written, those that are not given with their defaults.
 
     Raises:
-        Refused: a value is no number, or has more decimals than can be written.
+        Refused: a value is not a number, or has more decimals than can be written.
     """
     return {setting.name: _written(device, setting, given.get(setting.name)) for setting in SETTINGS}
 

@@ -23,7 +23,7 @@ CHANNELS = (
     ("phase", "1"),
     ("cycle", "1"),
 )
-"""Names and units of a row, behind its time."""
+"""Names and units of a row, after its time."""
 
 _COLUMNS = 1 + len(CHANNELS)
 _MS_PER_S = 1000.0
@@ -57,7 +57,7 @@ class CyclerStream:
 
     @property
     def uncertainty(self) -> float | None:
-        """Standard uncertainty of the rows' times in s, None where no row has come yet."""
+        """Standard uncertainty of the rows' times in s, None if no row has come yet."""
         if self._first is not None:
             return self._first.uncertainty
         return self._told.uncertainty if isinstance(self._told, BareLines) else None
@@ -105,5 +105,5 @@ class CyclerStream:
 
     def _changed(self) -> Garbled:
         return Garbled(
-            self._session.device, "it began like a device of level 1, and speaks level 2", "begin the test anew"
+            self._session.device, "it began like a device of level 1, and speaks level 2", "start the test again"
         )

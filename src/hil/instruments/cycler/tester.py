@@ -44,7 +44,7 @@ _TURNS_PER_BEAT = 6  # due after a third of it, sent in the next turn, seen to b
 def stopped(name: str, proof: Proof | None) -> SafeBytes:
     """Return the bytes that open both relays and end a test, and ask for state, relays and what is measured.
 
-    Tag 0 is for whoever does not know what was said before. A killed program may have left a whole START but for its
+    Tag 0 is for a sender that does not know what was said before. A killed program may have left a START without its
     end, which a line feed would let begin a battery's charge. So what is sent first is a question without a line feed
     before it: after half a line the seal of both together is wrong, and the device throws them away.
 
@@ -142,13 +142,13 @@ class BatteryTester:
         """Return the bytes of STOP; see `hil.instruments.roles.SafeByBytes`. What it measures can be asked for.
 
         Raises:
-            Refused: there is no such state; or a level 1 device, or one that has told no level yet: any byte may start
+            Refused: there is no such state; or a level 1 device, or one that has shown no level yet: any byte may start
                 its test.
         """
         must_be_state(CYCLER, self._name, state)
         told = self._session.told
         if not isinstance(told, NumberedLines):
-            why = "has not told its level yet" if told is None else "speaks level 1"
+            why = "has not shown its level yet" if told is None else "speaks level 1"
             raise Refused(
                 f"{self._name}: {self._session.device} {why}: no byte stops it, and any byte may start its test",
                 "identify it first" if told is None else "only a reset stops it; let supply and load be its cut paths",
@@ -160,7 +160,7 @@ class BatteryTester:
         """Return `idle`, `charge`, `rest`, `discharge`, `ended`, `stopped`, or `tripped` and the reason.
 
         Raises:
-            DeviceFault: it has started anew while its test ran, is silent, or talks nonsense.
+            DeviceFault: it has restarted while its test ran, is silent, or talks nonsense.
         """
         told = self._followed()
         if isinstance(told, NumberedLines):
@@ -200,7 +200,7 @@ class BatteryTester:
         """Return the standard uncertainty of the rows' times in s; NaN while nothing is streamed.
 
         Level 2: how well the device's time was known at `begin`; what its clock does afterwards is the drift. Level 1:
-        the worst of what arrivals have told so far.
+        the worst of what arrivals have shown so far.
         """
         known = self._stream.uncertainty if self._stream else None
         return Figure(value=float("nan") if known is None else known, unit="s")
@@ -217,14 +217,14 @@ class BatteryTester:
         return (*reading, told.phase, told.cycle)
 
     def begin(self, rate: float) -> None:
-        """Keep rows from now on; the device measures every 5 s, whoever listens.
+        """Keep rows from now on; the device measures every 5 s, whether or not anybody listens.
 
         Raises:
             Refused: another rate than 0.2 Hz, or a stream runs.
             DeviceFault: it is silent or talks nonsense.
         """
         if self._stream is not None:
-            raise Refused(f"{self._session.device} streams already", "end the stream first")
+            raise Refused(f"{self._session.device} is already streaming", "end the stream first")
         if rate != _RATE_HZ:
             raise Refused(f"{self._session.device} measures at {_RATE_HZ:g} Hz, not at {rate:g} Hz", "record at that")
         self._followed()
@@ -234,19 +234,19 @@ class BatteryTester:
         """Return the rows since the last call, shape (n, 7): time in s since `begin`, and the channels.
 
         Raises:
-            DeviceFault: it has started anew, is silent, or talks nonsense; what came before it has been returned.
+            DeviceFault: it has restarted, is silent, or talks nonsense; what came before it has been returned.
         """
         return self._streaming().drain()
 
     def end(self) -> StreamReport:
-        """Keep no more rows, and return how it went; the test goes on."""
+        """Keep no more rows, and return how it went; the test continues."""
         stream = self._streaming()
         self._stream = None
         return stream.end()
 
     @property
     def longest_pause(self) -> float:
-        """Seconds from line to line: whoever drains as often sees every line when it comes."""
+        """Seconds from line to line: a reader that drains as often sees every line when it comes."""
         return LINE_S
 
     @property
@@ -261,7 +261,7 @@ class BatteryTester:
 
     @property
     def over(self) -> bool:
-        """Whether the lines that were read so far told the end of a test. See `hil.instruments.sampled.Ending`."""
+        """Whether the lines read so far reported the end of a test. See `hil.instruments.sampled.Ending`."""
         told = self._session.told
         return told is not None and not told.running and told.state != "idle"
 
@@ -271,7 +271,7 @@ class BatteryTester:
         return self._stream
 
     def _followed(self) -> Told:
-        """Return what it has told up to now; a test that was lost is a fault until the next one is prepared."""
+        """Return what it has reported up to now; a test that was lost is a fault until the next one is prepared."""
         self._session.meet()
         self._attendance.attend()
         if self._session.fault is not None:
@@ -295,7 +295,7 @@ class BatteryTester:
 class BatteryCycler:
     """Driver `cycler`: role `cycler`. A wire may set `level`, `beat` and `cycles`, see `Wiring`.
 
-    Opening the port resets most devices; the driver waits for the banner, or for another line that tells the level.
+    Opening the port resets most devices; the driver waits for the banner, or for another line that shows the level.
     """
 
     roles: ClassVar[frozenset[str]] = frozenset({"cycler"})
@@ -307,11 +307,11 @@ class BatteryCycler:
         self._session = CyclerSession(connection.device, connection.port, connection.clock)
 
     def opened_anew(self) -> None:
-        """Forget what the line has told: the opening resets most devices, and a test that ran is over."""
+        """Forget what the line has said: the opening resets most devices, and a test that ran is over."""
         self._session.opened_anew()
 
     def identify(self) -> Identity:
-        """Wait until a line tells the level; ask a device of level 2 who it is, a level 1 device has its banner only.
+        """Wait until a line shows the level; ask a device of level 2 who it is, a level 1 device has its banner only.
 
         Raises:
             NoReply: no line did.

@@ -1,1 +1,1 @@
-"""The OBC link: the board that plays the on-board computer, and the bus behind it."""
+"""The OBC link: the board that plays the on-board computer, and its bus."""

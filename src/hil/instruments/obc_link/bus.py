@@ -1,4 +1,4 @@
-"""The I2C bus behind the board: smbus2's interface over the link, and streams."""
+"""The I2C bus of the board: smbus2's interface over the link, and streams."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ class ObcBoard:
 
 
 class ObcLink:
-    """Driver `obc-link`: role `obc`, and the I2C bus behind the board."""
+    """Driver `obc-link`: role `obc`, and the I2C bus of the board."""
 
     roles: ClassVar[frozenset[str]] = frozenset({"obc"})
 

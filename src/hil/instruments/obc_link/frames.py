@@ -55,7 +55,7 @@ def stuff(data: bytes) -> bytes:
 
 
 def unstuff(block: bytes) -> bytes:
-    """Return what stands between two delimiters, unstuffed; a final code of 01 behind a full block is allowed.
+    """Return what stands between two delimiters, unstuffed; a final code of 01 after a full block is allowed.
 
     Only code bytes are looked at one by one: they become the zeros that they stand for, in place.
 
@@ -114,7 +114,7 @@ def unseal(block: bytes) -> Frame:
     """Return the frame between two delimiters.
 
     Raises:
-        ValueError: it is no frame, whatever is wrong with it.
+        ValueError: it is not a frame, whatever is wrong with it.
     """
     data = unstuff(block)
     if not OVERHEAD <= len(data) <= LONGEST:
@@ -126,7 +126,7 @@ def unseal(block: bytes) -> Frame:
 
 
 class FrameReader:
-    """Cuts a byte stream into frames, in whatever pieces it comes; what is no frame is counted in `damaged`."""
+    """Cuts a byte stream into frames, in whatever pieces it comes; what is not a frame is counted in `damaged`."""
 
     def __init__(self) -> None:
         self.damaged = 0

@@ -89,7 +89,7 @@ class Code(IntEnum):
 
 
 class MessageStatus(IntEnum):
-    """What became of one I2C message."""
+    """The outcome of one I2C message."""
 
     OK = 0
     NO_ADDRESS = 1
@@ -160,7 +160,7 @@ def reason_text(reason: int) -> str:
 
 
 def identification(reply: bytes) -> Identification:
-    """Read the reply to IDENTIFY behind its code; a later minor version's surplus is ignored.
+    """Read the reply to IDENTIFY after its code; a later minor version's surplus is ignored.
 
     Raises:
         ValueError: it is too short.
@@ -188,7 +188,7 @@ def identification(reply: bytes) -> Identification:
 
 
 def conversions(reply: bytes) -> Conversions:
-    """Read the reply to ADC behind its code; ValueError if it is too short."""
+    """Read the reply to ADC after its code; ValueError if it is too short."""
     channel, taken, total, squares, full_scale, reference_mv = _unpacked(_CONVERSIONS, reply)
     return Conversions(
         channel=channel, taken=taken, total=total, squares=squares, full_scale=full_scale, reference_mv=reference_mv

@@ -33,14 +33,14 @@ _WAIT_MS = 40
 _WAITS_MS = {Command.ADC: 80, Command.I2C: 200, Command.STREAM_STOP: 420}
 _IS_REPLY = 0x80
 _LAST_SEQUENCE = 0xFFFF
-_LOOK = "look at the board's power, and at what its firmware did before"
+_LOOK = "check the board's power, and what its firmware did before"
 
 _T = TypeVar("_T")
 
 
 @dataclass(slots=True)
 class Inbox:
-    """Where the frames of one stream wait for whoever reads it; `fault` is why no more will come."""
+    """Where the frames of one stream wait for their reader; `fault` is why no more will come."""
 
     payloads: list[bytes] = field(default_factory=list)
     fault: DeviceFault | None = None
@@ -115,7 +115,7 @@ class Arrivals:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """The fields of a reply behind its code, and the bench's time of request and reply in ns."""
+    """The fields of a reply after its code, and the bench's time of request and reply in ns."""
 
     fields: bytes
     sent_ns: int
@@ -149,7 +149,7 @@ class ObcSession:
     Attributes:
         arrivals: what came unasked.
         repeated: requests that were sent again.
-        starts: how often the board was met anew; what was set before a change of it is not set any more.
+        starts: how often the board was met again; what was set before a change of it is not set any more.
     """
 
     def __init__(self, device: str, port: Port, clock: Clock) -> None:
@@ -178,7 +178,7 @@ class ObcSession:
 
         Raises:
             WrongIdentity: it speaks another major version.
-            DeviceFault: it has started anew since it was asked last.
+            DeviceFault: it has restarted since it was asked last.
         """
         self._met = False
         found = self.read("IDENTIFY", identification, self._exchange(Command.IDENTIFY, b"").fields)
@@ -200,7 +200,7 @@ class ObcSession:
             Garbled: only damaged frames came.
             BoardRefused: the board answered with an error.
             WrongIdentity: the board speaks another major version.
-            DeviceFault: the board has started anew.
+            DeviceFault: the board has restarted.
         """
         self.board()
         return self._exchange(command, payload, once=once)
@@ -218,7 +218,7 @@ class ObcSession:
         """Take what has come; never waits.
 
         Raises:
-            DeviceFault: the board has started anew.
+            DeviceFault: the board has restarted.
         """
         if waiting := self._port.in_waiting:
             for frame in self._reader.feed(self._port.read(waiting)):
@@ -226,9 +226,9 @@ class ObcSession:
             self._must_not_have_started_anew()
 
     def went_back(self) -> DeviceFault:
-        """Return the fault of a board whose clock went back; the next request meets it anew."""
+        """Return the fault of a board whose clock went back; the next request meets it again."""
         self._met, self._board = False, None
-        fault = DeviceFault(self.device, "the board's clock went back: it has started anew without a notice", _LOOK)
+        fault = DeviceFault(self.device, "the board's clock went back: it has restarted without a notice", _LOOK)
         self.arrivals.break_streams(fault)
         return fault
 
@@ -283,7 +283,7 @@ class ObcSession:
             raise self._started_anew(notice.boots, notice.reason)
 
     def _started_anew(self, boots: int, reason: int) -> DeviceFault:
-        fault = DeviceFault(self.device, f"the board has started anew (boot {boots}, {reason_text(reason)})", _LOOK)
+        fault = DeviceFault(self.device, f"the board has restarted (boot {boots}, {reason_text(reason)})", _LOOK)
         self.arrivals.break_streams(fault)
         return fault
 
@@ -299,8 +299,6 @@ class ObcSession:
             return Garbled(
                 self.device,
                 f"asked {command.name}, got no reply, but {damaged} damaged frames",
-                "look at the line's speed and the USB cable",
+                "check the line's speed and the USB cable",
             )
-        return NoReply(
-            self.device, f"asked {command.name}, got no reply", "look at the board's power and its USB cable"
-        )
+        return NoReply(self.device, f"asked {command.name}, got no reply", "check the board's power and its USB cable")

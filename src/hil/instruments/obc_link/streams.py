@@ -54,7 +54,7 @@ class ClockReading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockEstimate:
-    """What exchanges tell; None where they are too few.
+    """What exchanges tell; None if they are too few.
 
     Attributes:
         drift: rate of the device's clock against the bench's minus 1.
@@ -121,7 +121,7 @@ def begin_stream(
     try:
         payload = program(_STREAM, bus, transfers, period_us, line)
     except struct.error as error:
-        raise Refused(f"{session.device}: this stream cannot be asked for ({error})", "look at its numbers") from None
+        raise Refused(f"{session.device}: this stream cannot be requested ({error})", "check its numbers") from None
     stream = ObcStream(session, clock)
     stream.begin(payload)
     return stream
@@ -166,7 +166,7 @@ class ObcStream:
         """Return the frames that have come and were not fetched yet, in order; waits for the exchange of TIME only.
 
         Raises:
-            DeviceFault: no more will come: the board started anew, its watchdog expired, or the link is silent.
+            DeviceFault: no more will come: the board restarted, its watchdog expired, or the link is silent.
         """
         try:
             if not self._over:
@@ -268,7 +268,7 @@ class ObcStream:
         reply = self._session.request(Command.TIME, question, once=True)
         echo, received_us, sent_us = self._session.read("TIME", _stamps, reply.fields)
         if echo != self._asked_times:
-            raise Garbled(self._session.device, "TIME was answered with another host value", "look at the firmware")
+            raise Garbled(self._session.device, "TIME was answered with another host value", "check the firmware")
         return ClockReading(
             sent=reply.sent_ns / NANOSECONDS,
             device_received=received_us / _MICROSECONDS,

@@ -211,13 +211,13 @@ class _BoardSource:
         if self._fifo.at_hand(self._registers) >= self._watermark:
             return NoReply(
                 self._registers.device,
-                f"{what}: its FIFO fills, and nobody reads it",
-                "look at the wire of its INT1, and at `line` in the wiring",
+                f"{what}: its FIFO fills, and nothing reads it",
+                "check the wire of its INT1, and `line` in the wiring",
             )
         return NoReply(
             self._bus.device,
             f"{what} of {self._registers.device}, though it answers and reads that sensor's FIFO",
-            "look at its firmware",
+            "check its firmware",
         )
 
     def end(self) -> StreamReport:
@@ -239,7 +239,7 @@ class _BoardSource:
             raise NoReply(
                 self._registers.device,
                 f"no acknowledge at address {self._registers.address:#04x} in frame {frame.number}",
-                "look at the sensor's power and its wires",
+                "check the sensor's power and its wires",
             )
         return Block(
             number=frame.number,
@@ -254,7 +254,7 @@ class _BoardSource:
 class _PolledSource:
     """Blocks that the host reads itself; device time is the bench's clock.
 
-    When the newest sample came is known within one period only. Its time goes on at the nominal rate, and is moved as
+    When the newest sample came is known within one period only. Its time advances at the nominal rate, and is moved as
     little as that takes where the sensor's own oscillator is faster or slower.
     """
 

@@ -65,7 +65,7 @@ class FifoGyroscope(FifoSensor):
         temperature = self._sampling.celsius(self._registers.block(self.outputs[0], 2))
         if math.isnan(temperature):
             raise NoReply(
-                self._device, "its temperature is marked invalid, it sleeps", "look at its power, and start it again"
+                self._device, "its temperature is marked invalid, it sleeps", "check its power, and start it again"
             )
         return Figure(value=temperature, unit="degC")
 
@@ -103,7 +103,7 @@ class FifoGyroscope(FifoSensor):
 
         self._stillness = Stillness(self._device, self._sampling.axes, self._sampling.noise)
         self._judged = 0.0
-        self._wait_for(valid, longest, self._sampling.period, (f"no valid data {since}", "look at the sensor's power"))
+        self._wait_for(valid, longest, self._sampling.period, (f"no valid data {since}", "check the sensor's power"))
 
     def _read_outputs(self) -> tuple[int, tuple[int, ...]]:
         """Return the counts of the temperature and of the rates."""

@@ -169,7 +169,7 @@ class Recorder:
         return np.column_stack((times, axes, temperature))[readings.packets.usable]
 
     def _count_lost(self, counter: int) -> int:
-        """Return how many packets were lost since the last block; a counter that went back began anew."""
+        """Return how many packets were lost since the last block; a counter that went back started again."""
         lost = counter - self._lost_counter if counter >= self._lost_counter else counter
         self._lost_counter = counter
         self._lost_samples += lost
@@ -182,7 +182,7 @@ class Recorder:
             raise Garbled(
                 self._registers.device,
                 f"{wrong} of {len(packets.usable)} packets in block {number} are not what the sensor was set to give",
-                "look at the sensor's wires and at who else reads its FIFO",
+                "check the sensor's wires and what else reads its FIFO",
             )
 
     def _must_go_on(self) -> None:
@@ -194,7 +194,7 @@ class Recorder:
         # A link that is silent fails here, and is the fault of its own device.
         if any(self._registers.read(register) != value for register, value in self._sampling.awake.items()):
             raise NoReply(
-                self._registers.device, f"{what}: it has lost its settings", "look at its power, and start it again"
+                self._registers.device, f"{what}: it has lost its settings", "check its power, and start it again"
             )
         raise self._source.silent(what)
 
@@ -241,7 +241,7 @@ class FifoSensor(Sensor):
         """
         self._require_running()
         if self._recorder:
-            raise Refused(f"{self._device} streams already", "end the stream first")
+            raise Refused(f"{self._device} is already streaming", "end the stream first")
         if rate != self._sampling.rate:
             raise Refused(
                 f"{self._device} runs at {self._sampling.rate:g} Hz, not at {rate:g} Hz",

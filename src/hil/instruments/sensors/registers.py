@@ -13,7 +13,7 @@ from hil.wire.port import I2cBus
 __all__ = ["Banks", "Registers"]
 
 _BANK = 0x100
-_REJECTED = "look at the sensor's power and who else talks to it"
+_REJECTED = "check the sensor's power and what else talks to it"
 
 _T = TypeVar("_T")
 
@@ -34,7 +34,7 @@ class Banks:
 
 
 class Registers:
-    """One sensor's registers; a missing acknowledge is NoReply of the sensor, whoever drives the bus.
+    """One sensor's registers; a missing acknowledge is NoReply of the sensor, whatever drives the bus.
 
     A register's number has its bank above the low byte: 0x201 is register 0x01 of bank 2. The bank is selected when it
     differs from the last one; after a reset of the chip, `bank_lost` says so.
@@ -43,7 +43,7 @@ class Registers:
         device: the sensor's name, for messages.
         bus: its bus.
         address: its 7-bit address.
-        increment: bits that the chip wants in a register's number to go on to the next one within a transfer.
+        increment: bits that the chip wants in a register's number to continue at the next one within a transfer.
         width: bytes of one register.
         order: which byte of a number comes first on the bus.
         banks: how a bank is selected; None for a chip without banks.
@@ -154,7 +154,7 @@ class Registers:
 
     def _whole(self, data: list[int], count: int) -> bytes:
         if len(data) != count:
-            raise Garbled(self.device, f"{count} bytes were asked for and {len(data)} came", "look at the I2C adapter")
+            raise Garbled(self.device, f"{count} bytes were asked for and {len(data)} came", "check the I2C adapter")
         return bytes(data)
 
     def _heard(self, transfer: Callable[[], _T]) -> _T:
@@ -164,5 +164,5 @@ class Registers:
             raise NoReply(
                 self.device,
                 f"no acknowledge at address {self.address:#04x}: {error.strerror or error}",
-                "look at the sensor's power, its wires and the address in the bench file",
+                "check the sensor's power, its wires and the address in the bench file",
             ) from error

@@ -21,7 +21,7 @@ __all__ = ["Chip", "Sensor", "SensorDriver"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chip:
-    """What tells a chip from others, and how its registers are reached.
+    """What identifies a chip, and how its registers are reached.
 
     Attributes:
         model: its name, as on the data sheet.
@@ -47,7 +47,7 @@ class Chip:
     banks: Banks | None = None
 
     def registers(self, connection: Connection) -> Registers:
-        """Return the chip's registers; Refused where the connection is no bus."""
+        """Return the chip's registers; Refused where the connection is not a bus."""
         if connection.bus is None:
             raise Refused(
                 f"{connection.device}: the driver {self.driver} needs an I2C bus", "give it `bus:` and `address:`"

@@ -67,6 +67,6 @@ class Stillness:
         if self._run >= _MOST_EQUAL and any(self._scale.usable(axis) for axis in newest):
             raise NoReply(
                 self._device,
-                f"{self._run} samples in a row are equal, the sensor stands still",
+                f"{self._run} consecutive samples are equal, the sensor is stuck",
                 "switch the sensor off and on, and start it again",
             )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 __all__ = ["Span", "Timeline"]
 
-# The sensor's oscillator is within a few per cent; what differs more is no period of samples.
+# The sensor's oscillator is within a few per cent; what differs more is not a period of samples.
 _LARGEST_ERROR = 0.1
 
 
@@ -35,12 +35,12 @@ class Span:
 class Timeline:
     """Gives every packet its time: linear between consecutive watermark instants.
 
-    The first span waits for the second one, which tells the period. A span that follows on a lost one keeps the
+    The first span waits for the second one, which gives the period. A span that follows on a lost one keeps the
     period, and its packets stand before its own instant, so that what was lost leaves its time empty.
 
     Args:
         period: nominal seconds from sample to sample.
-        begun_s: device time at which the FIFO began to fill, None where only the first instant tells it.
+        begun_s: device time at which the FIFO began to fill, None if only the first instant shows it.
     """
 
     def __init__(self, period: float, begun_s: float | None = None) -> None:

@@ -25,7 +25,7 @@ class CaseClock:
         self._run = run
 
     def sleep(self, seconds: float) -> None:
-        """Let `seconds` of bench time pass; monitors go on."""
+        """Let `seconds` of bench time pass; monitors continue."""
         arguments = {"seconds": seconds}
         self._run.effects.perform("clock.sleep", "waits", arguments, lambda: self._run.scheduler.sleep(seconds))
 

@@ -46,7 +46,7 @@ def plan_cases(items: Sequence[pytest.Item], configuration: Configuration) -> di
     findings += _uncovered(items, configuration.catalogue)
     findings += lost_cases(items, configuration)
     if findings:
-        # A parametrised case is one function: what is wrong in it is told once.
+        # A parametrised case is one function: an error in it is reported once.
         raise ConfigurationError(tuple(dict.fromkeys(findings)))
     return {item.nodeid: _planned(item) for item in items}
 
@@ -104,7 +104,7 @@ def _planned(item: pytest.Item) -> PlannedCase:
 
 
 def _max_duration_s(item: pytest.Item) -> float | None:
-    """Return what the marker says, NaN where it says no duration, None where there is none."""
+    """Return what the marker says, NaN where it says no duration, None if there is none."""
     mark = item.get_closest_marker("max_duration")
     if mark is None:
         return None
@@ -121,7 +121,7 @@ def _item_findings(item: pytest.Item, configuration: Configuration) -> Iterator[
     """Yield what would stop this case, or leave it out of the evidence, after the bench was armed."""
     path, line, _ = item.location
     if item.path.parent not in configuration.plans:
-        yield _at(path, line, "cases stand in the folder of their plan, not below it, so that they are evidence")
+        yield _at(path, line, "cases belong in the folder of their plan, not below it, so that they are evidence")
     seconds = _max_duration_s(item)
     if seconds is not None and not 0 < seconds < math.inf:
         yield _at(path, line, f"max_duration of {item.name} takes one number of seconds above zero")
@@ -132,7 +132,7 @@ def _item_findings(item: pytest.Item, configuration: Configuration) -> Iterator[
         yield _at(path, line, f"{item.name} would be called and never run: a case neither yields nor awaits")
     for found in returned_lines(getattr(item, "function", item.runtest)):
         case = _own_name(_function_of(item.nodeid))
-        message = f"nobody looks at what {case} returns: give it to `check`, or return nothing"
+        message = f"what {case} returns is ignored: give it to `check`, or return nothing"
         yield Finding(path=path, line=found, column=1, message=message)
 
 
@@ -152,7 +152,7 @@ def _marker_findings(item: pytest.Item, catalogue: Catalogue) -> Iterator[Findin
         if name not in catalogue.ids:
             yield _at(path, line, f"unknown requirement '{name}'{did_you_mean(name, catalogue.ids)}")
         elif catalogue.requirement(name).withdrawn:
-            yield _at(path, line, f"requirement '{name}' is withdrawn, take it from the marker of {item.name}")
+            yield _at(path, line, f"requirement '{name}' is withdrawn, remove it from the marker of {item.name}")
 
 
 def _check_findings(item: pytest.Item, catalogue: Catalogue) -> Iterator[Finding]:

@@ -23,7 +23,7 @@ __all__ = ["name_findings", "unwired"]
 
 
 def unwired(name: str, configuration: Configuration) -> str:
-    """Return that no wire of the bench has this role, and which benches have one; empty where it is no role."""
+    """Return that no wire of the bench has this role, and which benches have one; empty if it is not a role."""
     if name not in ROLES:
         return ""
     workspace = configuration.workspace
@@ -47,7 +47,7 @@ _FACADE = ("instrument", "wire")
 def name_findings(item: pytest.Item, configuration: Configuration) -> Iterator[Finding]:
     """Yield every name in a case and its fixtures that nobody provides, or that is not there to be taken.
 
-    pytest tells what a case asks for in no public way before it runs; where its own notes look otherwise, the case's
+    pytest says what a case asks for in no public way before it runs; where its own notes look otherwise, the case's
     set-up tells.
     """
     provided: Mapping[str, Sequence[Any]] | None = getattr(
@@ -68,7 +68,7 @@ def name_findings(item: pytest.Item, configuration: Configuration) -> Iterator[F
     yield from _outliving(provided, ours, configuration)
     helpers = _helpers(item)
     for function in (*functions, *helpers):
-        # A function that is no fixture may be given anything as its `supply`; `parameters` were handed on by name.
+        # A function that is not a fixture may be given anything as its `supply`; `parameters` were handed on by name.
         known = ours & {"parameters"} if function in helpers else ours
         for written in written_names(function):
             if written.path[0] in known:

@@ -61,7 +61,7 @@ def written_checks(function: Callable[..., object]) -> tuple[WrittenCheck, ...]:
 def written_names(function: Callable[..., object]) -> tuple[WrittenName, ...]:
     """Return what a function takes from its arguments by name, the longest paths only.
 
-    An argument that the function binds anew is left out: it may be something else then.
+    An argument that the function rebinds is left out: it may be something else then.
     """
     return tuple(_taken(function))
 

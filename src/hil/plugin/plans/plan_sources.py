@@ -57,7 +57,7 @@ def _conftests(workspace: Workspace, plans: Sequence[Path]) -> Iterator[Finding]
     around = [folder / _CONFTEST for folder in folders if folder.is_relative_to(workspace.root)]
     inside = [path for plan in plans for path in sorted(plan.rglob(_CONFTEST))]
     place = workspace.shown(workspace.fixtures)
-    message = f"a conftest.py takes part in the verdicts and is no part of a plan: fixtures belong into {place}/"
+    message = f"a conftest.py takes part in the verdicts and is not part of a plan: fixtures belong in {place}/"
     yield from (Finding(workspace.shown(path), 0, 0, message) for path in (*around, *inside) if path.exists())
 
 
@@ -65,7 +65,7 @@ def _in_plan(plan: Path, workspace: Workspace) -> Iterator[Finding]:
     for path in sorted(set(plan.glob("*.py")) - {plan / _CONFTEST}):
         try:
             tree = ast.parse(path.read_bytes())
-        except (SyntaxError, ValueError):  # importing it tells
+        except (SyntaxError, ValueError):  # importing it shows the error
             continue
         yield from _hooks(tree, workspace.shown(path))
         yield from _replaced(tree.body, workspace.shown(path))
@@ -90,7 +90,7 @@ def _replaced(body: Sequence[ast.stmt], shown: str) -> Iterator[Finding]:
             isinstance(each, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef) for each in (before, node)
         )
         if before is not node and defines:
-            message = f"'{name}' replaces the one of line {before.lineno}, which would never run: name it otherwise"
+            message = f"'{name}' replaces the one of line {before.lineno}, which would never run: rename it"
             yield Finding(shown, node.lineno, node.col_offset + 1, message)
         if isinstance(node, ast.ClassDef):
             yield from _replaced(node.body, shown)
@@ -102,7 +102,7 @@ def _fixtures_twice(paths: Sequence[Path], workspace: Workspace) -> Iterator[Fin
     for path in paths:
         try:
             tree = ast.parse(path.read_bytes())
-        except (SyntaxError, ValueError):  # importing it tells
+        except (SyntaxError, ValueError):  # importing it shows the error
             continue
         shown = workspace.shown(path)
         for node in tree.body:
@@ -110,14 +110,12 @@ def _fixtures_twice(paths: Sequence[Path], workspace: Workspace) -> Iterator[Fin
                 continue
             before = first.setdefault(name, f"{shown}:{node.lineno}")
             if before != f"{shown}:{node.lineno}":
-                message = (
-                    f"there is a fixture '{name}' in {before} already: a case would get one of them, name it otherwise"
-                )
+                message = f"there is a fixture '{name}' in {before} already: a case would get one of them, rename it"
                 yield Finding(shown, node.lineno, node.col_offset + 1, message)
 
 
 def _fixture_name(node: ast.FunctionDef) -> str | None:
-    """Return by which name cases ask for this function, None where it is no fixture."""
+    """Return by which name cases ask for this function, None if it is not a fixture."""
     for each in node.decorator_list:
         call = each.func if isinstance(each, ast.Call) else each
         if getattr(call, "attr", getattr(call, "id", "")) == "fixture":
@@ -163,7 +161,7 @@ _Function = ast.FunctionDef | ast.AsyncFunctionDef
 _MARKER = "requirement"
 _WHY = (
     "looks like a case, and pytest does not collect it: cases are functions test_* in a file test_*.py, in no class or"
-    " in a class Test* without __init__; name otherwise what is none"
+    " in a class Test* without __init__; rename anything that is not a case"
 )
 
 
@@ -178,7 +176,7 @@ def lost_cases(items: Sequence[pytest.Item], configuration: Configuration) -> It
     for path in sorted(path for plan in configuration.plans for path in plan.glob("*.py")):
         try:
             tree = ast.parse(path.read_bytes())
-        except (SyntaxError, ValueError):  # importing it tells, if anybody does
+        except (SyntaxError, ValueError):  # importing it shows the error, if anybody does
             continue
         for name, node in _candidates(tree.body):
             if not {(path, name), (path, _first_line(node))} & collected:

@@ -28,7 +28,7 @@ __all__ = ["answers_of"]
 def answers_of(request: Request, shown: Callable[[Path], str]) -> Answering:
     """Return what makes the source of answers.
 
-    On a bench outside of this process safety confirmations are a person's alone, whatever file was prepared.
+    On a bench outside this process safety confirmations are a person's alone, whatever file was prepared.
 
     Args:
         request: names the answers file, and says whether a person answers in the place of the simulated one.
@@ -57,6 +57,6 @@ def _person(request: Request, bench: BoundBench, idle: Callable[[], None], elsew
         return SimulatedPerson(lambda: bench.person)
     if sys.stdin.isatty():
         return TerminalPerson(Terminal(), request.operator, idle, elsewhere)
-    if request.unattended:  # whoever is on call, or started it, answers from any terminal
+    if request.unattended:  # the person on call, or started it, answers from any terminal
         return TerminalPerson(NoTerminal(), "", idle, elsewhere)
     return Nobody()

@@ -106,7 +106,7 @@ class _Console(Console):
 class Progress:
     """Writes events as lines; without a terminal they are the same lines without colour.
 
-    On a terminal a line at its foot tells how far the run is, how long it will take, and what it reads now.
+    On a terminal a line at its foot shows how far the run is, how long it will take, and what it reads now.
 
     Args:
         stream: where the lines go.
@@ -129,7 +129,7 @@ class Progress:
         self._readings = Readings(folder)
 
     def pass_by(self, event: events.Event) -> None:
-        """Take an event in without a word, for a run that is joined amid it."""
+        """Take an event in without a word, for a run that is joined in the middle of it."""
         self._outlook.take(event)
         if isinstance(event, events.Planned):
             self._planned(event)
@@ -198,7 +198,7 @@ class Progress:
             self._line(f"                {event.name}({arguments})", "dim")
 
     def _question(self, _: events.Event) -> None:
-        """Leave the terminal to whoever answers."""
+        """Leave the terminal to the person who answers."""
         self._status.clear()
         self._status.quiet = True
 

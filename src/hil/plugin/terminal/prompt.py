@@ -39,7 +39,7 @@ class Terminal:
         self._typed = b""
         _flush()
         if waited:
-            _say("  ! what was typed before this question was asked is thrown away\n")
+            _say("  ! input typed before this question was asked is discarded\n")
 
     def line(self) -> str | None:
         """Return a line with its newline if one was entered, None if not yet, an empty text once input has ended.
@@ -93,7 +93,7 @@ def _flush() -> None:
 
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTOU})
     try:
-        with suppress(termios.error, OSError, ValueError, TypeError):  # it may be gone: the next look tells
+        with suppress(termios.error, OSError, ValueError, TypeError):  # it may be gone: the next look shows
             termios.tcflush(sys.stdin, termios.TCIFLUSH)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -138,7 +138,7 @@ class AngleQuantisation(Stateful):
     """The error of a quantised angle, differenced: sigma^2 = 3 Q^2/tau^2 (IEEE Std 952-1997, annex C).
 
     A sample of the rate adds fs (e[k] - e[k-1]), where the errors e are independent and of variance Q^2. Quantisation
-    of the rate itself is another thing, which whoever rounds the samples does.
+    of the rate itself is another matter, for the code that rounds the samples.
 
     Args:
         stream: random numbers.
@@ -185,7 +185,7 @@ class Flicker(Stateful):
     from two samples on. At one sample it is 22 % above, where flicker noise cut off at half the rate is 9 % above. The
     sum of processes of many time constants is the classical model of 1/f noise (van der Ziel, Physica 16 (1950) 359).
 
-    Ten octaves go on above the block: with 2^14 samples of a block the slowest holds its value for 2^23 samples, and
+    Ten octaves continue above the block: with 2^14 samples of a block the slowest holds its value for 2^23 samples, and
     the floor is flat up to about 2^21 of them, 5.8 h at 100 Hz. All octaves begin in their stationary state.
 
     Args:

@@ -47,7 +47,7 @@ class FaultySerialPeer(Stateful):
             self._peer.serve(peers)
 
     def attach(self, line: Line, clock: PeerClock) -> None:
-        """Connect the peer behind the faults, and start what comes unasked."""
+        """Connect the peer through its faults, and start what comes unasked."""
         self._line = line
         self._clock = clock
         # A peer that nothing is wrong with talks to the line itself.
@@ -119,7 +119,7 @@ class FaultyBusPeer(Stateful):
         return self._peer.addresses
 
     def attach(self, clock: PeerClock) -> None:
-        """Connect the peer behind the faults."""
+        """Connect the peer through its faults."""
         self._clock = clock
         self._peer.attach(clock)
 

@@ -5,17 +5,17 @@ ranges, rates, filter orders), Linux inv_icm42600 (60 ms to start, 150 ms to sto
 bytes), and for the filter's bandwidths, reset values and INT_ASYNC_RESET drivers of its family (ICM-42688,
 ICM-40609).
 
-WHO_AM_I 75h is 6Fh; registers stand in banks behind REG_BANK_SEL 76h; after power-on both sensors are off and data
+WHO_AM_I 75h is 6Fh; registers lie in banks selected by REG_BANK_SEL 76h; after power-on both sensors are off and data
 are -32768 (8000h), big-endian. PWR_MGMT0 4Eh with gyroscope mode 3 (low noise) starts it: 60 ms until data are valid,
 150 ms from off to on. Ranges are 2000 deg/s halved down to 15.625 deg/s (16.4 to 2097.2 LSB/(deg/s)), rates 8 kHz to
 12.5 Hz. The filter's -3 dB bandwidth is rate/2, or the larger of 400 Hz and the rate over 4, 5, 8, 10, 16, 20, 40.
 Temperature is 25 degC + counts/132.48, in the FIFO 25 degC + counts/2.07. The FIFO holds 2048 bytes. FIFO_COUNT is
-big-endian, in bytes or packets (INTF_CONFIG0). A burst goes on at the next register, and stays at FIFO_DATA once it
+big-endian, in bytes or packets (INTF_CONFIG0). A burst continues at the next register, and stays at FIFO_DATA once it
 is there.
 
 Assumed, for these sources leave it open: samples come at the gyroscope's rate where both sensors are on; the filter's
 noise bandwidth is that of a Butterworth filter of GYRO_UI_FILT_ORD, and it does not delay or smooth the rate itself;
-any change of rate, filter or power starts the samples, and their noise, anew; the watermark interrupt comes when the
+any change of rate, filter or power starts the samples, and their noise, again; the watermark interrupt comes when the
 level is reached from below, with FIFO_WM_GT_TH at every sample while it is; a change of what goes into the FIFO
 empties it; without FIFO_TEMP_EN the temperature byte is 80h; lost packets are counted until the FIFO is flushed;
 nothing is acknowledged within 1 ms after a reset; the accelerometer sees a constant without noise. A pulse of INT1
@@ -200,7 +200,7 @@ class Iim42652(SensorPeer):
             self._configure()
 
     def _configure(self) -> None:
-        """Follow the registers; what changes rate, filter or power starts the samples anew."""
+        """Follow the registers; what changes rate, filter or power starts the samples again."""
         now_ns, before, wanted = self._clock.now_ns(), self._setting, Setting.read(self._registers)
         if wanted != before:
             if not (wanted.gyro and before.gyro):  # it takes time to start, and to stop before that
@@ -341,4 +341,4 @@ def build(setup: PeerSetup) -> Iim42652:
 
 
 MODEL = PeerModel(link="bus", fault_kinds=(Asleep, OtherIdentity, Saturated, Stuck, TemperatureRaw), build=build)
-"""The model behind the driver `iim42652`."""
+"""The model for the driver `iim42652`."""

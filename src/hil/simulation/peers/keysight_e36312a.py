@@ -103,4 +103,4 @@ MODEL = model_of(
         faults=(Identity, NotANumber, RefuseOff),
     )
 )
-"""The model behind the driver `keysight-e36300`."""
+"""The model for the driver `keysight-e36300`."""

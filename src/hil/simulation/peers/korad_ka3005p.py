@@ -198,4 +198,4 @@ def build(setup: PeerSetup) -> KoradKa3005p:
 
 
 MODEL = PeerModel(link="serial", fault_kinds=(Identity, RefuseOff, StrayByte), build=build)
-"""The model behind the driver `korad-ka3005p`."""
+"""The model for the driver `korad-ka3005p`."""

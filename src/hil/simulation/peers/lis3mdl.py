@@ -3,7 +3,7 @@
 DocID024204: WHO_AM_I 0Fh is 3Dh; after power-on CTRL_REG1..5 are 10h, 00h, 03h (power-down), 00h, 00h. Bit 7 of the
 register address asks for auto-increment, and a burst goes from 2Dh back to 28h. Sensitivity is 6842, 3421, 2281, 1711
 LSB/gauss. The temperature has 8 LSB/degC and is 0 at 25 degC (AN4602). Assumed: any change of rate, range or mode
-starts the conversions anew; noise falls with the root of the conversion time of the performance mode; readings stop
+starts the conversions again; noise falls with the root of the conversion time of the performance mode; readings stop
 at the ends of 16 bits.
 """
 
@@ -254,4 +254,4 @@ def build(setup: PeerSetup) -> Lis3mdl:
 
 
 MODEL = PeerModel(link="bus", fault_kinds=(OtherIdentity, Saturated, Stuck), build=build)
-"""The model behind the driver `lis3mdl`."""
+"""The model for the driver `lis3mdl`."""

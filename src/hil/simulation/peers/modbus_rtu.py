@@ -45,7 +45,7 @@ def seal(body: bytes) -> bytes:
 
 
 def checked(frame: bytes) -> bytes | None:
-    """Return a frame without its checksum, or None for what is no frame or was spoiled."""
+    """Return a frame without its checksum, or None for what is not a frame or was spoiled."""
     if not _SHORTEST <= len(frame) <= _LONGEST or seal(frame[:-2]) != frame:
         return None
     return frame[:-2]

@@ -45,7 +45,7 @@ class Connections:
         return PlantPort(plant, plant.ports[name])
 
     def input(self, terminal: str) -> InputPoint | None:
-        """Return the plant's input behind a terminal, or None where nothing is connected."""
+        """Return the plant's input at a terminal, or None if nothing is connected."""
         found = self._find(terminal)
         if found is None:
             return None
@@ -55,7 +55,7 @@ class Connections:
         return InputPoint(plant, name)
 
     def signal(self, terminal: str) -> SignalPoint | None:
-        """Return the plant's signal behind a terminal, or None where nothing is connected."""
+        """Return the plant's signal at a terminal, or None if nothing is connected."""
         found = self._find(terminal)
         if found is None:
             return None
@@ -64,7 +64,7 @@ class Connections:
         return SignalPoint(plant, name)
 
     def axes(self, terminal: str) -> tuple[SignalPoint, SignalPoint, SignalPoint] | None:
-        """Return the three signals `.x`, `.y`, `.z` behind a terminal, or None where nothing is connected."""
+        """Return the three signals `.x`, `.y`, `.z` at a terminal, or None if nothing is connected."""
         found = self._find(terminal)
         if found is None:
             return None
@@ -103,7 +103,7 @@ class Connections:
     def _take(self, terminal: str) -> None:
         point = self._wiring[terminal]
         if point in self._taken:
-            raise TruthError((*self._path, terminal), f"'{point}' is driven by another terminal already")
+            raise TruthError((*self._path, terminal), f"'{point}' is already driven by another terminal")
         self._taken.add(point)
 
 
@@ -145,7 +145,7 @@ class PeerModel:
 
     Attributes:
         link: whether it hangs on a byte stream or on an I2C bus.
-        fault_kinds: the faults that it knows besides those of its link.
+        fault_kinds: the faults that it knows in addition to those of its link.
         build: makes one peer; a serial one for `serial`, a bus peer for `bus`.
         serves_bus: whether its peers are also bus servers (`hil.wire.peer.BusServer`).
     """

@@ -124,4 +124,4 @@ MODEL = model_of(
         faults=(Identity, RefuseOff),
     )
 )
-"""The model behind the driver `rigol-dp832`."""
+"""The model for the driver `rigol-dp832`."""

@@ -1,7 +1,7 @@
 """The grammar of SCPI as an instrument reads it: headers, parameters, channel lists, errors.
 
 IEEE 488.2-1992 and SCPI-1999 volume 1. A program message is split at `;`; a header without a leading
-colon goes on from the level of the one before it (SCPI-1999 vol. 1, 6.2.4).
+colon continues from the level of the one before it (SCPI-1999 vol. 1, 6.2.4).
 """
 
 from __future__ import annotations
@@ -98,10 +98,10 @@ def number(text: str, factors: Mapping[str, float]) -> float:
 
     Args:
         text: a parameter.
-        factors: of the suffixes that are known; where there are none, a suffix is no number at all.
+        factors: of the suffixes that are known; if there are none, a suffix is not a number at all.
 
     Raises:
-        ScpiError: with -104 for what is no number, -131 for a suffix that is not known.
+        ScpiError: with -104 for what is not a number, -131 for a suffix that is not known.
     """
     match = _NUMBER.fullmatch(text.upper())
     if match is None or (match[2] and not factors):
@@ -112,7 +112,7 @@ def number(text: str, factors: Mapping[str, float]) -> float:
 
 
 def channel_list(text: str) -> list[int] | None:
-    """Return the channels of `(@1)`, `(@1,3)`, `(@1:3)` or `CH2`, or None if the text is no channel list.
+    """Return the channels of `(@1)`, `(@1,3)`, `(@1:3)` or `CH2`, or None if the text is not a channel list.
 
     Raises:
         ScpiError: with -102 for a list that cannot be read, -222 for a range that is far too long.

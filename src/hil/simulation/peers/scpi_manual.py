@@ -1,7 +1,7 @@
 """The programming guide of a SCPI supply as a table: headers, and what they read, set and refuse.
 
-An error ends a message, what was executed before it stands. Assumed: an output that has tripped refuses to go on with
--221 until it is cleared.
+An error ends a message, what was executed before it stands. Assumed: an output that has tripped refuses to switch on
+with -221 until it is cleared.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Setting:
         header, form, by: see `Reading`.
         name: the output's attribute.
         most: the highest number.
-        usual: the number after a reset; None where the word DEF is not known, and bounds cannot be asked for.
+        usual: the number after a reset; None if the word DEF is not known, and bounds cannot be asked for.
         write: sets it, where it is more than the attribute.
         units: factors of suffixes; none where a suffix is not known.
     """

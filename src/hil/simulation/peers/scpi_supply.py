@@ -1,4 +1,4 @@
-"""A SCPI power supply on its line: lines in, answers out, protections that trip meanwhile."""
+"""A SCPI power supply on its line: lines in, answers out, protections that trip in the meantime."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class ScpiSupply(Stateful):
             self._begin()
 
     def _look(self) -> None:
-        """Look whether a contact that closed, or the like, brought an output above its protection."""
+        """Check whether a contact that closed, or the like, brought an output above its protection."""
         if any(output.lifted for output in self._outputs.values()):
             self._watching.set(self._clock.now_ns())
 

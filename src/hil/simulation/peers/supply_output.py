@@ -37,7 +37,7 @@ _EPSILON = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RefuseOff(Fault):
-    """An output stays on when it is switched off: `channel`, or all of them for 0; `says` is what it tells then."""
+    """An output stays on when it is switched off: `channel`, or all of them for 0; `says` is what it then reports."""
 
     name = "refuse-off"
 
@@ -64,7 +64,7 @@ class Rating:
         volts, amperes: what it can give.
         most_volts, most_amperes: the highest settings.
         most_protection: the highest over-voltage level, and the one after a reset.
-        most_over_current: the highest over-current level, and the one after a reset. None where the over-current
+        most_over_current: the highest over-current level, and the one after a reset. None if the over-current
             protection has no level, but trips in constant current, and the over-voltage protection no switch.
     """
 

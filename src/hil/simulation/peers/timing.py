@@ -123,6 +123,6 @@ class Alarms:
         return [alarm.state() for alarm in self._alarms]
 
     def restore(self, state: object) -> None:
-        """Go on from what `state` returned; those that were added behind them since then stay as they are."""
+        """Continue from what `state` returned; those that were added after them since then stay as they are."""
         for alarm, due in zip(self._alarms, cast("list[object]", state), strict=False):
             alarm.restore(due)

@@ -259,4 +259,4 @@ def build(setup: PeerSetup) -> WaveshareRelay:
 
 
 MODEL = PeerModel(link="serial", fault_kinds=(Welded,), build=build)
-"""The model behind the driver `waveshare-relay`."""
+"""The model for the driver `waveshare-relay`."""

@@ -1,1 +1,1 @@
-"""Physics behind the peers: stepped on an absolute grid, whoever looks."""
+"""Physics that the peers measure: stepped on an absolute grid, independent of observers."""

@@ -20,7 +20,7 @@ __all__ = ["MODEL", "CoilAndEarthField", "CoilTruth", "EarthTruth", "build", "dr
 def drive(
     current: float, volts: float, limit: float, *, ohms: float, henries: float, seconds: float
 ) -> tuple[float, float]:
-    """Return the current after `seconds`, and the mean of its square meanwhile.
+    """Return the current after `seconds`, and the mean of its square in the meantime.
 
     L di/dt + R i = V is solved by i = V/R + (i0 - V/R) exp(-t R/L). The supply holds the current once
     it reaches the limit from either side: below it the full voltage drives the coil, above it none does.

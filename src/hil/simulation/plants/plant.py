@@ -53,7 +53,7 @@ _Ahead = tuple[_Moment | None, Vector, int]
 class Plant(Stateful, ABC):
     """Physics that steps from grid point to grid point; commands are extra break points.
 
-    Whoever observes, and when, changes nothing: the state at an instant lies on the line between the
+    Anyone who observes, and when, changes nothing: the state at an instant lies on the line between the
     last break point's state and the state that the next grid point would have, and only grid points
     and commands are ever committed. The last two seconds stay observable, for sensors whose
     conversion ended before somebody read it.
@@ -79,7 +79,7 @@ class Plant(Stateful, ABC):
         self._next_ns = grid_ns
         self._moments = deque([_Moment(0, state, dict(inputs))])
         self._ahead: _Ahead = (None, state, grid_ns)
-        self._further: deque[Vector] = deque()  # states at the grid points behind that one, until a command comes
+        self._further: deque[Vector] = deque()  # states at the grid points after that one, until a command comes
         self._whole: tuple[Inputs | None, Callable[[Vector], Vector]] = (None, lambda state: state)
         self._present: tuple[Vector, Inputs, float] | None = None  # what `observe` sees until time or inputs change
         self._past: tuple[int, Vector, Inputs] | None = None  # what `observe_at` saw last; no command changes the past
@@ -104,7 +104,7 @@ class Plant(Stateful, ABC):
         return state
 
     def places(self, names: tuple[str, ...], inputs: Inputs) -> tuple[int, ...] | None:
-        """Return which numbers of the state these signals are under these inputs, None where one is more than that."""
+        """Return which numbers of the state these signals are under these inputs, None if one is more than that."""
         del names, inputs
         return None
 
@@ -121,7 +121,7 @@ class Plant(Stateful, ABC):
     def follow(self, now_ns: Callable[[], int]) -> None:
         """Keep up with a clock by itself: grid points are committed when somebody looks or commands next.
 
-        Physics does not depend on polling, so that committing them late tells the same.
+        Physics does not depend on polling, so that committing them late gives the same.
         """
         self._time = now_ns
 
@@ -149,7 +149,7 @@ class Plant(Stateful, ABC):
                 moments.popleft()
 
     def command(self, **values: Value) -> None:
-        """Set inputs at the present instant; what changes nothing is no break point."""
+        """Set inputs at the present instant; what changes nothing is not a break point."""
         last = self._moments[-1]
         inputs = {**last.inputs, **values}
         if len(inputs) > len(last.inputs):
@@ -178,7 +178,7 @@ class Plant(Stateful, ABC):
         return self.signal(signal, *(self._present or self._see()))
 
     def observing(self, signals: tuple[str, ...]) -> Callable[[Sequence[int]], list[Vector]]:
-        """Return a function of rising instants [ns] from now on: what `observe` tells then if no command comes.
+        """Return a function of rising instants [ns] from now on: what `observe` returns then if no command comes.
 
         It may tell of the first one alone, which is now.
         """
@@ -236,7 +236,7 @@ class Plant(Stateful, ABC):
         return np.asarray(value + slope * (times_ns - starts[place]), dtype=np.float64)
 
     def state(self) -> Mapping[str, object]:
-        """Return everything that the plant needs to go on, as JSON values."""
+        """Return everything that the plant needs to continue, as JSON values."""
         self._keep_up()
         return super().state()
 

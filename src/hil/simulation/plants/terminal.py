@@ -135,7 +135,7 @@ class Power:
     """Tells whether the rail is there, and when that changes.
 
     Args:
-        point: the rail's voltage; None where the instrument has power of its own.
+        point: the rail's voltage; None if the instrument has power of its own.
     """
 
     def __init__(self, point: SignalPoint | None) -> None:

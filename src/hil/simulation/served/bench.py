@@ -21,7 +21,7 @@ __all__ = ["ServedBench", "true_state"]
 
 
 class ServedBench:
-    """Plants, peers and lines of one simulated bench, which can be told of another fault at any moment.
+    """Plants, peers and lines of one simulated bench, which can be given another fault at any moment.
 
     Args:
         spec: the bench file.
@@ -48,12 +48,12 @@ class ServedBench:
     def inject(self, device: str, row: Mapping[str, object]) -> None:
         """Add a fault to a device: a row as in the bench file, but `from` and `until` count from now.
 
-        The world is built anew with the fault in its bench file, at this instant, and goes on from the state of the
+        The world is rebuilt with the fault in its bench file, at this instant, and continues from the state of the
         old one, as that of a resumed run does. So whatever can go wrong from the start on can go wrong later, and no
         peer has to know that faults may come while it lives.
 
         Raises:
-            Refused: if there is no such device or fault; the world then goes on as it was.
+            Refused: if there is no such device or fault; the world then continues as it was.
         """
         names = [peer.device for peer in self._twin.peers]
         if device not in names:
@@ -82,7 +82,7 @@ class ServedBench:
 
 
 def _with_fault(twin: SimulatedBench, device: str, row: Mapping[str, object]) -> SimulatedBench:
-    """Return a twin in which a device has one fault more, behind all others."""
+    """Return a twin in which a device has one fault more, after all others."""
 
     def wrong(peer: PeerSpec) -> PeerSpec:
         return replace(peer, faults=(*peer.faults, row)) if peer.device == device else peer
@@ -115,7 +115,7 @@ def true_state(bench: ServedBench, path: str) -> object:
 
     `plants.coil` has every signal and input of a plant; `plants.coil.field.x` is one signal, `plants.coil.field` a
     group of them, and where there is no signal of that name it is an input. `peers.psu1.outputs.2.on` is what the peer
-    itself keeps, by the names that it keeps it under; `lines.psu1` tells whether a client is there, and what
+    itself keeps, by the names that it keeps it under; `lines.psu1` returns whether a client is there, and what
     overflowed.
 
     Raises:
@@ -139,7 +139,7 @@ def _part(bench: ServedBench, section: str, name: str, path: str) -> object:
         return _of_plant(bench.world.plants[name], path)
     if section == "peers":
         state = bench.world.by_device[name].state()
-        # On a byte stream the peer stands behind what goes wrong around it.
+        # On a byte stream the peer is wrapped in what goes wrong around it.
         found: object = state["peer"] if name in bench.lines else state
     else:
         line = bench.lines[name]

@@ -99,9 +99,9 @@ class Control:
         try:
             document = json.loads(line)
         except (ValueError, RecursionError):
-            return {"error": "this is no JSON document", "hint": "write one object per line"}
+            return {"error": "not a JSON document", "hint": "write one object per line"}
         if not isinstance(document, dict):
-            return {"error": "this is no JSON object", "hint": 'write for example {"time": null}'}
+            return {"error": "not a JSON object", "hint": 'write for example {"time": null}'}
         try:
             return self._answer(document)
         except HilError as error:

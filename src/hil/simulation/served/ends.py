@@ -61,7 +61,7 @@ class ServedLine:
         baud: bits per second, 0 for a network.
 
     Attributes:
-        outbox: bytes that have arrived at the client's side; whoever gives them to the client removes them.
+        outbox: bytes that have arrived at the client's side; the code that gives them to the client removes them.
         lost: how many bytes overflowed.
         is_open: whether a client is there.
     """
@@ -141,12 +141,12 @@ class ServedLine:
 class SerialEnd:
     """One pseudo-terminal. Its far side is what clients open, by the link.
 
-    The kernel tells whether a client has the far side open, but does not wake anybody when one opens it, so `look_up`
+    The kernel returns whether a client has the far side open, but does not wake anybody when one opens it, so `look_up`
     has to be called now and then. A pseudo-terminal has no DTR: the first opening after a closing counts as its rise.
     Nor has it a speed: what a client sets is taken, and the line keeps the speed of the bench file.
 
     Args:
-        line: behind it.
+        line: the line that it belongs to.
         link: where clients find it; a link that is there already is replaced.
     """
 
@@ -165,7 +165,7 @@ class SerialEnd:
         return self._master >= 0 and not self.line.is_open
 
     def plug(self) -> None:
-        """Be there, under the same link, with another pseudo-terminal behind it; if it is already, stay."""
+        """Be there, under the same link, leading to another pseudo-terminal; if it is already, stay."""
         if self._master >= 0:
             return
         self._master, far = os.openpty()
@@ -221,7 +221,7 @@ class SerialEnd:
         except BlockingIOError:
             pass
         except OSError:
-            self.line.outbox.clear()  # closed just now; reading tells so, too
+            self.line.outbox.clear()  # closed just now; reading shows it, too
 
     def _hung_up(self) -> None:
         self.line.closed()
@@ -237,7 +237,7 @@ class NetworkEnd:
     """One listening port. A second client is hung up on, as instruments with one socket do.
 
     Args:
-        line: behind it.
+        line: the line that it belongs to.
         port: where it listens, 0 for any free port.
 
     Raises:
@@ -253,7 +253,7 @@ class NetworkEnd:
         self.url = f"socket://{_HOST}:{self._port}"
 
     def plug(self) -> None:
-        """Listen, always at the same port; if it does already, go on.
+        """Listen, always at the same port; if it does already, continue.
 
         Raises:
             OSError: if somebody else has the port by now.

@@ -26,11 +26,11 @@ class ServedFolder:
     What a server that was killed left in it, links and the socket, is in nobody's way.
 
     Args:
-        path: the folder; made where there is none, readable by this user only.
+        path: the folder; made if there is none, readable by this user only.
         names: of the links that are to be in it.
 
     Raises:
-        Refused: if another server holds it, it is somebody else's, or something that is no link is in the way.
+        Refused: if another server holds it, it is somebody else's, or something that is not a link is in the way.
     """
 
     def __init__(self, path: Path, names: tuple[str, ...]) -> None:
@@ -72,7 +72,7 @@ class ServedFolder:
                 f"another server serves a bench in {self.path}", "end it, or name another folder with --folder"
             ) from None
         if CONTROL in names:
-            raise Refused(f"an instrument is named as the socket, '{CONTROL}'", "name it otherwise in the bench file")
+            raise Refused(f"an instrument is named as the socket, '{CONTROL}'", "rename it in the bench file")
         for name in names:
             place = self.path / name
             if place.exists() and not place.is_symlink():
@@ -94,7 +94,7 @@ def ask(
         folder: what `hil simulate` was given with `--folder`.
         document: such as `{"state": "plants.coil"}`; the reference of the command line has them all.
         timeout: how long the answer may take [s].
-        bench: its name, for what a person is told to do.
+        bench: its name, for the advice to a person.
 
     Raises:
         Refused: if no bench is served there, it does not answer in time, or it refuses.
@@ -113,7 +113,7 @@ def ask(
     except OSError as error:
         raise Refused(
             f"no served bench answers in {folder}: {_why(folder, error)}",
-            f"start it again with: hil simulate {bench} --folder {folder}; hil status tells how far a run on it came",
+            f"start it again with: hil simulate {bench} --folder {folder}; hil status shows how far a run on it got",
         ) from error
     answer: Mapping[str, object] = json.loads(heard)
     if "error" in answer:
@@ -125,13 +125,13 @@ def _why(folder: Path, error: OSError) -> str:
     """Return what is the matter; a server that ends takes its socket along, and the folder that it made."""
     match error:
         case FileNotFoundError() if not folder.exists():
-            return "the folder is not there; its server has ended, or another folder was meant"
+            return "the folder does not exist; its server has ended, or you meant another folder"
         case FileNotFoundError():
             return "its server has ended, or has not begun"
         case ConnectionRefusedError():
             return "its server was killed"
         case ConnectionResetError() | BrokenPipeError():
-            return "its server has ended meanwhile"
+            return "its server has ended in the meantime"
         case TimeoutError():
             return "its server does not answer in time"
         case _:

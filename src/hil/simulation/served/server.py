@@ -28,7 +28,7 @@ class Pace:
     """Moves a virtual clock up to the scaled wall time, and never beyond it.
 
     A world that cannot keep up slips: what it could not live through within a tenth of a second of computing is not
-    caught up with, so that its clients go on being served. A pause of the process is caught up with where that is
+    caught up with, so that its clients keep being served. A pause of the process is caught up with where that is
     quick.
 
     Args:
@@ -84,7 +84,7 @@ class Server:
         wall: seconds on a clock that only goes forward.
         wait: waits for descriptors, some seconds of that clock at most.
         speed: seconds of the bench in one second of the wall.
-        first_port: where the first network instrument listens, the next ones behind it; 0 for any free ports.
+        first_port: where the first network instrument listens, the next ones follow; 0 for any free ports.
 
     Raises:
         Refused: if the folder or a port cannot be had.
@@ -165,7 +165,7 @@ class Server:
                 try:
                     end = NetworkEnd(line, port)
                 except (OSError, OverflowError) as error:
-                    raise Refused(f"{item.name}: port {port} cannot be had: {error}", "name another one") from error
+                    raise Refused(f"{item.name}: port {port} is not available: {error}", "name another one") from error
                 port += 1 if port else 0
             self.ends[item.name] = end
             stack.callback(end.unplug)
@@ -226,7 +226,7 @@ class Server:
         try:
             end.plug()
         except OSError as error:
-            raise Refused(f"{name} cannot be plugged: {error}", "end who has its port by now") from error
+            raise Refused(f"{name} cannot be plugged: {error}", "end the program that has its port now") from error
         return True
 
     def _take_unplug(self, name: object) -> object:

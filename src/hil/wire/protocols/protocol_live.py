@@ -1,4 +1,4 @@
-"""The `live://` ports: a serial device or socket, behind the same face as a simulated or replayed end."""
+"""The `live://` ports: a serial device or socket, with the same interface as a simulated or replayed end."""
 
 from __future__ import annotations
 
@@ -8,6 +8,6 @@ __all__ = ["Serial"]
 
 
 class Serial(UrlPort):
-    """A port on an instrument outside of this process; pyserial finds the class by this module's name."""
+    """A port on an instrument outside this process; pyserial finds the class by this module's name."""
 
     scheme = "live"

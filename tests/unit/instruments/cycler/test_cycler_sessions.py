@@ -215,7 +215,7 @@ def test_a_reset_without_its_banner_is_found_by_the_number():
     session.meet()
     clock.wait_until(3_000_000_000)
     session.poll()
-    assert "started anew" in str(session.fault)
+    assert "restarted" in str(session.fault)
     assert session.told.state == "idle"
 
 

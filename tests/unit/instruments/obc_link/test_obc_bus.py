@@ -98,7 +98,7 @@ def test_the_speed_is_set_again_after_a_reset(bus, port):
     port.answers[I2C] = results(WRITTEN)
     bus.write_byte(0x68, 1)
     port.before = boot_notice(42)
-    with pytest.raises(DeviceFault, match="started anew"):
+    with pytest.raises(DeviceFault, match="restarted"):
         bus.write_byte(0x68, 2)
     port.answers[IDENTIFY] = lambda _: identity(boots=42)
     bus.write_byte(0x68, 3)

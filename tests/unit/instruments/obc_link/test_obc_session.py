@@ -114,7 +114,7 @@ def test_unknown_and_short_unsolicited_frames_are_stray(session, port, frame):
 def test_a_reset_within_a_session_names_its_reason(session, port):
     """A boot notice is a fault of the board that names the boot and the reason; then the board is met anew."""
     port.before = boot_notice(42, 4)
-    with pytest.raises(DeviceFault, match=r"obc: the board has started anew \(boot 42, independent watchdog\)"):
+    with pytest.raises(DeviceFault, match=r"obc: the board has restarted \(boot 42, independent watchdog\)"):
         session.request(Command.ADC)
     port.answers[IDENTIFY] = lambda _: identity(boots=42)
     session.request(Command.ADC)
@@ -143,7 +143,7 @@ def test_a_lost_boot_notice_is_found_by_the_boot_counter(session, port):
         session.request(Command.ADC)
     port.lose = 0
     port.answers[IDENTIFY] = lambda _: identity(boots=43, reason=99)
-    with pytest.raises(DeviceFault, match=r"started anew \(boot 43, unknown reason 99\)"):
+    with pytest.raises(DeviceFault, match=r"restarted \(boot 43, unknown reason 99\)"):
         session.request(Command.ADC)
     session.request(Command.ADC)
 

@@ -25,7 +25,7 @@ def test_equal_samples_are_counted_over_blocks():
     watch.judge_many(np.array([[8, 7, 7]], np.int16))
     watch.judge_many(same)
     watch.judge_many(same[:5])
-    with pytest.raises(NoReply, match="16 samples in a row"):
+    with pytest.raises(NoReply, match="16 consecutive samples"):
         watch.judge_many(same[:1])
 
 
@@ -35,7 +35,7 @@ def test_single_samples_and_blocks_are_one_row():
     watch.judge_many(np.array([[1, 2, 4], *[[1, 2, 3]] * 5], np.int16))
     for _ in range(10):
         watch.judge((1, 2, 3))
-    with pytest.raises(NoReply, match="16 samples in a row are equal, the sensor stands still"):
+    with pytest.raises(NoReply, match="16 consecutive samples are equal, the sensor is stuck"):
         watch.judge((1, 2, 3))
 
 

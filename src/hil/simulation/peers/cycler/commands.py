@@ -47,7 +47,7 @@ class Device(Protocol):
 
 
 class _Refusal(Exception):
-    """The command is answered with an error: its name, and a word that tells what is meant."""
+    """The command is answered with an error: its name, and a word that says what is meant."""
 
     def __init__(self, name: str, word: str) -> None:
         super().__init__(name)

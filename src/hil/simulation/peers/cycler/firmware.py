@@ -183,7 +183,7 @@ class Firmware(Stateful):
             self._judge(readings[0], times_ns, state)
 
     def _times(self) -> list[int]:
-        """Return the bench's time of the line that is due now, and of those behind it while nothing else happens."""
+        """Return the bench's time of the line that is due now, and of those after it while nothing else happens."""
         times_ns = [self._clock.now_ns()]
         if self._faults.faults:  # they look at the clock for every line
             return times_ns

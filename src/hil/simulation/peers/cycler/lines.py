@@ -43,7 +43,7 @@ class Command:
 
 
 def parse(line: bytes) -> Command | None:
-    """Return what a line says, or None if it is no line of a host; its end is not part of it."""
+    """Return what a line says, or None if it is not a line of a host; its end is not part of it."""
     match = _LINE.fullmatch(line)
     if match is None or int(match[2]) > _HIGHEST_TAG or crc(match[1]) != match[4].decode("ascii"):
         return None
@@ -64,7 +64,7 @@ class LineReader(Stateful):
         self._rest = b""
 
     def take(self, data: bytes) -> list[Command | None]:
-        """Return the lines that are complete with these bytes, None for what is no line of a host."""
+        """Return the lines that are complete with these bytes, None for what is not a line of a host."""
         *lines, rest = (self._rest + data).split(b"\n")
         self._rest = rest[:_LONGEST]
         return [None if len(line) >= _LONGEST else parse(line.removesuffix(b"\r")) for line in lines if _holds(line)]

@@ -106,7 +106,7 @@ class Sequence(Stateful):
     Attributes:
         phase: the state as the reply to STATE has it.
         reason: what tripped it.
-        run: the last run, empty where there was none.
+        run: the last run, empty if there was none.
         cycle: the present one, or the last.
 
     Args:
@@ -257,7 +257,7 @@ class Sequence(Stateful):
         return reason if self._row >= most else ""
 
     def _next_half(self) -> list[str]:
-        """Go on from the end of a charge, a discharge, or a rest."""
+        """Continue from the end of a charge, a discharge, or a rest."""
         ended, rests = self.phase, self._settings.values["rest"] > 0
         if ended == "REST":
             return [self._charge()] if self._after_rest == CHARGE else self._discharge()

@@ -54,7 +54,7 @@ class ErrorBuffer(Stateful):
         self.entries = [*self.entries, (code, ticks)][-_DEPTH:]
 
     def take(self, ticks: int) -> tuple[int, int, str]:
-        """Take the oldest error out: code, its time, its text; code 0 and the time now where there is none."""
+        """Take the oldest error out: code, its time, its text; code 0 and the time now if there is none."""
         if not self.entries:
             return 0, ticks, _NO_ERROR
         code, when = self.entries.pop(0)
@@ -114,7 +114,7 @@ class StageTruth:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drive:
-    """What the axis moves: inputs of a plant, and the encoder's angle; None where nothing is connected."""
+    """What the axis moves: inputs of a plant, and the encoder's angle; None if nothing is connected."""
 
     rate: InputPoint | None = None
     acceleration: InputPoint | None = None
@@ -223,7 +223,7 @@ class Axis(Stateful):
         self._go(direction, self.commanded_velocity(now_ns), self.acceleration, now_ns)
 
     def stop(self, now_ns: int) -> None:
-        """Stop with the deceleration; the fault `no-stop` lets the stage go on."""
+        """Stop with the deceleration; the fault `no-stop` lets the stage continue."""
         self._follow(0, self.commanded_velocity(now_ns), self.deceleration, now_ns)
         if self._faults.now(NoStop, now_ns) is None:
             self._drive.command(0.0, self.deceleration)

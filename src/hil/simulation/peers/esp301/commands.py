@@ -45,7 +45,7 @@ class CommandSet(Stateful):
         self._sets = self._settings()
 
     def execute(self, line: str, now_ns: int) -> list[str]:
-        """Return the answers; an error does not keep the commands behind it from being executed."""
+        """Return the answers; the commands after an error are still executed."""
         self._now_ns = now_ns
         if len(line) > _LONGEST_LINE:
             self._refuse(_DOES_NOT_EXIST)

@@ -5,7 +5,7 @@ line feed; a command is an axis number, two letters and a parameter, blanks do n
 between semicolons, 80 characters at most; errors are kept ten deep, those of axis n are n * 100 and more; `TB?` gives
 code, time in ticks of 0.4 ms, and text.
 
-Assumed: a line feed behind the carriage return is ignored; each question of a line is answered in a line of its own;
+Assumed: a line feed after the carriage return is ignored; each question of a line is answered in a line of its own;
 `TB?` without an error gives the present time; a full error buffer loses its oldest entry; an axis without a stage
 answers `MO?` with 0 and `MD?` with 1; a velocity takes effect in a motion at once; software limits are kept and not
 watched; `TV?` gives what the controller commands.
@@ -115,4 +115,4 @@ def build(setup: PeerSetup) -> Esp301:
 
 
 MODEL = PeerModel(link="serial", fault_kinds=(Identity, NoStop, Slipping, Stalled), build=build)
-"""The model behind the driver `newport-esp301`."""
+"""The model for the driver `newport-esp301`."""

@@ -130,7 +130,7 @@ class Eurotherm3216(Stateful):
         make: what it is.
         memory: its parameters.
         sensor: its input.
-        drive: the plant's input behind its output, -1 to 1.
+        drive: the plant's input at its output, -1 to 1.
         power: of the amplifier between output and cooler; without it nothing drives the cooler.
         faults: what goes wrong.
     """
@@ -348,4 +348,4 @@ MODEL = PeerModel(
     fault_kinds=(OtherType, Runaway, SensorDetached, SensorOpen, Stuck),
     build=build,
 )
-"""The model behind the driver `eurotherm-3216`."""
+"""The model for the driver `eurotherm-3216`."""

@@ -113,11 +113,11 @@ class Regulation(Stateful):
         self._last = None
 
     def clear(self) -> None:
-        """Begin anew, as after standby."""
+        """Start again, as after standby."""
         self._total, self._last = 0.0, None
 
     def hold(self, output: float, error: float, tuning: Tuning) -> None:
-        """Follow an output that something else sets, so that regulation goes on from there."""
+        """Follow an output that something else sets, so that regulation continues from there."""
         self._total = tuning.total_for(output, error)
         self._last = None
 

@@ -1,6 +1,6 @@
 """A Nucleo-64 with the firmware `hil-obc`, as its serial line shows it.
 
-Everything is from the page about the OBC link (docs/reference/obc-link.md), protocol 1.0. Assumed besides: transfers
+Everything is from the page about the OBC link (docs/reference/obc-link.md), protocol 1.0. Also assumed: transfers
 of one turn, or one request, happen at the instant at which the bus is theirs, and take the time of their bits; a
 request takes `command_ns` before anything of it happens. Not modelled: bus errors and timeouts (status 3 and 4,
 events 2 and 3, code HARDWARE), and a frame that a reset cuts short.
@@ -247,4 +247,4 @@ def build(setup: PeerSetup) -> ObcBoard:
 
 
 MODEL = PeerModel(link="serial", fault_kinds=(LoseFrames, NoAcknowledge, Reset, Stall), build=build, serves_bus=True)
-"""The model behind the driver `obc-link`."""
+"""The model for the driver `obc-link`."""

@@ -144,7 +144,7 @@ class BoardBus(Stateful):
         self._through.set(self._clock.now_ns() + self._bits * NANOSECONDS // self.frequency_hz)
 
     def _end(self) -> None:
-        # The next user begins before this one goes on, as the bus is free from now on.
+        # The next user begins before this one continues, as the bus is free from now on.
         user = self._line_up.pop(0)
         if self._line_up:
             self._begin()

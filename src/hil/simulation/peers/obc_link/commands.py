@@ -180,7 +180,7 @@ class Commands(Stateful):
         return kind in self._known
 
     def execute(self, frame: Frame, received_us: int) -> bytes | None:
-        """Execute a request; return its reply, or None where `answer` will bring it.
+        """Execute a request; return its reply, or None if `answer` will bring it.
 
         Raises:
             Refusal: if the request is not allowed.

@@ -59,8 +59,8 @@ class Refusal(Exception):
 class Reader:
     """Reads a payload from its beginning.
 
-    A payload that ends early is a wrong length at once. Values are noted and told by `end`, when the length is known
-    to be right; a value that decides over the length is told at once, with whatever is wrong before it.
+    A payload that ends early is a wrong length at once. Values are noted and reported by `end`, when the length is
+    known to be right; a value that decides the length is reported at once, with whatever is wrong before it.
     """
 
     def __init__(self, payload: bytes) -> None:
@@ -90,7 +90,7 @@ class Reader:
             self._wrong = offset
 
     def end(self) -> None:
-        """Refuse a payload that goes on, and values that are not allowed."""
+        """Refuse a payload that continues, and values that are not allowed."""
         if self._place != len(self._payload):
             raise Refusal(Code.LENGTH, len(self._payload))
         self._tell()

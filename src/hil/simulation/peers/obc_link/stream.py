@@ -38,7 +38,7 @@ class Stream(Stateful):
         bus: where the transfers run.
         uart: with the ring that takes the frames.
         clock: the board's.
-        ended: told when a stream that was stopped has finished its turns.
+        ended: called when a stream that was stopped has finished its turns.
     """
 
     lost_since_reset: Kept[int]
@@ -105,7 +105,7 @@ class Stream(Stateful):
         return self._start_us
 
     def stop(self) -> None:
-        """Let no trigger count any more; the turns that there are go on to their end."""
+        """Let no further trigger count; the pending turns are finished."""
         self._counting = False
         self._timer.clear()
 
@@ -181,7 +181,7 @@ class Stream(Stateful):
         self.lost_since_reset += 1
 
     def _run(self) -> bytes | None:
-        """Return the transfers of a frame, or None where the watermark is not reached."""
+        """Return the transfers of a frame, or None if the watermark is not reached."""
         program = cast("Program", self._program)
         first, parts = program.watermark > 0, [bytes([len(program.transfers)])]
         for transfer in program.transfers:

@@ -47,7 +47,7 @@ class FrameReader(Stateful):
         self._held = bytearray()
 
     def take(self, data: bytes) -> Iterator[tuple[int, Frame | None]]:
-        """Yield what ends in `data`: how many bytes of it come later, and the frame, None where it is unusable."""
+        """Yield what ends in `data`: how many bytes of it come later, and the frame, None if it is unusable."""
         start = 0
         while (end := data.find(0, start)) >= 0:
             self._hold(data[start:end])
@@ -77,16 +77,16 @@ def _checksum(data: bytes) -> bytes:
 
 
 def _stuffed(data: bytes) -> bytes:
-    """Return the bytes by COBS: each run up to a zero behind its length, full runs without a zero behind them."""
+    """Return the bytes by COBS: each run up to a zero after its length, full runs without a zero after them."""
     *runs, last = data.split(b"\0")
     parts = [_CODES[len(run)] + run if len(run) < _FULL else _full_blocks(run) + _rest(run) for run in runs]
-    # A full run at the very end needs nothing behind it; before a zero it does, for the zero's sake.
+    # A full run at the very end needs nothing after it; before a zero it does, for the zero's sake.
     end = b"" if last and len(last) % _FULL == 0 else _rest(last)
     return b"".join(parts) + _full_blocks(last) + end
 
 
 def _rest(run: bytes) -> bytes:
-    """Return what is behind the full blocks of a run, with its code."""
+    """Return what follows the full blocks of a run, with its code."""
     rest = run[len(run) // _FULL * _FULL :]
     return _CODES[len(rest)] + rest
 
@@ -137,14 +137,14 @@ class Stall(Fault):
 class Uart(Stateful):
     """Sends whole frames.
 
-    The fault `stall` lets stream frames wait while it lasts, so that the ring overflows; replies go on. The fault
+    The fault `stall` lets stream frames wait while it lasts, so that the ring overflows; replies continue. The fault
     `lose-frames` lets the line swallow as many stream frames as it says, without the board knowing.
 
     Args:
         ns_per_byte: what a byte takes.
         ring: bytes that stream frames may take, the one that is being sent included.
         faults: what goes wrong.
-        drained: told whenever no stream frame waits any more.
+        drained: called whenever no stream frame waits any more.
     """
 
     _first: Kept[deque[bytes]]

@@ -48,8 +48,8 @@ class Datasheet:
         boot_s: from power-on to the first acknowledge, where the truth does not say.
         reset: registers after power-on; all others are 0.
         read_only: registers that cannot be written.
-        select: the register that selects a bank, None where there are no banks.
-        increment: the bit of a register's number that asks to go on; 0 where every transfer goes on.
+        select: the register that selects a bank, None if there are no banks.
+        increment: the bit of a register's number that asks to continue; 0 where every transfer continues.
         follows: the register that comes after one, where that is not the next number.
         width: bytes of a register, the high one first.
     """
@@ -112,7 +112,7 @@ class Fitted:
 
 
 class SensorPeer(Stateful):
-    """The sensor: registers behind a pointer, silent without power and while it boots.
+    """The sensor: registers read through a pointer, silent without power and while it boots.
 
     A chip's class defines what follows a write and what is computed for a read, in `_store`, `_readers` and `_burst`;
     `_was_reset` and `_connected` are told. What it has to keep it marks as `Kept`.
@@ -185,7 +185,7 @@ class SensorPeer(Stateful):
         """The registers hold their values after power-on."""
 
     def _burst(self, register: int, count: int) -> bytes:
-        """Return bytes of a register that does not go on to the next one, nothing for every other."""
+        """Return bytes of a register that does not continue at the next one, nothing for every other."""
         del register, count
         return b""
 

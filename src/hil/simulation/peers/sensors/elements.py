@@ -100,7 +100,7 @@ class RateTruth:
 
 
 class RateElement:
-    """Three axes that sense rates: whoever reads them, and when.
+    """Three axes that sense rates, independent of who reads them and when.
 
     Args:
         setup: of the peer: its truth, its faults, its random numbers; the terminal `rate` goes to a plant's three
@@ -119,7 +119,7 @@ class RateElement:
         self._noise: list[RateNoise] = []
 
     def begin(self, start_ns: int, *, rate: float, bandwidth: float) -> None:
-        """Start noise anew: samples that are counted anew must not repeat the noise of the last ones.
+        """Start noise again: samples that are counted afresh must not repeat the noise of the last ones.
 
         Args:
             start_ns: when samples begin to be counted.
@@ -154,7 +154,7 @@ class RateElement:
         return {"begun": self._begun, "noise": [noise.state() for noise in self._noise]}
 
     def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from what `state` returned."""
+        """Continue from what `state` returned."""
         begun = cast("tuple[int, float, float] | None", state["begun"])
         if begun is None:
             self.stop()
@@ -222,7 +222,7 @@ class FieldElement:
             axis: 0 to 2.
             number: of the sample, counted from `start_ns`.
             at_ns: when it ended.
-            start_ns: when samples began to be counted: what is counted anew must not repeat the noise of the last ones.
+            start_ns: when samples began to be counted: what is counted afresh must not repeat the last noise.
             louder: noise of the mode over that of the best one.
         """
         if start_ns != self._start_ns:

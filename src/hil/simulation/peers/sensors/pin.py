@@ -29,7 +29,7 @@ class PinSetting(NamedTuple):
 
 
 class Pin(Stateful):
-    """Tells whoever listens of rising edges; active low, it is the end of a pulse that rises.
+    """Reports rising edges to its listeners; active low, it is the end of a pulse that rises.
 
     Args:
         look: what the registers say of it now.

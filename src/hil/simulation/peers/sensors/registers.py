@@ -18,7 +18,7 @@ class RegisterFile(Stateful):
     Args:
         reset: values after power-on; all others are 0.
         read_only: registers that cannot be written.
-        select: the register that selects a bank, and is in every bank; None where there are no banks.
+        select: the register that selects a bank, and is in every bank; None if there are no banks.
     """
 
     bank: Kept[int]

@@ -28,7 +28,7 @@ class Samples(NamedTuple):
     Attributes:
         ends_ns: when they ended, shape (n,).
         outputs: what data registers show, shape (n, numbers).
-        aside: what goes into packets besides, shape (n,).
+        aside: what else goes into packets, shape (n,).
     """
 
     ends_ns: NDArray[np.int64]
@@ -51,7 +51,7 @@ class FifoSetting(NamedTuple):
         active: whether samples go into the FIFO.
         newest_go: whether the newest packets are lost where it is full, else the oldest.
         watermark: packets at which the watermark is reached, 0 for never.
-        every: whether every sample tells of the watermark while it is reached.
+        every: whether every sample signals the watermark while it is reached.
         sources: what asks for an interrupt, in `Bits`.
     """
 
@@ -72,7 +72,7 @@ class Sampler(Stateful):
         pack: makes packets of samples.
         look: what the registers say of FIFO and interrupt now.
         fifo: where samples go.
-        pin: tells of them.
+        pin: signals them.
         faults: `stuck` gives the last healthy sample again and again.
     """
 
@@ -128,7 +128,7 @@ class Sampler(Stateful):
         self.reschedule()
 
     def restart(self, grid: Grid | None) -> None:
-        """Count samples anew, on this grid; None is sleep."""
+        """Count samples again, on this grid; None is sleep."""
         self._grid, self._settled, self._edge = grid, 0, False
         if grid is None:
             self.newest = list(self._asleep)

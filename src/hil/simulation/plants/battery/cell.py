@@ -41,7 +41,7 @@ class Ageing:
 
 
 class OpenCircuit:
-    """A table of open-circuit voltages; beyond its ends the outermost lines go on.
+    """A table of open-circuit voltages; beyond its ends the outermost lines continue.
 
     Args:
         charges: states of charge [1], rising, at least two.
@@ -154,7 +154,7 @@ class Cell:
         """Return a function of the state: what the tabs will have after a step with any one current.
 
         Under constant current both links relax exactly, v' = v*a + (1 - a)*R*I with a = exp(-dt/tau), and charge grows
-        by I*dt, so that the voltage at the end is affine in I. A step of 0 s tells the voltage of this instant.
+        by I*dt, so that the voltage at the end is affine in I. A step of 0 s gives the voltage of this instant.
         """
         truth, ageing, table = self._truth, self.ageing, self.table
         fast_decay, slow_decay = self._decays(dt)

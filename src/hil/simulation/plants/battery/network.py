@@ -13,14 +13,14 @@ Flow = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Network:
-    """What hangs on the tester's terminals besides the cell.
+    """What is connected to the tester's terminals, apart from the cell.
 
     Attributes:
         volts: that the supply holds; 0 where its contact is open.
         limit: its current limit; 0 where its contact is open.
         path: resistance between supply and terminals [ohm], above 0.
         load: constant current that the load draws while there is a voltage [A].
-        siemens: conductance of the load besides.
+        siemens: conductance of the resistor in parallel with the load.
     """
 
     volts: float

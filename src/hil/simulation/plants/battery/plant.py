@@ -45,7 +45,7 @@ class WiringTruth:
         contact: of each relay, charge and discharge.
         supply_leads: both cables between supply and tester.
         load_current: what the load draws at the epoch, whatever the voltage [A].
-        load_resistance: of the load besides [ohm], 0 for none.
+        load_resistance: in parallel with the load [ohm], 0 for none.
     """
 
     leads: NotNegative = 0.06
@@ -77,7 +77,7 @@ class _Setting:
 
 
 class Battery(Plant):
-    """A cell behind leads and fuse at the tester's terminals, where relays connect supply and load.
+    """A cell with leads and fuse at the tester's terminals, where relays connect supply and load.
 
     State: state of charge, voltages of both links, throughput [A.s], temperatures of cell, plates and box [degC], and
     what flows: out of the supply [A], at the tester's terminals [V], into the cell [A]. Steps are exact under the
@@ -86,7 +86,7 @@ class Battery(Plant):
 
     Signals: `voltage` at the tester's terminals, `cell_voltage` at the tabs, `current` into the cell, `load.current`,
     `supply.voltage/current`, `open_circuit`; `temperature` of the cell, `plate`, `box`, `ambient` in degC; `ntc` and
-    `ntc_box` in ohm, `ntc_temperature`: what the first one tells [degC]; `charge` [1], `capacity` [A.h], `cycles` and
+    `ntc_box` in ohm, `ntc_temperature`: what the first one reads [degC]; `charge` [1], `capacity` [A.h], `cycles` and
     `resistance` [ohm, ohmic, of the cell].
 
     Args:
@@ -175,7 +175,7 @@ class Battery(Plant):
         return self._readers[name](state, inputs) if place is None else state[place]
 
     def places(self, names: tuple[str, ...], inputs: Inputs) -> tuple[int, ...] | None:
-        """Return the places of what is in the state; a whole thermistor tells the temperature where it is."""
+        """Return the places of what is in the state; a healthy thermistor reads the temperature where it is."""
         told = _PLACES | ({_THERMISTOR: _CELL} if inputs["ntc"] == HEALTHY else {})
         return tuple([told[name] for name in names]) if told.keys() >= {*names} else None
 
