@@ -264,7 +264,9 @@ class Eurotherm3216:
     def role(self, wire: Wire) -> Thermal:
         """Return the loop with the decimals that the wire names, 1 by default."""
         if wire.role not in self.roles:
-            raise Refused(f"wiring {wire.name}: a eurotherm-3216 is no {wire.role}", "it fills the role thermal")
+            raise Refused(
+                f"wiring {wire.name}: a eurotherm-3216 does not fill the role {wire.role}", "it fills the role thermal"
+            )
         own = settings.read(wire, EurothermSettings)
         return Eurotherm3216Thermal(
             name=wire.name,

@@ -173,7 +173,7 @@ class WaveshareRelay:
         """Return the contacts that the wire names."""
         if wire.role not in self.roles:
             raise Refused(
-                f"wiring {wire.name}: a waveshare-relay cannot fill the role {wire.role}", "it fills the role relays"
+                f"wiring {wire.name}: a waveshare-relay does not fill the role {wire.role}", "it fills the role relays"
             )
         if not wire.contacts:
             raise Refused(f"wiring {wire.name}: no contacts", "name them: `contacts: {heater: 1}`")

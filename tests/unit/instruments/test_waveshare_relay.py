@@ -135,7 +135,7 @@ def test_another_unit_address_is_used():
 @pytest.mark.parametrize(
     ("wire", "sentence"),
     [
-        (Wire(role="supply", instance="", instrument="board"), "cannot fill the role supply"),
+        (Wire(role="supply", instance="", instrument="board"), "does not fill the role supply"),
         (Wire(role="relays", instance="", instrument="board"), "no contacts"),
         (Wire(role="relays", instance="", instrument="board", contacts={"a": 0}), "contact a is relay 0"),
         (Wire(role="relays", instance="", instrument="board", contacts={"a": 9}), "contact a is relay 9"),

@@ -94,6 +94,8 @@ class ObcLink:
     def role(self, wire: Wire) -> Obc:
         """Return the board."""
         if wire.role not in self.roles:
-            raise Refused(f"wiring {wire.name}: an obc-link is no {wire.role}", "it fills the role obc")
+            raise Refused(
+                f"wiring {wire.name}: an obc-link does not fill the role {wire.role}", "it fills the role obc"
+            )
         settings.read(wire, settings.NoSettings)
         return ObcBoard(self._session)

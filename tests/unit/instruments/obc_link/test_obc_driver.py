@@ -95,8 +95,8 @@ def test_the_bus_has_its_frequency(driver, port):
 
 
 def test_other_roles_and_places_are_refused(driver, port):
-    """The driver cannot fill the role supply, takes no settings, and is reached by a port."""
-    with pytest.raises(Refused, match="cannot fill the role supply"):
+    """The driver does not fill the role supply, takes no settings, and is reached by a port."""
+    with pytest.raises(Refused, match="does not fill the role supply"):
         driver.role(Wire(role="supply", instance="", instrument="obc"))
     with pytest.raises(Refused, match="unknown key 'speed'"):
         driver.role(Wire(role="obc", instance="", instrument="obc", settings={"speed": "1"}))
