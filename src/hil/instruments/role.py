@@ -81,10 +81,6 @@ class Role:
         members = inspect.getmembers(self.protocol, callable)
         return MappingProxyType({name: _operation(name, each) for name, each in members if hasattr(each, "effect")})
 
-    def rests_by(self, operation: str) -> bool:
-        """Return whether an operation leads to one of the states."""
-        return operation in self.states.values()
-
 
 def problem_with(name: str, role: object) -> str:
     """Return why an object is not the role of that name, empty if it is."""
