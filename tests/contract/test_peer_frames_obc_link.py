@@ -62,7 +62,7 @@ def test_conversions():
         def observe(self):
             return 2048 / 4095 * 3.3
 
-    object.__setattr__(under.board._article, "inputs", {2: Half()})
+    under.board._commands._inputs = {2: Half()}
     assert under.raw(golden(8)) == golden(9)
 
 

@@ -37,7 +37,7 @@ def test_driving(supply, relays, field, record, check, clock):
     supply.coil.enable()
     supply.coil.configure(0.4, 0.015)
     asked(KINDS)
-    record("field", field, duration=15.0, rate=40.0)
+    record("field", field, duration=120.0, rate=40.0)
     clock.sleep(1.0)
     check("T-050", "voltage", supply.coil.voltage())
 """

@@ -135,7 +135,9 @@ def test_a_module_does_not_skip_itself(tmp_path):
 def test_a_module_does_not_end_the_process(tmp_path):
     """What ends the process while cases are collected is told in one line, too."""
     said = refused(tmp_path, GOOD, "raise SystemExit(0)")
-    assert said.startswith("testplans/small/test_small.py: the module ends the process (sys.exit(0)): take it out")
+    assert said.startswith(
+        "testplans/small/test_small.py: the module ends the process (sys.exit(0)): remove it, a run ends by itself"
+    )
 
 
 LOST = """
@@ -241,7 +243,7 @@ def test_a_conftest_around_the_plans_is_refused(tmp_path, place):
 
     said = refused(tmp_path, GOOD, prepare=prepare)
     assert said.startswith(f"{place}: a conftest.py takes part in the verdicts")
-    assert said.endswith("fixtures belong into fixtures/")
+    assert said.endswith("fixtures belong in fixtures/")
 
 
 HOOKS = [

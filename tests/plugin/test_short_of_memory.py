@@ -77,7 +77,7 @@ def test_a_package_that_cannot_be_looked_at_is_no_pass(tmp_path, monkeypatch, ca
     monkeypatch.setattr("hil.plugin.running._findings", without_memory)
     code, folder = ended(workspace)
     assert code == 3
-    assert "was not looked at once more" in capfd.readouterr().err
+    assert "was not verified" in capfd.readouterr().err
     assert verify(folder).findings == ()
 
 
