@@ -141,7 +141,7 @@ def test_a_run_that_does_not_come_to_the_same_is_left_as_it_is(workspace, interr
     assert workspace.hil("seal", "latest").code == 0
 
 
-@pytest.mark.parametrize("what", ["sealed", "going on"])
+@pytest.mark.parametrize("what", ["sealed", "in progress"])
 def test_there_must_be_something_to_go_on_with(workspace, what):
     """A sealed run and one that is going on are refused."""
     begun(workspace)
@@ -203,7 +203,7 @@ def test_a_run_that_was_stopped_goes_on_at_its_last_turn(tmp_path):
     assert [line["entry"]["rows"] != [] for line in lines if line["kind"] == "resumed"] == [True, True]
     beside = next(each for each in bodies(package, "recording") if each["name"] == "beside")
     assert len(package.recording(beside["recording"])) > 4 * 20 * 400
-    assert "stopped by Ada: weekend, and entered again where" in package.text("data/report/report.html")
+    assert "stopped by Ada: weekend, and resumed where" in package.text("data/report/report.html")
     again = workspace.hil("replay", str(folder), timeout=300)
     assert (again.code, again.err) == (0, "")
 
@@ -242,7 +242,7 @@ def test_a_recording_that_continues_is_not_made_again(tmp_path):
     (case,) = results_as_json(package)["cases"]
     (recording,) = [each for each in bodies(package, "recording") if each["case"]]
     assert (ended.code, ended.err, case["verdict"]) == (1, "", "INCONCLUSIVE")
-    assert "the run was stopped amid the recording" in case["reasons"][0]
+    assert "the run was stopped during the recording" in case["reasons"][0]
     assert len(package.recording(recording["recording"])) == 60_000
     kept = next(folder.glob("data/attachments/*valid.txt")).read_text(encoding="ascii").split()
     assert kept[:2] == ["60000", "60000"]
