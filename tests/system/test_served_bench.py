@@ -105,7 +105,7 @@ def test_pymodbus_drives_relays(serve):
     deadline = time.monotonic() + 5
     while not bench.ask(state="plants.coil.contact_a"):
         assert time.monotonic() < deadline
-    assert bench.ask(state="peers.relay1.closed") == [1]
+    assert bench.ask(state="peers.relay1.closed") == {str(contact): contact == 1 for contact in range(1, 9)}
 
 
 @pytest.mark.skipif(shutil.which("mbpoll") is None, reason="mbpoll is not installed")
@@ -228,7 +228,7 @@ def test_it_says_what_it_serves_and_what_not(serve):
     """One line per instrument, a warning before and `ready` behind."""
     bench = serve()
     assert bench.said[0].startswith("SIMULATED: bench adcs")
-    assert "nothing here is hardware" in bench.said[0]
+    assert "none of this is hardware" in bench.said[0]
     where = dict(line.split(None, 1) for line in bench.said[1:-1])
     assert where["relay1"] == str(bench.folder / "relay1")
     assert where["psu1"].startswith("socket://127.0.0.1:")
