@@ -179,7 +179,7 @@ def _container(hint: Any, written: object) -> object:  # noqa: ANN401 - the type
 
     if kind is ndarray:
         return array(msgspec.convert(written, list[float]))
-    raise NotImplementedError(f"a state of {hint}")
+    raise TypeError(f"a state cannot be a {hint}: keep plain values, deques, arrays or parts")
 
 
 def _same_names(state: Mapping[str, object], names: Iterable[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
@@ -67,7 +68,7 @@ class Chip:
         return registers.read(self.identity[0]) & self.identity_mask
 
 
-class Sensor:
+class Sensor(ABC):
     """One sensor, set as its wire says. A chip's class defines `_wake`, `_sleep` and `_sample`.
 
     Args:
@@ -121,17 +122,17 @@ class Sensor:
         self._require_running()
         return self._sample()
 
+    @abstractmethod
     def _wake(self) -> None:
         """Set everything from a known state, read it back, and wait for the first valid sample."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _sleep(self) -> None:
         """Stop measuring, and read that back."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _sample(self) -> tuple[float, ...]:
         """Return one sample of a sensor that was started."""
-        raise NotImplementedError
 
     def _identify(self) -> None:
         name, known = self.chip.name_of(self._registers), self.chip.identity[1]
