@@ -28,7 +28,7 @@ def detach(arguments: Sequence[str], place: Path) -> int:
     said is said here, and its exit code returned.
 
     Args:
-        arguments: the command line behind `hil`.
+        arguments: the command line after `hil`.
         place: where the package goes.
     """
     new = not place.exists()

@@ -93,7 +93,7 @@ class Invocation:
     """How this process was called.
 
     Attributes:
-        arguments: the command line behind `hil`.
+        arguments: the command line after `hil`.
         word: what it tells its supervisor, None where nobody waits for it.
     """
 
@@ -105,7 +105,7 @@ def supervise(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     """Run `hil` with these arguments in a process of its own and return its exit code once it gave its word.
 
     Args:
-        arguments: the command line behind `hil`.
+        arguments: the command line after `hil`.
         environment: the environment of that process.
     """
     reader, writer = os.pipe()
@@ -250,7 +250,7 @@ class _Interrupt:
             raise KeyboardInterrupt
 
     def lost(self, unraisable: sys.UnraisableHookArgs) -> None:
-        """Ask again in a moment where it was raised amid a callback of the interpreter, which nothing can leave."""
+        """Ask again in a moment where it was raised during a callback of the interpreter, which nothing can leave."""
         if isinstance(unraisable.exc_value, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) == self:
             signal.signal(signal.SIGALRM, self)
             signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)

@@ -24,7 +24,7 @@ class Row(NamedTuple):
         current: A.
         energy: as accumulated, its magnitude in Wh.
         temperature: degC.
-        digits: of the energy behind the decimal sign.
+        digits: of the energy after the decimal sign.
         cycle: of the last mark.
         test: number of the test, from 0.
         stretch: number of the stretch, from 0; between two stretches the time is not known.
@@ -120,7 +120,7 @@ def _lost(before: Row, row: Row, interval: float) -> int:
 
 
 def _way(before: Row, row: Row) -> float:
-    """Return a power with the sign of what was counted between two rows: behind a half-cycle nothing new flows."""
+    """Return a power with the sign of what was counted between two rows: after a half-cycle nothing new flows."""
     return before.power if abs(row.power) < _RESTS * abs(before.power) else row.power
 
 

@@ -21,7 +21,7 @@ def command() -> None:
 
 @command.command(epilog="Example: hil bench check adcs --source simulated")
 @click.argument("name")
-@click.option("--source", type=_SOURCES, default="hardware", show_default=True, help="What stands behind the bench.")
+@click.option("--source", type=_SOURCES, default="hardware", show_default=True, help="What the bench talks to.")
 @SERVED
 @click.option("--energise", is_flag=True, help="Also test every output at its reduced level.")
 def check(name: str, source: str, served: Path | None, *, energise: bool) -> int:
@@ -41,7 +41,7 @@ def check(name: str, source: str, served: Path | None, *, energise: bool) -> int
 
 @command.command(epilog="Example: hil bench safe adcs --source simulated")
 @click.argument("name")
-@click.option("--source", type=_SOURCES, default="hardware", show_default=True, help="What stands behind the bench.")
+@click.option("--source", type=_SOURCES, default="hardware", show_default=True, help="What the bench talks to.")
 @SERVED
 def safe(name: str, source: str, served: Path | None) -> int:
     """Bring every output to its safe state, in order, and prove it.

@@ -43,7 +43,7 @@ class Place(click.Path):
     type=click.Choice([Source.HARDWARE.value, Source.SIMULATED.value]),
     default="hardware",
     show_default=True,
-    help="What stands behind the bench.",
+    help="What the bench talks to.",
 )
 @SERVED
 @click.option(

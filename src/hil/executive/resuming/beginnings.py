@@ -151,7 +151,7 @@ class ResumedRun(NewRun):
 
 
 class Resumption(Past):
-    """The events of an interrupted run behind its head, and what is written down before its first new one.
+    """The events of an interrupted run after its head, and what is written down before its first new one.
 
     Args:
         earlier: the interrupted run.
@@ -207,11 +207,11 @@ class NotArmedAgain(HilError):
 
 
 class Entering:
-    """Lets a run go on behind the event at which it is entered, on a bench that stood safe in the meantime.
+    """Lets a run go on after the event at which it is entered, on a bench that stood safe in the meantime.
 
-    What came behind that event before is void, and is kept: events, operations, rows. The bench is armed again, every
+    What came after that event before is void, and is kept: events, operations, rows. The bench is armed again, every
     output driven again as it was at that event, and every stream begun again. Behind the last case none of that is
-    done: the safe state, the watch behind it, and the seal are all that is left. A run that was entered before is
+    done: the safe state, the watch after it, and the seal are all that is left. A run that was entered before is
     entered again on its record in the same way, and so is the replay of one.
 
     Args:
@@ -246,7 +246,7 @@ class Entering:
             self._enter(place, entries, anew=anew)
 
     def _enter(self, place: int, entries: list[tuple[events.Entry, float]], *, anew: bool) -> None:
-        for entry, _ in entries if anew else entries[:-1]:  # entered here again: what came behind it is void, too
+        for entry, _ in entries if anew else entries[:-1]:  # entered here again: what came after it is void, too
             self._record.store.note_void(entry)
         entry = self._anew(place) if anew else self._as_recorded(*entries[-1])
         if self._bench.outside:

@@ -38,7 +38,7 @@ _AFTER: Mapping[type[events.Event], str] = {
 
 @dataclass(frozen=True, slots=True)
 class Boundary:
-    """An event behind which a run can be entered again.
+    """An event after which a run can be entered again.
 
     Attributes:
         place: which event of the run's own course it is, from 1.
@@ -62,7 +62,7 @@ class Earlier:
     Attributes:
         folder: its folder.
         head: its first events, before the bench was touched.
-        lines: the journal's lines behind the head.
+        lines: the journal's lines after the head.
         size: bytes of its journal.
         torn: bytes of half a line that stood at the journal's end.
         checkpoint: where its simulated bench was, None if that was not written down yet.
@@ -107,7 +107,7 @@ class Earlier:
 
     @property
     def begun_behind(self) -> tuple[str, ...]:
-        """The recordings of no case that were begun behind where it is entered: those of the watch behind its end."""
+        """Recordings of no case that began after the point of entry: those of the watch after its end."""
         last = self.boundary.sequence if self.boundary else math.inf
         begun = self.state.recordings.values()
         return tuple(event.recording for event in begun if event.case is None and event.seq > last)
@@ -265,7 +265,7 @@ def not_opened(happened: Iterable[events.Event]) -> dict[int, Gate]:
     """Return the gate of the host that ended an arming, per arming that one ended.
 
     An arming is told by the `void_to` of the entry at which it was done, the first one by `FIRST_ARMING`. What the
-    guardian finds behind an arming, at its release, is not a gate of it.
+    guardian finds after an arming, at its release, is not a gate of it.
     """
     found: dict[int, Gate] = {}
     arming: int | None = FIRST_ARMING

@@ -97,7 +97,7 @@ def _left_out(package: Package) -> dict[str, str]:
 def differences(recorded: Package, replayed: Package) -> tuple[tuple[str, ...], int]:
     """Return a sentence for every verdict, value and recording that came out otherwise, and how many more follow.
 
-    Where a case left the record, that is the last sentence: nothing behind it finds the bytes that it needs, so that
+    Where a case left the record, that is the last sentence: nothing after it finds the bytes that it needs, so that
     what else came out otherwise is counted only. A person's stop is not replayed: of an interrupted run the cases
     count that had ended before.
     """

@@ -36,7 +36,7 @@ def choose(begun: Sequence[Recording], recordings: Sequence[str], cases: Sequenc
     Args:
         begun: the beginnings of all recordings.
         recordings: ids or names; a name means every recording that has it; all recordings where it is empty.
-        cases: cases as the procedure shows them, what stands behind their `::`, or that without its parameters; all
+        cases: cases as the procedure shows them, what follows their `::`, or that without its parameters; all
             cases, and what was recorded outside of cases, where it is empty.
 
     Raises:

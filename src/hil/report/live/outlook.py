@@ -226,7 +226,7 @@ class Outlook:
         self.fed[event.limit] = event.recording
 
     def _resumed(self, event: events.Resumed) -> None:
-        """Close the recordings that a run began behind the event at which it was entered again: they are void."""
+        """Close the recordings that a run began after the event at which it was entered again: they are void."""
         after = event.entry.boundary if event.entry else math.inf
         self._close({name for name, begun in self.recordings.items() if begun.seq > after})
 

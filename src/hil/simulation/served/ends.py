@@ -120,7 +120,7 @@ class ServedLine:
         self._clock.at(arrives_ns, self._reach_peer)
 
     def send(self, data: bytes, after_ns: int = 0) -> None:
-        """Take bytes from the peer; the first leaves after `after_ns`, behind what is still being sent."""
+        """Take bytes from the peer; the first leaves after `after_ns`, after what is still being sent."""
         start_ns = max(self._clock.now_ns() + after_ns, self._client_free_ns)
         self._client_free_ns = arrives_ns = start_ns + len(data) * self._ns_per_byte
         self._to_client.append((arrives_ns, data))
