@@ -10,8 +10,8 @@ from typing import Any
 import serial
 
 from hil.clock import wall
-from hil.model.errors import NoReply
-from hil.wire.opening import url_of_resource
+from hil.model.errors import NoReply, Refused
+from hil.wire.opening import NETWORK, url_of_resource, why_not_opened
 from hil.wire.tap import LONGEST_TRANSACTION
 
 __all__ = ["LiveStream"]
@@ -30,10 +30,15 @@ class LiveStream:
 
     Raises:
         NoReply: if it cannot be opened.
+        Refused: for a URL whose scheme is never opened.
     """
 
     def __init__(self, device: str, url: str, baud: int = 0, *, alone: bool = True) -> None:
         where = url_of_resource(url)
+        scheme, is_url, _ = where.partition("://")
+        if is_url and scheme not in NETWORK:
+            why = why_not_opened(url) or f"{url} leads to nothing outside this process"
+            raise Refused(f"{device}: {why}", "correct its port in the bench file")
         options: dict[str, Any] = {} if "://" in where else {"exclusive": alone}
         try:
             self._serial = serial.serial_for_url(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import posixpath
 import re
 
 import serial
 
 from hil.clock.port import Clock
+from hil.documents.suggest import did_you_mean
 from hil.model.errors import NoReply, Refused
 from hil.wire.exchange import find_bus
 from hil.wire.port import I2cBus
@@ -14,9 +16,13 @@ from hil.wire.protocols import UrlPort
 from hil.wire.tap import LONGEST_TRANSACTION, TappedBus, TappedPort
 from hil.wire.transcript import Transcript
 
-__all__ = ["hardware_bus", "open_bus", "open_port", "url_of_resource"]
+__all__ = ["NETWORK", "hardware_bus", "open_bus", "open_port", "url_of_resource", "why_not_opened"]
+
+NETWORK = ("socket", "rfc2217")
+"""Schemes of ports that lie on a network. Who answers there is known only by what it says."""
 
 _PROTOCOLS = "hil.wire.protocols"
+_NETWORK_PLACE = re.compile(r"(\[[0-9A-Fa-f:.]+(%\w+)?\]|[^\s:/?#@\[\]]+):\d{1,5}")
 _VISA_SERIAL = re.compile(r"^ASRL(?P<port>.+?)(::INSTR)?$", re.IGNORECASE)
 _VISA_SOCKET = re.compile(r"^TCPIP\d*::(?P<host>[^:]+)::(?P<port>\d+)::SOCKET$", re.IGNORECASE)
 
@@ -34,6 +40,28 @@ def url_of_resource(name: str) -> str:
     if match := _VISA_SERIAL.match(name):
         return match["port"]
     return name
+
+
+_SCHEMES = (*NETWORK, "sim", "replay")
+_WRITE = "write a device below /dev, socket://HOST:PORT, rfc2217://HOST:PORT, or a VISA name of one of these"
+
+
+def why_not_opened(port: str) -> str:
+    """Return why a port of a bench file is never opened, nothing for one that may be.
+
+    pyserial knows more schemes, and they go past every check of who is at a port: `alt://`, `hwgrep://` and `spy://`
+    lead to serial devices by another name, `spy://` writes files, and behind `loop://` there is nobody.
+    """
+    url = url_of_resource(port)
+    scheme, is_url, place = url.partition("://")
+    if not is_url:
+        inside = posixpath.normpath(url).startswith("/dev/")
+        return "" if inside else f"'{port}' is no serial device below /dev; {_WRITE}"
+    if scheme not in _SCHEMES:
+        return f"'{scheme}://' is never opened{did_you_mean(scheme, _SCHEMES)}; {_WRITE}"
+    if scheme in NETWORK and not _NETWORK_PLACE.fullmatch(place):
+        return f"'{port}' does not look like {scheme}://HOST:PORT"
+    return ""
 
 
 def open_port(

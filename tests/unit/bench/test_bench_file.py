@@ -31,6 +31,8 @@ def test_committed_bench_is_clean():
     assert spec.envelope[0].debounce == 2
 
 
+PSU = "port: TCPIP::192.168.10.21::5025::SOCKET"
+PSU_IDENTITY = "    identity: {manufacturer: Keysight Technologies, model: E36312A, serial: MY59002391}\n"
 CHANGES = [
     # What no reader asked for, what is missing, what has the wrong form.
     (("max_age: 5 s", "max_aeg: 5 s"), "max_aeg", "unknown key 'max_aeg', did you mean 'max_age'?"),
@@ -57,6 +59,21 @@ CHANGES = [
     (("certificates/mag1.txt", "certificates/mag2.txt"), "certificates/mag2", "no certificate 'certificates/mag2.txt'"),
     (("certificates/mag1.txt", "../adcs.txt"), "../adcs.txt", "no certificate '../adcs.txt' in the bench's folder"),
     (("name: adcs", "name: adsc"), "adsc", "the bench is called 'adsc', but its folder 'adcs'"),
+    # What no reader asked for, at a port: other schemes of pyserial, another form, nobody who is expected there.
+    *(
+        ((PSU, f"port: {url}"), url, f"'{url.partition(':')[0]}://' is never opened")
+        for url in ("alt:///dev/ttyS0", "loop://", "spy:///dev/null?file=X", "hwgrep://.*", "cp2110://0")
+    ),
+    ((PSU, "port: sockte://a:1"), "sockte://a:1", "is never opened, did you mean 'socket'?"),
+    ((PSU, "port: ../x"), "../x", "psu1: '../x' is no serial device below /dev; write a device below /dev, socket://"),
+    ((PSU, "port: /dev/../tmp/x"), "/dev/../tmp/x", "is no serial device below /dev"),
+    ((PSU, "port: ASRLalt:///dev/ttyS0::INSTR"), "ASRLalt", "'alt://' is never opened"),
+    *(
+        ((PSU, f"port: {url}"), url, f"'{url}' does not look like {url.partition(':')[0]}://HOST:PORT")
+        for url in ("socket://10.0.0.1", "socket://10.0.0.1:1?logging=debug", "rfc2217://u@h:1")
+    ),
+    ((PSU_IDENTITY, ""), "TCPIP", "psu1 is on a network, where anything may answer: give it an identity with model"),
+    ((PSU_IDENTITY, "    identity: {manufacturer: Keysight}\n"), "TCPIP", "psu1 is on a network"),
     # Instruments.
     (("driver: lis3mdl", "driver: lis3mld"), "mag1:\n    d", "unknown driver 'lis3mld', did you mean 'lis3mdl'?"),
     (("    bus: i2c1\n", "    port: /dev/x\n    bus: i2c1\n"), "mag1:\n", "mag1 needs either a port or a bus"),

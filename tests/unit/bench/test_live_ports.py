@@ -118,3 +118,14 @@ def test_every_port_that_is_not_there_is_named(monkeypatch):
     assert [gate.name for gate in refused.value.gates] == [
         f"port of {item.name}" for item in SPEC.instruments if item.usb
     ]
+
+
+@pytest.mark.parametrize(
+    "url", ["spy:///dev/null?file={}", "loop://?{}", "alt:///dev/null?{}", "SPY:///dev/null?file={}"]
+)
+def test_a_stream_of_another_scheme_is_never_opened(tmp_path, url):
+    """Whoever asks for it: `spy://` would write a file on the way to a device that nobody compared."""
+    written = tmp_path / "written"
+    with pytest.raises(Refused, match="is never opened"):
+        LiveStream("psu1", url.format(written))
+    assert not written.exists()

@@ -13,7 +13,7 @@ from hil.instruments.driver import ServesBus
 from hil.instruments.registry import DRIVERS, ROLES
 from hil.model.bench import BenchSpec, Bus, InstrumentSpec, Wire
 from hil.model.notation import Path
-from hil.wire.opening import url_of_resource
+from hil.wire.opening import NETWORK, url_of_resource, why_not_opened
 
 __all__ = ["check_bench"]
 
@@ -24,7 +24,7 @@ _HIGHEST_STATION = 247  # Modbus over serial line, section 2.2; no other line wi
 def check_bench(document: Document[BenchSpec], findings: Findings, *, driven: bool = True) -> None:
     """Add everything that does not fit together, and of a bench that is driven what keeps it from being driven."""
     for check in (
-        *((cutting_checks.cut_off,) if driven else ()),
+        *((cutting_checks.cut_off, _ports) if driven else ()),
         _names,
         _instruments,
         _buses,
@@ -73,6 +73,29 @@ def _instruments(spec: BenchSpec) -> Complaints:
                 yield at, f"{item.name}: 0x{item.address:02X} is not a 7-bit I2C address (0x08 to 0x77)"
         elif item.address > _HIGHEST_STATION:
             yield at, f"{item.name}: {item.address} is not a station's address (1 to {_HIGHEST_STATION})"
+
+
+def _ports(spec: BenchSpec) -> Complaints:
+    """Only what can be told apart is opened; on a network, an instrument is known by what it says of itself alone."""
+    for path, item in named(spec.instruments, "instruments"):
+        if not item.port:
+            continue
+        at = (*path, "port")
+        if problem := why_not_opened(item.port):
+            yield at, f"{item.name}: {problem}"
+        elif _is_on_network(item) and not (item.identity.model or item.identity.serial):
+            yield (
+                at,
+                (
+                    f"{item.name} is on a network, where anything may answer: give it an identity with model or serial,"
+                    " which is compared before anything is driven"
+                ),
+            )
+
+
+def _is_on_network(item: InstrumentSpec) -> bool:
+    scheme, is_url, _ = url_of_resource(item.port).partition("://")
+    return bool(is_url) and scheme in NETWORK
 
 
 def _buses(spec: BenchSpec) -> Complaints:
