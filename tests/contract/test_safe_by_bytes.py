@@ -10,7 +10,7 @@ from by_bytes import BY_BYTES, rig
 from hil.instruments.registry import DRIVERS, ROLES
 from hil.instruments.roles import SafeByBytes
 from hil.model.bench import Proof, Wire
-from hil.model.errors import Refused
+from hil.model.errors import DeviceFault, Refused
 
 KINDS = pytest.mark.parametrize("name", BY_BYTES)
 
@@ -66,7 +66,24 @@ def test_a_dead_instrument_proves_nothing_in_little_time(name):
         begun = found.clock.now()
         found.switch_off(code)
         assert not found.proven(code)
-        assert found.clock.now() - begun < 1.5
+        assert found.clock.now() - begun < 3.0
+
+
+@KINDS
+def test_driver_and_bytes_wait_as_long_as_the_connection_says(name):
+    """One limit for both: what the driver accepts, the guardian accepts."""
+    kind = BY_BYTES[name]
+    with rig(kind, timeout=0.2) as found:
+        found.driver.identify()
+        code = found.code(kind.proof)
+        lines_s = 0.5 if name == "cycler" else 0.0  # a reply waits for the lines before it
+        limits = {each.within_s for each in (*code.resync, *code.off, *code.proof) if each.expect}
+        assert limits == {0.2 + lines_s}
+        found.line.write = lambda _: None
+        begun = found.clock.now()
+        with pytest.raises(DeviceFault):
+            found.driver.identify()
+        assert found.clock.now() - begun < 3 * (0.3 + lines_s)
 
 
 @KINDS

@@ -18,6 +18,7 @@ from hil.instruments.keysight_e36300 import KeysightE36300
 from hil.instruments.korad_ka3005p import KoradKa3005p
 from hil.instruments.newport_esp301 import NewportEsp301
 from hil.instruments.rigol_dp832 import RigolDp832
+from hil.instruments.safing import LONGEST_REPLY_S
 from hil.instruments.waveshare_relay import WaveshareRelay
 from hil.model.bench import Proof, Wire
 from hil.simulation.peers.cycler.firmware import MODEL as CYCLER
@@ -127,7 +128,7 @@ class Kind:
 
 
 @contextmanager
-def rig(kind, *, faults=(), truth=None):
+def rig(kind, *, faults=(), truth=None, timeout=LONGEST_REPLY_S):
     """Yield a `Rig` of that kind; the port was opened at 0 s."""
     built = []
 
@@ -145,6 +146,7 @@ def rig(kind, *, faults=(), truth=None):
         connects=kind.connects,
         plants=plants,
         baud=kind.baud,
+        timeout=timeout,
     ) as (driver, clock):
         line = find_stream("sim://contract/device")
         role = driver.role(kind.wire)

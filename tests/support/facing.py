@@ -6,6 +6,7 @@ from contextlib import contextmanager
 
 from hil.clock.virtual import VirtualClock
 from hil.instruments.driver import Clamps, Connection
+from hil.instruments.safing import LONGEST_REPLY_S
 from hil.model.bench import InstrumentSpec
 from hil.simulation.faults import read_faults
 from hil.simulation.peers.faulty import FaultyBusPeer, FaultySerialPeer
@@ -26,7 +27,18 @@ _WORLD = "sim://contract/"
 
 @contextmanager
 def facing(
-    model, *, driver, truth=None, faults=(), clamps=None, connects=None, plants=None, baud=0, address=0, transcript=None
+    model,
+    *,
+    driver,
+    truth=None,
+    faults=(),
+    clamps=None,
+    connects=None,
+    plants=None,
+    baud=0,
+    address=0,
+    transcript=None,
+    timeout=LONGEST_REPLY_S,
 ):
     """Yield a driver whose connection ends at a peer of `model`, and the clock.
 
@@ -41,6 +53,7 @@ def facing(
         baud: speed of the line; 0 is a network.
         address: unit or bus address.
         transcript: where the operations of a port are noted; None notes none.
+        timeout: how long a reply may take [s].
     """
     clock = VirtualClock()
     plants = plants or {}
@@ -76,7 +89,13 @@ def facing(
         yield (
             driver(
                 Connection(
-                    device="device", clock=clock, clamps=Clamps(clamps or {}), port=port, bus=bus, address=address
+                    device="device",
+                    clock=clock,
+                    clamps=Clamps(clamps or {}),
+                    port=port,
+                    bus=bus,
+                    address=address,
+                    timeout=timeout,
                 )
             ),
             clock,

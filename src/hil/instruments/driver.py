@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Protocol, runtime_checkable
 
 from hil.clock.port import Clock
+from hil.instruments.safing import LONGEST_REPLY_S
 from hil.model.bench import Clamp, Wire
 from hil.model.errors import ClampExceeded
 from hil.model.identity import Identity
@@ -57,7 +58,17 @@ class Clamps:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Connection:
-    """How a driver reaches its instrument: a port, or a bus and address; the clock; the clamps."""
+    """How a driver reaches its instrument.
+
+    Attributes:
+        device: the instrument's name.
+        clock: the bench's clock.
+        clamps: what its outputs may be told.
+        port: its byte stream, None if it is on a bus.
+        bus: its bus.
+        address: on the bus, or of the unit on a shared line.
+        timeout: how long one of its replies may take [s]; the driver and the guardian keep to the same limit.
+    """
 
     device: str
     clock: Clock
@@ -65,6 +76,7 @@ class Connection:
     port: Port | None = None
     bus: I2cBus | None = None
     address: int = 0
+    timeout: float = LONGEST_REPLY_S
 
 
 class Driver(Protocol):

@@ -155,13 +155,13 @@ class Eurotherm3216Thermal:
         and by a working output of exactly 0 %; a temperature cannot be held to bounds by bytes.
         """
         must_be_state(THERMAL, self._name, state)
-        unit = self._session.unit
+        unit, within_s = self._session.unit, self._session.timeout
         mode = register(_INSTRUMENT_MODE, _STANDBY, unit)
         told = ((_INSTRUMENT_MODE, _STANDBY), (_WORKING_OUTPUT, 0))
         return SafeBytes(
             resync=(SILENCE,),
-            off=(exchange(mode, mode),),
-            proof=tuple(exchange(question(3, at, 1, unit), register_told(value, unit)) for at, value in told),
+            off=(exchange(mode, mode, within_s),),
+            proof=tuple(exchange(question(3, at, 1, unit), register_told(value, unit), within_s) for at, value in told),
         )
 
     def _agree(self) -> None:
@@ -243,7 +243,9 @@ class Eurotherm3216:
             raise Refused(f"{connection.device}: a eurotherm-3216 is reached by a port", "give it `port:`")
         self._connection = connection
         unit = connection.address or _FACTORY_UNIT
-        self._session = ModbusSession(connection.device, connection.port, connection.clock, unit)
+        self._session = ModbusSession(
+            connection.device, connection.port, connection.clock, unit, timeout=connection.timeout
+        )
 
     def identify(self) -> Identity:
         """Read type code and version, hexadecimal numbers that read like the model and V1.11; it reports no more."""

@@ -157,7 +157,7 @@ class KoradOutput:
             if bounds := own_bounds(self._name, proof, quantity):
                 measured = _MEASURED[unit]
                 questions.append((measured.command, b"(" + measured.form.pattern + b")", bounds))
-        return switched_off(tuple(questions))
+        return switched_off(tuple(questions), self._line.timeout)
 
     def _status(self) -> int:
         return self._line.ask(_STATUS)[0]
@@ -208,7 +208,7 @@ class KoradKa3005p:
         if connection.port is None:
             raise Refused(f"{connection.device}: the driver korad-ka3005p needs a port", "give it `port:` and `baud:`")
         self._connection = connection
-        self._line = KoradLine(connection.device, connection.port, connection.clock)
+        self._line = KoradLine(connection.device, connection.port, connection.clock, timeout=connection.timeout)
 
     def identify(self) -> Identity:
         """Ask `*IDN?`; most firmware reports no serial number."""

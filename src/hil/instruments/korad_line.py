@@ -23,10 +23,7 @@ from hil.model.errors import DeviceFault, Garbled, NoReply
 from hil.model.safing import Exchange, SafeBytes
 from hil.wire.port import Port
 
-__all__ = ["LONGEST_S", "KoradLine", "Question", "switched_off"]
-
-LONGEST_S = 0.5
-"""The longest wait for one reply, in seconds."""
+__all__ = ["KoradLine", "Question", "switched_off"]
 
 _SILENCE_S = 0.05  # what the supply needs between commands; no byte may come in it
 _SAFE_SILENCE_S = 0.06
@@ -67,10 +64,12 @@ class KoradLine:
         device: the instrument's name in the bench file, for messages.
         port: the open byte stream.
         clock: the bench's clock.
+        timeout: longest wait for one reply [s].
     """
 
-    def __init__(self, device: str, port: Port, clock: Clock) -> None:
+    def __init__(self, device: str, port: Port, clock: Clock, *, timeout: float = LONGEST_REPLY_S) -> None:
         self._device = device
+        self.timeout = min(timeout, LONGEST_REPLY_S)
         self._port = PacedPort(port, clock, _SILENCE_S)
         self._identification = b""
         self._in_step = True
@@ -158,13 +157,13 @@ class KoradLine:
 
     def _heard(self, command: bytes, width: int) -> bytes:
         """Return what comes until there is silence; fewer bytes than `width` are no reply."""
-        came = self._read(width, LONGEST_S)
+        came = self._read(width, self.timeout)
         came += self._silence() if came else b""
         if len(came) < width:
             what = f"only {came!r} came" if came else "nothing came"
             raise NoReply(
                 self._device,
-                f"asked {command!r}, {what} within {LONGEST_S:g} s",
+                f"asked {command!r}, {what} within {self.timeout:g} s",
                 "check the supply's power and cable, and that its baud is 9600",
             )
         return came
@@ -226,7 +225,7 @@ class KoradLine:
         return NoReply(self._device, f"the port failed: {error}", "check cable and power")
 
 
-def switched_off(questions: tuple[tuple[bytes, bytes, tuple[float, float] | None], ...]) -> SafeBytes:
+def switched_off(questions: tuple[tuple[bytes, bytes, tuple[float, float] | None], ...], within_s: float) -> SafeBytes:
     """Return how the output is switched off by bytes alone.
 
     Only a silence shows where a command ends. So there is one first; and the command leaves twice, for half a command
@@ -234,9 +233,10 @@ def switched_off(questions: tuple[tuple[bytes, bytes, tuple[float, float] | None
 
     Args:
         questions: what is asked, what the reply must be, and the bounds of the number in it, if there is one.
+        within_s: how long a reply may take [s].
     """
     proof = tuple(
-        Exchange(send=command, expect=rb"\A" + reply, within_s=LONGEST_REPLY_S, quiet_s=_SAFE_SILENCE_S, between=bounds)
+        Exchange(send=command, expect=rb"\A" + reply, within_s=within_s, quiet_s=_SAFE_SILENCE_S, between=bounds)
         for command, reply, bounds in ((b"*IDN?", _IDENTIFICATION.pattern, None), *questions)
     )
     off = Exchange(send=b"OUT0", quiet_s=_SAFE_SILENCE_S)

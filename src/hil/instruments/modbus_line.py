@@ -35,7 +35,6 @@ from hil.model.safing import Exchange
 from hil.wire.port import Port
 
 __all__ = [
-    "LONGEST_S",
     "SILENCE",
     "ModbusLine",
     "Reply",
@@ -48,9 +47,6 @@ __all__ = [
     "register",
     "register_told",
 ]
-
-LONGEST_S = 0.5
-"""The longest that one exchange may take, in seconds."""
 
 _QUIET_S = 0.05
 _FRAMER = FramerRTU(DecodePDU(is_server=False))
@@ -176,7 +172,7 @@ class ModbusLine:
         if not gap and not self._port.in_waiting:
             self._quiet_ns = self._clock.now_ns()
             return b""
-        self._port.timeout = min(gap, LONGEST_S)
+        self._port.timeout = min(gap, LONGEST_REPLY_S)
         stray = self._port.read(1)
         if stray:
             stray += self._port.read(self._port.in_waiting)
@@ -186,7 +182,7 @@ class ModbusLine:
     def settle(self) -> None:
         """Let a late reply come and throw it away, so that it answers no later request."""
         self._port.timeout = _QUIET_S
-        deadline = self._clock.now() + LONGEST_S
+        deadline = self._clock.now() + self._timeout
         while self._clock.now() < deadline and self._port.read(1):
             self.discarded += 1 + self._port.in_waiting
             self._port.reset_input_buffer()
@@ -199,11 +195,11 @@ def _understood(data: bytes, unit: int) -> tuple[int, Reply | None]:
     return used, reply
 
 
-def exchange(request: bytes, reply: bytes) -> Exchange:
+def exchange(request: bytes, reply: bytes, within_s: float) -> Exchange:
     """Return the exchange of a request and the one reply to it that is right, as bytes alone.
 
     A silence of 3.5 characters ends whatever frame was begun (Modbus over Serial Line V1.02, 2.5.1.1), and a unit
     throws half a frame away. The reply is compared whole, checksum included, and from the first byte on. So a number in
     a reply cannot be held to bounds, only to a value.
     """
-    return Exchange(send=request, expect=rb"\A" + re.escape(reply), within_s=LONGEST_REPLY_S, quiet_s=_SILENCE_S)
+    return Exchange(send=request, expect=rb"\A" + re.escape(reply), within_s=within_s, quiet_s=_SILENCE_S)

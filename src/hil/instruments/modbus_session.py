@@ -6,11 +6,12 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from hil.clock.port import Clock
-from hil.instruments.modbus_line import LONGEST_S, ModbusLine, Reply, coil, coils, question, register
+from hil.instruments.modbus_line import ModbusLine, Reply, coil, coils, question, register
+from hil.instruments.safing import LONGEST_REPLY_S
 from hil.model.errors import DeviceFault, Garbled, NoReply, Rejected
 from hil.wire.port import Port
 
-__all__ = ["LONGEST_S", "ModbusSession"]
+__all__ = ["ModbusSession"]
 
 _ATTEMPTS = 3
 _IS_EXCEPTION = 0x80
@@ -47,10 +48,10 @@ class ModbusSession:
         timeout: longest wait for one reply in seconds.
     """
 
-    def __init__(self, device: str, port: Port, clock: Clock, unit: int, *, timeout: float = LONGEST_S) -> None:
+    def __init__(self, device: str, port: Port, clock: Clock, unit: int, *, timeout: float = LONGEST_REPLY_S) -> None:
         self._device = device
         self._unit = unit
-        self._timeout = min(timeout, LONGEST_S)
+        self._timeout = min(timeout, LONGEST_REPLY_S)
         self._client = ModbusLine(port, clock, unit, self._timeout)
         self._settled = True
 
@@ -58,6 +59,11 @@ class ModbusSession:
     def unit(self) -> int:
         """The unit's address."""
         return self._unit
+
+    @property
+    def timeout(self) -> float:
+        """Longest wait for one reply [s]."""
+        return self._timeout
 
     @property
     def discarded(self) -> int:

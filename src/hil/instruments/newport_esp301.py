@@ -69,7 +69,7 @@ class NewportEsp301:
         if connection.port is None:
             raise Refused(f"{connection.device}: a newport-esp301 is reached by a port", "give it `port:`")
         self._connection = connection
-        self._session = EspSession(connection.device, connection.port, connection.clock)
+        self._session = EspSession(connection.device, connection.port, connection.clock, timeout=connection.timeout)
 
     def identify(self) -> Identity:
         """Ask the controller for its version, and the first axis for its stage, whose serial number counts."""
@@ -262,7 +262,7 @@ class Table:
         Standstill is always asked of the encoder; a rate also of the controller, which may report what it commands.
         """
         must_be_state(ROTATION_TABLE, self._name, state)
-        return stopped(self._axis, own_bounds(self._name, proof, "rate"))
+        return stopped(self._axis, own_bounds(self._name, proof, "rate"), self._session.timeout)
 
     def _look(self) -> Reading:
         """Take a reading; a table that is about to leave its turns is stopped."""

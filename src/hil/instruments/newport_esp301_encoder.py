@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from hil.clock.port import Clock
 from hil.instruments.newport_esp301_session import EspSession, as_decimal
-from hil.instruments.safing import LONGEST_REPLY_S, NUMBER
+from hil.instruments.safing import NUMBER
 from hil.model.figure import Figure
 from hil.model.safing import Exchange, SafeBytes
 
@@ -103,7 +103,7 @@ def _as_step(reply: str) -> float:
     return step
 
 
-def stopped(axis: int, rate: tuple[float, float] | None) -> SafeBytes:
+def stopped(axis: int, rate: tuple[float, float] | None, within_s: float) -> SafeBytes:
     """Return the bytes that stop one axis, and show that the table stands still.
 
     A killed program may have left half a line, and a carriage return would let the controller execute it: `1MV+` begins
@@ -121,10 +121,12 @@ def stopped(axis: int, rate: tuple[float, float] | None) -> SafeBytes:
     Args:
         axis: its number.
         rate: bounds of the velocity that the controller reports [deg/s], None if it is not to be asked.
+        within_s: how long a reply may take [s].
     """
-    asked = [_asked("VE?", _VERSION), _asked(f"{axis}MD?", rb"\A *1" + _END), _asked(*_standing(axis))]
+    questions = [("VE?", _VERSION), (f"{axis}MD?", rb"\A *1" + _END), _standing(axis)]
+    asked = [_asked(*question, within_s) for question in questions]
     if rate is not None:
-        asked.append(_asked(f"{axis}TV?", rb"\A *" + NUMBER + _END, rate))
+        asked.append(_asked(f"{axis}TV?", rb"\A *" + NUMBER + _END, within_s, rate))
     return SafeBytes(
         resync=(Exchange(send=b"VE?\r", quiet_s=_GAP_S),),
         off=(Exchange(send=b"%dST\r" % axis), Exchange(send=b"%dMF\r" % axis)),
@@ -140,11 +142,11 @@ def _standing(axis: int) -> tuple[str, bytes]:
     return questions, replies
 
 
-def _asked(question: str, reply: bytes, between: tuple[float, float] | None = None) -> Exchange:
+def _asked(question: str, reply: bytes, within_s: float, between: tuple[float, float] | None = None) -> Exchange:
     return Exchange(
         send=question.encode("ascii") + b"\r",
         expect=reply,
-        within_s=LONGEST_REPLY_S,
+        within_s=within_s,
         quiet_s=_GAP_S,
         between=between,
     )

@@ -15,13 +15,11 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from hil.clock.port import Clock
+from hil.instruments.safing import LONGEST_REPLY_S
 from hil.model.errors import DeviceFault, Garbled, NoReply, Rejected
 from hil.wire.port import Port
 
-__all__ = ["LONGEST_S", "EspSession", "Exchange", "as_code", "as_decimal", "as_flag", "as_words"]
-
-LONGEST_S = 0.5
-"""The longest that one exchange may take, in seconds."""
+__all__ = ["EspSession", "Exchange", "as_code", "as_decimal", "as_flag", "as_words"]
 
 _ATTEMPTS = 3
 _QUIET_S = 0.05
@@ -64,9 +62,11 @@ class EspSession:
         device: the instrument's name in the bench file, for messages.
         port: the open byte stream.
         clock: the bench's clock.
+        timeout: longest wait for one reply [s].
     """
 
-    def __init__(self, device: str, port: Port, clock: Clock) -> None:
+    def __init__(self, device: str, port: Port, clock: Clock, *, timeout: float = LONGEST_REPLY_S) -> None:
+        self.timeout = min(timeout, LONGEST_REPLY_S)
         self._device = device
         self._port = port
         self._clock = clock
@@ -204,7 +204,7 @@ class EspSession:
     def _settle(self) -> None:
         """Throw away what is owed; before the controller's time is known, only a long silence proves that it is all."""
         gap = _QUIET_S if self._reference is not None else _UNKNOWN_QUIET_S
-        deadline = self._clock.now() + 2 * LONGEST_S
+        deadline = self._clock.now() + 2 * self.timeout
         try:
             self._port.timeout = gap
             while (stray := self._port.read(1)) and self._clock.now() < deadline:
@@ -232,7 +232,7 @@ class EspSession:
 
     def _write(self, text: str) -> None:
         try:
-            self._port.timeout = LONGEST_S
+            self._port.timeout = self.timeout
             self._port.write(text.encode("ascii") + b"\r")
         except OSError as error:
             raise self._dead_port(text, error) from error
@@ -246,7 +246,7 @@ class EspSession:
             came = f"only {line!r} came" if line else "nothing came"
             raise NoReply(
                 self._device,
-                f"asked `{command}`, {came} within {LONGEST_S:g} s",
+                f"asked `{command}`, {came} within {self.timeout:g} s",
                 "check the controller's power, its cable and its speed",
             )
         return line.removesuffix(_END).decode("ascii", errors="backslashreplace").strip()

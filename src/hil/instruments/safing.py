@@ -9,8 +9,8 @@ from hil.model.errors import Refused
 
 __all__ = ["LONGEST_REPLY_S", "NUMBER", "must_be_state", "own_bounds"]
 
-LONGEST_REPLY_S = 0.3
-"""How long a reply is waited for that most instruments give within a tenth of it."""
+LONGEST_REPLY_S = 0.5
+"""How long a reply is waited for where the bench file does not say it: the longest that one transaction may take."""
 
 NUMBER = rb"([+-]?(?:\d+\.?\d*|\.\d+)(?:[Ee][+-]?\d+)?)"
 """A decimal number, as a group."""

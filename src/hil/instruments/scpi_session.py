@@ -20,11 +20,11 @@ import re
 from collections.abc import Callable
 from typing import TypeVar
 
+from hil.instruments.safing import LONGEST_REPLY_S
 from hil.model.errors import DeviceFault, Garbled, NoReply, Rejected
 from hil.wire.port import Port
 
 __all__ = [
-    "LONGEST_S",
     "ClosedSession",
     "ScpiSession",
     "as_identification",
@@ -33,9 +33,6 @@ __all__ = [
     "as_switch",
     "as_text",
 ]
-
-LONGEST_S = 0.5
-"""The longest that one exchange may take, in seconds."""
 
 _ATTEMPTS = 3
 _LONGEST_ERROR_QUEUE = 32
@@ -70,20 +67,25 @@ class ScpiSession:
         port: Port,
         *,
         terminator: bytes = b"\n",
-        timeout: float = LONGEST_S,
+        timeout: float = LONGEST_REPLY_S,
         error_query: str = "SYST:ERR?",
         framed: bool = False,
     ) -> None:
         self._device = device
         self._port = port
         self._terminator = terminator
-        self._timeout = min(timeout, LONGEST_S)
+        self._timeout = min(timeout, LONGEST_REPLY_S)
         self._error_query = error_query
         self._framed = framed
         self._frame = ""
         self._in_step = True
         self._queue_known = False
         self._discarded = 0
+
+    @property
+    def timeout(self) -> float:
+        """Longest wait for one reply [s]."""
+        return self._timeout
 
     @property
     def discarded(self) -> int:

@@ -12,7 +12,7 @@ from hil.instruments.driver import OVER_VOLTAGE_LEVEL, Clamps, Connection, Outle
 from hil.instruments.marks import drives, reads
 from hil.instruments.pacing import PacedPort
 from hil.instruments.roles import SUPPLY
-from hil.instruments.safing import LONGEST_REPLY_S, NUMBER, must_be_state, own_bounds
+from hil.instruments.safing import NUMBER, must_be_state, own_bounds
 from hil.instruments.scpi_session import ClosedSession, ScpiSession, as_number, as_register, as_switch
 from hil.model.bench import Proof, Wire
 from hil.model.errors import Refused, Rejected
@@ -230,9 +230,7 @@ class ScpiOutput:
         for quantity, question in (("voltage", dialect.measure_voltage), ("current", dialect.measure_current)):
             if bounds := own_bounds(self._name, proof, quantity):
                 questions.append((self._filled(question), NUMBER, bounds))
-        return _switched_off(
-            self._filled(dialect.switch_off), tuple(questions), framed=dialect.framed, pause_s=dialect.pause_s
-        )
+        return _switched_off(self._filled(dialect.switch_off), tuple(questions), dialect, self._session.timeout)
 
     def _must_not_have_tripped(self) -> None:
         for quantity, protection, _ in self._levels:
@@ -306,7 +304,13 @@ class ScpiSupply:
         self._connection = connection
         paced = PacedPort(port, connection.clock, dialect.pause_s) if dialect.pause_s else port
         session = ScpiSession if dialect.framed else ClosedSession
-        self._session = session(connection.device, paced, error_query=dialect.error_query, framed=dialect.framed)
+        self._session = session(
+            connection.device,
+            paced,
+            timeout=connection.timeout,
+            error_query=dialect.error_query,
+            framed=dialect.framed,
+        )
 
     def identify(self) -> Identity:
         """Ask `*IDN?`."""
@@ -341,9 +345,8 @@ class ScpiSupply:
 def _switched_off(
     off: str,
     questions: tuple[tuple[str, bytes, tuple[float, float] | None], ...],
-    *,
-    framed: bool,
-    pause_s: float,
+    dialect: Dialect,
+    within_s: float,
 ) -> SafeBytes:
     """Return how an output is made safe by bytes alone.
 
@@ -357,15 +360,15 @@ def _switched_off(
     Args:
         off: the command.
         questions: what is asked, what the reply must be, and the bounds of the number in it, if there is one.
-        framed: whether a question may stand in a line with `*IDN?`; see `ScpiSession`.
-        pause_s: what the instrument needs between lines [s].
+        dialect: says whether a question may stand in a line with `*IDN?` (see `ScpiSession`), and the pause after one.
+        within_s: how long a reply may take [s].
     """
-    quiet_s = _GAP_S + pause_s
+    quiet_s, framed = _GAP_S + dialect.pause_s, dialect.framed
     asked = [
         Exchange(
             send=_bytes_of(f"{_IDENTIFY};{'' if question.startswith(':') else ':'}{question}" if framed else question),
             expect=rb"\A" + (_IDENTIFICATION + rb";" if framed else b"") + reply + rb"\r?\n",
-            within_s=LONGEST_REPLY_S,
+            within_s=within_s,
             quiet_s=quiet_s,
             between=bounds,
         )
@@ -374,7 +377,7 @@ def _switched_off(
     nothing_owed = Exchange(
         send=_bytes_of(_IDENTIFY),
         expect=rb"(?:\A|\n)" + _IDENTIFICATION + rb"\r?\n",
-        within_s=LONGEST_REPLY_S,
+        within_s=within_s,
         quiet_s=quiet_s,
     )
     return SafeBytes(

@@ -80,11 +80,11 @@ class WaveshareRelays:
         The proof is the board's own idea of its relays: no byte of it shows a contact that is welded.
         """
         must_be_state(RELAYS, self._name, state)
-        unit, released = self._session.unit, [False] * _RELAYS
+        unit, within_s, released = self._session.unit, self._session.timeout, [False] * _RELAYS
         return SafeBytes(
             resync=(SILENCE,),
-            off=(exchange(coils(0, released, unit), coils_taken(0, _RELAYS, unit)),),
-            proof=(exchange(question(1, 0, _RELAYS, unit), coils_told(released, unit)),),
+            off=(exchange(coils(0, released, unit), coils_taken(0, _RELAYS, unit), within_s),),
+            proof=(exchange(question(1, 0, _RELAYS, unit), coils_told(released, unit), within_s),),
         )
 
     def _switch(self, coil: int, *, on: bool) -> None:
@@ -147,7 +147,9 @@ class WaveshareRelay:
             raise Refused(f"{connection.device}: a waveshare-relay is reached by a port", "give it `port:`")
         self._connection = connection
         unit = connection.address or _FACTORY_UNIT
-        self._session = ModbusSession(connection.device, connection.port, connection.clock, unit)
+        self._session = ModbusSession(
+            connection.device, connection.port, connection.clock, unit, timeout=connection.timeout
+        )
 
     def identify(self) -> Identity:
         """Read the version register, the only thing the board says of itself.

@@ -23,6 +23,7 @@ BANNER_S = 2.5
 
 _STATUS_S = 5.5
 _PIECE_S = 0.5
+_LEAST_S = 1e-9  # a difference of times may be less by rounding, and no clock would get past it
 MOST_BYTES = 4096
 """What the buffer of a line holds."""
 
@@ -160,7 +161,7 @@ class Hearing:
     def listen(self, seconds: float, done: Callable[[], bool]) -> None:
         """Take what comes until it is done, or the time is over."""
         until = self.clock.now() + seconds
-        while not done() and (left := until - self.clock.now()) > 0:
+        while not done() and (left := until - self.clock.now()) >= _LEAST_S:
             self._port.timeout = min(left, _PIECE_S)
             data = self._port.read(1)
             if data and (more := self._port.in_waiting):

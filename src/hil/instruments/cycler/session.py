@@ -11,12 +11,13 @@ from hil.clock.port import Clock
 from hil.instruments.cycler.hearing import FIRMWARE, Hearing
 from hil.instruments.cycler.lines import Banner, Reading, fields_of, seal
 from hil.instruments.cycler.numbered import NumberedLines
+from hil.instruments.safing import LONGEST_REPLY_S
 from hil.model.errors import Garbled, NoReply, Rejected
 from hil.wire.port import Port
 
 __all__ = ["CyclerSession", "Status", "drift_between", "refusal"]
 
-_WAIT_S = 1.0
+_LINES_S = 0.5  # three long lines of 140 bytes at 9600 baud: two that may leave first, and the reply
 _ATTEMPTS = 3
 _LAST_TAG = 65_535
 _SEAL_AND_END = 7
@@ -40,14 +41,22 @@ _BYTE_S = 10 / 9600
 class CyclerSession(Hearing):
     """The host's end of the line, with one command outstanding at a time. See `Hearing`.
 
+    Args:
+        device: the instrument's name in the bench file, for messages.
+        port: the open byte stream.
+        clock: the bench's clock.
+        timeout: how long a reply may take to begin on a free line [s].
+
     Attributes:
+        within_s: longest wait for one reply [s], lines that leave before it included.
         tag: of the last command.
         sent_bytes: of the last command.
         reply_bytes: of its reply.
     """
 
-    def __init__(self, device: str, port: Port, clock: Clock) -> None:
+    def __init__(self, device: str, port: Port, clock: Clock, *, timeout: float = LONGEST_REPLY_S) -> None:
         super().__init__(device, port, clock)
+        self.within_s = min(timeout, LONGEST_REPLY_S) + _LINES_S
         self.tag = 0
         self.sent_bytes = 0
         self.reply_bytes = 0
@@ -69,12 +78,12 @@ class CyclerSession(Hearing):
         """
         damaged = self.numbered().damaged
         if self._prefix:
-            self.listen(_WAIT_S, lambda: self.answer() is not None)
+            self.listen(self.within_s, lambda: self.answer() is not None)
         self.send(command)
         for attempt in range(_ATTEMPTS):
             if attempt:
                 self.send_again()
-            self.listen(_WAIT_S, lambda: self.answer() is not None)
+            self.listen(self.within_s, lambda: self.answer() is not None)
             if (words := self.answer()) is not None:
                 return self.judged(command, words)
         self.in_step = False

@@ -29,7 +29,6 @@ from hil.model.safing import Exchange, SafeBytes
 
 __all__ = ["BatteryCycler", "BatteryTester", "stopped"]
 
-_WITHIN_S = 0.6  # a reply's last byte within 0.3 s, and two long lines of 140 bytes that may leave first
 _OVER = rb"(?:IDLE|ENDED|STOPPED|TRIPPED)"
 _SEAL = rb"\*[0-9A-F]{4}\r\n"
 _FIELDS = {"voltage": b"v", "current": b"i", "temperature": b"t"}
@@ -41,7 +40,7 @@ _FILLED_S = MOST_BYTES / _LONGEST_LINE * LINE_S
 _TURNS_PER_BEAT = 6  # due after a third of it, sent in the next turn, seen to be lost in the one after
 
 
-def stopped(name: str, proof: Proof | None) -> SafeBytes:
+def stopped(name: str, proof: Proof | None, within_s: float) -> SafeBytes:
     """Return the bytes that open both relays and end a test, and ask for state, relays and what is measured.
 
     Tag 0 is for a sender that does not know what was said before. A killed program may have left a START without its
@@ -51,6 +50,7 @@ def stopped(name: str, proof: Proof | None) -> SafeBytes:
     Args:
         name: of the role instance.
         proof: how the bench file proves it; voltage, current and temperature of this cycler are asked for.
+        within_s: how long a reply may take [s].
     """
     question, command = seal(":0 STATE"), seal(":0 STOP")
     fields = dict.fromkeys((b"v", b"i", b"e", b"t"), rb"\S+")
@@ -63,8 +63,8 @@ def stopped(name: str, proof: Proof | None) -> SafeBytes:
     done = rb"(?:\A|\n):0 OK state=" + _OVER + _SEAL
     return SafeBytes(
         resync=(Exchange(send=question),),
-        off=(Exchange(send=b"\n" + command, expect=done, within_s=_WITHIN_S),),
-        proof=(Exchange(send=b"\n" + question, expect=told, within_s=_WITHIN_S, between=between),),
+        off=(Exchange(send=b"\n" + command, expect=done, within_s=within_s),),
+        proof=(Exchange(send=b"\n" + question, expect=told, within_s=within_s, between=between),),
     )
 
 
@@ -153,7 +153,7 @@ class BatteryTester:
                 f"{self._name}: {self._session.device} {why}: no byte stops it, and any byte may start its test",
                 "identify it first" if told is None else "only a reset stops it; let supply and load be its cut paths",
             )
-        return stopped(self._name, proof)
+        return stopped(self._name, proof, self._session.within_s)
 
     @reads
     def state(self) -> str:
@@ -304,7 +304,7 @@ class BatteryCycler:
     def __init__(self, connection: Connection) -> None:
         if connection.port is None:
             raise Refused(f"{connection.device}: a cycler is reached by a serial port", "give it `port:`")
-        self._session = CyclerSession(connection.device, connection.port, connection.clock)
+        self._session = CyclerSession(connection.device, connection.port, connection.clock, timeout=connection.timeout)
 
     def opened_anew(self) -> None:
         """Forget what the line has said: the opening resets most devices, and a test that ran is over."""
