@@ -13,6 +13,7 @@ from hil.clock.live import LiveClock
 from hil.clock.port import Clock
 from hil.instruments.driver import Connection, Driver, OpenedAnew, ServesBus
 from hil.instruments.registry import DRIVERS
+from hil.instruments.safing import LONGEST_REPLY_S
 from hil.model.bench import BenchSpec, InstrumentSpec
 from hil.model.errors import Refused
 from hil.model.identity import Source
@@ -175,6 +176,8 @@ def _connect(bench: BoundBench, instrument: InstrumentSpec) -> Connection:
         port=None if instrument.bus else _port(bench, instrument),
         bus=_bus(bench, instrument) if instrument.bus else None,
         address=instrument.address,
+        timeout=instrument.timeout_s or LONGEST_REPLY_S,
+        terminator=instrument.line_end,
     )
 
 

@@ -163,8 +163,9 @@ def _open(spec: BenchSpec, reach: Reach, *, by_force: bool = False) -> dict[str,
     ends: dict[str, Any] = {}
     try:
         for name, url in reach.ports.items():
-            baud = spec.instrument(name).baud
-            ends[name] = end(name, partial(LiveStream, name, url, baud, alone=not by_force))
+            item = spec.instrument(name)
+            line = item.serial_line if reach.source is Source.HARDWARE else None  # a pseudo-terminal has no such thing
+            ends[name] = end(name, partial(LiveStream, name, url, item.baud, line, alone=not by_force))
         for name, path in reach.buses.items():
             ends[name] = end(name, partial(hardware_bus, name, path))
     except BaseException:

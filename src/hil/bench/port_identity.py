@@ -1,4 +1,4 @@
-"""Which USB device a serial port is, by what the operating system says: before the port is opened, without a byte."""
+"""Which device a serial port is, by what the operating system says: before the port is opened, without a byte."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Protocol
 
 from hil.bench.gate import Gate
-from hil.model.bench import BenchSpec, InstrumentSpec, UsbPort
+from hil.bench.onboard import Uart, difference, uart_at
+from hil.model.bench import BenchSpec, InstrumentSpec, OnboardPort, UsbPort
 from hil.model.errors import Refused
-from hil.wire.opening import url_of_resource
+from hil.wire.opening import PortKind, kind_of, url_of_resource
 
 __all__ = ["ListedPort", "WrongPort", "check_port", "is_serial_device", "listed_ports", "port_gates"]
 
@@ -49,7 +50,7 @@ def listed_ports() -> list[ListedPort]:
 
 def is_serial_device(instrument: InstrumentSpec) -> bool:
     """Return whether an instrument is at a serial device of this computer, which may be another one after a replug."""
-    return bool(instrument.port) and url_of_resource(instrument.port).startswith("/dev/")
+    return bool(instrument.port) and kind_of(instrument.port) is PortKind.SERIAL
 
 
 def port_gates(
@@ -78,6 +79,12 @@ def check_port(
     """
     name = f"port of {instrument.name}"
     device = real_path(url_of_resource(instrument.port))
+    uart = uart_at(device)
+    if instrument.onboard is not None:
+        return _onboard_gate(name, instrument.port, device, instrument.onboard, uart)
+    if uart is not None:
+        detail = f"{device} is no USB device; write '{uart.written}' so that it is never taken for another"
+        return Gate(name, ok=False, detail=detail)
     ports = list(listed_ports() if ports is None else ports)
     found = next((port for port in ports if real_path(port.device) == device), None)
     if found is None:
@@ -88,6 +95,13 @@ def check_port(
         return Gate(name, ok=False, detail=detail)
     problem = _difference(instrument.usb, found, ports, real_path)
     return Gate(name, ok=not problem, detail=problem or f"{device} is {_spoken(found)}")
+
+
+def _onboard_gate(name: str, port: str, device: str, expected: OnboardPort, found: Uart | None) -> Gate:
+    if found is None:
+        return Gate(name, ok=False, detail=f"at {port} there is no UART of this computer's own")
+    problem = difference(expected, found)
+    return Gate(name, ok=not problem, detail=problem or f"{device} is {found.devices[0]}, driver {found.driver}")
 
 
 def _difference(usb: UsbPort, found: ListedPort, ports: Iterable[ListedPort], real_path: Callable[[str], str]) -> str:

@@ -9,6 +9,7 @@ from dataclasses import asdict
 from typing import Any
 
 from hil.model.safing import Exchange, GuardedOutput, GuardedPort, GuardPlan, SafeBytes
+from hil.model.serial_line import Rs485, SerialLine
 
 __all__ = ["every_exchange", "read_plan", "seconds_of", "written_plan"]
 
@@ -29,7 +30,7 @@ def read_plan(data: bytes) -> GuardPlan:
     plan = GuardPlan(
         bench=told["bench"],
         run=told["run"],
-        ports=tuple(GuardedPort(**port) for port in told["ports"]),
+        ports=tuple(_port(port) for port in told["ports"]),
         outputs=tuple(_output(output) for output in told["outputs"]),
         hang_s=told["hang_s"],
         latches=tuple(told["latches"]),
@@ -52,6 +53,12 @@ def every_exchange(code: SafeBytes) -> tuple[Exchange, ...]:
 def seconds_of(exchanges: Iterable[Exchange]) -> float:
     """Return the longest time that exchanges may take [s]: no silence, bytes not taken, and no reply."""
     return sum(each.quiet_s + 3 * each.within_s for each in exchanges)
+
+
+def _port(told: Mapping[str, Any]) -> GuardedPort:
+    line = told["line"]
+    rs485 = None if line["rs485"] is None else Rs485(**line["rs485"])
+    return GuardedPort(**{**told, "line": SerialLine(**{**line, "rs485": rs485})})
 
 
 def _output(told: Mapping[str, Any]) -> GuardedOutput:

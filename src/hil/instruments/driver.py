@@ -15,7 +15,24 @@ from hil.model.identity import Identity
 from hil.wire.port import I2cBus, Port
 from hil.wire.streaming import StreamingBus
 
-__all__ = ["OVER_VOLTAGE_LEVEL", "Clamps", "Connection", "Driver", "OpenedAnew", "Outlet", "ServesBus", "offers"]
+__all__ = [
+    "ANY_BYTE",
+    "OVER_VOLTAGE_LEVEL",
+    "TERMINATED",
+    "Clamps",
+    "Connection",
+    "Driver",
+    "OpenedAnew",
+    "Outlet",
+    "ServesBus",
+    "offers",
+]
+
+ANY_BYTE = "any-byte"
+"""A capability: a protocol in which every value of a byte occurs, so that a line may keep none for itself."""
+
+TERMINATED = "terminated"
+"""A capability: lines of text, and the bench file may say what ends them."""
 
 OVER_VOLTAGE_LEVEL = "over-voltage-level"
 """A capability: a supply whose over-voltage protection has a level of its own, apart from the voltage that is set."""
@@ -68,6 +85,7 @@ class Connection:
         bus: its bus.
         address: on the bus, or of the unit on a shared line.
         timeout: how long one of its replies may take [s]; the driver and the guardian keep to the same limit.
+        terminator: what ends a line, where the bench file says it; drivers that offer `TERMINATED` look at it.
     """
 
     device: str
@@ -77,6 +95,7 @@ class Connection:
     bus: I2cBus | None = None
     address: int = 0
     timeout: float = LONGEST_REPLY_S
+    terminator: bytes = b""
 
 
 class Driver(Protocol):

@@ -19,7 +19,7 @@ from typing import Annotated, ClassVar
 
 from hil.clock.port import Clock
 from hil.instruments import settings
-from hil.instruments.driver import Clamps, Connection, Outlet
+from hil.instruments.driver import ANY_BYTE, Clamps, Connection, Outlet
 from hil.instruments.marks import drives, reads
 from hil.instruments.modbus_line import SILENCE, exchange, question, register, register_told
 from hil.instruments.modbus_session import ModbusSession
@@ -237,6 +237,7 @@ class Eurotherm3216:
     """
 
     roles: ClassVar[frozenset[str]] = frozenset({"thermal"})
+    capabilities: ClassVar[frozenset[str]] = frozenset({ANY_BYTE})
 
     def __init__(self, connection: Connection) -> None:
         if connection.port is None:

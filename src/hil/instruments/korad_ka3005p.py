@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from hil.instruments import settings
-from hil.instruments.driver import Connection, Outlet
+from hil.instruments.driver import ANY_BYTE, Connection, Outlet
 from hil.instruments.korad_line import KoradLine, Question, switched_off
 from hil.instruments.marks import drives, reads
 from hil.instruments.roles import SUPPLY, Supply
@@ -202,7 +202,7 @@ class KoradKa3005p:
     """
 
     roles: ClassVar[frozenset[str]] = frozenset({"supply"})
-    capabilities: ClassVar[frozenset[str]] = frozenset()
+    capabilities: ClassVar[frozenset[str]] = frozenset({ANY_BYTE})
 
     def __init__(self, connection: Connection) -> None:
         if connection.port is None:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
 from hil.instruments import settings
-from hil.instruments.driver import Connection, Outlet
+from hil.instruments.driver import ANY_BYTE, Connection, Outlet
 from hil.instruments.marks import drives, reads
 from hil.instruments.modbus_line import SILENCE, coils, coils_taken, coils_told, exchange, question
 from hil.instruments.modbus_session import ModbusSession
@@ -141,6 +141,7 @@ class WaveshareRelay:
     """
 
     roles: ClassVar[frozenset[str]] = frozenset({"relays"})
+    capabilities: ClassVar[frozenset[str]] = frozenset({ANY_BYTE})
 
     def __init__(self, connection: Connection) -> None:
         if connection.port is None:

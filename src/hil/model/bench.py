@@ -25,11 +25,14 @@ from hil.model.notation import (
     Text,
     matching,
     number,
+    one_of,
     seconds,
     whole,
 )
+from hil.model.serial_line import SerialLine
 
 __all__ = [
+    "TERMINATORS",
     "BenchHead",
     "BenchSpec",
     "Bounds",
@@ -38,6 +41,7 @@ __all__ = [
     "Calibration",
     "Clamp",
     "InstrumentSpec",
+    "OnboardPort",
     "PeerSpec",
     "PlantSpec",
     "Position",
@@ -54,6 +58,9 @@ __all__ = [
 _DATE = r"\d{4}-(0[1-9]|1[0-2])-(0[1-9]|[12]\d|3[01])"
 _EPOCH = rf"{_DATE}T([01]\d|2[0-3]):[0-5]\d:[0-5]\dZ"
 _Count = Annotated[int, whole(0)]
+
+TERMINATORS = {"LF": b"\n", "CR": b"\r", "CR LF": b"\r\n"}
+"""What a line of text can end with, as the bench file writes it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,11 +122,31 @@ class UsbPort:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class OnboardPort:
+    """Which UART of this computer's own a serial port must be, by what the kernel says of it in sysfs.
+
+    Attributes:
+        device: its hardware, a folder on the path to which `/sys/class/tty/NAME/device` leads: `fe201000.serial`.
+        driver: the kernel's driver of it, such as `uart-pl011`; compared only where it is given.
+        at: its first address, such as `0x2f8`; for cards with several ports.
+    """
+
+    device: Text
+    driver: AnyText = ""
+    at: Annotated[str, matching("0x[0-9a-fA-F]{1,16}", "an address such as 0x2f8, in quotes")] = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentSpec:
     """One instrument: its driver, where it is, who it must be, what it may do.
 
     Either `port` (a URL for pyserial) or `bus` and `address` (I2C) is set. `powered_by` names the
-    output that feeds it, empty if it has power of its own. `usb` says which device a serial port must be.
+    output that feeds it, empty if it has power of its own. `usb`, or `onboard` where it is no USB device, says which
+    device a serial port must be. `serial_line` is how that is set.
+
+    Attributes:
+        terminator: what ends a line of text, both ways; empty for what the driver takes by itself.
+        timeout_s: how long a reply may take [s]; 0 for what the driver takes by itself.
     """
 
     name: str = field(default="", metadata=NAMED)
@@ -134,6 +161,15 @@ class InstrumentSpec:
     calibration: Calibration | None = None
     dut: Flag = False
     usb: UsbPort | None = None
+    onboard: OnboardPort | None = None
+    serial_line: SerialLine | None = None
+    terminator: Annotated[str, one_of(*TERMINATORS)] = ""
+    timeout_s: Annotated[float, seconds(above=0.0)] = field(default=0.0, metadata={"alias": "timeout"})
+
+    @property
+    def line_end(self) -> bytes:
+        """The bytes of `terminator`, none where the driver takes its own."""
+        return TERMINATORS.get(self.terminator, b"")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

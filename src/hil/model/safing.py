@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from hil.model.serial_line import SerialLine
 
 __all__ = ["Exchange", "GuardPlan", "GuardedOutput", "GuardedPort", "SafeBytes"]
 
@@ -52,11 +54,13 @@ class GuardedPort:
         url: a path of a serial device, or `socket://host:port`; empty if it must not be reopened, such as that
             of a board which a rising DTR resets.
         baud: of a serial device.
+        line: how a serial device is set.
     """
 
     device: str
     url: str = ""
     baud: int = 0
+    line: SerialLine = field(default_factory=SerialLine)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,9 +8,13 @@ import termios
 from typing import Any
 
 import serial
+from serial.rs485 import RS485Settings
 
 from hil.clock import wall
+from hil.guardian.ports.line import must_have_taken
 from hil.model.errors import NoReply, Refused
+from hil.model.serial_line import Rs485, SerialLine
+from hil.wire.obstacles import obstacle
 from hil.wire.opening import NETWORK, url_of_resource, why_not_opened
 from hil.wire.tap import LONGEST_TRANSACTION
 
@@ -26,6 +30,7 @@ class LiveStream:
         device: the instrument's name.
         url: a path, a URL of pyserial, or a VISA resource name.
         baud: of a serial line, 9600 where it is 0.
+        line: how a serial line is set.
         alone: whether no other process may have it open.
 
     Raises:
@@ -33,20 +38,49 @@ class LiveStream:
         Refused: for a URL whose scheme is never opened.
     """
 
-    def __init__(self, device: str, url: str, baud: int = 0, *, alone: bool = True) -> None:
+    def __init__(
+        self, device: str, url: str, baud: int = 0, line: SerialLine | None = None, *, alone: bool = True
+    ) -> None:
         where = url_of_resource(url)
         scheme, is_url, _ = where.partition("://")
         if is_url and scheme not in NETWORK:
             why = why_not_opened(url) or f"{url} leads to nothing outside this process"
             raise Refused(f"{device}: {why}", "correct its port in the bench file")
-        options: dict[str, Any] = {} if "://" in where else {"exclusive": alone}
+        options: dict[str, Any] = {} if "://" in where else {"exclusive": alone, **_settings(line or SerialLine())}
         try:
             self._serial = serial.serial_for_url(
                 where, baudrate=baud or 9600, timeout=0.0, write_timeout=LONGEST_TRANSACTION, **options
             )
-        except (serial.SerialException, OSError, ValueError) as error:
-            hint = "check cable, power and the bench file"
-            raise NoReply(device, f"{where} cannot be opened ({error})", hint) from error
+            if line is not None and not is_url:
+                self._must_be_set(line)
+        except (serial.SerialException, termios.error, OSError, ValueError) as error:
+            why, hint = obstacle(where, error)
+            raise NoReply(device, f"{where} cannot be opened: {why}", hint) from error
+
+    def _must_be_set(self, line: SerialLine) -> None:
+        """Close a device again that does not take the settings: with others nothing, or something else, is heard."""
+        try:
+            must_have_taken(self.fileno(), line)
+            if line.rs485 is not None:
+                self._switch_direction(line.rs485)
+        except OSError:
+            self._serial.close()
+            raise
+
+    def _switch_direction(self, rs485: Rs485) -> None:
+        try:
+            self._serial.rs485_mode = RS485Settings(
+                rts_level_for_tx=rs485.rts_on_send,
+                rts_level_for_rx=not rs485.rts_on_send,
+                loopback=rs485.hears_itself,
+                delay_before_tx=rs485.before_s,
+                delay_before_rx=rs485.after_s,
+            )
+        except ValueError as error:
+            raise OSError(
+                f"its driver does not switch the direction of an RS-485 line ({error}): leave out 'rs485' where the"
+                " converter does so by itself"
+            ) from error
 
     def fileno(self) -> int:
         """Return the descriptor; a process that gets a copy of it need not open the port."""
@@ -93,3 +127,14 @@ class LiveStream:
     def discard(self) -> None:
         """Throw received bytes away."""
         self._serial.reset_input_buffer()
+
+
+def _settings(line: SerialLine) -> dict[str, Any]:
+    """Return a line's settings as pyserial names them."""
+    return {
+        "bytesize": line.data_bits,
+        "parity": line.parity[0].upper(),
+        "stopbits": float(line.stop_bits),
+        "rtscts": line.flow == "rts/cts",
+        "xonxoff": line.flow == "xon/xoff",
+    }

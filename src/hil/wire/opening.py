@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import posixpath
 import re
+from enum import StrEnum
 
 import serial
 
@@ -16,7 +17,16 @@ from hil.wire.protocols import UrlPort
 from hil.wire.tap import LONGEST_TRANSACTION, TappedBus, TappedPort
 from hil.wire.transcript import Transcript
 
-__all__ = ["NETWORK", "hardware_bus", "open_bus", "open_port", "url_of_resource", "why_not_opened"]
+__all__ = [
+    "NETWORK",
+    "PortKind",
+    "hardware_bus",
+    "kind_of",
+    "open_bus",
+    "open_port",
+    "url_of_resource",
+    "why_not_opened",
+]
 
 NETWORK = ("socket", "rfc2217")
 """Schemes of ports that lie on a network. Who answers there is known only by what it says."""
@@ -25,6 +35,40 @@ _PROTOCOLS = "hil.wire.protocols"
 _NETWORK_PLACE = re.compile(r"(\[[0-9A-Fa-f:.]+(%\w+)?\]|[^\s:/?#@\[\]]+):\d{1,5}")
 _VISA_SERIAL = re.compile(r"^ASRL(?P<port>.+?)(::INSTR)?$", re.IGNORECASE)
 _VISA_SOCKET = re.compile(r"^TCPIP\d*::(?P<host>[^:]+)::(?P<port>\d+)::SOCKET$", re.IGNORECASE)
+_VISA_USB = re.compile(r"^USB\d*::", re.IGNORECASE)
+_VISA_HISLIP = re.compile(r"^TCPIP\d*::[^:]+::hislip\d*(,\d+)?(::INSTR)?$", re.IGNORECASE)
+_VISA_VXI11 = re.compile(r"^TCPIP\d*::[^:]+(::(?!hislip|\d)[^:]+)?(::INSTR)?$", re.IGNORECASE)
+
+
+class PortKind(StrEnum):
+    """What kind of port a bench file names."""
+
+    SERIAL = "serial device"
+    RFC2217 = "rfc2217"
+    SOCKET = "socket"
+    USBTMC = "usbtmc"
+    VXI11 = "vxi-11"
+    HISLIP = "hislip"
+    OTHER = "other"
+
+
+def kind_of(port: str) -> PortKind:
+    """Return the kind of a port, by its path, URL or VISA resource name.
+
+    >>> kind_of("TCPIP::192.168.10.21::hislip0::INSTR")
+    <PortKind.HISLIP: 'hislip'>
+    """
+    where = url_of_resource(port)
+    scheme, separator, _ = where.partition("://")
+    if separator:
+        return {"socket": PortKind.SOCKET, "rfc2217": PortKind.RFC2217}.get(scheme.lower(), PortKind.OTHER)
+    if where.startswith("/dev/usbtmc") or _VISA_USB.match(where):
+        return PortKind.USBTMC
+    if _VISA_HISLIP.match(where):
+        return PortKind.HISLIP
+    if _VISA_VXI11.match(where):
+        return PortKind.VXI11
+    return PortKind.SERIAL if where.startswith("/") else PortKind.OTHER
 
 
 def url_of_resource(name: str) -> str:
@@ -100,10 +144,15 @@ def hardware_bus(device: str, path: str) -> I2cBus:
     Raises:
         NoReply: if it is not there.
     """
-    from smbus2 import SMBus  # noqa: PLC0415 - fcntl exists on Linux only, and so does the bus
-
+    try:
+        from smbus2 import SMBus  # noqa: PLC0415 - fcntl exists on Linux only, and so does the bus
+    except ImportError as error:
+        raise NoReply(device, f"the bus {path} needs the module smbus2", "pip install smbus2, on Linux") from error
     try:
         bus: I2cBus = SMBus(path)
     except OSError as error:
-        raise NoReply(device, f"the bus {path} cannot be opened ({error})", "check that i2c-dev is loaded") from error
+        from hil.wire.obstacles import obstacle  # noqa: PLC0415 - groups of users exist on Linux only
+
+        why, hint = obstacle(path, error)
+        raise NoReply(device, f"the bus {path} cannot be opened: {why}", hint) from error
     return bus

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from hil.bench.file import cutting_checks, limit_checks
+from hil.bench.file import cutting_checks, limit_checks, port_checks
 from hil.bench.file.complaints import Complaints, known, listed, named, usable
 from hil.clock.virtual import VirtualClock
 from hil.documents.declared import Document
@@ -43,7 +43,8 @@ def check_bench(document: Document[BenchSpec], findings: Findings, *, driven: bo
         cutting_checks.charging,
         cutting_checks.cut_paths,
         cutting_checks.watched_after,
-        cutting_checks.usb_ports,
+        port_checks.identities,
+        port_checks.settings,
         _twin,
     ):
         for path, message in check(document.model):

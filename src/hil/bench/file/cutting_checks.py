@@ -1,19 +1,18 @@
-"""What must hold for cut paths, for batteries that are charged, for the watch after a run, and for USB ports."""
+"""What must hold for cut paths, for batteries that are charged, and for the watch after a run."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from hil.bench.connections import can_harm, charges_a_battery, hazardous_wires, line_of, paths_of
-from hil.bench.file.complaints import Complaints, known, listed, named, quantity_of
+from hil.bench.file.complaints import Complaints, known, listed, quantity_of
 from hil.instruments.driver import OVER_VOLTAGE_LEVEL, offers
 from hil.instruments.registry import DRIVERS
-from hil.model.bench import BenchSpec, InstrumentSpec, Wire
+from hil.model.bench import BenchSpec, Wire
 from hil.model.cutting import CutPath, WatchAfter
 from hil.model.notation import Path
-from hil.wire.opening import url_of_resource
 
-__all__ = ["charging", "cut_off", "cut_paths", "usb_ports", "watched_after"]
+__all__ = ["charging", "cut_off", "cut_paths", "watched_after"]
 
 
 def charging(spec: BenchSpec) -> Complaints:
@@ -168,19 +167,3 @@ def _watch_keys(at: Path, watch: WatchAfter) -> Complaints:
         yield at, f"watch_after of {watch.output}: {kind} needs '{key}'"
     for key in (key for key, value in other.items() if value is not None):
         yield (*at, key), f"watch_after of {watch.output}: {kind} takes no '{key}'"
-
-
-def usb_ports(spec: BenchSpec) -> Complaints:
-    """Check that only serial devices are said to be USB devices, and that no two are the same one."""
-    seen: dict[str, InstrumentSpec] = {}
-    for path, item in named(spec.instruments, "instruments"):
-        usb, at = item.usb, (*path, "usb")
-        if usb is None:
-            continue
-        if not item.port or not url_of_resource(item.port).startswith("/dev/"):
-            yield at, f"{item.name}: only a serial device of this computer has a USB identity"
-        if bool(usb.serial) == bool(usb.path):
-            yield at, f"{item.name}: usb needs either a serial or a path"
-        if usb.path and usb.path in seen:
-            yield at, f"{item.name} and {seen[usb.path].name} are both plugged in at '{usb.path}'"
-        seen.setdefault(usb.path, item)

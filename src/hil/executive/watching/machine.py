@@ -30,6 +30,7 @@ from hil.model.bench import BenchSpec, InstrumentSpec, SafeStep
 from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
 from hil.model.safing import GuardedOutput, GuardedPort, GuardPlan
+from hil.model.serial_line import SerialLine
 from hil.wire.opening import url_of_resource
 
 __all__ = ["ArmingPeople", "Attendant", "Guarding", "LiveMachine", "live_machine", "plan_of"]
@@ -201,7 +202,8 @@ def _port(bench: BoundBench, instrument: InstrumentSpec) -> GuardedPort:
     """Return how the guardian may open a port again: not one that resets its device."""
     resets = getattr(bench.drivers[instrument.name], "resets_on_open", False)
     url = "" if resets else url_of_resource(bench.where[instrument.name])
-    return GuardedPort(device=instrument.name, url=url, baud=instrument.baud)
+    line = instrument.serial_line if bench.source is Source.HARDWARE else None
+    return GuardedPort(device=instrument.name, url=url, baud=instrument.baud, line=line or SerialLine())
 
 
 def _longest_safing_s(spec: BenchSpec) -> float:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from hil.instruments import settings
-from hil.instruments.driver import Connection, Outlet
+from hil.instruments.driver import ANY_BYTE, Connection, Outlet
 from hil.instruments.marks import reads
 from hil.instruments.obc_link.bus import ObcBus
 from hil.instruments.obc_link.messages import Command, conversions
@@ -66,6 +66,7 @@ class ObcLink:
     """Driver `obc-link`: role `obc`, and the I2C bus of the board."""
 
     roles: ClassVar[frozenset[str]] = frozenset({"obc"})
+    capabilities: ClassVar[frozenset[str]] = frozenset({ANY_BYTE})
 
     def __init__(self, connection: Connection) -> None:
         if connection.port is None:

@@ -1,0 +1,87 @@
+"""What must hold of ports: which settings a port has, which the driver's protocol fixes, and who is at it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from hil.bench.file.complaints import Complaints, named
+from hil.instruments.driver import ANY_BYTE, TERMINATED, offers
+from hil.instruments.registry import DRIVERS
+from hil.model.bench import BenchSpec, InstrumentSpec
+from hil.model.notation import Path
+from hil.wire.opening import PortKind, kind_of
+from hil.wire.tap import LONGEST_TRANSACTION
+
+__all__ = ["identities", "settings"]
+
+_SERIAL = (PortKind.SERIAL, PortKind.RFC2217)
+
+
+def identities(spec: BenchSpec) -> Complaints:
+    """Check that only serial devices are said to be USB devices or on board, and that no two are the same one."""
+    seen: dict[str, InstrumentSpec] = {}
+    for path, item in named(spec.instruments, "instruments"):
+        is_device = bool(item.port) and kind_of(item.port) is PortKind.SERIAL
+        if item.usb is not None and not is_device:
+            yield (*path, "usb"), f"{item.name}: only a serial device of this computer has a USB identity"
+        if item.onboard is not None and not is_device:
+            yield (*path, "onboard"), f"{item.name}: only a serial device of this computer is on board"
+        if item.usb is not None and item.onboard is not None:
+            yield (*path, "onboard"), f"{item.name} is either a USB device or on board, not both"
+        if item.usb is not None and bool(item.usb.serial) == bool(item.usb.path):
+            yield (*path, "usb"), f"{item.name}: usb needs either a serial or a path"
+        for key, place in _places(item):
+            if place in seen:
+                yield (*path, key), f"{item.name} and {seen[place].name} are both plugged in at '{place}'"
+            seen.setdefault(place, item)
+
+
+def _places(item: InstrumentSpec) -> Iterator[tuple[str, str]]:
+    if item.usb and item.usb.path:
+        yield "usb", item.usb.path
+    if item.onboard and item.onboard.device:
+        yield "onboard", item.onboard.device
+
+
+def settings(spec: BenchSpec) -> Complaints:
+    """Check that a port has what is set of it, and that the driver's protocol leaves it open."""
+    for path, item in named(spec.instruments, "instruments"):
+        where = _spoken(item)
+        if not (item.port and kind_of(item.port) in _SERIAL):
+            given = {"baud": item.baud != 0, "serial_line": item.serial_line is not None}
+            for key in (key for key, is_given in given.items() if is_given):
+                yield (*path, key), f"{item.name} is at {where}, which has no {key}"
+        if item.bus:
+            given = {"terminator": bool(item.terminator), "timeout": item.timeout_s > 0}
+            for key in (key for key, is_given in given.items() if is_given):
+                yield (*path, key), f"{item.name} is on a bus, which has no {key}"
+        if item.timeout_s > LONGEST_TRANSACTION:
+            why = "nothing else is looked at while a reply is waited for"
+            yield (*path, "timeout"), f"{item.name}: timeout must be at most {LONGEST_TRANSACTION * 1000:g} ms: {why}"
+        yield from _fixed(path, item)
+
+
+def _fixed(path: Path, item: InstrumentSpec) -> Complaints:
+    """Complain about what the protocol of a driver fixes, or cannot live with."""
+    driver, line = DRIVERS.find(item.driver), item.serial_line
+    if driver is None:
+        return
+    if item.terminator and not item.bus and not offers(driver, TERMINATED):
+        yield (*path, "terminator"), f"the protocol of {item.driver} fixes what ends a message: leave terminator out"
+    if line is None:
+        return
+    at = (*path, "serial_line")
+    if offers(driver, ANY_BYTE) and line.flow == "xon/xoff":
+        yield (*at, "flow"), f"{item.driver} sends bytes of any value, and xon/xoff would take two of them out"
+    if offers(driver, ANY_BYTE) and line.data_bits < 8:
+        yield (*at, "data_bits"), f"{item.driver} sends bytes of any value, which need 8 data bits"
+    if line.stop_bits == "1.5" and line.data_bits > 5:
+        yield (*at, "stop_bits"), "a UART has 1.5 stop bits with 5 data bits only: write 2"
+    if line.rs485 is not None and line.flow == "rts/cts":
+        yield (*at, "flow"), "RTS switches the direction of this line, so that it cannot be its flow control too"
+    if line.rs485 is not None and kind_of(item.port) is not PortKind.SERIAL:
+        yield (*at, "rs485"), f"{item.name}: only the kernel of this computer switches the direction of a line"
+
+
+def _spoken(item: InstrumentSpec) -> str:
+    return "an I2C bus" if item.bus else f"a port of kind {kind_of(item.port)}"
