@@ -1,18 +1,20 @@
-"""A bench that nobody can look after any more is not tried on."""
+"""A bench that nobody can look after any more, or that somebody asked to stop, is not tried on."""
 
 from __future__ import annotations
 
 from types import SimpleNamespace
 from unittest.mock import Mock
 
+import pytest
 from adcs_bench import adcs, bound
 from case_parts import Written
 
+from hil.bench.gate import Gate
 from hil.clock.live import LiveClock
-from hil.executive.ending.stop import StopFlags
+from hil.executive.ending.stop import StopFlags, Stopped
 from hil.executive.watching.keeper import BenchKeeper
 from hil.executive.watching.ports import NoMachine
-from hil.executive.watching.timeline import OnLiveBench
+from hil.executive.watching.timeline import OnBench, OnLiveBench
 from hil.model.identity import Dut, Model
 
 
@@ -20,6 +22,78 @@ def tried(written):
     """Return the gates of outputs that were tried."""
     names = [event["name"] for event in written.of("gate")]
     return [name for name in names if name.startswith("reduced level")]
+
+
+DUT = Dut(serial="S", part="P", hardware="A", model=Model.EM)
+
+
+def keeper_of(bench, flags, written, machine):
+    """Return the keeper of a bench in this process."""
+    return BenchKeeper(bench, DUT, flags, written, Mock(), machine, OnBench(bench, machine), ())
+
+
+class StoppedAt(Written):
+    """A journal that hears somebody ask to stop when a gate is written down."""
+
+    def __init__(self, flags, name):
+        super().__init__()
+        self.flags = flags
+        self.name = name
+
+    def write(self, event, *, beside=None):
+        """Take one event."""
+        super().write(event, beside=beside)
+        if getattr(event, "name", "") == self.name:
+            self.flags.request("SIGTERM")
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["identity of psu1", "outputs of relay1", "safe state reached", "reduced level of supply.coil, relays released"],
+)
+def test_arming_ends_when_somebody_asks_to_stop(name):
+    """The next gate says who stopped it; no output is tried after that, and all of them are off."""
+    flags = StopFlags()
+    written = StoppedAt(flags, name)
+    with bound(adcs()) as bench:
+        assert "stopped by SIGTERM" in keeper_of(bench, flags, written, NoMachine()).arm()
+        assert not any(bench.roles[each].enabled() for each in ("supply.sensor", "supply.coil"))
+    names = [event["name"] for event in written.of("gate")]
+    assert len(names) == names.index(name) + 2
+    assert written.events[-1]["ok"] is False
+    assert written.events[-1]["detail"].startswith("stopped by SIGTERM; ")
+
+
+def test_a_stop_while_the_guardian_is_drilled_ends_the_arming():
+    """What waits for the guardian is left at once; nothing was driven, and the bench is made safe at the end."""
+    flags, written = StopFlags(), Written()
+
+    class Drilled(NoMachine):
+        """A machine whose guardian is being drilled when somebody asks to stop."""
+
+        def gates(self, freshness):
+            """Wait."""
+            yield Gate("sleep and shutdown held off", ok=True, detail="")
+            flags.request("SIGHUP")
+            flags.check()
+
+    with bound(adcs()) as bench:
+        keeper = keeper_of(bench, flags, written, Drilled())
+        assert keeper.arm() == "guardian: stopped by SIGHUP; it is not needed any more"
+        assert tried(written) == []
+        keeper.release()
+    assert {event["ok"] for event in written.of("safe")} == {True}
+
+
+def test_a_stop_while_it_is_armed_again_stops_the_case():
+    """A resumed run that is stopped then ends as a stopped run, not as one that could not be armed."""
+    flags, written = StopFlags(), Written()
+    with bound(adcs()) as bench:
+        keeper = keeper_of(bench, flags, written, NoMachine())
+        flags.request("SIGINT")
+        assert keeper.arm_again(7).startswith("identity of psu1: stopped by SIGINT")
+        with pytest.raises(Stopped):
+            keeper.scheduler.flags.check()
 
 
 def test_arming_ends_when_the_guardian_dies_amid_it():
@@ -34,10 +108,9 @@ def test_arming_ends_when_the_guardian_dies_amid_it():
             return "the guardian is gone" if tried(written) else ""
 
     with bound(adcs()) as bench:
-        dut = Dut(serial="S", part="P", hardware="A", model=Model.EM)
         clock = LiveClock("2026-01-01T00:00:00Z")
         timeline = OnLiveBench(bench, clock, Guarded(), SimpleNamespace(course=0))
-        keeper = BenchKeeper(bench, dut, StopFlags(), written, Mock(), Guarded(), timeline, ())
+        keeper = BenchKeeper(bench, DUT, StopFlags(), written, Mock(), Guarded(), timeline, ())
         assert keeper.arm() == "bench looked after: the guardian is gone"
         assert not any(bench.roles[name].enabled() for name in ("supply.sensor", "supply.coil"))
     assert len(tried(written)) == 1

@@ -20,7 +20,7 @@ from hil.model.identity import Source
 from hil.simulation.person import Person
 from hil.simulation.world import World
 from hil.wire.checkpoint import Checkpoint
-from hil.wire.exchange import Handed, publish_bus, publish_stream, withdraw
+from hil.wire.exchange import Brake, Handed, publish_bus, publish_stream, withdraw
 from hil.wire.opening import open_bus, open_port
 from hil.wire.port import I2cBus
 from hil.wire.replay import Playback, ReplayedBus, ReplayedStream
@@ -52,6 +52,7 @@ class BoundBench:
         speed: seconds of the bench in one second of the wall, where somebody waits for it; 1 but for a served bench.
         descriptors: of the open ports of such a bench, by instrument.
         where: such a port's path or URL, by instrument.
+        brake: keeps bytes from such ports while the bench is armed, once somebody asked to stop.
     """
 
     spec: BenchSpec
@@ -70,6 +71,7 @@ class BoundBench:
     speed: float = 1.0
     descriptors: dict[str, int] = field(default_factory=dict)
     where: Mapping[str, str] = field(default_factory=dict)
+    brake: Brake = field(default_factory=Brake)
 
     @cached_property
     def roles(self) -> Mapping[str, object]:

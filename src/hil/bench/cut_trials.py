@@ -93,8 +93,8 @@ def _tried(bench: BoundBench, path: CutPath, trial: _Trial, name: str) -> Gate:
     moved = {trial.supply.name, *(feed.name for feed in trial.feeds)}
     moved |= {trial.position.relays} if trial.position else set()
     moved |= {trial.cycler.name} if trial.cycler else set()
-    problem = left_on([step for step in bench.spec.safe_off if step.output in moved], bench.roles, bench.clock)
-    return Gate(name, ok=False, detail=problem) if problem else gate
+    problems = left_on([step for step in bench.spec.safe_off if step.output in moved], bench)
+    return Gate(name, ok=False, detail="; ".join(problems)) if problems else gate
 
 
 def _cannot(bench: BoundBench, cycler: Wire, charger: Wire) -> str:
@@ -127,14 +127,14 @@ def _flow_and_cut(bench: BoundBench, path: CutPath, trial: _Trial, name: str) ->
         detail = f"{prefixed(before, 'A')} flow before it is taken, {least:g} A at least expected: load or contacts?"
         return Gate(name, ok=False, detail=detail)
     start_ns = bench.clock.now_ns()
-    problem = left_on([step for step in bench.spec.safe_off if step.output == path.by], bench.roles, bench.clock)
-    if problem:
-        return Gate(name, ok=False, detail=problem)
+    problems = left_on([step for step in bench.spec.safe_off if step.output == path.by], bench)
+    if problems:
+        return Gate(name, ok=False, detail="; ".join(problems))
     most = level.highest_current if trial.cycler else level.lowest_current
     left_s = path.within_s - (bench.clock.now_ns() - start_ns) / NANOSECONDS
     after = _current(bench, trial.supply, left_s, lambda amperes: abs(amperes) <= most)
     seconds = (bench.clock.now_ns() - start_ns) / NANOSECONDS
-    detail = f"{prefixed(before, 'A')} before it was taken, {prefixed(after, 'A')} behind it, after {seconds:.2g} s"
+    detail = f"{prefixed(before, 'A')} before it was taken, {prefixed(after, 'A')} after it, {seconds:.2g} s later"
     if not abs(after) <= most:
         return Gate(name, ok=False, detail=f"{detail}: it does not cut {path.output} off, welded contact or wiring?")
     if seconds > path.within_s:

@@ -16,7 +16,7 @@ from hil.clock.live import LiveClock
 from hil.model.bench import BenchSpec
 from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
-from hil.wire.exchange import Unreachable, publish_bus, publish_stream
+from hil.wire.exchange import Brake, Braked, Unreachable, publish_bus, publish_stream
 from hil.wire.opening import hardware_bus
 from hil.wire.replay import Playback
 from hil.wire.transcript import Transcript
@@ -97,8 +97,9 @@ def bind_live(
     """
     clock = LiveClock(epoch, speed=reach.speed)
     ends: dict[str, Any] = {}
+    brake = Brake()
     try:
-        ends |= _open(spec, reach, by_force=by_force)
+        ends |= _open(spec, reach, brake, by_force=by_force)
         for name, end in ends.items():
             publish = publish_bus if name in reach.buses else publish_stream
             publish(url_of(reach.source, spec, name), end)
@@ -107,6 +108,7 @@ def bind_live(
         _close(ends)
         raise
     bench.descriptors, bench.where, bench.speed = _descriptors(ends, reach), reach.ports, reach.speed
+    bench.brake = brake
     clock.begin()
     return bench
 
@@ -131,7 +133,7 @@ def bind_live_again(
     bench.speed = reach.speed
 
     def go_on() -> None:
-        opened = _open(spec, reach)
+        opened = _open(spec, reach, bench.brake)
         for name, end in ends.items():
             bus = spec.instrument(name).bus
             end.hand_to(opened[bus or name])
@@ -143,7 +145,7 @@ def bind_live_again(
     return bench
 
 
-def _open(spec: BenchSpec, reach: Reach, *, by_force: bool = False) -> dict[str, Any]:
+def _open(spec: BenchSpec, reach: Reach, brake: Brake, *, by_force: bool = False) -> dict[str, Any]:
     from hil.wire.live_stream import LiveStream  # noqa: PLC0415 - what it imports exists on Linux only
 
     strangers = _strangers(spec) if reach.source is Source.HARDWARE else {}
@@ -165,7 +167,8 @@ def _open(spec: BenchSpec, reach: Reach, *, by_force: bool = False) -> dict[str,
         for name, url in reach.ports.items():
             item = spec.instrument(name)
             line = item.serial_line if reach.source is Source.HARDWARE else None  # a pseudo-terminal has no such thing
-            ends[name] = end(name, partial(LiveStream, name, url, item.baud, line, alone=not by_force))
+            opened = end(name, partial(LiveStream, name, url, item.baud, line, alone=not by_force))
+            ends[name] = opened if isinstance(opened, Unreachable) else Braked(opened, brake)
         for name, path in reach.buses.items():
             ends[name] = end(name, partial(hardware_bus, name, path))
     except BaseException:
@@ -187,6 +190,6 @@ def _close(ends: Mapping[str, Any]) -> None:
             end.closed()
 
 
-def _descriptors(ends: Mapping[str, LiveStream | Unreachable], reach: Reach) -> dict[str, int]:
+def _descriptors(ends: Mapping[str, Braked[LiveStream] | Unreachable], reach: Reach) -> dict[str, int]:
     opened = {name: ends[name] for name in reach.ports}
     return {name: end.fileno() for name, end in opened.items() if not isinstance(end, Unreachable)}

@@ -13,7 +13,7 @@ from hil.bench.safe_off import left_on
 from hil.bench.self_test import self_test
 from hil.instruments.cycler_role import Cycler
 from hil.instruments.roles import Relays, Supply
-from hil.model.bench import InstrumentSpec, Position, ReducedLevel, SafeStep, Wire
+from hil.model.bench import InstrumentSpec, Position, ReducedLevel, Wire
 from hil.model.errors import HilError
 from hil.model.identity import Dut, Identity
 from hil.model.prefixed import prefixed
@@ -54,7 +54,7 @@ def energised_gates(bench: BoundBench, dut: Dut | None) -> Iterator[Gate]:
     Whatever is tried is off again, and proven to be, when its gates are given. Nothing is tried on a bench
     that cannot be made safe, and nothing more once an output stayed on.
     """
-    stayed = _left_on(bench, bench.spec.safe_off)
+    stayed = "; ".join(left_on(bench.spec.safe_off, bench))
     yield Gate("safe state reached", not stayed, stayed or "every line of safe_off is proven")
     if stayed:
         return
@@ -73,10 +73,6 @@ def energised_gates(bench: BoundBench, dut: Dut | None) -> Iterator[Gate]:
         trips = self_test(limit)
         detail = "trips on what it must trip on, and only on that" if trips else "does not trip as it says"
         yield Gate(f"envelope {limit.id}", trips, detail)
-
-
-def _left_on(bench: BoundBench, steps: Sequence[SafeStep]) -> str:
-    return left_on(steps, bench.roles, bench.clock)
 
 
 def _identity(bench: BoundBench, instrument: InstrumentSpec, dut: Dut | None) -> Gate:
@@ -179,7 +175,7 @@ def _position(
         gates.append(Gate(name, ok=False, detail=_said(error)))
     finally:
         moved = {wire.name, position.relays} if position else {wire.name}
-        stayed = _left_on(bench, [step for step in bench.spec.safe_off if step.output in moved])
+        stayed = "; ".join(left_on([step for step in bench.spec.safe_off if step.output in moved], bench))
     return gates, stayed
 
 

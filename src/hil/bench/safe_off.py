@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isnan, nan
 
+from hil.bench.bound import BoundBench
 from hil.clock.port import NANOSECONDS, Clock
 from hil.instruments.registry import states_of
 from hil.model.bench import Proof, SafeStep
@@ -63,11 +64,26 @@ def make_safe(
     return safe
 
 
-def left_on(steps: Sequence[SafeStep], roles: Mapping[str, object], clock: Clock) -> str:
-    """Execute lines of the safe-off and return what could not be made safe, or nothing."""
-    results: list[SafeResult] = []
-    make_safe(steps, roles, clock, results.append)
-    return "; ".join(f"{result.output} is not {result.state}: {result.detail}" for result in results if not result.ok)
+def left_on(
+    steps: Sequence[SafeStep], bench: BoundBench, tell: Callable[[SafeResult], None] = lambda _: None
+) -> list[str]:
+    """Execute lines, whoever asked to stop, and return a sentence for every output that is not as its line says.
+
+    Args:
+        steps: lines of the bench file.
+        bench: the bench.
+        tell: called with every result as soon as it is known.
+    """
+    wrong: list[str] = []
+
+    def told(result: SafeResult) -> None:
+        if not result.ok:
+            wrong.append(f"{result.output} is not {result.state}: {result.detail}")
+        tell(result)
+
+    with bench.brake.released():
+        make_safe(steps, bench.roles, bench.clock, told)
+    return wrong
 
 
 def _take(step: SafeStep, roles: Mapping[str, object], clock: Clock) -> SafeResult:

@@ -199,7 +199,7 @@ class Session:
         if self.flags.reason:
             return
         refusal = self.keeper.arm()
-        if refusal:
+        if refusal and not self.flags.reason:
             self.poison = f"the bench was not armed: {refusal}"
             self._verdicts.append(Verdict.ERROR)
 

@@ -9,14 +9,14 @@ import subprocess
 import sys
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from hil.guardian import channel
 from hil.guardian.channel import DrillResult, HungUp
-from hil.guardian.plan_codec import seconds_of, written_plan
+from hil.guardian.plan_codec import every_exchange, seconds_of, written_plan
 from hil.model.errors import GuardianLost, HilError, Refused
 from hil.model.safing import GuardPlan
 
@@ -27,6 +27,8 @@ _START_S = 10.0
 _MARGIN_S = 5.0
 _LEAVING_S = 2.0
 _BEATS_IN_A_DRILL = 3
+_LOOK_S = 0.1
+_FRAME_S = 0.5
 _HINT = "check whether somebody stopped it, and the load of this machine; the bench is made safe without it"
 
 
@@ -37,9 +39,17 @@ class Guardian:
         process: the guardian's process.
         end: this process's end of the channel.
         plan: what is guarded.
+        look: see `start`.
     """
 
-    def __init__(self, process: subprocess.Popen[bytes], end: socket.socket, plan: GuardPlan) -> None:
+    def __init__(
+        self,
+        process: subprocess.Popen[bytes],
+        end: socket.socket,
+        plan: GuardPlan,
+        look: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._look = look
         self._process = process
         self._end = end
         self._plan = plan
@@ -53,13 +63,21 @@ class Guardian:
         self._lost = False
 
     @classmethod
-    def start(cls, plan: GuardPlan, descriptors: Mapping[str, int], lock_descriptors: Sequence[int] = ()) -> Guardian:
+    def start(
+        cls,
+        plan: GuardPlan,
+        descriptors: Mapping[str, int],
+        lock_descriptors: Sequence[int] = (),
+        look: Callable[[], None] = lambda: None,
+    ) -> Guardian:
         """Start the process and pass it what it guards.
 
         Args:
             plan: what is guarded; relative paths in it count from the working directory.
             descriptors: open descriptors of all ports of the plan, by device.
             lock_descriptors: descriptors of the leases; the guardian holds them until it exits.
+            look: called a few times a second while an answer is awaited before it watches; what it raises ends the
+                guardian at once, which has nothing to guard yet.
 
         Raises:
             Refused: if it does not start, or cannot use the plan.
@@ -71,7 +89,7 @@ class Guardian:
         mine, its = channel.pair()
         try:
             with its:
-                guardian = cls(_started(its), mine, plan)
+                guardian = cls(_started(its), mine, plan, look)
         except OSError as error:
             mine.close()
             raise _does_not_start(error) from error
@@ -159,7 +177,7 @@ class Guardian:
         return within_s + 3 * sum(self._longest_s()) + 3 * _MARGIN_S
 
     def _longest_s(self) -> list[float]:
-        return [seconds_of(output.code) for output in self._plan.outputs]
+        return [seconds_of(every_exchange(output.code)) for output in self._plan.outputs]
 
     def _results(self, kind: str) -> tuple[DrillResult, ...]:
         results = []
@@ -183,10 +201,25 @@ class Guardian:
 
     def _next(self, limit_s: float) -> dict[str, Any]:
         """Return the guardian's next message."""
-        if not self._poll.poll(max(limit_s, 0) * 1000):
-            raise GuardianLost("the guardian does not answer", _HINT)
+        until = time.monotonic() + limit_s
+        while not self._poll.poll(max(min(until - time.monotonic(), _LOOK_S), 0) * 1000):
+            if not self._watched:
+                self._look_up()
+            if time.monotonic() >= until:
+                raise GuardianLost("the guardian does not answer", _HINT)
         told = self._received()
         return {"kind": "nothing"} if told is None else told
+
+    def _look_up(self) -> None:
+        """Let whoever waits look; if it raises, the guardian is ended before anything was entrusted to it."""
+        try:
+            self._look()
+        except BaseException:
+            self._poll.poll(_FRAME_S * 1000)  # it may be talking to an output, which ends with this message
+            self._closed = True
+            self._process.kill()
+            self._end_process(_LEAVING_S)
+            raise
 
     def _hear_answers(self) -> None:
         while (told := self._received()) is not None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Generic, NoReturn, Protocol, TypeVar
 
 from hil.model.errors import HilError, Refused
@@ -9,7 +12,18 @@ from hil.model.errors import HilError, Refused
 if TYPE_CHECKING:
     from hil.wire.port import I2cBus
 
-__all__ = ["FarEnd", "Handed", "Unreachable", "find_bus", "find_stream", "publish_bus", "publish_stream", "withdraw"]
+__all__ = [
+    "Brake",
+    "Braked",
+    "FarEnd",
+    "Handed",
+    "Unreachable",
+    "find_bus",
+    "find_stream",
+    "publish_bus",
+    "publish_stream",
+    "withdraw",
+]
 
 
 class Unreachable:
@@ -50,6 +64,74 @@ class Handed(Generic[_End]):
         self._end = end
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the ends have
+        return getattr(self._end, name)
+
+
+class Brake:
+    """Keeps bytes from a bench once somebody asked to stop, except those that make it safe."""
+
+    def __init__(self) -> None:
+        self._asked: Callable[[], object] = lambda: False
+        self._released = 0
+
+    @contextmanager
+    def applied(self, asked: Callable[[], object]) -> Iterator[None]:
+        """Refuse every operation from the moment when `asked` returns something true, until the context is left."""
+        before, self._asked = self._asked, asked
+        try:
+            yield
+        finally:
+            self._asked = before
+
+    @contextmanager
+    def released(self) -> Iterator[None]:
+        """Let operations pass: used while outputs are made safe."""
+        self._released += 1
+        try:
+            yield
+        finally:
+            self._released -= 1
+
+    def check(self) -> None:
+        """Be asked before an operation.
+
+        Raises:
+            InterruptedError: if there is to be none.
+        """
+        if not self._released and self._asked():
+            raise InterruptedError(errno.EINTR, "somebody asked to stop")
+
+
+class Braked(Generic[_End]):
+    """The far end of a byte stream that a brake keeps operations from; it has the interface of what it stands before.
+
+    Args:
+        end: what answers.
+        brake: is asked before bytes are sent or awaited.
+    """
+
+    def __init__(self, end: _End, brake: Brake) -> None:
+        self._end: Any = end
+        self._brake = brake
+
+    def write(self, data: bytes) -> None:
+        """Write all bytes, unless there is to be no operation."""
+        self._brake.check()
+        self._end.write(data)
+
+    def exchange(self, data: bytes, timeout: float) -> bytes:
+        """Write all bytes and give what comes, unless there is to be no operation."""
+        self._brake.check()
+        came: bytes = self._end.exchange(data, timeout)
+        return came
+
+    def read(self, size: int, timeout: float) -> bytes:
+        """Give what comes, unless there is to be no operation."""
+        self._brake.check()
+        came: bytes = self._end.read(size, timeout)
+        return came
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the end has
         return getattr(self._end, name)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol, TypeVar
@@ -199,6 +200,8 @@ class TappedPort(_Tap):
     def _gone(self, error: Exception) -> NoReply:
         """Return how it is reported: no more than the transcript holds, so that a replay reports the same."""
         number = getattr(error, "errno", None)
+        if number == errno.EINTR:
+            return NoReply(self.device, "not asked, because somebody asked to stop", "see who stopped it, and why")
         why = f" ({os.strerror(number)})" if number else ""
         return NoReply(self.device, f"its port is gone{why}", "check cable, power and hub")
 

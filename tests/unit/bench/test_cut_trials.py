@@ -74,7 +74,7 @@ def test_coils_that_keep_their_power_are_told():
         found = tried(bench)
         assert found[CHARGE].ok
         assert not found[CYCLER].ok
-        assert "0.02 A behind it" in found[CYCLER].detail
+        assert "0.02 A after it" in found[CYCLER].detail
         assert found[CYCLER].detail.endswith("it does not cut cycler off, welded contact or wiring?")
         assert is_off(bench)
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import signal
+
 import pytest
 from workspaces import make
 
 from hil.bench.live import Reach
-from hil.executive.setup.bench_visit import check_bench
+from hil.cli.commands.bench import command
+from hil.executive import bench_visit
+from hil.executive.bench_visit import Checked, check_bench
 from hil.model.identity import Source
 
 
@@ -15,7 +20,107 @@ def test_a_served_port_that_is_gone_is_a_gate_that_does_not_hold(tmp_path, monke
     """Nothing behind it is looked at, and nothing is driven."""
     workspace = make(tmp_path / "workspace")
     gone = Reach(source=Source.SIMULATED, ports={"psu1": str(tmp_path / "gone")}, served=tmp_path)
-    monkeypatch.setattr("hil.executive.setup.bench_visit.reach_of", lambda *_: gone)
-    gates = list(check_bench(workspace.root, "adcs", Source.SIMULATED, energise=energise, served=tmp_path))
+    monkeypatch.setattr("hil.executive.bench_visit.reach_of", lambda *_: gone)
+    gates = []
+    checked = check_bench(
+        workspace.root, "adcs", Source.SIMULATED, energise=energise, served=tmp_path, tell=gates.append
+    )
+    assert (checked.ready, checked.safe) == (False, True)
     assert [(gate.name, gate.ok) for gate in gates] == [("port of psu1", False)]
     assert "cannot be opened" in gates[0].detail
+
+
+@pytest.fixture
+def bench(tmp_path, monkeypatch):
+    """Return what keeps the benches that visits open, in a workspace that is the present folder."""
+    workspace, opened = make(tmp_path / "workspace"), []
+    monkeypatch.chdir(workspace.root)
+
+    def bind(*given):
+        opened.append(bound(*given))
+        return opened[-1]
+
+    bound = bench_visit.bind_simulated
+    monkeypatch.setattr("hil.executive.bench_visit.bind_simulated", bind)
+    return opened
+
+
+def energised(tmp_path, tell):
+    """Check with energy, and return the outcome with the gates."""
+    gates = []
+
+    def told(gate):
+        gates.append(gate)
+        tell(gate)
+
+    root = tmp_path / "workspace"
+    return check_bench(root, "adcs", Source.SIMULATED, energise=True, tell=told), gates
+
+
+def voltages(bench):
+    """Return what is at the coil and at the sensor in truth."""
+    coil = bench.world.plants["coil"]
+    return coil.observe("voltage"), coil.observe("sensor_power.voltage")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda number: number.name)
+def test_a_check_that_is_asked_to_end_switches_nothing_more_on(tmp_path, bench, number):
+    """What was tried is off, the next output is not tried, and everything is proven safe."""
+    before = signal.getsignal(number)
+
+    def tell(gate):
+        if gate.name.startswith("reduced level"):
+            os.kill(os.getpid(), number)
+
+    checked, gates = energised(tmp_path, tell)
+    assert checked == Checked(ready=False, safe=True, stopped=number.name)
+    assert len([gate for gate in gates if gate.name.startswith("reduced level")]) <= 2
+    assert f"stopped by {number.name}" in gates[-2].detail
+    assert (gates[-1].name, gates[-1].ok) == ("safe at the end", True)
+    assert voltages(bench[0]) == (0.0, 0.0)
+    assert signal.getsignal(number) is before
+
+
+def test_a_check_that_fails_amid_a_trial_leaves_the_bench_safe(tmp_path, bench):
+    """Whatever the error is, and although nobody reads what is told."""
+
+    def tell(gate):
+        if gate.name == "safe state reached":
+            bench[0].roles["supply.sensor"].configure(3.3, 0.02)
+            bench[0].roles["supply.sensor"].enable()
+            raise RuntimeError("an error of ours")
+
+    with pytest.raises(RuntimeError, match="of ours"):
+        energised(tmp_path, tell)
+    assert voltages(bench[0]) == (0.0, 0.0)
+
+
+def test_an_output_that_cannot_be_reached_any_more_is_told_at_the_end(tmp_path, bench):
+    """A check does not say that the bench is ready, or safe, when its last look does not prove it."""
+
+    def tell(gate):
+        if gate.name == "envelope sensor-voltage":
+            bench[0].ports[0].close()
+
+    checked, gates = energised(tmp_path, tell)
+    assert checked == Checked(ready=False, safe=False)
+    assert (gates[-1].name, gates[-1].ok) == ("safe at the end", False)
+    assert "is not off" in gates[-1].detail
+
+
+@pytest.mark.parametrize(
+    ("checked", "code", "last"),
+    [
+        (Checked(ready=True), 0, "ready"),
+        (Checked(ready=False), 1, "not ready"),
+        (Checked(ready=False, stopped="SIGINT"), 2, "stopped by SIGINT"),
+        (Checked(ready=False, safe=False), 7, "not ready"),
+        (Checked(ready=False, safe=False, stopped="SIGINT"), 7, "stopped by SIGINT"),
+    ],
+)
+def test_what_happened_to_the_bench_outweighs_what_was_asked(monkeypatch, capsys, checked, code, last):
+    """7 where an output was not proven safe, then 2 where it was stopped, then 1 where a gate does not hold."""
+    monkeypatch.setattr(bench_visit, "check_bench", lambda *_, **__: checked)
+    arguments = ("check", "adcs", "--source", "simulated", "--energise")
+    assert command.main(arguments, standalone_mode=False) == code
+    assert capsys.readouterr().out == f"{last}\n"

@@ -6,7 +6,7 @@ from typed_events import event_of
 
 from hil.bench.gate import Gate
 from hil.executive.resuming.earlier import not_opened
-from hil.executive.watching.keeper import FIRST_ARMING
+from hil.executive.watching.arming import FIRST_ARMING
 
 
 def gate(name, *, ok=True, kind="host-gate"):

@@ -6,6 +6,7 @@ import fcntl
 import os
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -58,6 +59,27 @@ def test_nothing_of_its_surroundings_matters(plan, psu, tmp_path, monkeypatch):
     guardian = Guardian.start(replace(plan, journal="guardian.jsonl"), {"psu": psu.near})
     assert all(each.ok for each in guardian.drill())
     guardian.close()
+
+
+class Stop(BaseException):
+    """Somebody asked to stop."""
+
+
+@pytest.mark.parametrize("looks", [1, 4], ids=["while it starts", "while it is drilled"])
+def test_a_guardian_that_is_not_needed_any_more_is_gone_at_once(plan, psu, looks):
+    """Whoever is asked to stop while it starts or drills does not wait for it; it does nothing any more."""
+    left = iter(range(looks))
+
+    def look():
+        if next(left, None) is None:
+            raise Stop
+
+    began = time.monotonic()
+    with pytest.raises(Stop):
+        Guardian.start(replace(plan, hang_s=30.0), {"psu": psu.near}, look=look).drill()
+    assert time.monotonic() - began < 5.0
+    assert not Path(plan.latches[0]).exists()
+    assert not Path(plan.journal).exists()
 
 
 def test_a_lease_outlives_who_took_it(plan, psu, tmp_path):

@@ -102,8 +102,8 @@ def _run_or_latched(asked: str) -> Path:
     try:
         return find_run(asked)
     except Refused:
-        if asked.strip() and latches_of(asked):
-            return reports_folder() / Path(asked).name
+        if asked.strip() and (left := latches_of(asked)):
+            return Path(next(iter(left.values())).run)
         raise
 
 

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from hil.cli.options import SERVED
 from hil.model.identity import Source
 
+if TYPE_CHECKING:
+    from hil.bench.gate import Gate
+
 __all__ = ["command"]
 
+_INTERRUPTED = 2
+_UNSAFE = 7
 _SOURCES = click.Choice([Source.HARDWARE.value, Source.SIMULATED.value])
 
 
@@ -27,16 +34,17 @@ def command() -> None:
 def check(name: str, source: str, served: Path | None, *, energise: bool) -> int:
     """Read the bench file, identify every instrument without driving it, and show what is ready.
 
-    Exit code 0 if every gate passes, 1 otherwise.
+    With --energise, Ctrl-C, SIGTERM or SIGHUP ends the check: nothing more is switched on, and every output is made
+    safe. Exit codes: 0 if every gate passes, 1 otherwise; with --energise also 2 if it was stopped, and 7 if an
+    output could not be proven safe at the end.
     """
-    from hil.executive.setup.bench_visit import check_bench  # noqa: PLC0415 - heavy
+    from hil.executive.bench_visit import check_bench  # noqa: PLC0415 - heavy
 
-    ready = True
-    for gate in check_bench(Path.cwd(), name, Source(source), energise=energise, served=served):
-        ready = ready and gate.ok
-        click.echo(f"{'ok    ' if gate.ok else 'NOT OK'}  {gate.name}: {gate.detail}")
-    click.echo("ready" if ready else "not ready")
-    return 0 if ready else 1
+    checked = check_bench(Path.cwd(), name, Source(source), energise=energise, served=served, tell=_tell)
+    _say(f"stopped by {checked.stopped}" if checked.stopped else "ready" if checked.ready else "not ready")
+    if not checked.safe:
+        return _UNSAFE
+    return _INTERRUPTED if checked.stopped else 0 if checked.ready else 1
 
 
 @command.command(epilog="Example: hil bench safe adcs --source simulated")
@@ -49,13 +57,23 @@ def safe(name: str, source: str, served: Path | None) -> int:
     It works while another process has the bench, and continues past an instrument that cannot be reached.
     Exit code 0 if every output is proven safe, 7 otherwise.
     """
-    from hil.executive.setup.bench_visit import safe_bench  # noqa: PLC0415 - heavy
+    from hil.executive.bench_visit import safe_bench  # noqa: PLC0415 - heavy
 
     proven = True
     for result in safe_bench(Path.cwd(), name, Source(source), served=served, tell=_tell_beside):
         proven = proven and result.ok
         click.echo(f"{'safe    ' if result.ok else 'NOT SAFE'}  {result.output} {result.state}: {result.detail}")
-    return 0 if proven else 7
+    return 0 if proven else _UNSAFE
+
+
+def _tell(gate: Gate) -> None:
+    _say(f"{'ok    ' if gate.ok else 'NOT OK'}  {gate.name}: {gate.detail}")
+
+
+def _say(line: str) -> None:
+    """Say a line; whether anybody reads it changes nothing of a bench that is being driven."""
+    with suppress(OSError, ValueError):
+        click.echo(line)
 
 
 def _tell_beside(who: str) -> None:

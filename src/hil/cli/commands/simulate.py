@@ -32,7 +32,7 @@ def command(bench: str, folder: Path | None, speed: float, first_port: int) -> i
     Serial instruments become pseudo-terminals, network instruments ports of 127.0.0.1. The socket `control` in the
     folder gives the true state and takes faults to inject.
     """
-    from hil.executive.setup.bench_visit import serve_bench  # noqa: PLC0415 - heavy
+    from hil.executive.bench_visit import serve_bench  # noqa: PLC0415 - heavy
     from hil.report.tables import aligned  # noqa: PLC0415 - heavy
 
     place = folder or Path(tempfile.gettempdir()) / f"hil-{os.getuid()}-{bench.replace(os.sep, '-')}"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hil.bench.lease import ack_line, clear_latches_of, holds_a_lease, latches_of
-from hil.evidence.folder import is_held, is_run, is_sealed
+from hil.evidence.folder import JOURNAL, is_held, is_run, is_sealed
 from hil.evidence.inbox import post
 from hil.evidence.ledger import ACKNOWLEDGEMENTS, enter
 from hil.evidence.safed import guardian_hash, is_acknowledged
@@ -62,7 +62,7 @@ def acknowledge(folder: Path, reports: Path, *, by: str, text: str) -> Acknowled
         raise Refused(f"an acknowledgement needs {missing}", ack_line(folder.name))
     latches = tuple(latches_of(folder.name).values())
     _require_over(folder)
-    there = is_run(folder)
+    there = (folder / JOURNAL).is_file()
     if not latches and not (there and waits_for_ack(folder)):
         raise Refused(f"{folder.name}: nothing waits for an acknowledgement", "hil status shows the state of a run")
     entry = None

@@ -18,6 +18,7 @@ from hil.evidence.package.contents import Package
 from hil.evidence.recordings.hdf5 import revert
 from hil.evidence.state import standing
 from hil.executive.cases.effects import Recall
+from hil.executive.ending.stop import Stopped
 from hil.executive.journaling.events import Events
 from hil.executive.journaling.record import Record
 from hil.executive.resuming.earlier import Boundary, Earlier, not_opened
@@ -256,9 +257,17 @@ class Entering:
             return
         if problem := self._keeper.arm_again(entry.void_to):
             self._keeper.safe()
+            self._keeper.scheduler.flags.check()
             raise NotArmedAgain(f"the bench was not armed again: {problem}", "see hil bench check")
-        self._keeper.holding.drive_again()
+        self._drive_again()
         self._keeper.scheduler.begin_again()
+
+    def _drive_again(self) -> None:
+        try:
+            self._keeper.holding.drive_again()
+        except Stopped:
+            self._keeper.safe()
+            raise
 
     def _as_recorded(self, entry: events.Entry, t: float) -> events.Entry:
         """Enter the run where it was entered, at bench time `t` in s."""

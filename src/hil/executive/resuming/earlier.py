@@ -18,7 +18,7 @@ from hil.evidence.journal.past import entries
 from hil.evidence.journal.reader import Body, JournalLine, cut_torn_tail, read_journal, require_known_format
 from hil.evidence.state import RunState, fold, standing
 from hil.executive.journaling.checkpoints import read_checkpoint
-from hil.executive.watching.keeper import FIRST_ARMING
+from hil.executive.watching.arming import FIRST_ARMING
 from hil.model.errors import EvidenceError, Refused
 from hil.model.verdict import Verdict
 from hil.wire.checkpoint import Checkpoint

@@ -88,6 +88,7 @@ class Driven:
 _BENCH = "bench"
 _PATIENCE_S = 0.05
 _LONGEST_APART_S = 5.0
+_LOOK_NS = 200_000_000
 
 _NOBODY = events.HoldAsked(release=True, by="", text="")
 
@@ -181,11 +182,17 @@ class Holding:
 
         Raises:
             DeviceFault: an output could not be brought back to what it was.
+            Stopped: somebody asked to stop; nothing more is driven then.
         """
         before: Call | None = None
+        clock = self._bench.clock
         for call in self._driven.calls:
             apart = call.first_t - before.first_t if before else 0.0
-            self._bench.clock.sleep(min(apart, _LONGEST_APART_S))
+            until_ns = clock.now_ns() + round(min(apart, _LONGEST_APART_S) * NANOSECONDS)
+            while clock.now_ns() < until_ns:
+                self._flags.check()
+                clock.wait_until(min(until_ns, clock.now_ns() + _LOOK_NS))
+            self._flags.check()
             self._issue(call)
             before = call
 

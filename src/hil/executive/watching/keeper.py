@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from hil.bench.bound import BoundBench
 from hil.bench.envelope import Trip
 from hil.bench.gate import Gate
-from hil.bench.readiness import energised_gates, unpowered_gates
-from hil.bench.safe_off import EVERY_S, SafeResult, make_safe, watch_after
+from hil.bench.safe_off import EVERY_S, SafeResult, left_on, watch_after
 from hil.evidence import events
 from hil.evidence.events import EventSink
 from hil.executive.ending.stop import StopFlags
 from hil.executive.journaling.row_store import OpenRecording, RowStore
+from hil.executive.watching.arming import FIRST_ARMING, ArmedBench
 from hil.executive.watching.holding import Holding
 from hil.executive.watching.monitoring import monitor_of
 from hil.executive.watching.ports import Machine
 from hil.executive.watching.scheduler import Scheduler
 from hil.executive.watching.timeline import Timeline
-from hil.model.bench import SafeStep
 from hil.model.cutting import WatchAfter
 from hil.model.envelope import EnvelopeLimit
 from hil.model.figure import Figure
 from hil.model.identity import Dut
 
-__all__ = ["FIRST_ARMING", "BenchKeeper", "Ticking", "watch_afterwards"]
-
-FIRST_ARMING = -1
-"""Stands for the first arming of a run; every other one is known by the `void_to` of the entry at which it is done."""
+__all__ = ["BenchKeeper", "Ticking", "watch_afterwards"]
 
 
 class Ticking(Protocol):
@@ -70,17 +66,21 @@ class BenchKeeper:
         ticking: Sequence[Ticking],
     ) -> None:
         self._bench = bench
-        self._dut = dut
         self._flags = flags
         self.journal = self._journal = journal
-        self._machine = machine
+        self._armed = ArmedBench(bench, dut, flags, machine)
         self._store = store
         self._watched: dict[str, OpenRecording] = {}
-        self.unsafe = self.touched = self.over = False
+        self.over = False
         monitors = [monitor_of(bench, limit) for limit in bench.spec.envelope]
         self.scheduler = Scheduler(bench, monitors, flags, self, timeline)
         self.holding = Holding(bench, flags, journal, self.scheduler)
         self._ticking = (*ticking[:1], self.holding, *ticking[1:])
+
+    @property
+    def unsafe(self) -> bool:
+        """Whether an output was not proven safe in the end."""
+        return self._armed.unsafe
 
     def tick(self) -> None:
         """Do what has to be done every fraction of a wall second."""
@@ -145,7 +145,7 @@ class BenchKeeper:
         if self.over:
             return "the run was interrupted behind its last case"
         with self._flags.shielded():
-            problems = self._take(events.Rest, self._bench.spec.rest)
+            problems = left_on(self._bench.spec.rest, self._bench, self._taken(events.Rest))
         return f"the bench did not reach its rest state: {problems[0]}" if problems else ""
 
     def safe(self) -> None:
@@ -153,22 +153,19 @@ class BenchKeeper:
         with self._flags.shielded():
             self.scheduler.rest()
             self.scheduler.come()  # what a person or a case took of time is not the safe-off's
-            problems = self._take(events.Safe, self._bench.spec.safe_off)
+            problems = self._armed.make_safe(self._taken(events.Safe))
             self._journal.write(events.SafeEnd(ok=not problems))
-            self.unsafe = bool(problems)
 
     def release(self) -> None:
         """Make the bench safe for the last time and end the monitors' recordings."""
-        if self.touched:
+        if self._armed.touched:
             self.safe()
-        if problems := self._machine.end():
+        if problems := self._armed.let_go():
             self._journal.write(events.HostGate(name="guardian", ok=False, detail="; ".join(problems)))
-            self.unsafe = True
         goes_on = self._flags.leave_open and not self.unsafe and not self.scheduler.tripped
-        if self.touched and not goes_on:  # what is read after the end belongs to the end of a run
+        if self._armed.touched and not goes_on:  # what is read after the end belongs to the end of a run
             self._watch_afterwards()
-        if self.unsafe:
-            self._machine.latch("the run could not prove the bench safe")
+        self._armed.latch("the run could not prove the bench safe")
         for recording in self._watched.values():
             recording.finish(complete=True)
         self._watched.clear()
@@ -178,39 +175,16 @@ class BenchKeeper:
         with self._flags.shielded():
             if not watch_afterwards(self._bench, self._store, self._taken(events.Safe), self._ticking[0]):
                 self._journal.write(events.SafeEnd(ok=False))
-                self.unsafe = True
+                self._armed.unsafe = True
 
     def _pass_gates(self, arming: int) -> str:
         """Take the gates one by one; the first that does not hold ends the arming, and is returned."""
-        for kind, gate, is_new in self._gates(arming):
-            if is_new:
-                self._journal.write(kind(name=gate.name, ok=gate.ok, detail=gate.detail))
-            if not gate.ok:
-                return f"{gate.name}: {gate.detail}"
-        return ""
 
-    def _gates(self, arming: int) -> Iterator[tuple[type[events.Gate], Gate, bool]]:
-        yield from ((events.Gate, gate, True) for gate in unpowered_gates(self._bench, self._dut))
-        self.touched = True
-        host_gates = self.scheduler.timeline.host_gates(arming, self.scheduler)
-        yield from ((events.HostGate, gate, is_new) for gate, is_new in host_gates)
-        self.scheduler.come()
-        for gate in energised_gates(self._bench, self._dut):
-            yield events.Gate, gate, True
-            if text := self.scheduler.timeline.distress():
-                yield events.Gate, Gate("bench looked after", ok=False, detail=text), True
+        def passed(gate: Gate, of_host: bool) -> None:
+            kind = events.HostGate if of_host else events.Gate
+            self._journal.write(kind(name=gate.name, ok=gate.ok, detail=gate.detail))
 
-    def _take(self, kind: type[events.Rest], steps: Sequence[SafeStep]) -> list[str]:
-        problems: list[str] = []
-        told = self._taken(kind)
-
-        def tell(result: SafeResult) -> None:
-            told(result)
-            if not result.ok:
-                problems.append(f"{result.output} is not {result.state}: {result.detail}")
-
-        make_safe(steps, self._bench.roles, self._bench.clock, tell)
-        return problems
+        return self._armed.arm(arming, self.scheduler, passed)
 
     def _taken(self, kind: type[events.Rest]) -> Callable[[SafeResult], None]:
         """Return what writes a line down that was taken."""

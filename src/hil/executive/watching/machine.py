@@ -10,14 +10,14 @@ from typing import Protocol
 
 from hil.bench.bound import BoundBench
 from hil.bench.gate import Gate
-from hil.bench.lease import clear_latches_of, latch_bench, latch_unsafe_end
+from hil.bench.lease import Lease, clear_latches_of, latch_bench, latch_unsafe_end
 from hil.bench.port_identity import port_gates
 from hil.clock import wall
 from hil.clock.live import LiveClock
 from hil.evidence import events
+from hil.evidence.events import EventSink
 from hil.executive.ending.signals import LOOK_S
 from hil.executive.ending.stop import StopFlags
-from hil.executive.journaling.record import Record
 from hil.executive.watching.holding import Holding
 from hil.executive.watching.inhibitor import Inhibitor
 from hil.executive.watching.ports import Freshness
@@ -33,7 +33,7 @@ from hil.model.safing import GuardedOutput, GuardedPort, GuardPlan
 from hil.model.serial_line import SerialLine
 from hil.wire.opening import url_of_resource
 
-__all__ = ["ArmingPeople", "Attendant", "Guarding", "LiveMachine", "live_machine", "plan_of"]
+__all__ = ["ArmingPeople", "Attendant", "Guarding", "LiveMachine", "Tenant", "live_machine", "plan_of"]
 
 _BEAT_S = 0.1
 _BETWEEN_S = 10.0
@@ -91,7 +91,8 @@ class Guarding:
         self._freshness = freshness
         try:
             plan = plan_of(self._bench, self._folder, self._leases)
-            self._guardian = Guardian.start(plan, self._bench.descriptors, [*self._locks, *held])
+            locks = [*self._locks, *held]
+            self._guardian = Guardian.start(plan, self._bench.descriptors, locks, self._flags.check)
             for each in self._guardian.drill():
                 yield Gate(f"guardian: {each.output}", ok=each.ok, detail=each.detail or f"after {each.seconds:.3g} s")
             self._until = _boot_s() + _ARMING_S
@@ -218,6 +219,30 @@ def _boot_s() -> float:
     return wall.stamp().boot
 
 
+class Tenant(Protocol):
+    """Whoever has a bench outside this process for itself: a run, or a visit."""
+
+    @property
+    def folder(self) -> Path:
+        """Where the guardian writes down what it did; its latches have this name."""
+        ...
+
+    @property
+    def leases(self) -> Sequence[str]:
+        """What is held alone."""
+        ...
+
+    @property
+    def lease(self) -> Lease:
+        """What holds it."""
+        ...
+
+    @property
+    def events(self) -> EventSink:
+        """Where it is written down what cannot be done."""
+        ...
+
+
 class ArmingPeople(Protocol):
     """The people that an armed bench needs."""
 
@@ -235,14 +260,14 @@ class LiveMachine:
         bench: the bench; one whose source is simulated is served.
         guarding: the guardian.
         inhibitor: holds off sleep and shutdown.
-        record: the run's.
+        tenant: has the bench for itself.
     """
 
-    def __init__(self, bench: BoundBench, guarding: Guarding, inhibitor: Inhibitor, record: Record) -> None:
+    def __init__(self, bench: BoundBench, guarding: Guarding, inhibitor: Inhibitor, tenant: Tenant) -> None:
         self._bench, self._spec = bench, bench.spec
         self._guarding = guarding
         self._inhibitor = inhibitor
-        self._record = record
+        self._tenant = tenant
         self._looked = 0.0
         self._served = bench.source is Source.SIMULATED
         self._people: ArmingPeople | None = None
@@ -294,9 +319,9 @@ class LiveMachine:
     def latch(self, why: str) -> None:
         """Latch the bench, which was not proven safe; where that is not possible, it is told."""
         try:
-            latch_unsafe_end(self._record.leases, bench=self._spec.name, run=self._record.folder, why=why)
+            latch_unsafe_end(self._tenant.leases, bench=self._spec.name, run=self._tenant.folder, why=why)
         except (OSError, HilError) as error:
-            self._record.events.write(events.Anomaly(text=f"the bench could not be latched: {error}"))
+            self._tenant.events.write(events.Anomaly(text=f"the bench could not be latched: {error}"))
 
     def _awake(self) -> Gate:
         name = "sleep and shutdown held off"
@@ -343,7 +368,7 @@ class Attendant:
 
 
 def live_machine(
-    bench: BoundBench, clock: LiveClock, flags: StopFlags, record: Record, inhibit: Sequence[str]
+    bench: BoundBench, clock: LiveClock, flags: StopFlags, tenant: Tenant, inhibit: Sequence[str]
 ) -> LiveMachine:
     """Return the machine of a bench outside this process.
 
@@ -351,8 +376,8 @@ def live_machine(
         bench: the bench.
         clock: its clock.
         flags: tell whether the executive is at something that no monitor can interrupt.
-        record: the run's.
+        tenant: has the bench for itself.
         inhibit: a command that holds off sleep and shutdown in the place of logind; empty for logind.
     """
-    guarding = Guarding(bench, clock, flags, folder=record.folder, leases=record.leases, locks=record.lease.descriptors)
-    return LiveMachine(bench, guarding, Inhibitor(f"a test run drives bench {bench.spec.name}", inhibit), record)
+    guarding = Guarding(bench, clock, flags, folder=tenant.folder, leases=tenant.leases, locks=tenant.lease.descriptors)
+    return LiveMachine(bench, guarding, Inhibitor(f"hil drives bench {bench.spec.name}", inhibit), tenant)

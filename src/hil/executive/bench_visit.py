@@ -1,0 +1,276 @@
+"""Visits to a bench outside runs: check it, try its outputs, or make it safe."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+
+from hil.bench.binding import bind_simulated, check_twin
+from hil.bench.bound import BoundBench
+from hil.bench.file.reading import load_bench
+from hil.bench.gate import Gate
+from hil.bench.lease import Lease, refuse_latched
+from hil.bench.live import bind_live
+from hil.bench.port_identity import WrongPort
+from hil.bench.safe_off import SafeResult, make_safe
+from hil.bench.serving import ServedEnds, served
+from hil.clock import wall
+from hil.evidence.events import NOTHING, Anomaly, Event, EventSink
+from hil.evidence.folder import GUARDIAN
+from hil.executive.ending.signals import handle_signals
+from hil.executive.ending.stop import StopFlags
+from hil.executive.setup.configuration import reach_of
+from hil.executive.setup.workspace import Workspace, find_workspace
+from hil.executive.watching.arming import FIRST_ARMING, ArmedBench
+from hil.executive.watching.machine import live_machine
+from hil.executive.watching.ports import Machine, NoMachine
+from hil.executive.watching.timeline import Timeline, timeline_of
+from hil.model.bench import BenchSpec
+from hil.model.errors import DeviceFault, Refused
+from hil.model.identity import Source
+from hil.wire.transcript import Transcript
+
+__all__ = ["Checked", "check_bench", "safe_bench", "serve_bench"]
+
+_VISITS = ".visits"
+
+Told = Callable[[Gate], None]
+"""Takes a gate as soon as it is known."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Checked:
+    """The outcome of a check.
+
+    Attributes:
+        ready: whether every gate holds.
+        safe: whether every output was proven safe in the end, if any was driven.
+        stopped: who or what asked to stop, empty if nobody did.
+    """
+
+    ready: bool
+    safe: bool = True
+    stopped: str = ""
+
+
+def check_bench(
+    start: Path, name: str, source: Source, *, energise: bool, served: Path | None = None, tell: Told
+) -> Checked:
+    """Go through the readiness gates of a bench; without `energise`, or if one does not hold, nothing is driven.
+
+    Where a port is not there, or is another board's, nothing but that is told. A latch is a gate that does not hold.
+    With `energise` the bench is guarded, and left, as by a run: see `ArmedBench`.
+
+    Args:
+        start: the folder where the workspace is searched for.
+        name: the bench's.
+        source: hardware or simulated.
+        energise: whether outputs are tried at their reduced level.
+        served: the folder in which another process serves the bench.
+        tell: called with every gate.
+
+    Raises:
+        Refused: for an unknown bench, one that a run holds, or one to be driven that is latched.
+        ConfigurationError: with everything that is wrong with the bench file.
+    """
+    with ExitStack() as stack:
+        flags = StopFlags()
+        if energise:
+            stack.enter_context(handle_signals(flags))
+        try:
+            visit = stack.enter_context(_visit(start, name, source, served, driven=energise))
+        except WrongPort as error:
+            return _checked(error.gates, tell)
+        except DeviceFault as error:
+            return _checked([Gate(f"port of {error.device}", ok=False, detail=str(error))], tell)
+        if energise:
+            return _energised(visit, flags, tell)
+        look = ArmedBench(visit.bench, None, flags, NoMachine()).look()
+        return _checked(chain(look, _latch_gates(visit.bench.spec, source, served)), tell)
+
+
+def _checked(gates: Iterable[Gate], tell: Told) -> Checked:
+    ready = True
+    for gate in gates:
+        tell(gate)
+        ready = ready and gate.ok
+    return Checked(ready=ready)
+
+
+def _energised(visit: _Visit, flags: StopFlags, tell: Told) -> Checked:
+    """Arm the bench, and leave it; whatever happens meanwhile, it is made safe, and proven to be."""
+    bench = visit.bench
+    with visit.tenancy(tell) as tenant:
+        machine: Machine = NoMachine()
+        if bench.live is not None:
+            machine = live_machine(bench, bench.live, flags, tenant, visit.workspace.inhibitor)
+        armed = ArmedBench(bench, None, flags, machine, thorough=True)
+        course = _Unwatched(timeline_of(bench, machine, _Uneventful()))
+        left: list[str] = []
+        try:
+            refusal = armed.arm(FIRST_ARMING, course, lambda gate, _: tell(gate))
+        finally:
+            if armed.touched:
+                left += armed.make_safe(lambda _: None)
+            left += armed.let_go()
+            armed.latch("the check could not prove the bench safe")
+        if armed.touched:
+            tell(Gate("safe at the end", ok=not left, detail="; ".join(left) or "every line of safe_off is proven"))
+        return Checked(ready=not (refusal or left), safe=not left, stopped=flags.reason)
+
+
+class _Unwatched:
+    """Time as it passes for a bench that no monitor watches: its outputs are tried one at a time, and read."""
+
+    fresh_until_ns = None
+
+    def __init__(self, timeline: Timeline) -> None:
+        self.timeline = timeline
+        self.come = timeline.come
+
+
+class _Uneventful:
+    """The course of a visit, which nobody writes down."""
+
+    course = 0
+
+
+def _latch_gates(spec: BenchSpec, source: Source, served: Path | None) -> Iterator[Gate]:
+    reach = reach_of(spec, source, served)
+    try:
+        refuse_latched(reach.leases if reach else ())
+    except Refused as error:
+        yield Gate("not latched", ok=False, detail=str(error))
+
+
+def safe_bench(
+    start: Path, name: str, source: Source, *, served: Path | None = None, tell: Callable[[str], None]
+) -> list[SafeResult]:
+    """Execute every line of a bench's safe-off and return the outcome of each; see `check_bench`.
+
+    Anyone who holds the bench does not keep anybody from making it safe, nor does an instrument that cannot be reached:
+    its lines are not proven. Who holds the bench is told.
+    """
+    results: list[SafeResult] = []
+    with handle_signals(StopFlags()), _visit(start, name, source, served, by_force=tell) as visit:  # to its end
+        make_safe(visit.bench.spec.safe_off, visit.bench.roles, visit.bench.clock, results.append)
+    return results
+
+
+@contextmanager
+def serve_bench(start: Path, name: str, folder: Path, *, speed: float, first_port: int) -> Iterator[ServedEnds]:
+    """Open the ends of a simulated bench for other processes, until the context is left.
+
+    Raises:
+        Refused: for an unknown bench, one without a simulated twin, or a folder or port that cannot be had.
+        ConfigurationError: with everything that is wrong with the bench file.
+    """
+    with served(_simulated(start, name), folder, speed=speed, first_port=first_port) as ends:
+        yield ends
+
+
+@dataclass(frozen=True, slots=True)
+class _Visit:
+    """A bench that somebody visits, with what it holds of it."""
+
+    workspace: Workspace
+    bench: BoundBench
+    lease: Lease
+    leases: Sequence[str]
+
+    @contextmanager
+    def tenancy(self, tell: Told) -> Iterator[_Tenant]:
+        """Give the visit a folder and a name for what the guardian may have to write; if it does nothing they go."""
+        name = f"{wall.compact_utc()}-{self.bench.spec.name}-check-{secrets.token_hex(3)}"
+        folder = self.workspace.reports / _VISITS / name
+        journal = folder / GUARDIAN
+        if self.bench.live is not None:
+            try:
+                journal.parent.mkdir(parents=True)
+            except OSError as error:
+                hint = "the guardian writes there what it does; check who may write in it"
+                raise Refused(f"{folder} cannot be made: {error.strerror}", hint) from error
+        self.lease.name(name)
+        try:
+            yield _Tenant(folder, self.leases, self.lease, _Anomalies(tell))
+        finally:
+            with suppress(OSError):
+                for made in (journal.parent, folder, folder.parent):
+                    made.rmdir()
+
+
+@dataclass(frozen=True, slots=True)
+class _Tenant:
+    """See `hil.executive.watching.machine.Tenant`."""
+
+    folder: Path
+    leases: Sequence[str]
+    lease: Lease
+    events: EventSink
+
+
+class _Anomalies:
+    """Where a visit's events are written: of those that there can be, a person hears what went wrong."""
+
+    def __init__(self, tell: Told) -> None:
+        self._tell = tell
+
+    def write(self, event: Event, *, beside: Mapping[str, object] = NOTHING) -> None:
+        """Tell what went wrong."""
+        del beside
+        if isinstance(event, Anomaly):
+            self._tell(Gate("afterwards", ok=False, detail=event.text))
+
+
+@contextmanager
+def _visit(
+    start: Path,
+    name: str,
+    source: Source,
+    served: Path | None,
+    *,
+    driven: bool = False,
+    by_force: Callable[[str], None] | None = None,
+) -> Iterator[_Visit]:
+    spec = _simulated(start, name) if source is Source.SIMULATED else _read(start, name)
+    reach = reach_of(spec, source, served)
+    with ExitStack() as stack:
+        leases = reach.leases if reach else []
+        lease = _leased(leases, by_force)
+        stack.callback(lease.release)
+        if reach is None:
+            bench = bind_simulated(spec, Transcript(None))
+        else:
+            if driven:
+                refuse_latched(leases)
+            bench = bind_live(spec, reach, wall.utc_now(), Transcript(None), by_force=by_force is not None)
+        stack.callback(bench.close)
+        yield _Visit(find_workspace(start), bench, lease, leases)
+
+
+def _leased(keys: Sequence[str], by_force: Callable[[str], None] | None) -> Lease:
+    """Take the bench's leases; by force it continues without them, and reports who has them."""
+    try:
+        return Lease(keys, "hil bench")
+    except Refused as error:
+        if by_force is None:
+            raise
+        by_force(str(error))
+        return Lease((), "hil bench")
+
+
+def _read(start: Path, name: str) -> BenchSpec:
+    workspace = find_workspace(start)
+    return load_bench(workspace.benches, name, workspace.root)
+
+
+def _simulated(start: Path, name: str) -> BenchSpec:
+    """Return a bench file whose simulated twin was checked."""
+    workspace, spec = find_workspace(start), _read(start, name)
+    path = workspace.benches / name / "bench.yaml"
+    check_twin(spec, path, workspace.shown(path))
+    return spec

@@ -1,0 +1,128 @@
+"""The one door to a bench that is driven: nothing is energised unguarded, nothing after a stop, and all ends safe."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Protocol
+
+from hil.bench.bound import BoundBench
+from hil.bench.gate import Gate
+from hil.bench.readiness import energised_gates, unpowered_gates
+from hil.bench.safe_off import SafeResult, left_on
+from hil.executive.ending.stop import StopFlags, Stopped
+from hil.executive.watching.ports import Freshness, Machine
+from hil.executive.watching.timeline import Timeline
+from hil.model.identity import Dut
+
+__all__ = ["FIRST_ARMING", "ArmedBench", "Course", "Passed"]
+
+FIRST_ARMING = -1
+"""Stands for the first arming of a run; every other one is known by the `void_to` of the entry at which it is done."""
+
+Passed = Callable[[Gate, bool], None]
+"""Takes a gate that is new, and whether it is one of people and machine."""
+
+
+class Course(Freshness, Protocol):
+    """How time passes for whoever drives the bench."""
+
+    @property
+    def timeline(self) -> Timeline:
+        """The timeline that holds now."""
+        ...
+
+    def come(self) -> None:
+        """Catch up with the present."""
+        ...
+
+
+class ArmedBench:
+    """A bench as runs and visits drive it; nothing else energises an output.
+
+    It is looked at first. Then people and machine are ready, and the guardian watches a bench outside this process.
+    Only then an output is tried, one at a time. Once somebody asked to stop no byte leaves but those that make the
+    bench safe. Whoever arms it leaves it by `make_safe`, `let_go` and `latch`.
+
+    Args:
+        bench: the bench.
+        dut: the device under test, compared with what answers; None where nobody said which one it is.
+        flags: stop requests; they wait while the bench is made safe.
+        machine: drives the bench, and guards it.
+        thorough: whether everything is looked at, although something is wrong already.
+
+    Attributes:
+        touched: whether anything may have been driven.
+        unsafe: whether an output was not proven safe in the end.
+    """
+
+    def __init__(
+        self, bench: BoundBench, dut: Dut | None, flags: StopFlags, machine: Machine, *, thorough: bool = False
+    ) -> None:
+        self._thorough = thorough
+        self._bench = bench
+        self._dut = dut
+        self._flags = flags
+        self._machine = machine
+        self.touched = self.unsafe = False
+
+    def arm(self, arming: int, course: Course, passed: Passed) -> str:
+        """Pass the gates one by one; return the first that does not hold, nothing if all do.
+
+        Args:
+            arming: which arming of the run it is, for those that are in its record.
+            course: how time passes.
+            passed: called with every gate.
+        """
+        refusal = ""
+        with self._bench.brake.applied(lambda: self._flags.reason):
+            for gate, of_host, is_new in self._gates(arming, course):
+                told = gate
+                if self._flags.reason:
+                    told = Gate(gate.name, ok=False, detail=f"stopped by {self._flags.reason}; {gate.detail}")
+                if is_new:
+                    passed(told, of_host)
+                refusal = refusal or ("" if told.ok else f"{told.name}: {told.detail}")
+                if refusal and (self.touched or self._flags.reason or not self._thorough):
+                    break
+        return refusal
+
+    def look(self) -> Iterator[Gate]:
+        """Yield the gates that drive nothing."""
+        return unpowered_gates(self._bench, self._dut)
+
+    def _gates(self, arming: int, course: Course) -> Iterator[tuple[Gate, bool, bool]]:
+        """Yield the gates, each with whether it is of people and machine, and whether it is new."""
+        ready = True
+        for gate in self.look():
+            yield gate, False, True
+            ready = ready and gate.ok
+        if not ready:
+            return
+        self.touched = True
+        try:
+            yield from ((gate, True, is_new) for gate, is_new in course.timeline.host_gates(arming, course))
+        except Stopped:
+            yield Gate("guardian", ok=False, detail="it is not needed any more"), True, True
+        course.come()
+        for gate in energised_gates(self._bench, self._dut):
+            yield gate, False, True
+            if text := course.timeline.distress():
+                yield Gate("bench looked after", ok=False, detail=text), False, True
+
+    def make_safe(self, tell: Callable[[SafeResult], None]) -> list[str]:
+        """Take every line of the safe-off, whatever is asked meanwhile; return what is not proven safe."""
+        with self._flags.shielded():
+            problems = left_on(self._bench.spec.safe_off, self._bench, tell)
+        self.unsafe = bool(problems)
+        return problems
+
+    def let_go(self) -> list[str]:
+        """Let the guardian prove every output itself, and go; return what it does not find safe."""
+        problems = self._machine.end()
+        self.unsafe = self.unsafe or bool(problems)
+        return problems
+
+    def latch(self, why: str) -> None:
+        """Latch the bench if it was not proven safe."""
+        if self.unsafe:
+            self._machine.latch(why)
