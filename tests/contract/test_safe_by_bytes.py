@@ -78,7 +78,8 @@ def test_driver_and_bytes_wait_as_long_as_the_connection_says(name):
         code = found.code(kind.proof)
         lines_s = 0.5 if name == "cycler" else 0.0  # a reply waits for the lines before it
         limits = {each.within_s for each in (*code.resync, *code.off, *code.proof) if each.expect}
-        assert limits == {0.2 + lines_s}
+        many_s = {0.2 + 0.3} if name == "newport-esp301" else set()  # eighteen questions at once
+        assert limits == {0.2 + lines_s} | many_s
         found.line.write = lambda _: None
         begun = found.clock.now()
         with pytest.raises(DeviceFault):

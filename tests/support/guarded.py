@@ -38,6 +38,7 @@ def code(channel: int = 1, within_s: float = 0.2) -> SafeBytes:
                 between=(-0.05, 0.05),
             ),
         ),
+        owed_s=within_s,
     )
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from hil.guardian import channel
 from hil.guardian.channel import DrillResult, HungUp
-from hil.guardian.plan_codec import every_exchange, seconds_of, written_plan
+from hil.guardian.plan_codec import seconds_of, written_plan
 from hil.model.errors import GuardianLost, HilError, Refused
 from hil.model.safing import GuardPlan
 
@@ -177,7 +177,7 @@ class Guardian:
         return within_s + 3 * sum(self._longest_s()) + 3 * _MARGIN_S
 
     def _longest_s(self) -> list[float]:
-        return [seconds_of(every_exchange(output.code)) for output in self._plan.outputs]
+        return [seconds_of(output.code) for output in self._plan.outputs]
 
     def _results(self, kind: str) -> tuple[DrillResult, ...]:
         results = []

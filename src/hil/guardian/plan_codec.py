@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
 from hil.model.safing import Exchange, GuardedOutput, GuardedPort, GuardPlan, SafeBytes
 from hil.model.serial_line import Rs485, SerialLine
 
-__all__ = ["every_exchange", "read_plan", "seconds_of", "written_plan"]
+__all__ = ["LONGEST_SETTLING", "every_exchange", "read_plan", "seconds_of", "written_plan"]
+
+LONGEST_SETTLING = 6
+"""How many times the instrument's limit a line is listened to, at most, until it is silent for once that limit."""
 
 
 def written_plan(plan: GuardPlan) -> bytes:
@@ -50,9 +53,9 @@ def every_exchange(code: SafeBytes) -> tuple[Exchange, ...]:
     return (*code.resync, *code.off, *code.proof)
 
 
-def seconds_of(exchanges: Iterable[Exchange]) -> float:
-    """Return the longest time that exchanges may take [s]: no silence, bytes not taken, and no reply."""
-    return sum(each.quiet_s + 3 * each.within_s for each in exchanges)
+def seconds_of(code: SafeBytes) -> float:
+    """Return the longest time that all exchanges may take [s]: no silence, bytes not taken, and no reply."""
+    return LONGEST_SETTLING * code.owed_s + sum(each.quiet_s + 3 * each.within_s for each in every_exchange(code))
 
 
 def _port(told: Mapping[str, Any]) -> GuardedPort:
@@ -63,7 +66,8 @@ def _port(told: Mapping[str, Any]) -> GuardedPort:
 
 def _output(told: Mapping[str, Any]) -> GuardedOutput:
     code = {part: tuple(_exchange(each) for each in told["code"][part]) for part in ("resync", "off", "proof")}
-    return GuardedOutput(**{**told, "code": SafeBytes(**code), "cut_by": tuple(told["cut_by"])})
+    safe = SafeBytes(**code, owed_s=told["code"]["owed_s"])
+    return GuardedOutput(**{**told, "code": safe, "cut_by": tuple(told["cut_by"])})
 
 
 def _exchange(told: Mapping[str, Any]) -> Exchange:

@@ -117,6 +117,7 @@ class Guard:
         self._tell("heard", number=told["number"])
 
     def _drill(self, _told: dict[str, Any]) -> None:
+        self._outputs.begin(anew=False)
         self._report(self._outputs.drill, self._plan.outputs)
         self._tell_result(self._drill_heartbeat())
         self._watchdog.restart()
@@ -128,6 +129,7 @@ class Guard:
         self._tell("watching")
 
     def _disarm(self, _told: dict[str, Any]) -> None:
+        self._outputs.begin(anew=True)
         if self._report(self._outputs.prove, self._plan.outputs):
             self._watching, self._disarmed = False, True
         self._watchdog.restart()

@@ -162,6 +162,7 @@ class Eurotherm3216Thermal:
             resync=(SILENCE,),
             off=(exchange(mode, mode, within_s),),
             proof=tuple(exchange(question(3, at, 1, unit), register_told(value, unit), within_s) for at, value in told),
+            owed_s=within_s,
         )
 
     def _agree(self) -> None:

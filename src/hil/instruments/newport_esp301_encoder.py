@@ -18,6 +18,8 @@ _BENCH_CLOCK = 1e-4
 """Relative standard uncertainty of the bench's clock: a quartz without a certificate."""
 _GAP_S = 0.03
 _BETWEEN = 16
+_ALL_S = 0.3
+"""What so many questions and replies take on the line at 9600 baud."""
 _VERSION = rb"(?:\A|\n)ESP\d+ +Version [^\r\n]*\r\n"
 _END = rb" *\r\n"
 
@@ -123,14 +125,15 @@ def stopped(axis: int, rate: tuple[float, float] | None, within_s: float) -> Saf
         rate: bounds of the velocity that the controller reports [deg/s], None if it is not to be asked.
         within_s: how long a reply may take [s].
     """
-    questions = [("VE?", _VERSION), (f"{axis}MD?", rb"\A *1" + _END), _standing(axis)]
-    asked = [_asked(*question, within_s) for question in questions]
+    asked = [_asked("VE?", _VERSION, within_s), _asked(f"{axis}MD?", rb"\A *1" + _END, within_s)]
+    asked.append(_asked(*_standing(axis), within_s + _ALL_S))
     if rate is not None:
         asked.append(_asked(f"{axis}TV?", rb"\A *" + NUMBER + _END, within_s, rate))
     return SafeBytes(
         resync=(Exchange(send=b"VE?\r", quiet_s=_GAP_S),),
         off=(Exchange(send=b"%dST\r" % axis), Exchange(send=b"%dMF\r" % axis)),
         proof=tuple(asked),
+        owed_s=within_s,
     )
 
 

@@ -355,7 +355,7 @@ def _switched_off(
     line it makes nonsense of it, which is refused whole; after nothing it is a question that changes nothing. The error
     queue is not emptied: what stands there shows the next program what happened.
 
-    Instruments answer in order. The proof begins with `*IDN?` too: when its reply has come, no older one is owed.
+    The proof begins with `*IDN?` too: when its reply has come, the instrument talks, and no older one is owed.
 
     Args:
         off: the command.
@@ -384,6 +384,7 @@ def _switched_off(
         resync=(Exchange(send=_bytes_of(_IDENTIFY), quiet_s=quiet_s),),
         off=(Exchange(send=_bytes_of(off), quiet_s=quiet_s),),
         proof=(nothing_owed, *asked),
+        owed_s=within_s,
     )
 
 

@@ -85,6 +85,7 @@ class WaveshareRelays:
             resync=(SILENCE,),
             off=(exchange(coils(0, released, unit), coils_taken(0, _RELAYS, unit), within_s),),
             proof=(exchange(question(1, 0, _RELAYS, unit), coils_told(released, unit), within_s),),
+            owed_s=within_s,
         )
 
     def _switch(self, coil: int, *, on: bool) -> None:

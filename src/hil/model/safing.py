@@ -37,12 +37,15 @@ class SafeBytes:
     Attributes:
         resync: ends what another process may have left half sent on the line; what is heard in this time is discarded.
         off: the commands; each may be sent again, and sending one to an output that is safe already does no harm.
-        proof: asks whether it is safe; sends nothing that changes anything.
+        proof: asks whether it is safe; sends nothing that changes anything. Its questions go out one at a time.
+        owed_s: how long a reply may be on its way [s], the instrument's limit. Nobody knows what was asked before, so
+            a proof begins once the line has been silent for so long; 0 where no reply can be taken for another's.
     """
 
     resync: tuple[Exchange, ...] = ()
     off: tuple[Exchange, ...]
     proof: tuple[Exchange, ...]
+    owed_s: float = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -85,7 +85,12 @@ def test_what_is_no_plan_is_refused(wrong):
 
 def test_an_exchange_takes_no_longer_than_is_reckoned():
     """Silence that does not come, bytes that are not taken, and no reply."""
-    assert seconds_of([Exchange(send=b"x", within_s=0.2, quiet_s=0.1)] * 2) == pytest.approx(1.4)
+    code = SafeBytes(
+        off=(Exchange(send=b"x", within_s=0.2, quiet_s=0.1),),
+        proof=(Exchange(send=b"x", within_s=0.2, quiet_s=0.1),),
+        owed_s=0.5,
+    )
+    assert seconds_of(code) == pytest.approx(1.4 + 3.0)
 
 
 def test_packets_come_whole_with_their_descriptors():

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-import time
 from collections.abc import Iterable
 
+from hil.guardian.plan_codec import LONGEST_SETTLING
 from hil.guardian.ports.line import Line
-from hil.model.safing import Exchange
+from hil.model.safing import Exchange, SafeBytes
 
 __all__ = ["Dialogue", "Patience"]
 
@@ -33,26 +33,79 @@ class Patience:
 
 
 class Dialogue:
-    """Exchanges on one line.
+    """Exchanges on one line, on which others have talked before.
+
+    A reply seldom says which question it answers. Instruments answer in order, and each reply comes within the
+    instrument's limit. So once a line has been silent for that limit nothing is owed, and the reply to a question that
+    is asked then is the next one that comes. Whenever a reply did not come as expected, the line is listened to again.
 
     Attributes:
-        heard_anything: whether a byte came since this was last set to False.
+        heard_anything: whether a byte came since the last `begin`.
     """
 
     def __init__(self, line: Line) -> None:
         self.line = line
         self.heard_anything = False
         self._heard = b""
+        self._in_step: tuple[Exchange, ...] | None = None
+        self._owes = True
+        self._since = line.now()  # when something was last asked, or came, on a line that may owe a reply
+        self._mute = ""
+
+    def begin(self, code: SafeBytes, patience: Patience) -> None:
+        """Resynchronise with the instrument, whose state is unknown."""
+        self._in_step, self._mute = None, ""
+        self.heard_anything = False
+        self._come_in_step(code, patience)
+
+    def off(self, code: SafeBytes, patience: Patience) -> str:
+        """Send all commands, whatever the replies are; return what went wrong."""
+        self._come_in_step(code, patience)
+        wrong = [what for each in code.off if (what := self.make(each, patience))]
+        if wrong:
+            self._in_step = None
+        return "; ".join(wrong)
+
+    def prove(self, code: SafeBytes) -> str:
+        """Ask whether the output is safe, once nothing is owed any more; return what is not as it must be.
+
+        Where nothing came since `begin`, and a question was asked in vain, none is asked again.
+        """
+        if self._mute and not self.heard_anything:
+            return self._mute
+        self._come_in_step(code, Patience())
+        for each in code.proof:
+            if wrong := self._settled(code.owed_s) or self.make(each, Patience()):
+                self._in_step = None
+                self._mute = wrong
+                return wrong
+        return ""
 
     def resync(self, exchanges: Iterable[Exchange], patience: Patience) -> None:
         """Resynchronise with the instrument, and forget what came.
 
-        The line's past is unknown, so silence counts from now.
+        The line's past is unknown, so silence counts from now, and a reply may be owed.
         """
-        self.line.busy_until = max(self.line.busy_until, time.monotonic())
+        self.line.busy_until = max(self.line.busy_until, self.line.now())
         for each in exchanges:
             self.make(each, patience)
         self._forget()
+        self._owes, self._since = True, max(self._since, self.line.busy_until)
+
+    def _come_in_step(self, code: SafeBytes, patience: Patience) -> None:
+        if self._in_step != code.resync:
+            self.resync(code.resync, patience)
+            self._in_step = code.resync
+
+    def _settled(self, owed_s: float) -> str:
+        """Let everything come that may be owed; return why nobody can tell whether it has, if so."""
+        give_up = self.line.now() + LONGEST_SETTLING * owed_s
+        while self._owes and (until := self._since + owed_s) > self.line.now():
+            if self.line.now() >= give_up:
+                return f"is never silent for {owed_s:g} s, so that no reply can be matched with its question"
+            self._hear(until)
+        self._owes = False
+        return ""
 
     def make(self, exchange: Exchange, patience: Patience) -> str:
         """Make an exchange; return what went wrong, empty if nothing did.
@@ -66,27 +119,32 @@ class Dialogue:
         self._wait_for_silence(exchange.quiet_s, patience.of(exchange.within_s))
         if exchange.send:
             self._forget()
-            until = time.monotonic() + max(patience.of(exchange.within_s), _LEAST_TO_WRITE_S)
+            until = self.line.now() + max(patience.of(exchange.within_s), _LEAST_TO_WRITE_S)
             taken = self.line.say(exchange.send, until)
             if taken < len(exchange.send):
                 return f"took {taken} of {len(exchange.send)} bytes"
-        return self._wait_for_reply(exchange, patience) if exchange.expect else ""
+        if not exchange.expect:
+            return ""
+        self._since = max(self._since, self.line.busy_until)
+        wrong = self._wait_for_reply(exchange, patience)
+        self._owes = self._owes or bool(wrong)
+        return wrong
 
     def _wait_for_silence(self, quiet_s: float, longest_s: float) -> None:
         if not quiet_s:
             return
         self._hear(0.0)  # bytes not yet fetched may have come just now
-        give_up = time.monotonic() + quiet_s + longest_s
-        while (now := time.monotonic()) < give_up and (left := self.line.busy_until + quiet_s - now) > 0:
+        give_up = self.line.now() + quiet_s + longest_s
+        while (now := self.line.now()) < give_up and (left := self.line.busy_until + quiet_s - now) > 0:
             self._hear(now + left)
 
     def _wait_for_reply(self, exchange: Exchange, patience: Patience) -> str:
         pattern = re.compile(exchange.expect, re.DOTALL)
-        began = time.monotonic()
+        began = self.line.now()
         until = began + patience.of(exchange.within_s)
         while wrong := self._judged(pattern, exchange.between):
             if not self._hear(until):
-                patience.spent(time.monotonic() - began)
+                patience.spent(self.line.now() - began)
                 break
         return wrong
 
@@ -106,6 +164,7 @@ class Dialogue:
         data = self.line.hear(until)
         if data:
             self.heard_anything = True
+            self._since = max(self._since, self.line.now())
             self._heard = (self._heard + data)[-_MOST_HEARD:]
         return bool(data)
 

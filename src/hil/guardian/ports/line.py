@@ -69,6 +69,10 @@ class Line:
         self._waits = not is_socket and os.get_blocking(descriptor)
         self.busy_until = time.monotonic()
 
+    def now(self) -> float:
+        """Return the time on the clock of deadlines [s]."""
+        return time.monotonic()
+
     def hear(self, until: float) -> bytes:
         """Return the first bytes that come, empty if none come by the deadline.
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import CancelledError, Future
 
 from hil.guardian.channel import DrillResult
-from hil.guardian.plan_codec import every_exchange, seconds_of
+from hil.guardian.plan_codec import seconds_of
 from hil.guardian.ports.dialogue import Patience
 from hil.guardian.ports.worker import Outcome, PortWorker
 from hil.model.safing import GuardedOutput, GuardPlan, SafeBytes
@@ -38,10 +38,18 @@ class Outputs:
         for each in reversed(plan.outputs):
             self._codes[each.device] = each.code  # the first output of a port says how to resynchronise it
 
+    def begin(self, *, anew: bool) -> None:
+        """Resynchronise with all instruments at once, so that late replies are waited for on all ports together.
+
+        Args:
+            anew: whether a port that is gone may be reopened.
+        """
+        for device, code in self._codes.items():
+            self._workers[device].begin(code, Patience(), anew=anew)
+
     def drill(self, output: GuardedOutput) -> DrillResult:
-        """Make one output safe through its own descriptor, and prove it; nothing is reopened."""
+        """Make one output safe, after `begin`, and prove it."""
         worker, code, began = self._workers[output.device], output.code, time.monotonic()
-        worker.begin(code, Patience(), anew=False)
         asked = [worker.off(code, Patience()), worker.prove(code)]
         off, proof = (self._patiently(future, code) for future in asked)
         ok = off.ok and proof.ok
@@ -49,13 +57,12 @@ class Outputs:
         return DrillResult(output=output.output, ok=ok, detail=said, seconds=time.monotonic() - began)
 
     def prove(self, output: GuardedOutput) -> DrillResult:
-        """Prove one output with queries only. A port that is gone is reopened."""
+        """Prove one output with queries only, after `begin`. A port that is gone is reopened."""
         worker, code, began = self._workers[output.device], output.code, time.monotonic()
-        for _ in range(2):  # one lost byte must not count as unsafe
+        proof = self._patiently(worker.prove(code), code)
+        if not proof.ok:  # one lost byte must not count as unsafe
             worker.begin(code, Patience(), anew=True)
             proof = self._patiently(worker.prove(code), code)
-            if proof.ok:
-                break
         said = proof.detail or "proven"
         return DrillResult(output=output.output, ok=proof.ok, detail=said, seconds=time.monotonic() - began)
 
@@ -76,8 +83,7 @@ class Outputs:
 
         A slow port is left to its worker after a moment; its result is collected at the end.
         """
-        for device, code in self._codes.items():
-            self._workers[device].begin(code, Patience(), anew=True)
+        self.begin(anew=True)
         self._off_in_order({device: Patience() for device in self._workers})
         asked = {each.output: self._workers[each.device].prove(each.code) for each in self._outputs}
         until = time.monotonic() + self._longest_s()
@@ -99,11 +105,11 @@ class Outputs:
         """Return the longest time that one round may take on the slowest port [s]."""
         by_device = dict.fromkeys(self._workers, 0.0)
         for each in self._outputs:
-            by_device[each.device] += seconds_of(every_exchange(each.code))
+            by_device[each.device] += seconds_of(each.code)
         return max(by_device.values(), default=0.0) + _OPENING_S
 
     def _patiently(self, future: Future[Outcome], code: SafeBytes) -> Outcome:
-        until = time.monotonic() + seconds_of(every_exchange(code)) + _OPENING_S
+        until = time.monotonic() + seconds_of(code) + _OPENING_S
         while not future.done() and time.monotonic() < until:
             self._look()
             _result(future, time.monotonic() + _LOOK_S)

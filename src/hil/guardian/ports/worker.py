@@ -12,7 +12,7 @@ from threading import Event
 from hil.guardian.ports.dialogue import Dialogue, Patience
 from hil.guardian.ports.identity import Identity, identity_of, require
 from hil.guardian.ports.line import Gone, Interrupted, Line, opened
-from hil.model.safing import Exchange, GuardedPort, SafeBytes
+from hil.model.safing import GuardedPort, SafeBytes
 
 __all__ = ["Outcome", "PortWorker"]
 
@@ -47,7 +47,6 @@ class PortWorker:
         self._interrupt = Event()
         self._why_gone = ""
         self._identity: Identity | None = None
-        self._in_step: tuple[Exchange, ...] | None = None
         self._talk: Dialogue | None = None
         self._asked: list[Future[Outcome]] = []
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix=port.device)
@@ -71,11 +70,11 @@ class PortWorker:
 
     def off(self, code: SafeBytes, patience: Patience) -> Future[Outcome]:
         """Send all commands, whatever the replies are."""
-        return self._ask(lambda: self._off(code, patience))
+        return self._ask(lambda: self._there().off(code, patience))
 
     def prove(self, code: SafeBytes) -> Future[Outcome]:
         """Ask whether the output is safe."""
-        return self._ask(lambda: self._prove(code))
+        return self._ask(lambda: self._there().prove(code))
 
     def _ask(self, job: Callable[[], str]) -> Future[Outcome]:
         try:
@@ -98,7 +97,6 @@ class PortWorker:
             self._lose(str(gone))
             wrong = self._gone()
         except Exception as error:  # noqa: BLE001 - the other outputs must get their turn
-            self._in_step = None
             wrong = f"unexpected: {error!r}"
         silent = self._talk is None or not self._talk.heard_anything
         return Outcome(ok=not wrong, detail=wrong, silent=silent, seconds=time.monotonic() - began)
@@ -108,7 +106,6 @@ class PortWorker:
         return ""
 
     def _begin(self, code: SafeBytes, patience: Patience, *, anew: bool) -> str:
-        self._in_step = None
         if self._talk is None and anew and self.port.url:
             try:
                 if self._identity is not None:
@@ -116,32 +113,8 @@ class PortWorker:
                 self._talk = Dialogue(opened(self.port, self._interrupt))
             except (OSError, ValueError) as error:
                 self._why_gone = str(error)
-        talk = self._there()
-        talk.heard_anything = False
-        self._come_in_step(talk, code, patience)
+        self._there().begin(code, patience)
         return ""
-
-    def _off(self, code: SafeBytes, patience: Patience) -> str:
-        talk = self._there()
-        self._come_in_step(talk, code, patience)
-        wrong = [what for each in code.off if (what := talk.make(each, patience))]
-        if wrong:
-            self._in_step = None
-        return "; ".join(wrong)
-
-    def _prove(self, code: SafeBytes) -> str:
-        talk = self._there()
-        self._come_in_step(talk, code, Patience())
-        for each in code.proof:
-            if wrong := talk.make(each, Patience()):
-                self._in_step = None
-                return wrong
-        return ""
-
-    def _come_in_step(self, talk: Dialogue, code: SafeBytes, patience: Patience) -> None:
-        if self._in_step != code.resync:
-            talk.resync(code.resync, patience)
-            self._in_step = code.resync
 
     def _there(self) -> Dialogue:
         if self._talk is None:
@@ -149,7 +122,7 @@ class PortWorker:
         return self._talk
 
     def _lose(self, why: str) -> None:
-        self._why_gone, self._in_step = why, None
+        self._why_gone = why
         if self._talk is not None:
             with suppress(OSError):
                 self._talk.line.close()

@@ -65,6 +65,7 @@ def stopped(name: str, proof: Proof | None, within_s: float) -> SafeBytes:
         resync=(Exchange(send=question),),
         off=(Exchange(send=b"\n" + command, expect=done, within_s=within_s),),
         proof=(Exchange(send=b"\n" + question, expect=told, within_s=within_s, between=between),),
+        owed_s=within_s,
     )
 
 
