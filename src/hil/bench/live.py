@@ -17,7 +17,7 @@ from hil.model.bench import BenchSpec
 from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
 from hil.wire.exchange import Brake, Braked, Unreachable, publish_bus, publish_stream
-from hil.wire.opening import hardware_bus
+from hil.wire.opening import PortKind, hardware_bus, kind_of
 from hil.wire.replay import Playback
 from hil.wire.transcript import Transcript
 
@@ -147,6 +147,7 @@ def bind_live_again(
 
 def _open(spec: BenchSpec, reach: Reach, brake: Brake, *, by_force: bool = False) -> dict[str, Any]:
     from hil.wire.live_stream import LiveStream  # noqa: PLC0415 - what it imports exists on Linux only
+    from hil.wire.telnet_stream import TelnetStream  # noqa: PLC0415 - same
 
     strangers = _strangers(spec) if reach.source is Source.HARDWARE else {}
     if strangers and not by_force:
@@ -167,7 +168,10 @@ def _open(spec: BenchSpec, reach: Reach, brake: Brake, *, by_force: bool = False
         for name, url in reach.ports.items():
             item = spec.instrument(name)
             line = item.serial_line if reach.source is Source.HARDWARE else None  # a pseudo-terminal has no such thing
-            opened = end(name, partial(LiveStream, name, url, item.baud, line, alone=not by_force))
+            if kind_of(url) is PortKind.RFC2217:
+                opened = end(name, partial(TelnetStream, name, url, item.baud, line))
+            else:
+                opened = end(name, partial(LiveStream, name, url, item.baud, line, alone=not by_force))
             ends[name] = opened if isinstance(opened, Unreachable) else Braked(opened, brake)
         for name, path in reach.buses.items():
             ends[name] = end(name, partial(hardware_bus, name, path))

@@ -54,16 +54,18 @@ class GuardedPort:
 
     Attributes:
         device: the instrument's name.
-        url: a path of a serial device, or `socket://host:port`; empty if it must not be reopened, such as that
-            of a board which a rising DTR resets.
+        url: a path of a serial device, `socket://host:port` or `rfc2217://host:port`; empty if it must not be reopened,
+            such as that of a board which a rising DTR resets.
         baud: of a serial device.
         line: how a serial device is set.
+        telnet: whether its bytes go through Telnet, as at `rfc2217://`.
     """
 
     device: str
     url: str = ""
     baud: int = 0
     line: SerialLine = field(default_factory=SerialLine)
+    telnet: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,7 @@ import serial
 from serial.rs485 import RS485Settings
 
 from hil.clock import wall
-from hil.guardian.ports.line import must_have_taken
+from hil.guardian.ports.opening import must_have_taken
 from hil.model.errors import NoReply, Refused
 from hil.model.serial_line import Rs485, SerialLine
 from hil.wire.obstacles import obstacle

@@ -12,7 +12,8 @@ import tty
 import pytest
 
 from hil.guardian.ports.dialogue import Dialogue, Patience
-from hil.guardian.ports.line import Gone, Interrupted, Line, opened
+from hil.guardian.ports.line import Gone, Interrupted, Line
+from hil.guardian.ports.opening import opened
 from hil.model.safing import Exchange, GuardedPort
 
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from hil.guardian.ports.line import opened
+from hil.guardian.ports.opening import opened
 from hil.model.errors import NoReply
 from hil.model.safing import GuardedPort
 from hil.model.serial_line import Rs485, SerialLine

@@ -31,7 +31,7 @@ from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
 from hil.model.safing import GuardedOutput, GuardedPort, GuardPlan
 from hil.model.serial_line import SerialLine
-from hil.wire.opening import url_of_resource
+from hil.wire.opening import PortKind, kind_of, url_of_resource
 
 __all__ = ["ArmingPeople", "Attendant", "Guarding", "LiveMachine", "Tenant", "live_machine", "plan_of"]
 
@@ -204,7 +204,8 @@ def _port(bench: BoundBench, instrument: InstrumentSpec) -> GuardedPort:
     resets = getattr(bench.drivers[instrument.name], "resets_on_open", False)
     url = "" if resets else url_of_resource(bench.where[instrument.name])
     line = instrument.serial_line if bench.source is Source.HARDWARE else None
-    return GuardedPort(device=instrument.name, url=url, baud=instrument.baud, line=line or SerialLine())
+    telnet = kind_of(bench.where[instrument.name]) is PortKind.RFC2217
+    return GuardedPort(device=instrument.name, url=url, baud=instrument.baud, line=line or SerialLine(), telnet=telnet)
 
 
 def _longest_safing_s(spec: BenchSpec) -> float:

@@ -11,7 +11,8 @@ from threading import Event
 
 from hil.guardian.ports.dialogue import Dialogue, Patience
 from hil.guardian.ports.identity import Identity, identity_of, require
-from hil.guardian.ports.line import Gone, Interrupted, Line, opened
+from hil.guardian.ports.line import Gone, Interrupted
+from hil.guardian.ports.opening import line_on, opened
 from hil.model.safing import GuardedPort, SafeBytes
 
 __all__ = ["Outcome", "PortWorker"]
@@ -53,7 +54,7 @@ class PortWorker:
         self._thread.submit(bool)  # start the thread before it is needed
         try:
             self._identity = identity_of(descriptor)
-            self._talk = Dialogue(Line(descriptor, port.baud, self._interrupt))
+            self._talk = Dialogue(line_on(descriptor, port, self._interrupt))
         except OSError as error:
             self._why_gone = str(error)
 
