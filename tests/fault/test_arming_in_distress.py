@@ -13,7 +13,7 @@ from hil.bench.gate import Gate
 from hil.clock.live import LiveClock
 from hil.executive.ending.stop import StopFlags, Stopped
 from hil.executive.watching.keeper import BenchKeeper
-from hil.executive.watching.ports import NoMachine
+from hil.executive.watching.ports import Distress, NoMachine
 from hil.executive.watching.timeline import OnBench, OnLiveBench
 from hil.model.identity import Dut, Model
 
@@ -105,7 +105,7 @@ def test_arming_ends_when_the_guardian_dies_amid_it():
 
         def distress(self):
             """Tell of the guardian."""
-            return "the guardian is gone" if tried(written) else ""
+            return Distress("the guardian is gone", "guardian") if tried(written) else None
 
     with bound(adcs()) as bench:
         clock = LiveClock("2026-01-01T00:00:00Z")

@@ -23,7 +23,7 @@ from hil.executive.ending.stop import StopFlags
 from hil.executive.journaling.row_store import RowStore
 from hil.executive.people.answers import Nobody
 from hil.executive.setup.head import PlannedCase
-from hil.executive.watching.ports import NoMachine
+from hil.executive.watching.ports import Distress, NoMachine
 from hil.executive.watching.scheduler import Scheduler
 from hil.executive.watching.timeline import OnBench
 from hil.instruments.sampled import Channel
@@ -113,6 +113,7 @@ class Watch:
     def __init__(self) -> None:
         self.readings: list[tuple[str, float, float]] = []
         self.trips: list[object] = []
+        self.losses: list[Distress] = []
         self.lates: list[tuple[str, float]] = []
         self.ticks = 0
         self.told: list[str] = []
@@ -133,6 +134,10 @@ class Watch:
     def trip(self, trip: object) -> None:
         """Take a trip."""
         self.trips.append(trip)
+
+    def lost(self, distress: Distress) -> None:
+        """Take a loss."""
+        self.losses.append(distress)
 
     def safe(self) -> None:
         """Note the word."""

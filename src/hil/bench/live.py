@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -125,18 +126,29 @@ def bind_live_again(
         transcript: where every operation is noted.
         record: the transcript of the run so far.
         where: returns the current step, for messages.
+
+    Raises:
+        WrongPort, NoReply: as `bind_live`, before anything of the record is used: the run stays as it is.
     """
     clock = LiveClock(epoch, speed=reach.speed)
-    playback = Playback(record, clock, where)
-    ends = publish_recorded(spec, reach.source, playback)
-    bench = build(spec, reach.source, clock, transcript, playback=playback, live=clock)
-    bench.speed = reach.speed
+    brake = Brake()
+    opened = _open(spec, reach, brake)
+    try:
+        playback = Playback(record, clock, where)
+        ends = publish_recorded(spec, reach.source, playback)
+        bench = build(spec, reach.source, clock, transcript, playback=playback, live=clock)
+    except BaseException:
+        _close(opened)
+        raise
+    bench.speed, bench.brake = reach.speed, brake
 
     def go_on() -> None:
-        opened = _open(spec, reach, bench.brake)
         for name, end in ends.items():
             bus = spec.instrument(name).bus
             end.hand_to(opened[bus or name])
+        for name in reach.ports:
+            with suppress(OSError):  # one that is gone by now is found out when the bench is armed
+                opened[name].discard()  # what came while the record was retraced
         bench.descriptors, bench.where = _descriptors(opened, reach), reach.ports
         bench.playback = None
         clock.begin()

@@ -11,7 +11,7 @@ from hil.clock.port import NANOSECONDS, Clock
 from hil.instruments.registry import states_of
 from hil.model.bench import Proof, SafeStep
 from hil.model.cutting import WatchAfter
-from hil.model.errors import HilError
+from hil.model.errors import DeviceFault, HilError
 from hil.model.figure import Figure
 from hil.model.prefixed import prefixed
 
@@ -37,6 +37,7 @@ def make_safe(
     roles: Mapping[str, object],
     clock: Clock,
     tell: Callable[[SafeResult], None],
+    hear: Callable[[DeviceFault], object] = lambda _: None,
 ) -> bool:
     """Execute every line in order, whatever the outcome of the one before; return whether all are proven.
 
@@ -49,11 +50,12 @@ def make_safe(
         roles: the role instances by their dotted names.
         clock: the bench's clock.
         tell: called with every result as soon as it is known.
+        hear: called with every fault of a device, also of one that answers at the next try.
     """
     safe = True
     trouble: Exception | None = None
     for step in steps:
-        result = _take(step, roles, clock)
+        result = _take(step, roles, clock, hear)
         safe = safe and result.ok
         try:
             tell(result)
@@ -65,7 +67,10 @@ def make_safe(
 
 
 def left_on(
-    steps: Sequence[SafeStep], bench: BoundBench, tell: Callable[[SafeResult], None] = lambda _: None
+    steps: Sequence[SafeStep],
+    bench: BoundBench,
+    tell: Callable[[SafeResult], None] = lambda _: None,
+    hear: Callable[[DeviceFault], object] = lambda _: None,
 ) -> list[str]:
     """Execute lines, whoever asked to stop, and return a sentence for every output that is not as its line says.
 
@@ -73,6 +78,7 @@ def left_on(
         steps: lines of the bench file.
         bench: the bench.
         tell: called with every result as soon as it is known.
+        hear: see `make_safe`.
     """
     wrong: list[str] = []
 
@@ -82,11 +88,13 @@ def left_on(
         tell(result)
 
     with bench.brake.released():
-        make_safe(steps, bench.roles, bench.clock, told)
+        make_safe(steps, bench.roles, bench.clock, told, hear)
     return wrong
 
 
-def _take(step: SafeStep, roles: Mapping[str, object], clock: Clock) -> SafeResult:
+def _take(
+    step: SafeStep, roles: Mapping[str, object], clock: Clock, hear: Callable[[DeviceFault], object]
+) -> SafeResult:
     start_ns = clock.now_ns()
     limit_ns = round(step.within_s * NANOSECONDS)
     detail, ok = "", False
@@ -95,7 +103,11 @@ def _take(step: SafeStep, roles: Mapping[str, object], clock: Clock) -> SafeResu
             break
         if attempt:
             clock.sleep(_PAUSE_S)
-        ok, detail = _try(step, roles, clock, start_ns + limit_ns * (attempt + 1) // _ATTEMPTS)
+        try:
+            ok, detail = _try(step, roles, clock, start_ns + limit_ns * (attempt + 1) // _ATTEMPTS)
+        except DeviceFault as fault:
+            hear(fault)
+            ok, detail = False, str(fault)
         if ok:
             break
     seconds = (clock.now_ns() - start_ns) / NANOSECONDS
@@ -109,6 +121,8 @@ def _try(step: SafeStep, roles: Mapping[str, object], clock: Clock, deadline_ns:
         role = roles[step.output]
         getattr(role, states_of(step.output)[step.state])()
         return _proven(step.proof, roles, clock, deadline_ns) if step.proof else (True, "read back")
+    except DeviceFault:
+        raise
     except HilError as error:
         return False, str(error)
     except Exception as error:  # noqa: BLE001 - a defect of one driver must not leave the other outputs on

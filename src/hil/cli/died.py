@@ -13,7 +13,7 @@ from hil.clock import wall
 from hil.evidence.folder import JOURNAL
 from hil.model.errors import HilError
 
-__all__ = ["tell_of_death", "ways_on"]
+__all__ = ["tell_of_death", "ways_on", "why_not_resumed"]
 
 _GUARDIAN_S = 10.0
 _COMMAND_S = 10.0
@@ -111,7 +111,7 @@ def ways_on(folder: Path) -> Iterator[str]:
     yield f"check the bench first; then see how far the run got: hil status {folder.name}"
     seal = f"seal it as it is: hil seal {folder}"
     try:
-        why_not = _why_not_resumed(folder / JOURNAL)
+        why_not = why_not_resumed(folder / JOURNAL)
     except OSError:
         why_not = "because its journal cannot be read"
     if why_not:
@@ -121,7 +121,7 @@ def ways_on(folder: Path) -> Iterator[str]:
         yield f"or {seal}"
 
 
-def _why_not_resumed(journal: Path) -> str:
+def why_not_resumed(journal: Path) -> str:
     """Return why a run cannot be resumed, nothing where it can.
 
     One on a bench of its own process is made again from its first step; any other bench needs a case to enter it at.

@@ -245,7 +245,8 @@ class Session:
         if self.flags.astray:
             run.raised(Astray(self.flags.astray))
             self.flags.astray = ""
-        if self.flags.reason and (self.keeper.scheduler.refused or self.flags.cuts):
+        scheduler = self.keeper.scheduler
+        if self.flags.reason and (scheduler.refused or scheduler.lost or self.flags.cuts):
             run.raised(Stopped(self.flags.reason))  # whatever the case made of it
         run.close()
         self.keeper.scheduler.end_case()
@@ -316,8 +317,8 @@ class Session:
 
     @property
     def left_open(self) -> bool:
-        """Whether the run was stopped to be resumed, with its bench safe."""
-        return self._stopped and self.flags.leave_open and not self.keeper.unsafe and not self.keeper.scheduler.tripped
+        """Whether the run was stopped to be resumed, see `BenchKeeper.stays_open`."""
+        return self._stopped and self.keeper.stays_open
 
     def leave_open(self) -> None:
         """Close everything without a seal, so that the run can be resumed."""

@@ -102,7 +102,18 @@ class DeviceFault(HilError):
 
 
 class NoReply(DeviceFault):
-    """Nothing, or too little, came within the timeout."""
+    """Nothing, or too little, came within the timeout.
+
+    Args:
+        device: see `DeviceFault`.
+        message: see `DeviceFault`.
+        hint: see `DeviceFault`.
+        gone: whether there is no port any more, so that nothing can come: a hang-up, an I/O error, a reset connection.
+    """
+
+    def __init__(self, device: str, message: str, hint: str = "", *, gone: bool = False) -> None:
+        super().__init__(device, message, hint)
+        self.gone = gone
 
 
 class Garbled(DeviceFault):

@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn, Protocol, TextIO
 
+from hil.bench.lease import ack_line
 from hil.evidence.folder import JOURNAL, RESULTS, is_sealed
 from hil.executive.ending.acknowledging import require_acknowledged
 from hil.executive.journaling.events import DISK_FULL
@@ -31,7 +32,7 @@ from hil.plugin.terminal.progress import Progress
 from hil.report.summary import closing_lines
 from hil.report.write import write_reports
 
-__all__ = ["Word", "left_open_lines", "resume", "run"]
+__all__ = ["Word", "left_open_lines", "lost_lines", "resume", "run"]
 
 _WITHOUT = {
     2: "interrupted before the run began, nothing was driven",
@@ -272,7 +273,11 @@ def _close(session: Session, notifier: Notifier | None, pytest_code: int, out: T
 
 def _leave_open(session: Session, notifier: Notifier | None, code: int, out: TextIO) -> int:
     """Leave a run unsealed that was stopped to be resumed, say how to resume it, and return the exit code."""
-    lines = left_open_lines(session.folder, session.flags.reason)
+    lost = session.keeper.scheduler.lost
+    if lost and lost.reason == session.flags.reason:
+        lines = lost_lines(session.folder, lost.reason, unsafe=session.keeper.unsafe)
+    else:
+        lines = left_open_lines(session.folder, session.flags.reason)
     if notifier is not None:
         notifier.finish(code, "; ".join(lines))
     session.leave_open()
@@ -325,6 +330,24 @@ def _shown(path: Path) -> str:
     except OSError:  # somebody removed the folder that the run was started in
         return str(path)
     return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
+
+
+def lost_lines(folder: Path, reason: str, *, unsafe: bool) -> list[str]:
+    """Return what a run lost and was stopped by, and what a person does next.
+
+    Args:
+        folder: the run's folder.
+        reason: what was lost.
+        unsafe: whether an output is not proven safe, so that the bench is latched.
+    """
+    resume = f"hil resume {folder.name}"
+    if not unsafe:
+        return [f"stopped by {reason}", f"the bench is safe; put that right, then resume the run with {resume}"]
+    return [
+        f"stopped by {reason}",
+        "the bench is NOT PROVEN SAFE: look at it, and switch off by hand what is on",
+        f"put that right, then: {ack_line(folder.name)}; then resume the run with {resume}",
+    ]
 
 
 def left_open_lines(folder: Path, reason: str) -> list[str]:

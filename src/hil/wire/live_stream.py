@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
+import os
 import struct
 import termios
 from typing import Any
@@ -101,8 +103,15 @@ class LiveStream:
         self._serial.dtr = True
 
     def write(self, data: bytes) -> None:
-        """Write all bytes."""
-        self._serial.write(data)
+        """Write all bytes.
+
+        Raises:
+            OSError: EAGAIN where the port is there and takes no more of them in time; anything else where it is gone.
+        """
+        try:
+            self._serial.write(data)
+        except serial.SerialTimeoutException as error:
+            raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN)) from error
 
     def exchange(self, data: bytes, timeout: float) -> bytes:
         """Write all bytes, and give what is there once a byte has come, within `timeout` seconds of the wall."""

@@ -202,8 +202,10 @@ class TappedPort(_Tap):
         number = getattr(error, "errno", None)
         if number == errno.EINTR:
             return NoReply(self.device, "not asked, because somebody asked to stop", "see who stopped it, and why")
+        if number == errno.EAGAIN:
+            return NoReply(self.device, "its port takes no more bytes", "check its power, cable and flow control")
         why = f" ({os.strerror(number)})" if number else ""
-        return NoReply(self.device, f"its port is gone{why}", "check cable, power and hub")
+        return NoReply(self.device, f"its port is gone{why}", "check cable, power and hub", gone=True)
 
 
 class TappedBus(_Tap):

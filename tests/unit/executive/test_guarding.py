@@ -57,5 +57,5 @@ def test_a_guardian_that_watches_hears_of_the_run_also_where_no_latch_can_be_wri
     assert guardian.told == ["watch", "beat"]
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(guarding, "clear_latches_of", lambda _: ())
-        assert guard.end() == []
+        assert guard.end(proven=True) == []
     assert guardian.told[-1] == "close"

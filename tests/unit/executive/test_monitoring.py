@@ -21,7 +21,7 @@ def looked():
         def run(self, until_ns, timeline):
             turns.append(until_ns)
 
-    monitoring = Noting(SimpleNamespace(clock=clock), [], None, None)
+    monitoring = Noting(SimpleNamespace(clock=clock), [], None, None, None)
 
     def looked(late_s):
         turns.clear()

@@ -11,6 +11,7 @@ from hil.cli.run_names import find_run, latch_word
 
 if TYPE_CHECKING:
     from hil.evidence.events import Anomaly, Attachment, Note
+    from hil.evidence.runs import RunSummary
 
 __all__ = ["command"]
 
@@ -67,6 +68,7 @@ def status_lines(folder: Path) -> list[str]:
         ("last event", "" if found.age is None else f"{duration(found.age)} ago"),
         ("verdict", found.verdict),
         ("latch", latch_word(folder)),
+        ("next", _next(found)),
         ("problem", found.problem),
     )
     return [
@@ -74,6 +76,21 @@ def status_lines(folder: Path) -> list[str]:
         *(["readings", *map(printable, reading_lines(readings, outlook.t))] if readings else []),
         *aligned((event.kind(), bench_time(event.t), printable(_added(event))) for event in found.added),
     ]
+
+
+def _next(found: RunSummary) -> str:
+    """Return the command that resumes a run which was interrupted; empty for any other one."""
+    from hil.bench.lease import ack_line  # noqa: PLC0415 - heavy
+    from hil.cli.died import why_not_resumed  # noqa: PLC0415 - heavy
+    from hil.evidence.folder import JOURNAL  # noqa: PLC0415 - heavy
+    from hil.evidence.package.verification import State  # noqa: PLC0415 - heavy
+
+    name = found.folder.name
+    if found.state not in {State.INTERRUPTED, State.SAFED}:
+        return ""
+    if why_not_resumed(found.folder / JOURNAL):
+        return f"hil seal {name}"
+    return f"{ack_line(name)}, then hil resume {name}" if latch_word(found.folder) else f"hil resume {name}"
 
 
 def _added(event: Note | Attachment | Anomaly) -> str:

@@ -15,6 +15,7 @@ __all__ = [
     "HoldEnd",
     "HoldRefused",
     "HostGate",
+    "Lost",
     "MonitorLate",
     "Rest",
     "Safe",
@@ -96,6 +97,24 @@ class Trip(Event, frozen=True, kw_only=True):
     unit: str
     text: str
 
+    synced: ClassVar[bool] = True
+
+
+class Lost(Event, frozen=True, kw_only=True):
+    """What the run needs to drive its bench was lost; the bench was made safe, and the run can be resumed.
+
+    Attributes:
+        what: `port` for one that is gone, `reply` for an instrument that falls silent, `guardian`, `machine` where
+            nobody holds off its sleep any more, or `arming` where a resumed run could not arm the bench.
+        device: the instrument, empty if it is about none.
+        text: the same in words.
+    """
+
+    what: Literal["arming", "guardian", "machine", "port", "reply"]
+    device: str
+    text: str
+
+    origin: ClassVar[Origin] = Origin.OUTSIDE
     synced: ClassVar[bool] = True
 
 

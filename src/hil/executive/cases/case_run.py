@@ -85,8 +85,14 @@ class CaseRun:
         self.used[instrument.name] = self.source
 
     def fault(self, instrument: InstrumentSpec, fault: DeviceFault) -> None:
-        """Note silence or nonsense of a device, whether or not the case lets it through."""
+        """Note silence or nonsense of a device, whether or not the case lets it through.
+
+        Raises:
+            Stopped: the bench cannot be driven any more, see `Scheduler.hear`; the case is resumed, and not judged.
+        """
         self._write_fault(fault, dut=instrument.dut)
+        if not instrument.dut:
+            self.scheduler.hear(instrument, fault)
         (self._dut_faults if instrument.dut else self._bench_faults).append(str(fault))
 
     def refused(self, error: HilError) -> None:
@@ -102,6 +108,8 @@ class CaseRun:
         self._raised.append(error)
         if isinstance(error, Stopped):
             self._aborted = f"stopped by {error}"
+        elif self.scheduler.lost:
+            return  # whatever follows from that the resumed case comes to by itself, if it does
         elif isinstance(error, CaseTimeout):
             self._took_too_long()
         elif isinstance(error, Diverged) or str(error) in {*self._bench_faults, *self._dut_faults}:
@@ -125,7 +133,7 @@ class CaseRun:
         self.steps.close()
         self.record.close()
         deadline_ns = self.scheduler.deadline_ns
-        if deadline_ns is not None and self.scheduler.now_ns() > deadline_ns:
+        if deadline_ns is not None and self.scheduler.now_ns() > deadline_ns and not self.scheduler.lost:
             self._took_too_long()
         if not self._aborted:
             self.effects.end()

@@ -79,6 +79,8 @@ class Notifier:
         match event:
             case events.Trip():
                 self._send("trip", event.text)
+            case events.Lost():
+                self._send("lost", event.text)
             case events.MonitorLate() if event.limit not in self._late:
                 self._late.add(event.limit)
                 self._send("stale", event.text)

@@ -25,7 +25,8 @@ from hil.executive.resuming.earlier import Boundary, Earlier, not_opened
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import PlannedCase, write_head
 from hil.executive.watching.keeper import BenchKeeper
-from hil.model.errors import HilError, Refused
+from hil.executive.watching.ports import Distress
+from hil.model.errors import DeviceFault, HilError, Refused
 from hil.wire.transcript import count_operations
 
 if TYPE_CHECKING:
@@ -204,7 +205,7 @@ def _entered(earlier: Earlier) -> str:
 
 
 class NotArmedAgain(HilError):
-    """The bench could not be armed when a run was entered again."""
+    """A bench that lives in this process could not be armed when a run was entered again."""
 
 
 class Entering:
@@ -237,8 +238,8 @@ class Entering:
         """Enter the run if this is the place; called after every event of its own course.
 
         Raises:
-            NotArmedAgain: if the bench cannot be armed.
-            DeviceFault: if an output or a stream does not continue.
+            NotArmedAgain: if the bench of this process cannot be armed. A run on any other bench then stays open.
+            DeviceFault: if an output or a stream of it does not continue.
         """
         entries, anew = self._places.pop(place, []), self._boundary is not None and place == self._boundary.place
         if not entries and not anew:
@@ -255,6 +256,15 @@ class Entering:
         self._keeper.over = bool(entry.over)
         if entry.over:
             return
+        try:
+            self._arm_again(entry)
+        except (DeviceFault, NotArmedAgain) as error:
+            if not anew or self._bench.live is None:
+                raise
+            if not self._keeper.scheduler.flags.reason:
+                self._keeper.scheduler.lose(Distress(error.message, "arming"))
+
+    def _arm_again(self, entry: events.Entry) -> None:
         if problem := self._keeper.arm_again(entry.void_to):
             self._keeper.safe()
             self._keeper.scheduler.flags.check()

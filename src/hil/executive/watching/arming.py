@@ -106,8 +106,8 @@ class ArmedBench:
         course.come()
         for gate in energised_gates(self._bench, self._dut):
             yield gate, False, True
-            if text := course.timeline.distress():
-                yield Gate("bench looked after", ok=False, detail=text), False, True
+            if distress := course.timeline.distress():
+                yield Gate("bench looked after", ok=False, detail=distress.text), False, True
 
     def make_safe(self, tell: Callable[[SafeResult], None]) -> list[str]:
         """Take every line of the safe-off, whatever is asked meanwhile; return what is not proven safe."""
@@ -116,9 +116,16 @@ class ArmedBench:
         self.unsafe = bool(problems)
         return problems
 
-    def let_go(self) -> list[str]:
-        """Let the guardian prove every output itself, and go; return what it does not find safe."""
-        problems = self._machine.end()
+    def let_go(self, *, lost: bool = False) -> list[str]:
+        """Let the guardian prove every output itself, and go; return what it does not find safe.
+
+        Args:
+            lost: whether the bench could not be driven any more; what the guardian proves safe after that is.
+        """
+        problems = self._machine.end(proven=self.touched and not self.unsafe)
+        if lost and self._machine.proven:
+            self.unsafe = False
+            return []
         self.unsafe = self.unsafe or bool(problems)
         return problems
 

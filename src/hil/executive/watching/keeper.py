@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Protocol
 
 from hil.bench.bound import BoundBench
@@ -11,16 +12,17 @@ from hil.bench.gate import Gate
 from hil.bench.safe_off import EVERY_S, SafeResult, left_on, watch_after
 from hil.evidence import events
 from hil.evidence.events import EventSink
-from hil.executive.ending.stop import StopFlags
+from hil.executive.ending.stop import StopFlags, Stopped
 from hil.executive.journaling.row_store import OpenRecording, RowStore
 from hil.executive.watching.arming import FIRST_ARMING, ArmedBench
 from hil.executive.watching.holding import Holding
 from hil.executive.watching.monitoring import monitor_of
-from hil.executive.watching.ports import Machine
+from hil.executive.watching.ports import Distress, Machine
 from hil.executive.watching.scheduler import Scheduler
 from hil.executive.watching.timeline import Timeline
 from hil.model.cutting import WatchAfter
 from hil.model.envelope import EnvelopeLimit
+from hil.model.errors import DeviceFault
 from hil.model.figure import Figure
 from hil.model.identity import Dut
 
@@ -136,6 +138,14 @@ class BenchKeeper:
         finally:
             self.safe()
 
+    def lost(self, distress: Distress) -> None:
+        """Write down what was lost, let the run stay open, and make the bench safe, before the case learns of it."""
+        self._flags.leave_off(distress.reason)
+        try:
+            self._journal.write(events.Lost(what=distress.what or "port", device=distress.device, text=distress.text))
+        finally:
+            self.safe()
+
     def give_up(self) -> None:
         """End the run here: the present case never will."""
         self._flags.give_up()
@@ -144,8 +154,16 @@ class BenchKeeper:
         """Bring the bench to its rest state between cases; return why no further case can run, if so."""
         if self.over:
             return "the run was interrupted behind its last case"
+        if self.scheduler.lost:
+            return ""
+        faults: list[DeviceFault] = []
         with self._flags.shielded():
-            problems = left_on(self._bench.spec.rest, self._bench, self._taken(events.Rest))
+            problems = left_on(self._bench.spec.rest, self._bench, self._taken(events.Rest), faults.append)
+        for fault in faults if problems else ():
+            with suppress(Stopped):  # the next case is not begun
+                self.scheduler.hear(self._bench.spec.instrument(fault.device), fault)
+            if self.scheduler.lost:
+                return ""
         return f"the bench did not reach its rest state: {problems[0]}" if problems else ""
 
     def safe(self) -> None:
@@ -160,15 +178,24 @@ class BenchKeeper:
         """Make the bench safe for the last time and end the monitors' recordings."""
         if self._armed.touched:
             self.safe()
-        if problems := self._armed.let_go():
+        lost = self.scheduler.lost is not None
+        if problems := self._armed.let_go(lost=lost):
             self._journal.write(events.HostGate(name="guardian", ok=False, detail="; ".join(problems)))
-        goes_on = self._flags.leave_open and not self.unsafe and not self.scheduler.tripped
-        if self._armed.touched and not goes_on:  # what is read after the end belongs to the end of a run
+        if self._armed.touched and not self.stays_open:  # what is read after the end belongs to the end of a run
             self._watch_afterwards()
         self._armed.latch("the run could not prove the bench safe")
         for recording in self._watched.values():
             recording.finish(complete=True)
         self._watched.clear()
+
+    @property
+    def stays_open(self) -> bool:
+        """Whether the run was stopped to be resumed: with its bench safe, or without what it would have to reach it by.
+
+        A bench that is not proven safe then is latched, and its guardian is at it.
+        """
+        unsafe = self.unsafe and not self.scheduler.lost
+        return self._flags.leave_open and not unsafe and not self.scheduler.tripped
 
     def _watch_afterwards(self) -> None:
         """See that what was made safe behaves like it; whatever its lines have proven, this counts."""

@@ -16,11 +16,12 @@ from hil.clock import wall
 from hil.clock.live import LiveClock
 from hil.evidence import events
 from hil.evidence.events import EventSink
+from hil.evidence.safed import guardian_lines
 from hil.executive.ending.signals import LOOK_S
 from hil.executive.ending.stop import StopFlags
 from hil.executive.watching.holding import Holding
 from hil.executive.watching.inhibitor import Inhibitor
-from hil.executive.watching.ports import Freshness
+from hil.executive.watching.ports import Distress, Freshness
 from hil.executive.watching.scheduler import Scheduler
 from hil.guardian.channel import DrillResult
 from hil.guardian.client import Guardian
@@ -55,6 +56,11 @@ class Guarding:
         folder: the run's folder.
         leases: what the run holds alone.
         locks: descriptors of these leases, which the guardian keeps as long as it is at work.
+
+    Attributes:
+        lost: why the guardian is none any more, empty while it is.
+        proven: whether the guardian, which was let go of with something unsafe, has proven all of it safe itself; the
+            bench is latched then.
     """
 
     def __init__(
@@ -80,6 +86,7 @@ class Guarding:
         self._until = 0.0
         self._uninterrupted_s = _longest_safing_s(bench.spec) + _SPARE_S
         self.lost = ""
+        self.proven = False
 
     def begin(self, freshness: Freshness, held: Sequence[int] = ()) -> Iterator[Gate]:
         """Start the guardian, let it take every output through its safe-off, and let it watch; each is a gate.
@@ -125,30 +132,40 @@ class Guarding:
         try:
             self._guardian.beat(self._good_until())
         except HilError as error:
-            self.lost = self.lost or str(error)
+            self.lost = self.lost or error.message
 
-    def end(self) -> list[str]:
+    def end(self, *, proven: bool) -> list[str]:
         """Let the guardian check every output itself, and go; return what it does not find safe.
 
-        It goes in any case. Where something is not safe it has tried itself and has latched the bench.
+        It goes in any case. Where something is not safe it has tried itself and has latched the bench. Where it is
+        gone, nobody but the run can say what is safe.
+
+        Args:
+            proven: whether the run has just proven every output safe itself.
         """
         guardian, self._guardian = self._guardian, None
         if guardian is None:
             return []
         self._clock.pulse = lambda: None
+        before = len(guardian_lines(self._folder))
         try:
             found = guardian.disarm() if self._watching else ()
         except HilError as error:
             guardian.close()
-            return [str(error)]
+            return self._unlatched() if proven else [str(error)]
         guardian.close()  # one that has not found everything safe acts now, and latches the bench
         wrong = [_told(each) for each in found if not each.ok]
+        last = guardian_lines(self._folder)[before:][-1:]
+        self.proven = any(line.get("event") == "done" and line.get("unproven") == [] for line in last)
+        return wrong or self._unlatched()
+
+    def _unlatched(self) -> list[str]:
+        """Remove the latch of the arming; return what keeps it there."""
         try:
-            if not wrong:
-                clear_latches_of(self._folder.name)
+            clear_latches_of(self._folder.name)
         except HilError as error:
-            wrong.append(str(error))
-        return wrong
+            return [str(error)]
+        return []
 
     def _armed(self, plan: GuardPlan) -> Latch:
         """Return what latches the bench as long as it is armed: run and guardian may end in one instant."""
@@ -210,6 +227,13 @@ def _port(bench: BoundBench, instrument: InstrumentSpec) -> GuardedPort:
 
 def _longest_safing_s(spec: BenchSpec) -> float:
     return sum(step.within_s for step in chain(spec.safe_off, spec.rest, spec.hold))
+
+
+def _hung_up(gone: Sequence[str], spec: BenchSpec) -> Distress:
+    """Return what it means that ports hung up: a bench that lost one can be resumed, a device under test has ended."""
+    ours = [name for name in gone if not spec.instrument(name).dut]
+    text = f"the port of {', '.join(gone)} is gone"
+    return Distress(text, "port", ", ".join(ours)) if ours else Distress(text)
 
 
 def _told(drilled: DrillResult) -> str:
@@ -291,29 +315,35 @@ class LiveMachine:
         awake = self._inhibitor.descriptor  # the guardian needs the machine, too
         yield from self._guarding.begin(freshness, () if awake is None else (awake,))
 
-    def distress(self) -> str:
-        """Return why the bench cannot be driven any more, nothing while it can."""
+    def distress(self) -> Distress | None:
+        """Return why the bench cannot be driven any more, None while it can."""
         if self._guarding.lost:
-            return self._guarding.lost
+            return Distress(self._guarding.lost, "guardian")
         now = wall.monotonic()
         if now - self._looked < LOOK_S:
-            return ""
+            return None
         self._looked = now
         if gone := self._gone():
-            return f"the port of {gone} is gone"
-        return "" if self._served else self._inhibitor.lost()
+            return _hung_up(gone, self._spec)
+        why = "" if self._served else self._inhibitor.lost()
+        return Distress(why, "machine") if why else None
 
-    def _gone(self) -> str:
-        """Return the instrument whose port has hung up; no byte is read, and nothing may be sent to find out."""
+    def _gone(self) -> list[str]:
+        """Return the instruments whose port has hung up; no byte is read, and nothing may be sent to find out."""
         looked, names = select.poll(), {}
         for name, descriptor in self._bench.descriptors.items():
             names[descriptor] = name
             looked.register(descriptor, select.POLLRDHUP)
-        return ", ".join(names[descriptor] for descriptor, _ in looked.poll(0))
+        return [names[descriptor] for descriptor, _ in looked.poll(0)]
 
-    def end(self) -> list[str]:
-        """Let go of everything; return what the guardian does not find safe."""
-        problems = self._guarding.end()
+    @property
+    def proven(self) -> bool:
+        """Whether the guardian has proven safe in the end what the run could not. See `Guarding.proven`."""
+        return self._guarding.proven
+
+    def end(self, *, proven: bool) -> list[str]:
+        """Let go of everything; return what the guardian does not find safe. See `Guarding.end`."""
+        problems = self._guarding.end(proven=proven)
         self._inhibitor.close()
         return problems
 

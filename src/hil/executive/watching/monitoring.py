@@ -32,6 +32,7 @@ class Monitoring:
         monitors: one per limit of the envelope.
         reports: is called with every reading.
         trip: makes the bench safe for the first trip, and ends what the case does.
+        hear: hears of faults where there is no case; raises where the bench cannot be driven any more.
 
     Attributes:
         case: hears when a monitor's device is silent or talks nonsense, None between cases.
@@ -39,7 +40,12 @@ class Monitoring:
     """
 
     def __init__(
-        self, bench: BoundBench, monitors: Sequence[Monitor], reports: Reports, trip: Callable[[Trip], None]
+        self,
+        bench: BoundBench,
+        monitors: Sequence[Monitor],
+        reports: Reports,
+        trip: Callable[[Trip], None],
+        hear: Callable[[InstrumentSpec, DeviceFault], None],
     ) -> None:
         self.all = list(monitors)
         self.case: CaseAtWork | None = None
@@ -48,6 +54,7 @@ class Monitoring:
         self._clock = bench.clock
         self._reports = reports
         self._trip = trip
+        self._hear = hear
 
     def restart(self) -> None:
         """Start watching again."""
@@ -108,6 +115,8 @@ class Monitoring:
         """Tell the present case: what it records in the meantime has a gap that is the bench's, not the DUT's."""
         if self.case is not None:
             self.case.fault(self._instrument(monitor), fault)
+        elif self._bench.live is not None:
+            self._hear(self._instrument(monitor), fault)
 
     def _instrument(self, monitor: Monitor) -> InstrumentSpec:
         spec = self._bench.spec

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Literal, Protocol
 
 from hil.bench.envelope import Trip
 from hil.bench.gate import Gate
@@ -11,7 +12,37 @@ from hil.model.bench import InstrumentSpec
 from hil.model.errors import DeviceFault
 from hil.model.figure import Figure
 
-__all__ = ["Beside", "CaseAtWork", "Freshness", "Machine", "NoMachine", "Reports"]
+__all__ = ["Beside", "CaseAtWork", "Distress", "Freshness", "Machine", "NoMachine", "Reports"]
+
+
+@dataclass(frozen=True, slots=True)
+class Distress:
+    """Why a bench outside this process cannot be driven any more.
+
+    Attributes:
+        text: the same in words.
+        what: what was lost, see `hil.evidence.events.Lost`; empty for the end of the device under test, or of an
+            earlier version's run, which nobody resumes.
+        device: the instrument, empty if it is about none.
+    """
+
+    text: str
+    what: Literal["", "arming", "guardian", "machine", "port", "reply"] = ""
+    device: str = ""
+
+    @property
+    def reason(self) -> str:
+        """Return what a run was stopped by, for what a person reads of it."""
+        return f"{_LOST[self.what]}: {self.text}" if self.what else self.text
+
+
+_LOST = {
+    "arming": "a failed arming",
+    "guardian": "a lost guardian",
+    "machine": "a machine that may fall asleep",
+    "port": "a lost port",
+    "reply": "a silent instrument",
+}
 
 
 class Reports(Protocol):
@@ -31,6 +62,10 @@ class Reports(Protocol):
 
     def trip(self, trip: Trip) -> None:
         """Make the bench safe; called once, before the case learns of it."""
+        ...
+
+    def lost(self, distress: Distress) -> None:
+        """Make the bench safe, and let the run stay open; called once, before the case learns of it."""
         ...
 
     def safe(self) -> None:
@@ -95,12 +130,21 @@ class Machine(Protocol):
         """Yield what has to hold before anything is driven."""
         ...
 
-    def distress(self) -> str:
-        """Return why the bench cannot be driven any more, nothing while it can."""
+    def distress(self) -> Distress | None:
+        """Return why the bench cannot be driven any more, None while it can."""
         ...
 
-    def end(self) -> list[str]:
-        """Let go of it; return what is not safe."""
+    @property
+    def proven(self) -> bool:
+        """Whether the guardian has proven safe, and latched, what the run could not."""
+        ...
+
+    def end(self, *, proven: bool) -> list[str]:
+        """Let go of it; return what is not safe.
+
+        Args:
+            proven: whether the run has just proven every output safe itself.
+        """
         ...
 
     def latch(self, why: str) -> None:
@@ -111,17 +155,19 @@ class Machine(Protocol):
 class NoMachine:
     """A bench that lives in this process needs nothing of its machine, and ends with it."""
 
+    proven = False
+
     def gates(self, freshness: Freshness) -> Iterable[Gate]:
         """Return that nothing has to hold."""
         del freshness
         return ()
 
-    def distress(self) -> str:
+    def distress(self) -> None:
         """Return that the bench can be driven."""
-        return ""
 
-    def end(self) -> list[str]:
+    def end(self, *, proven: bool) -> list[str]:
         """Return that nothing is unsafe."""
+        del proven
         return []
 
     def latch(self, why: str) -> None:

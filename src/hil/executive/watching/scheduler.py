@@ -13,9 +13,10 @@ from hil.clock.port import NANOSECONDS
 from hil.executive.ending.stop import StopFlags, Stopped
 from hil.executive.watching.feeding import Fed, Feed, Feeds, monitors_of, pause_allowed
 from hil.executive.watching.monitoring import Monitoring
-from hil.executive.watching.ports import Beside, CaseAtWork, Reports
+from hil.executive.watching.ports import Beside, CaseAtWork, Distress, Reports
 from hil.executive.watching.timeline import Timeline
-from hil.model.errors import HilError, Tripped
+from hil.model.bench import InstrumentSpec
+from hil.model.errors import DeviceFault, HilError, NoReply, Tripped
 
 if TYPE_CHECKING:
     import numpy as np
@@ -58,6 +59,7 @@ class Scheduler:
     Attributes:
         clock: the bench's clock.
         deadline_ns: the instant at which the present case has taken too long.
+        lost: what was lost that the bench cannot be driven without, if anything was.
         refused: how often the current case was asked to end.
         monitoring: runs the monitors.
         feeds: judge the rows of streams.
@@ -79,10 +81,11 @@ class Scheduler:
         self.timeline = timeline
         self._ticked = wall.monotonic()
         self._trip: Trip | None = None
+        self.lost: Distress | None = None
         self._watching = False
         self._beside: list[Beside] = []
         self.feeds = Feeds()
-        self.monitoring = Monitoring(bench, monitors, reports, self._trip_once)
+        self.monitoring = Monitoring(bench, monitors, reports, self._trip_once, self.hear)
         self.deadline_ns: int | None = None
         self.refused = 0
 
@@ -229,6 +232,29 @@ class Scheduler:
         """End the turn of the present case."""
         self.deadline_ns = self.monitoring.case = None
 
+    def hear(self, instrument: InstrumentSpec, fault: DeviceFault) -> None:
+        """Hear of a fault of the bench; silence of a bench outside this process is a loss, see `lose`.
+
+        What a port says that is there is not: nonsense and refusals are what a case is judged by. Nor is silence of a
+        bench that lives in this process, or of a record: nobody has pulled a cable there.
+
+        Raises:
+            Stopped: it is a loss; the case is resumed, and not judged.
+        """
+        silent = isinstance(fault, NoReply) and not instrument.dut
+        if silent and self._bench.live is not None and not self.timeline.retraces:
+            gone = isinstance(fault, NoReply) and fault.gone
+            distress = Distress(fault.message, "port" if gone else "reply", instrument.name)
+            self.lose(distress)
+            raise Stopped(distress.reason)
+
+    def lose(self, distress: Distress) -> None:
+        """Make safe what cannot be driven any more, and let the run stay open; the case learns of it where it is."""
+        self.refused += 1
+        if self.lost is None:
+            self.lost = distress
+            self._reports.lost(distress)
+
     def idle(self) -> None:
         """Be a scheduling point while a person is awaited; monitors take their turn as in any other wait."""
         self.point()
@@ -283,8 +309,11 @@ class Scheduler:
         self.flags.check()
         if self._trip:
             raise Tripped(self._trip.text, "the bench was made safe and stays so for the rest of the run")
-        if self._watching and (text := self.timeline.distress()):
-            self._trip_once(Trip(_BENCH, None, "", text))
+        if self._watching and (distress := self.timeline.distress()):
+            if distress.what:
+                self.lose(distress)
+                raise Stopped(distress.reason)
+            self._trip_once(Trip(_BENCH, None, "", distress.text))
         if self.deadline_ns is not None and self.clock.now_ns() > self.deadline_ns:
             raise CaseTimeout
 
@@ -295,7 +324,7 @@ class Scheduler:
         """
         self.refused += 1
         patient = isinstance(ending, Stopped) and not self.flags.urgent
-        if self.refused == (_SWALLOWED if patient else 1) and not isinstance(ending, Tripped):
+        if self.refused == (_SWALLOWED if patient else 1) and not (self.lost or isinstance(ending, Tripped)):
             self._reports.safe()
         if self.refused > _MOST_REFUSALS:
             self._reports.give_up()

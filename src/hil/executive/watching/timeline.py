@@ -10,7 +10,7 @@ from hil.bench.bound import BoundBench
 from hil.bench.envelope import Monitor
 from hil.bench.gate import Gate
 from hil.clock.live import LiveClock
-from hil.executive.watching.ports import Freshness, Machine
+from hil.executive.watching.ports import Distress, Freshness, Machine
 from hil.model.errors import HilError
 from hil.wire.replay import BUSY, CLOCK, DISTRESS, Playback
 from hil.wire.tap import LONGEST_TRANSACTION
@@ -66,8 +66,8 @@ class Timeline(Protocol):
         """Return the timeline that holds from this scheduling point on."""
         ...
 
-    def distress(self) -> str:
-        """Return why the bench cannot be driven any more, or in a replay could not be then; nothing while it can."""
+    def distress(self) -> Distress | None:
+        """Return why the bench cannot be driven any more, or in a replay could not be then; None while it can."""
         ...
 
     def busy(self, seconds: float) -> HilError | None:
@@ -138,9 +138,9 @@ class OnBench:
         """Return this one: a bench that is there runs on by itself."""
         return self
 
-    def distress(self) -> str:
-        """Return nothing: what drives this bench ends with it."""
-        return ""
+    def distress(self) -> Distress | None:
+        """Return None: what drives this bench ends with it."""
+        return None
 
     def busy(self, seconds: float) -> HilError | None:
         """Return None: this bench stands still while a case computes."""
@@ -211,11 +211,14 @@ class OnLiveBench(OnBench):
             began_ns, sent = live.now_ns(), str(self._events.course).encode()
             self._bench.transcript.note(_BENCH, CLOCK, began_ns, live.look(), sent=sent)
 
-    def distress(self) -> str:
-        """Return why the machine cannot drive the bench any more, nothing while it can."""
-        if text := self._machine.distress():
-            _note(self._bench, DISTRESS, f"{self._events.course} {text}".encode())
-        return text
+    def distress(self) -> Distress | None:
+        """Return why the machine cannot drive the bench any more, None while it can.
+
+        What trips the bench for good does so in a replay, too. What the run can be resumed from is not replayed.
+        """
+        if (found := self._machine.distress()) and not found.what:
+            _note(self._bench, DISTRESS, f"{self._events.course} {found.text}".encode())
+        return found
 
     def busy(self, seconds: float) -> HilError | None:
         """Note how long a case's own code let nobody look after the bench, and return that error; see `Timeline`.
@@ -282,9 +285,10 @@ class OnRecord:
         self._playback.hand_over_if_due()
         return self._after if self._bench.playback is None else self
 
-    def distress(self) -> str:
+    def distress(self) -> Distress | None:
         """Return why the bench could not be driven any more then."""
-        return self._mark(DISTRESS).decode()
+        text = self._mark(DISTRESS).decode()
+        return Distress(text) if text else None
 
     def busy(self, seconds: float) -> HilError | None:
         """Return None: the marks of the record tell what the case took then."""

@@ -231,6 +231,9 @@ class Progress:
     def _trip(self, event: events.Trip) -> None:
         self._line(f"  TRIP {event.limit}: {event.text}", "bold red")
 
+    def _lost(self, event: events.Lost) -> None:
+        self._line(f"  LOST: {event.text}; the bench is made safe, and the run can be resumed", "bold red")
+
     def _case_end(self, event: events.CaseEnd) -> None:
         text = Text("  ")
         text.append(event.verdict, _STYLES[event.verdict])

@@ -22,6 +22,7 @@ from hil.evidence.events import (
     HoldAsked,
     HoldEnd,
     HoldRefused,
+    Lost,
     MonitorLate,
     Note,
     NotifyFailed,
@@ -277,6 +278,8 @@ def _told(event: Event) -> tuple[str, str] | None:  # noqa: PLR0911, PLR0912, C9
             return "trip", f"{event.limit}: {event.text}{shown}"
         case MonitorLate():
             return "late monitor", f"{event.limit}: {event.text}"
+        case Lost():
+            return "lost", event.text
         case Stop():
             return "stop", f"{event.reason}, at once" if event.urgent else event.reason
         case Fault():
