@@ -1,0 +1,149 @@
+"""What of a bench outside this process leaves a run that can be resumed, and what ends it for good."""
+
+from __future__ import annotations
+
+import os
+import pty
+from types import SimpleNamespace
+
+import pytest
+from case_parts import Case, Watch
+
+from hil.clock.live import LiveClock
+from hil.executive.ending.stop import StopFlags, Stopped
+from hil.executive.watching.machine import LiveMachine
+from hil.executive.watching.ports import Distress, NoMachine
+from hil.executive.watching.scheduler import Scheduler
+from hil.executive.watching.timeline import OnLiveBench
+from hil.model.errors import Garbled, NoReply, Rejected, Tripped
+from hil.model.identity import Source
+from hil.model.verdict import Verdict
+from hil.wire.transcript import Transcript
+
+SILENT = NoReply("psu1", "nothing came")
+GONE = NoReply("psu1", "its port is gone (Input/output error)", "check cable, power and hub", gone=True)
+
+
+class Leaving(Watch):
+    """Asks a run to stay open, as the keeper of a bench does."""
+
+    def __init__(self, flags):
+        super().__init__()
+        self.flags = flags
+
+    def lost(self, distress):
+        """Take a loss."""
+        super().lost(distress)
+        self.flags.leave_off(distress.reason)
+
+
+@pytest.fixture
+def case(tmp_path):
+    """A case on a bench outside this process, which has begun."""
+    made = Case(tmp_path, "C-020")
+    made.watch = made.scheduler._reports = Leaving(made.flags)
+    made.scheduler._bench.live = LiveClock("2026-01-01T00:00:00Z")
+    made.flags.turns = 1
+    return made
+
+
+@pytest.mark.parametrize(("fault", "what"), [(SILENT, "reply"), (GONE, "port")])
+def test_silence_of_a_live_bench_is_a_loss(case, fault, what):
+    """The case is not judged, whatever it lets through: it is made again when the run is resumed."""
+    case.supply.fault = fault
+    with pytest.raises(Stopped):
+        case.coil.disable()
+    assert case.watch.losses == [Distress(fault.message, what, "psu1")]
+    assert case.flags.leave_open
+    with pytest.raises(Stopped):
+        case.coil.enable()
+    assert [name for name, _ in case.supply.calls] == ["disable"]
+    assert len(case.watch.losses) == 1
+    case.run.raised(Stopped(case.flags.reason))
+    case.run.raised(RuntimeError("a teardown that failed for want of its port"))
+    assert case.run.outcome().verdict is Verdict.ABORTED
+    assert [event["message"] for event in case.written.of("fault")] == [fault.message]
+
+
+@pytest.mark.parametrize("fault", [Garbled("psu1", "said Q"), Rejected("psu1", "error -221")])
+def test_nonsense_of_a_port_that_is_there_is_not(case, fault):
+    """It is an ERROR, as on every bench."""
+    case.supply.fault = fault
+    with pytest.raises(type(fault)):
+        case.coil.disable()
+    assert not case.watch.losses
+    assert case.run.outcome().verdict is Verdict.ERROR
+
+
+def test_silence_of_the_device_under_test_is_its_own(tmp_path):
+    """It is what the case is about."""
+    case = Case(tmp_path, "C-020", dut=True)
+    case.scheduler._bench.live = LiveClock("2026-01-01T00:00:00Z")
+    case.supply.fault = GONE
+    with pytest.raises(NoReply):
+        case.coil.disable()
+    assert not case.watch.losses
+
+
+def test_silence_of_a_bench_in_this_process_is_not_a_loss(tmp_path):
+    """Nobody has pulled a cable there."""
+    case = Case(tmp_path, "C-020")
+    case.supply.fault = GONE
+    with pytest.raises(NoReply):
+        case.coil.disable()
+    assert not case.watch.losses
+    assert case.run.outcome().verdict is Verdict.ERROR
+
+
+def scheduled(distress):
+    """Return a scheduler of a live bench whose machine is in distress, its flags, and what it reports."""
+    clock, flags = LiveClock("2026-01-01T00:00:00Z"), StopFlags()
+    flags.turns = 1
+    watch = Leaving(flags)
+    bench = SimpleNamespace(clock=clock, live=clock, playback=None, speed=1.0, transcript=Transcript(None))
+
+    class Machine(NoMachine):
+        """A machine in distress."""
+
+        def distress(self):
+            """Tell of it."""
+            return distress
+
+    made = Scheduler(bench, [], flags, watch, OnLiveBench(bench, clock, Machine(), SimpleNamespace(course=7)))
+    made.watch_from_now()
+    return made, flags, watch
+
+
+def test_a_lost_guardian_leaves_the_run_open():
+    """It does not trip: nothing was wrong with the bench."""
+    made, flags, watch = scheduled(Distress("the guardian is gone", "guardian"))
+    with pytest.raises(Stopped, match="a lost guardian: the guardian is gone"):
+        made.point()
+    assert (flags.leave_open, flags.reason) == (True, "a lost guardian: the guardian is gone")
+    assert not watch.trips
+    assert made.tripped is None
+
+
+def test_the_end_of_the_device_under_test_trips():
+    """As it always did."""
+    made, flags, watch = scheduled(Distress("the port of obc1 is gone"))
+    with pytest.raises(Tripped):
+        made.point()
+    assert not watch.losses
+    assert not flags.reason
+
+
+@pytest.mark.parametrize(("dut", "what"), [(False, "port"), (True, "")])
+def test_whose_port_hung_up(dut, what):
+    """That of an instrument is a loss, that of the device under test its end."""
+    near, far = pty.openpty()
+    instrument = SimpleNamespace(dut=dut)
+    spec = SimpleNamespace(instrument=lambda _: instrument)
+    bench = SimpleNamespace(spec=spec, descriptors={"psu1": far}, source=Source.SIMULATED)
+    machine = LiveMachine(bench, SimpleNamespace(lost=""), None, None)
+    assert machine.distress() is None
+    os.close(near)
+    machine._looked = 0.0
+    found = machine.distress()
+    os.close(far)
+    assert (found.what, found.text) == (what, "the port of psu1 is gone")
