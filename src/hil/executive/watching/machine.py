@@ -19,10 +19,8 @@ from hil.evidence.events import EventSink
 from hil.evidence.safed import guardian_lines
 from hil.executive.ending.signals import LOOK_S
 from hil.executive.ending.stop import StopFlags
-from hil.executive.watching.holding import Holding
 from hil.executive.watching.inhibitor import Inhibitor
 from hil.executive.watching.ports import Distress, Freshness
-from hil.executive.watching.scheduler import Scheduler
 from hil.guardian.channel import DrillResult
 from hil.guardian.client import Guardian
 from hil.guardian.latch import Latch, path_of
@@ -34,7 +32,7 @@ from hil.model.safing import GuardedOutput, GuardedPort, GuardPlan
 from hil.model.serial_line import SerialLine
 from hil.wire.opening import PortKind, kind_of, url_of_resource
 
-__all__ = ["ArmingPeople", "Attendant", "Guarding", "LiveMachine", "Tenant", "live_machine", "plan_of"]
+__all__ = ["ArmingPeople", "Guarding", "LiveMachine", "Tenant", "live_machine", "plan_of"]
 
 _BEAT_S = 0.1
 _BETWEEN_S = 10.0
@@ -361,41 +359,6 @@ class LiveMachine:
         except Refused as error:
             return Gate(name, ok=self._served, detail=f"not held off, {error}" if self._served else str(error))
         return Gate(name, ok=True, detail="by this run, until it ends")
-
-
-class Attendant:
-    """Looks after a bench outside this process while a case's own code runs, unless a record stands in for it.
-
-    Args:
-        machine: lets the guardian hear of the run.
-        clock: the bench's clock.
-        scheduler: gives monitors and turns their time.
-        holding: knows what the case has driven.
-    """
-
-    def __init__(self, machine: LiveMachine, clock: LiveClock, scheduler: Scheduler, holding: Holding) -> None:
-        self._machine = machine
-        self._clock = clock
-        self._scheduler = scheduler
-        self._holding = holding
-
-    def between(self) -> None:
-        """Let the guardian hear of the run."""
-        self._machine.between()
-
-    def amid(self, alone_s: float) -> None:
-        """Look after the bench where the case's own code may be disturbed.
-
-        Args:
-            alone_s: for how long that ran since the last look; one that came in time was `LOOK_S` after it.
-        """
-        if not self._clock.began:
-            return
-        self._clock.pulse()
-        if self._scheduler.watching:
-            if self._holding.drives():
-                self._scheduler.busy(alone_s - LOOK_S)
-            self._scheduler.idle()
 
 
 def live_machine(
