@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from facing import facing
 
 from hil.instruments.driver import Outlet
 from hil.instruments.waveshare_relay import WaveshareRelay
 from hil.model.bench import Wire
-from hil.model.errors import Garbled, NoReply
+from hil.model.errors import Garbled, NoReply, Refused, Rejected
 from hil.model.identity import Identity
 from hil.simulation.peers.waveshare_relay import MODEL
 
@@ -132,3 +134,76 @@ def test_chatter_on_the_line_is_a_fault_and_the_board_obeys():
             clock.sleep(0.07)
     assert len(told) > 5
     assert all("3f arrived unsolicited" in text for text in told)
+
+
+HELD = replace(WIRE, settings={"beat": "2 s"})
+
+
+def test_a_contact_that_is_held_opens_by_itself():
+    """Nobody has to be alive for it: 2 s after it was closed, and not before."""
+    with board() as (driver, clock):
+        relays = driver.role(HELD)
+        assert relays.watchdog_s == 2.0
+        relays.close("heater")
+        clock.sleep(1.8)
+        assert relays.closed() == ("heater",)
+        clock.sleep(0.3)
+        assert relays.closed() == ()
+
+
+def test_heartbeats_keep_it_closed():
+    """Each begins the board's time anew; the contact does not open for a moment in between."""
+    with board() as (driver, clock):
+        relays = driver.role(HELD)
+        relays.close("heater")
+        relays.close("lamp")
+        for _ in range(10):
+            clock.sleep(1.5)
+            relays.beat()
+            assert relays.closed() == ("heater", "lamp")
+        clock.sleep(2.1)
+        assert relays.closed() == ()
+
+
+def test_a_heartbeat_that_is_late_closes_nothing_again():
+    """What the board has opened stays open until somebody closes it on purpose."""
+    with board() as (driver, clock):
+        relays = driver.role(HELD)
+        relays.close("heater")
+        clock.sleep(2.5)
+        with pytest.raises(Rejected, match="the board opened relay 1 by itself: no heartbeat"):
+            relays.beat()
+        relays.beat()
+        assert relays.closed() == ()
+
+
+@pytest.mark.parametrize("release", ["open", "release_all"])
+def test_what_is_released_is_not_held_any_more(release):
+    """Neither by the board's timer nor by a heartbeat, and without one nothing is sent."""
+    with board() as (driver, clock):
+        relays = driver.role(HELD)
+        relays.close("heater")
+        relays.open("heater") if release == "open" else relays.release_all()
+        before = clock.now()
+        relays.beat()
+        assert clock.now() == before
+        clock.sleep(3.0)
+        assert relays.closed() == ()
+
+
+def test_without_a_beat_a_contact_stays():
+    """As before: a wire that asks for no watchdog has none."""
+    with board() as (driver, clock):
+        relays = driver.role(WIRE)
+        assert relays.watchdog_s == 0.0
+        relays.close("heater")
+        clock.sleep(4000.0)
+        relays.beat()
+        assert relays.closed() == ("heater",)
+
+
+@pytest.mark.parametrize("beat", ["0.5 s", "3300 s", "-1 s"])
+def test_a_beat_that_the_board_cannot_keep_is_refused(beat):
+    """Its timer has 15 bits of tenths of a second."""
+    with board() as (driver, _), pytest.raises(Refused, match="beat"):
+        driver.role(replace(WIRE, settings={"beat": beat}))

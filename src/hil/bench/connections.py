@@ -17,6 +17,7 @@ __all__ = [
     "paths_of",
     "server_of",
     "servers_first",
+    "stays_on",
 ]
 
 
@@ -85,9 +86,23 @@ def paths_of(spec: BenchSpec, output: str) -> dict[str, CutPath]:
     for path in spec.cut_paths:
         if path.output != output:
             continue
-        through = line_of(spec, spec.wire(path.by).instrument) if path.by else path.hardware
+        through = line_of(spec, spec.wire(path.by).instrument) if path.by else path.means
         if through != own:
             found.setdefault(through, path)
+    return found
+
+
+def stays_on(spec: BenchSpec) -> dict[str, CutPath | None]:
+    """Return, for every output that can do harm, what opens it first if run and guardian end at once; None if nothing.
+
+    Args:
+        spec: the bench file; it was checked.
+    """
+    keepers = [path for path in spec.cut_paths if not path.needs_host]
+    found: dict[str, CutPath | None] = {}
+    for wire in hazardous_wires(spec):
+        own = [path for path in keepers if path.output == wire.name]
+        found[wire.name] = min(own, key=lambda path: path.within_s, default=None)
     return found
 
 

@@ -22,6 +22,9 @@ __all__ = ["cut_path_gates"]
 _FLOWS_WITHIN_S = 2.0
 _PAUSE_S = 0.1
 _FLOWING_SHARE = 0.5
+_LONGEST_TRIAL_S = 30.0
+"""A watchdog that is slower is not waited for at each arming."""
+
 _HEADROOM_V = 0.05
 """A cell so close to the reduced level takes too little current to show anything."""
 
@@ -50,25 +53,31 @@ def cut_path_gates(bench: BoundBench) -> Iterator[Gate]:
     """
     for path in bench.spec.cut_paths:
         name = f"cut path of {path.output}: {path.means}"
-        if not path.by:
-            yield Gate(name, ok=True, detail=f"within {path.within_s:g} s; not tried: no software is part of it")
+        if reason := _untried(path):
+            yield Gate(name, ok=True, detail=f"within {path.within_s:g} s; not tried: {reason}")
             continue
         trial = _trial_of(bench, path)
         if trial is None:
-            detail = f"{path.by} was proven {path.state}; not tried: nothing that is measured at low energy shows it"
-            yield Gate(name, ok=True, detail=detail)
+            proven = f"{path.by} was proven {path.state}" if path.by else f"within {path.within_s:g} s"
+            yield Gate(name, ok=True, detail=f"{proven}; not tried: nothing that is measured at low energy shows it")
             continue
         yield _tried(bench, path, trial, name)
 
 
+def _untried(path: CutPath) -> str:
+    if path.hardware:
+        return "no software is part of it"
+    return f"it takes longer than {_LONGEST_TRIAL_S:g} s" if path.watchdog and path.within_s > _LONGEST_TRIAL_S else ""
+
+
 def _trial_of(bench: BoundBench, path: CutPath) -> _Trial | None:
     spec = bench.spec
-    wire, by = spec.wire(path.output), spec.wire(path.by)
+    wire, by = spec.wire(path.output), spec.wire(path.by or path.watchdog)
     if wire.role == "supply" and wire.reduced and by.role == "relays":
         positions = (item for item in wire.reduced.positions if item.relays == by.name and item.conducts)
         closed = next((item for item in positions if item.closed), None)
         return _Trial(supply=wire, position=closed) if closed else None
-    if wire.role == "supply" and wire.reduced and wire.charges == path.by:
+    if wire.role == "supply" and wire.reduced and wire.charges == by.name:
         return _Trial(supply=wire, feeds=_feeds(bench, by), cycler=by)
     if wire.role == "cycler":
         charger = next((item for item in spec.wiring if item.charges == wire.name and item.reduced), None)
@@ -127,8 +136,8 @@ def _flow_and_cut(bench: BoundBench, path: CutPath, trial: _Trial, name: str) ->
         detail = f"{prefixed(before, 'A')} flow before it is taken, {least:g} A at least expected: load or contacts?"
         return Gate(name, ok=False, detail=detail)
     start_ns = bench.clock.now_ns()
-    problems = left_on([step for step in bench.spec.safe_off if step.output == path.by], bench)
-    if problems:
+    taken = [step for step in bench.spec.safe_off if step.output == path.by]  # a watchdog only has to be left alone
+    if problems := left_on(taken, bench):
         return Gate(name, ok=False, detail="; ".join(problems))
     most = level.highest_current if trial.cycler else level.lowest_current
     left_s = path.within_s - (bench.clock.now_ns() - start_ns) / NANOSECONDS

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import cast
 
 from hil.bench.bound import BoundBench
+from hil.bench.connections import stays_on
 from hil.bench.cut_trials import cut_path_gates
 from hil.bench.gate import Gate
 from hil.bench.safe_off import left_on
 from hil.bench.self_test import self_test
 from hil.instruments.cycler_role import Cycler
-from hil.instruments.roles import Relays, Supply
+from hil.instruments.roles import Relays, Supply, Watched
 from hil.model.bench import InstrumentSpec, Position, ReducedLevel, Wire
+from hil.model.cutting import CutPath
 from hil.model.errors import HilError
 from hil.model.identity import Dut, Identity
 from hil.model.prefixed import prefixed
@@ -46,6 +48,11 @@ def unpowered_gates(bench: BoundBench, dut: Dut | None = None) -> Iterator[Gate]
     for wire in bench.spec.wiring:
         if wire.role == "cycler":
             yield _polarity(bench, wire)
+    for path in bench.spec.cut_paths:
+        if path.watchdog:
+            yield _watchdog(bench, path)
+    if kept := stays_on(bench.spec):
+        yield Gate("if run and guardian end at once", ok=True, detail=_alone(kept))
 
 
 def energised_gates(bench: BoundBench, dut: Dut | None) -> Iterator[Gate]:
@@ -100,6 +107,26 @@ def _difference(expected: Identity, found: Identity) -> str:
         if wanted and wanted != got:
             return f"expected {what} '{wanted}', found '{got}'"
     return ""
+
+
+def _watchdog(bench: BoundBench, path: CutPath) -> Gate:
+    """Compare what the bench file counts on with what the wire's settings make of the instrument."""
+    name, role = f"watchdog of {path.watchdog} for {path.output}", bench.roles[path.watchdog]
+    seconds = role.watchdog_s if isinstance(role, Watched) else 0.0
+    if not seconds:
+        hint = "give its wire the setting beat" if isinstance(role, Watched) else "its driver offers none"
+        return Gate(name, ok=False, detail=f"{path.watchdog} has no watchdog: {hint}")
+    detail = f"opens {path.watchdog} {seconds:g} s after its last heartbeat"
+    if seconds > path.within_s:
+        return Gate(name, ok=False, detail=f"{detail}, and the cut path allows {path.within_s:g} s")
+    return Gate(name, ok=True, detail=detail)
+
+
+def _alone(kept: Mapping[str, CutPath | None]) -> str:
+    """Say what opens which output where nothing of the host is left, and what stays on."""
+    told = [f"{output} off within {path.within_s:g} s ({path.means})" for output, path in kept.items() if path]
+    left = [output for output, path in kept.items() if path is None]
+    return "; ".join([*told, *([f"STAYS ON until somebody comes: {', '.join(left)}"] if left else [])])
 
 
 def _polarity(bench: BoundBench, wire: Wire) -> Gate:

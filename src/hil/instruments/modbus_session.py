@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from hil.clock.port import Clock
-from hil.instruments.modbus_line import ModbusLine, Reply, coil, coils, question, register
+from hil.instruments.modbus_line import ModbusLine, Reply, coil, coils, question, register, timed_coil
 from hil.instruments.safing import LONGEST_REPLY_S
 from hil.model.errors import DeviceFault, Garbled, NoReply, Rejected
 from hil.wire.port import Port
@@ -117,6 +117,11 @@ class ModbusSession:
         """Switch one coil (function 05); the unit echoes the request byte by byte."""
         asked = f"coil {address} {'on' if on else 'off'}"
         self._exchange(asked, 5, coil(address, on, self._unit), self._must_echo)
+
+    def write_timed_coil(self, address: int, tenths: int) -> None:
+        """Switch one coil on for tenths of a second (function 05, a vendor's value); the unit echoes the request."""
+        asked = f"coil {address:#06x} on for {tenths / 10:g} s"
+        self._exchange(asked, 5, timed_coil(address, tenths, self._unit), self._must_echo)
 
     def write_coils(self, address: int, values: Sequence[bool]) -> None:
         """Switch coils from `address` on (function 0F); the unit repeats address and count."""

@@ -21,6 +21,7 @@ __all__ = [
     "ROTATION_TABLE",
     "SUPPLY",
     "THERMAL",
+    "Beaten",
     "Gyroscope",
     "Magnetometer",
     "Obc",
@@ -29,6 +30,7 @@ __all__ = [
     "SafeByBytes",
     "Supply",
     "Thermal",
+    "Watched",
 ]
 
 
@@ -248,6 +250,30 @@ class SafeByBytes(Protocol):
 
         Raises:
             Refused: there is no such state, or bytes do not lead there.
+        """
+        ...
+
+
+@runtime_checkable
+class Watched(Protocol):
+    """An output whose instrument makes it safe by itself once no heartbeat has come for a while."""
+
+    @property
+    def watchdog_s(self) -> float:
+        """After how many seconds; 0 where it has no such watchdog, or the wire does not ask for it."""
+        ...
+
+
+@runtime_checkable
+class Beaten(Watched, Protocol):
+    """One whose heartbeat the executive sends; the others beat wherever they are read."""
+
+    def beat(self) -> None:
+        """Send a heartbeat, if anything is on.
+
+        Raises:
+            Rejected: the instrument has made the output safe since the last one.
+            DeviceFault: it does not answer, or nonsense.
         """
         ...
 

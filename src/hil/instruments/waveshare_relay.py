@@ -4,12 +4,16 @@ Coils 0 to 7 are the relays that the board prints as 1 to 8 (development protoco
 standard Modbus): function 05 switches one, 0F several, 01 reads them. The vendor's toggle (function
 05 with 5500) is never sent: what it does depends on what was before. What is read back is the
 board's own idea of its relays; a welded contact shows only in what it switches.
+
+The board's timed command (function 05, address 0200h and the relay, value in tenths of a second) makes it a keeper of
+its own: a relay that is closed with it opens by itself, unless the command comes again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import ClassVar
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
 
 from hil.instruments import settings
 from hil.instruments.driver import ANY_BYTE, Connection, Outlet
@@ -21,6 +25,7 @@ from hil.instruments.safing import must_be_state
 from hil.model.bench import Proof, Wire
 from hil.model.errors import DeviceFault, Garbled, NoReply, Refused, Rejected
 from hil.model.identity import Identity
+from hil.model.notation import measured
 from hil.model.safing import SafeBytes
 
 __all__ = ["WaveshareRelay", "WaveshareRelays"]
@@ -29,8 +34,24 @@ _RELAYS = 8
 _FACTORY_UNIT = 1
 _VERSION_REGISTER = 0x8000
 _HIGHEST_VERSION = 9999
+_TIMED = 0x0200
+_LONGEST_BEAT_S = 3276.7
+_SHORTEST_BEAT_S = 1.0
 _QUIET_S = 0.02
 """The board answers after 2 ms with 6 bytes, which take 6 ms at its 9600 baud."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """What a wire may say.
+
+    Attributes:
+        beat_s: after how long without a heartbeat the board opens the wire's contacts by itself; 0 for never.
+    """
+
+    beat_s: Annotated[float, measured("s", minimum=_SHORTEST_BEAT_S, maximum=_LONGEST_BEAT_S)] = field(
+        default=0.0, metadata={"alias": "beat"}
+    )
 
 
 class WaveshareRelays:
@@ -44,27 +65,40 @@ class WaveshareRelays:
         device: the instrument's name, for messages.
         session: the board's session.
         contacts: name of a contact to its number on the board, 1 to 8.
+        beat_s: after how long without a heartbeat the board opens them, 0 for never.
     """
 
-    def __init__(self, *, name: str, device: str, session: ModbusSession, contacts: Mapping[str, int]) -> None:
+    def __init__(
+        self, *, name: str, device: str, session: ModbusSession, contacts: Mapping[str, int], beat_s: float = 0.0
+    ) -> None:
         self._name = name
         self._device = device
         self._session = session
         self._contacts = dict(contacts)
+        self._beat_s = beat_s
+        self._held: set[int] = set()  # coils that the board opens by itself
 
     @drives
     def close(self, contact: str) -> None:
         """Energise one contact."""
-        self._switch(self._coil(contact), on=True)
+        coil = self._coil(contact)
+        if not self._beat_s:
+            self._prove(lambda: self._session.write_coil(coil, on=True), {coil: True})
+            return
+        self._prove(lambda: self._hold(coil), {coil: True})
+        self._held.add(coil)
 
     @drives
     def open(self, contact: str) -> None:
         """Release one contact."""
-        self._switch(self._coil(contact), on=False)
+        coil = self._coil(contact)
+        self._held.discard(coil)
+        self._prove(lambda: self._session.write_coil(coil, on=False), {coil: False})
 
     @drives
     def release_all(self) -> None:
         """Release every relay of the board, also those of other wires."""
+        self._held.clear()
         wanted = dict.fromkeys(range(_RELAYS), False)
         self._prove(lambda: self._session.write_coils(0, [False] * _RELAYS), wanted)
 
@@ -73,6 +107,27 @@ class WaveshareRelays:
         """Return the names of the energised contacts, sorted."""
         states = self._session.read_coils(0, _RELAYS)
         return tuple(sorted(name for name, number in self._contacts.items() if states[number - 1]))
+
+    @property
+    def watchdog_s(self) -> float:
+        """After how long without a heartbeat the board opens the contacts; see `hil.instruments.roles.Watched`."""
+        return self._beat_s
+
+    def beat(self) -> None:
+        """Keep closed what is closed, unless the board has opened it; see `hil.instruments.roles.Beaten`."""
+        if not self._held:
+            return
+        states = self._session.read_coils(0, _RELAYS)
+        opened = sorted(coil + 1 for coil in self._held if not states[coil])
+        if opened:
+            self._held.clear()
+            raise Rejected(
+                self._device,
+                f"{self._name}: the board opened relay {', '.join(map(str, opened))} by itself: no heartbeat",
+                f"check what held the run up for {self._beat_s:g} s",
+            )
+        for coil in sorted(self._held):
+            self._hold(coil)
 
     def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:  # noqa: ARG002 - it measures nothing
         """Return the bytes that release every relay of the board; see `hil.instruments.roles.SafeByBytes`.
@@ -88,8 +143,8 @@ class WaveshareRelays:
             owed_s=within_s,
         )
 
-    def _switch(self, coil: int, *, on: bool) -> None:
-        self._prove(lambda: self._session.write_coil(coil, on), {coil: on})
+    def _hold(self, coil: int) -> None:
+        self._session.write_timed_coil(_TIMED + coil, round(self._beat_s * 10))
 
     def _prove(self, write: Callable[[], None], wanted: Mapping[int, bool]) -> None:
         """Write once and read back its outcome, with silence after that, so that no stale frame was read.
@@ -136,7 +191,7 @@ class WaveshareRelays:
 
 
 class WaveshareRelay:
-    """Driver `waveshare-relay`: role `relays`; every contact of the wire is a number from 1 to 8.
+    """Driver `waveshare-relay`: role `relays`; every contact of the wire is a number from 1 to 8, see `Settings`.
 
     The instrument's `address` is the board's unit address; 0 stands for the factory's 1.
     """
@@ -186,7 +241,11 @@ class WaveshareRelay:
                 raise Refused(
                     f"wiring {wire.name}: contact {contact} is relay {number}", f"the board has 1 to {_RELAYS}"
                 )
-        settings.read(wire, settings.NoSettings)
+        asked = settings.read(wire, Settings)
         return WaveshareRelays(
-            name=wire.name, device=self._connection.device, session=self._session, contacts=wire.contacts
+            name=wire.name,
+            device=self._connection.device,
+            session=self._session,
+            contacts=wire.contacts,
+            beat_s=asked.beat_s,
         )

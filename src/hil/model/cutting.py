@@ -16,27 +16,36 @@ _LONG = seconds(above=0.0)
 class CutPath:
     """What takes an output's energy away when its own port is gone.
 
-    Either `by` and `state` (another output, whose safe state cuts it off) or `hardware` (in words: what no software of
-    the host is part of) is set.
+    One of three is set: `by` and `state` (another output, whose safe state cuts it off), `watchdog` (an output whose
+    instrument opens by itself once its heartbeat is missing), or `hardware` (in words: what needs no heartbeat).
 
     Attributes:
         output: the output that is cut off.
         by: the output whose safe state does it.
         state: that state.
-        hardware: a dead-man or an interlock.
+        watchdog: an output whose instrument keeps the heartbeat; it may be the same output.
+        hardware: an interlock or a cut-out.
         within_s: how long it takes at most.
     """
 
     output: Text
     by: AnyText = ""
     state: AnyText = ""
+    watchdog: AnyText = ""
     hardware: AnyText = ""
     within_s: Annotated[float, _LONG] = field(metadata={"alias": "within"})
 
     @property
     def means(self) -> str:
         """What does it, in words."""
+        if self.watchdog:
+            return f"watchdog of {self.watchdog}"
         return f"{self.by} {self.state}" if self.by else self.hardware
+
+    @property
+    def needs_host(self) -> bool:
+        """Whether run or guardian have to live for it."""
+        return bool(self.by)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,7 @@ from hil.bench.file.reading import load_bench
 from hil.model.errors import ConfigurationError
 
 CHARGE = "{output: supply.charge, by: cycler, state: stopped, within: 10 s}"
-CHARGE_BEAT = "{output: supply.charge, hardware: heartbeat of the tester opens its relays, within: 360 s}"
+CHARGE_BEAT = "{output: supply.charge, watchdog: cycler, within: 360 s}"
 COOLERS = "{output: thermal, by: supply.tec"
 TEMPERATURE = "{output: thermal, quantity: temperature, unit: degC, toward:"
 CURRENT = "- {output: cycler, quantity: current, unit: A, min:"
@@ -35,17 +35,22 @@ BATTERY = [
     (
         {CHARGE: CHARGE.replace("within", "hardware: fuse, within")},
         "{output: supply.charge, by",
-        "it needs either by, an output whose safe state cuts it off, or hardware, in words",
+        "it needs one of by, an output whose safe state cuts it off, watchdog",
     ),
     (
         {CHARGE: CHARGE.replace(" by: cycler, state: stopped,", "")},
         "{output: supply.charge, within",
-        "it needs either by",
+        "it needs one of by",
     ),
     (
         {CHARGE_BEAT: CHARGE_BEAT.replace("within", "state: stopped, within")},
-        "{output: supply.charge, hardware",
-        "only an output has a state; leave it out with hardware",
+        "{output: supply.charge, watchdog",
+        "only 'by' has a state; leave it out",
+    ),
+    (
+        {CHARGE_BEAT: CHARGE_BEAT.replace("cycler", "cyclor")},
+        "{output: supply.charge, watchdog",
+        "unknown output 'cyclor'",
     ),
     ({CHARGE: CHARGE.replace("10 s", "0 ms")}, "0 ms}", "cut_paths: 'within' must be longer than 0 s"),
     ({CHARGE: CHARGE.replace("within", "witin")}, "witin", "unknown key 'witin', did you mean 'within'?"),
@@ -153,12 +158,11 @@ def test_the_committed_benches_are_clean(tmp_path, bench):
 def test_what_is_independent_counts(tmp_path):
     """Two paths through one port are one path, and so are two that are the same words."""
     spec = loaded(tmp_path, {})
-    assert list(paths_of(spec, "supply.charge")) == ["cycler1", "heartbeat of the tester opens its relays"]
-    assert list(paths_of(spec, "cycler")) == ["psu1", "heartbeat of the tester opens its relays"]
+    assert list(paths_of(spec, "supply.charge")) == ["cycler1", "watchdog of cycler"]
+    assert list(paths_of(spec, "cycler")) == ["psu1", "watchdog of cycler"]
     assert cut_path_shortfall(spec, 2) == []
     assert cut_path_shortfall(spec, 3)[0] == (
-        "supply.charge needs 3 cut paths in addition to its own port, it has 2: cycler stopped and heartbeat of the"
-        " tester opens its relays"
+        "supply.charge needs 3 cut paths in addition to its own port, it has 2: cycler stopped and watchdog of cycler"
     )
 
 

@@ -88,7 +88,6 @@ def test_several_coils_at_once(twin):
         ("01 02 00 00 00 08", "01 82 01"),
         ("01 10 00 00 00 01 02 00 00", "01 90 01"),
         ("01 05 00 08 FF 00", "01 85 02"),
-        ("01 05 02 00 00 07", "01 85 02"),
         ("01 05 00 00 12 34", "01 85 03"),
         ("01 01 00 04 00 08", "01 81 02"),
         ("01 01 00 00 00 00", "01 81 03"),
@@ -148,3 +147,31 @@ def test_contact_welded_from_the_start():
     assert twin.coil.inputs["contact_b"] is True
     ask(twin, "01 05 00 01 00 00")
     assert twin.coil.inputs["contact_b"] is True
+
+
+def test_a_relay_that_is_closed_for_a_time_opens_by_itself(twin):
+    """700 ms after the last such command, whatever came before; another command ends the time."""
+    ask(twin, "01 05 02 00 00 07")
+    twin.clock.sleep(0.5)
+    ask(twin, "01 05 02 00 00 07")
+    twin.clock.sleep(0.6)
+    assert twin.coil.inputs["contact_a"] is True
+    twin.clock.sleep(0.2)
+    assert twin.coil.inputs["contact_a"] is False
+    ask(twin, "01 05 02 00 00 07")
+    ask(twin, "01 05 00 00 FF 00")
+    twin.clock.sleep(5.0)
+    assert twin.coil.inputs["contact_a"] is True
+    ask(twin, "01 05 04 00 00 07")
+    twin.clock.sleep(0.5)
+    assert twin.coil.inputs["contact_a"] is False
+    twin.clock.sleep(0.3)
+    assert twin.coil.inputs["contact_a"] is True
+
+
+@pytest.mark.parametrize(
+    ("body", "code"), [("01 05 02 08 00 07", "02"), ("01 05 02 00 00 00", "03"), ("01 05 02 00 80 00", "03")]
+)
+def test_a_time_that_it_does_not_have_is_refused(twin, body, code):
+    """Eight relays, and 15 bits of tenths of a second."""
+    assert ask(twin, body) == f"01 85 {code}"

@@ -64,6 +64,7 @@ def cut_paths(spec: BenchSpec) -> Complaints:
     for at, path in listed("cut_paths", spec.cut_paths):
         yield from known(at, "output", path.output, outputs)
         yield from known(at, "output", path.by, outputs)
+        yield from known(at, "output", path.watchdog, outputs)
         for problem in _path_problems(spec, path):
             yield at, f"cut path of {path.output}: {problem}"
         if path.output and path.means and (path.output, path.means) in seen:
@@ -72,10 +73,13 @@ def cut_paths(spec: BenchSpec) -> Complaints:
 
 
 def _path_problems(spec: BenchSpec, path: CutPath) -> Iterator[str]:
-    if bool(path.by) == bool(path.hardware):
-        yield "it needs either by, an output whose safe state cuts it off, or hardware, in words"
-    if path.hardware and path.state:
-        yield "only an output has a state; leave it out with hardware"
+    if [bool(path.by), bool(path.watchdog), bool(path.hardware)].count(True) != 1:
+        yield (
+            "it needs one of by, an output whose safe state cuts it off, watchdog, an output whose instrument opens"
+            " without a heartbeat, and hardware, in words"
+        )
+    if path.state and not path.by:
+        yield "only 'by' has a state; leave it out"
     if path.by:
         yield from _by_problems(spec, path)
 

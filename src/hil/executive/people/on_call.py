@@ -55,8 +55,8 @@ def _missing(configuration: Configuration) -> Iterator[str]:
         yield "name who is on call with --on-call NAME"
     if not configuration.workspace.notify:
         yield "name a command that notifies people, notify = [...] in hil.toml"
-    if not any(path.hardware for path in spec.cut_paths):
-        yield "the bench file names no cut path that is hardware, such as the heartbeat of a battery tester"
+    if all(path.needs_host for path in spec.cut_paths):
+        yield "the bench file names no cut path that needs no host: a watchdog, such as a battery tester's, or hardware"
     yield from cut_path_shortfall(spec, _LEAST_PATHS)
 
 

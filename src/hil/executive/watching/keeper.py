@@ -16,7 +16,7 @@ from hil.executive.ending.stop import StopFlags, Stopped
 from hil.executive.journaling.row_store import OpenRecording, RowStore
 from hil.executive.watching.arming import FIRST_ARMING, ArmedBench
 from hil.executive.watching.holding import Holding
-from hil.executive.watching.monitoring import monitor_of
+from hil.executive.watching.monitoring import Heartbeat, heartbeats_of, monitor_of
 from hil.executive.watching.ports import Distress, Machine
 from hil.executive.watching.scheduler import Scheduler
 from hil.executive.watching.timeline import Timeline
@@ -76,6 +76,7 @@ class BenchKeeper:
         self.over = False
         monitors = [monitor_of(bench, limit) for limit in bench.spec.envelope]
         self.scheduler = Scheduler(bench, monitors, flags, self, timeline)
+        self._heartbeats: list[Heartbeat] = []
         self.holding = Holding(bench, flags, journal, self.scheduler)
         self._ticking = (*ticking[:1], self.holding, *ticking[1:])
 
@@ -99,6 +100,9 @@ class BenchKeeper:
             return problem
         for limit in self._bench.spec.envelope:
             self._watched[limit.id] = self._store.begin(self._facts(limit))
+        self._heartbeats = heartbeats_of(self._bench, self.scheduler.monitoring)
+        for heartbeat in self._heartbeats:
+            self.scheduler.begin_beside(heartbeat)
         self.scheduler.watch_from_now()
         self._journal.write(events.Armed())
         return ""
@@ -176,6 +180,8 @@ class BenchKeeper:
 
     def release(self) -> None:
         """Make the bench safe for the last time and end the monitors' recordings."""
+        for heartbeat in self._heartbeats:
+            self.scheduler.end_beside(heartbeat)
         if self._armed.touched:
             self.safe()
         lost = self.scheduler.lost is not None

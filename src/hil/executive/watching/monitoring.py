@@ -1,4 +1,4 @@
-"""Monitors while a run is in progress: each takes its turn when it is due, and in a replay when the record has it."""
+"""Monitors and heartbeats while a run is in progress: each has its turn when it is due, in a replay as recorded."""
 
 from __future__ import annotations
 
@@ -8,17 +8,21 @@ from hil.bench.bound import BoundBench
 from hil.bench.derived.derivation import Derivation
 from hil.bench.derived.quantities import derivation_of
 from hil.bench.envelope import Monitor, Trip
-from hil.clock.port import NANOSECONDS
+from hil.clock.port import NANOSECONDS, Clock
 from hil.executive.watching.ports import CaseAtWork, Reports
 from hil.executive.watching.timeline import Timeline
+from hil.instruments.roles import Beaten
 from hil.model.bench import InstrumentSpec
 from hil.model.envelope import EnvelopeLimit
-from hil.model.errors import DeviceFault, NoReply
+from hil.model.errors import DeviceFault, NoReply, Rejected
 from hil.model.figure import Figure
 from hil.wire.replay import MONITOR, OVERDUE
 from hil.wire.tap import LONGEST_TRANSACTION
 
-__all__ = ["Monitoring", "monitor_of"]
+__all__ = ["Heartbeat", "Monitoring", "heartbeats_of", "monitor_of"]
+
+_BEATS = 3
+"""So many heartbeats in the time of a watchdog: two may be lost."""
 
 _BEHIND_NS = NANOSECONDS // 10
 """More than a turn of a monitor takes from the samples of a recording, which catch up with it."""
@@ -121,6 +125,57 @@ class Monitoring:
     def _instrument(self, monitor: Monitor) -> InstrumentSpec:
         spec = self._bench.spec
         return spec.instrument(spec.wire(monitor.limit.output).instrument)
+
+
+class Heartbeat:
+    """Keeps the watchdog of one instrument from opening its output; takes its turns beside the case.
+
+    A heartbeat that gets no answer is asked for again at its next turn, of which there are three before the watchdog
+    opens the output. One that comes too late finds the output off, and what the case drives is not what it thinks.
+
+    Args:
+        output: the role instance.
+        instrument: the one whose watchdog it is.
+        clock: the bench's.
+        monitoring: knows the case at work.
+    """
+
+    def __init__(self, output: Beaten, instrument: InstrumentSpec, clock: Clock, monitoring: Monitoring) -> None:
+        self._output = output
+        self._instrument = instrument
+        self._clock = clock
+        self._monitoring = monitoring
+        self.due_ns = 0
+        self.begin_again()
+
+    def take(self) -> None:
+        """Send one.
+
+        Raises:
+            Rejected: the watchdog has opened the output.
+        """
+        self.begin_again()
+        try:
+            self._output.beat()
+        except DeviceFault as fault:
+            if self._monitoring.case is not None:
+                self._monitoring.case.fault(self._instrument, fault)
+            if isinstance(fault, Rejected):
+                raise
+
+    def begin_again(self) -> None:
+        """Count from now."""
+        self.due_ns = self._clock.now_ns() + round(self._output.watchdog_s / _BEATS * NANOSECONDS)
+
+
+def heartbeats_of(bench: BoundBench, monitoring: Monitoring) -> list[Heartbeat]:
+    """Return the heartbeats that the outputs of a bench need."""
+    spec = bench.spec
+    return [
+        Heartbeat(role, spec.instrument(spec.wire(name).instrument), bench.clock, monitoring)
+        for name, role in bench.roles.items()
+        if isinstance(role, Beaten) and role.watchdog_s
+    ]
 
 
 def monitor_of(bench: BoundBench, limit: EnvelopeLimit) -> Monitor:

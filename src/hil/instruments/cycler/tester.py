@@ -83,8 +83,14 @@ class BatteryTester:
         self._session = session
         self._attendance = Attendance(session)
         self._beat_s = wiring.beat_s
+        self._watchdog_s = 0.0 if wiring.level == "1" else wiring.beat_s
         self._preparing = Preparing(session, self._attendance, wiring)
         self._stream: CyclerStream | None = None
+
+    @property
+    def watchdog_s(self) -> float:
+        """After how long without a heartbeat the device opens its relays; see `hil.instruments.roles.Watched`."""
+        return self._watchdog_s
 
     @drives
     def prepare(  # noqa: PLR0913 - see hil.instruments.cycler_role

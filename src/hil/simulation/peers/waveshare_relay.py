@@ -4,7 +4,8 @@ Facts from its published protocol (second version): 01 reads relays, 05 writes o
 5500 toggles, address 00FF all), 0F writes several, 03 and 06 reach the slave's address (4000h), 06 the
 line's parameters (2000h), 03 the version in hundredths (8000h). The address 0 reaches every board: relay
 commands are then carried out without an answer, 03 and 06 are answered as published for finding a board.
-Timed relay commands (0200h, 0400h) are answered with exception 2.
+05 at 0200h and the relay closes it for so many tenths of a second, at 0400h opens it for as long; the command begins
+that time anew, and any other command to the relay ends it.
 """
 
 from __future__ import annotations
@@ -30,6 +31,9 @@ _CONTACTS = 8
 _READ_REGISTER, _WRITE_REGISTER = 0x03, 0x06
 _ALL = 0x00FF
 _ON, _OFF, _TOGGLE = 0xFF00, 0x0000, 0x5500
+_FLASH = {0x02: True, 0x04: False}
+_LONGEST_FLASH = 0x7FFF
+_TENTH_NS = NANOSECONDS // 10
 _ADDRESS, _LINE, _VERSION = 0x4000, 0x2000, 0x8000
 _VERSION_2_00 = 200
 _USUAL_BAUD = 9600
@@ -90,6 +94,7 @@ class WaveshareRelay(Stateful):
     _coils: Kept[list[bool]]
     _closed: Kept[dict[int, bool]]
     _moving: Kept[dict[int, Alarm]]
+    _timed: Kept[dict[int, Alarm]]
     _freed: Kept[Alarms]
     _reader: Kept[FrameReader]
 
@@ -121,6 +126,7 @@ class WaveshareRelay(Stateful):
         self._reader.attach(clock)
         contacts = range(1, _CONTACTS + 1)
         self._moving = {contact: Alarm(clock, partial(self._follow, contact)) for contact in contacts}
+        self._timed = {contact: Alarm(clock, partial(self._flip, contact)) for contact in contacts}
         welds = self._faults.of(Welded)
         self._freed = Alarms(clock, [(fault.end_ns, partial(self._follow, fault.contact)) for fault in welds])
         for contact in contacts:
@@ -168,6 +174,9 @@ class WaveshareRelay(Stateful):
 
     def _write_coil(self, data: bytes) -> bytes:
         number, value = _words(data, 2)
+        if number >> 8 in _FLASH:
+            self._flash(number & 0xFF, value, on=_FLASH[number >> 8])
+            return data
         if number >= _CONTACTS and number != _ALL:
             raise _Exceptional(2)
         if value not in {_ON, _OFF, _TOGGLE}:
@@ -175,6 +184,17 @@ class WaveshareRelay(Stateful):
         for coil in range(_CONTACTS) if number == _ALL else (number,):
             self._set(coil, on=not self._coils[coil] if value == _TOGGLE else value == _ON)
         return data
+
+    def _flash(self, coil: int, tenths: int, *, on: bool) -> None:
+        if coil >= _CONTACTS:
+            raise _Exceptional(2)
+        if not 1 <= tenths <= _LONGEST_FLASH:
+            raise _Exceptional(3)
+        self._set(coil, on=on)
+        self._timed[coil + 1].set(self._clock.now_ns() + tenths * _TENTH_NS)
+
+    def _flip(self, contact: int) -> None:
+        self._set(contact - 1, on=not self._coils[contact - 1])
 
     def _write_coils(self, data: bytes) -> bytes:
         if len(data) < 6:
@@ -209,6 +229,7 @@ class WaveshareRelay(Stateful):
         return data
 
     def _set(self, coil: int, *, on: bool) -> None:
+        self._timed[coil + 1].clear()
         if self._coils[coil] != on:
             self._coils[coil] = on
             self._moving[coil + 1].set(self._clock.now_ns() + self._operate_ns)
