@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.metadata import entry_points
 
 import pytest
-from by_bytes import BY_BYTES, rig
+from by_bytes import BY_BYTES, SCPI, rig
 
 from hil.instruments.registry import DRIVERS, ROLES
 from hil.instruments.roles import SafeByBytes
@@ -106,7 +106,7 @@ def test_a_proof_that_reads_something_else_is_left_out(name):
         assert found.code(other) == found.code()
 
 
-@pytest.mark.parametrize("name", ["keysight-e36300", "korad-ka3005p", "rigol-dp832"])
+@pytest.mark.parametrize("name", [*SCPI, "korad-ka3005p"])
 def test_a_supply_that_refuses_is_found_out(name):
     """By its own word; where that is a lie, by the current, which is asked for if the bench file proves it so."""
     kind = BY_BYTES[name]
@@ -126,7 +126,7 @@ def _switch_on(found):
     found.role.enable()
 
 
-@pytest.mark.parametrize("name", ["keysight-e36300", "korad-ka3005p", "rigol-dp832"])
+@pytest.mark.parametrize("name", [*SCPI, "korad-ka3005p"])
 def test_a_voltage_can_be_asked_for_too(name):
     """It is the quantity of the bench file's proof; what is not within its bounds is not proven."""
     proof = Proof(output="supply.coil", quantity="voltage", unit="V", minimum=-0.2, maximum=0.2)

@@ -15,22 +15,28 @@ from facing import facing
 from hil.instruments.cycler.tester import BatteryCycler
 from hil.instruments.eurotherm_3216 import Eurotherm3216
 from hil.instruments.keysight_e36300 import KeysightE36300
+from hil.instruments.keysight_single import KeysightE3632a, KeysightE36100
 from hil.instruments.korad_ka3005p import KoradKa3005p
 from hil.instruments.newport_esp301 import NewportEsp301
 from hil.instruments.rigol_dp832 import RigolDp832
+from hil.instruments.rohde_schwarz_hmp import RohdeSchwarzHmp
 from hil.instruments.safing import LONGEST_REPLY_S
+from hil.instruments.siglent_spd3303x import SiglentSpd3303x
 from hil.instruments.waveshare_relay import WaveshareRelay
 from hil.model.bench import Proof, Wire
 from hil.simulation.peers.cycler.firmware import MODEL as CYCLER
 from hil.simulation.peers.esp301.controller import MODEL as ESP301
 from hil.simulation.peers.eurotherm.controller import MODEL as EUROTHERM
 from hil.simulation.peers.keysight_e36312a import MODEL as KEYSIGHT
+from hil.simulation.peers.keysight_single import E3632A, E36103B
 from hil.simulation.peers.korad_ka3005p import MODEL as KORAD
 from hil.simulation.peers.rigol_dp832 import MODEL as RIGOL
+from hil.simulation.peers.rohde_schwarz_hmp import MODEL as ROHDE_SCHWARZ
+from hil.simulation.peers.siglent_spd3303x import MODEL as SIGLENT
 from hil.simulation.peers.waveshare_relay import MODEL as WAVESHARE
 from hil.wire.exchange import find_stream
 
-__all__ = ["BY_BYTES", "Kind", "Rig", "rig"]
+__all__ = ["BY_BYTES", "SCPI", "Kind", "Rig", "rig"]
 
 _MOST_LISTENED_S = 1.0
 _ATTEMPTS = 40
@@ -231,27 +237,31 @@ def _supply(channel):
     return Wire(role="supply", instance="coil", instrument="device", channel=channel)
 
 
+def _scpi(model, driver, channel):
+    return Kind(
+        model=model,
+        driver=driver,
+        wire=_supply(channel),
+        state="off",
+        drive=_drive_supply,
+        on=_outputs_on,
+        proof=_NO_CURRENT,
+        truth=_LOAD,
+    )
+
+
+SCPI = {
+    "keysight-e36100": _scpi(E36103B, KeysightE36100, 1),
+    "keysight-e36300": _scpi(KEYSIGHT, KeysightE36300, 2),
+    "keysight-e3632a": _scpi(E3632A, KeysightE3632a, 1),
+    "rigol-dp832": _scpi(RIGOL, RigolDp832, 1),
+    "rohde-schwarz-hmp": _scpi(ROHDE_SCHWARZ, RohdeSchwarzHmp, 3),
+    "siglent-spd3303x": _scpi(SIGLENT, SiglentSpd3303x, 2),
+}
+"""Every supply that speaks SCPI, by the name of its driver."""
+
 BY_BYTES = {
-    "keysight-e36300": Kind(
-        model=KEYSIGHT,
-        driver=KeysightE36300,
-        wire=_supply(2),
-        state="off",
-        drive=_drive_supply,
-        on=_outputs_on,
-        proof=_NO_CURRENT,
-        truth=_LOAD,
-    ),
-    "rigol-dp832": Kind(
-        model=RIGOL,
-        driver=RigolDp832,
-        wire=_supply(1),
-        state="off",
-        drive=_drive_supply,
-        on=_outputs_on,
-        proof=_NO_CURRENT,
-        truth=_LOAD,
-    ),
+    **SCPI,
     "korad-ka3005p": Kind(
         model=KORAD,
         driver=KoradKa3005p,

@@ -1,13 +1,15 @@
 """Keysight E36311A, E36312A and E36313A triple-output power supplies.
 
-Commands: E36300 Series Programming Guide (E36311-90008).
+Commands: E36300 Series Programming Guide (E36311-90008). Outputs can be set to 103 % of what they are rated for. The
+third one of an E36311A is negative, which the role does not know, so that it is never set above 0 V.
 """
 
 from __future__ import annotations
 
 from typing import ClassVar
 
-from hil.instruments.scpi_supply import Dialect, Protection, ScpiSupply
+from hil.instruments.scpi_dialect import Dialect, Protection
+from hil.instruments.scpi_supply import ScpiSupply
 
 __all__ = ["E36300", "KeysightE36300"]
 
@@ -31,6 +33,11 @@ E36300 = Dialect(
         get_level="VOLT:PROT? (@{channel})",
         tripped="VOLT:PROT:TRIP? (@{channel})",
     ),
+    ratings={
+        "E36311A": ((6.18, 5.15), (25.75, 1.03), (0.0, 1.03)),
+        "E36312A": ((6.18, 5.15), (25.75, 1.03), (25.75, 1.03)),
+        "E36313A": ((6.18, 10.3), (25.75, 2.06), (25.75, 2.06)),
+    },
     framed=True,
 )
 """The commands of the E36300 series."""

@@ -9,17 +9,12 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from hil.instruments.scpi_supply import Dialect, Protection, ScpiSupply
+from hil.instruments.scpi_dialect import BothLevels, Dialect, Protection
+from hil.instruments.scpi_supply import ScpiSupply
 
 __all__ = ["DP800", "RigolDp832"]
 
 _MODES = {"CV": "CV", "CC": "CC", "UR": "unregulated"}
-
-
-def _as_state(reply: str) -> bool:
-    if reply not in {"ON", "OFF"}:
-        raise ValueError("ON or OFF")
-    return reply == "ON"
 
 
 def _as_trip(reply: str) -> bool:
@@ -28,7 +23,8 @@ def _as_trip(reply: str) -> bool:
     return reply == "YES"
 
 
-def _as_mode(reply: str) -> str:
+def _as_mode(reply: str, channel: int) -> str:
+    del channel
     if reply not in _MODES:
         raise ValueError("CV, CC or UR")
     return _MODES[reply]
@@ -63,10 +59,9 @@ DP800 = Dialect(
         arm=":OUTP:OCP CH{channel},ON",
         armed=":OUTP:OCP? CH{channel}",
     ),
-    as_state=_as_state,
+    levels=BothLevels,
     as_trip=_as_trip,
     as_mode=_as_mode,
-    says_off=b"OFF",
     error_query=":SYST:ERR?",
     pause_s=0.015,  # about 10 ms between commands, and half of it again
 )

@@ -9,8 +9,12 @@ a question and its reply is kept apart by a frame: the instrument is asked for i
 the same line, and only a line that begins with it is a reply.
 
 A query that got no reply, or nonsense, leaves the session out of step: its reply may still come.
-Instruments answer in order, so the session then asks `*IDN?` and throws away every line before the four
+Instruments answer in order, so the session then asks `*IDN?` and throws away every line before the
 fields that only this query gives.
+
+Firmware spells alike things differently. Blanks around a reply do not count, a switch is a digit or a word, a number
+may carry its unit, and text that says of no error that there is none may lack its quotes. A banner may wait before the
+first `*IDN?`, and where a line comes back before its reply, every line is expected to.
 """
 
 from __future__ import annotations
@@ -29,12 +33,14 @@ __all__ = [
     "ScpiSession",
     "as_identification",
     "as_number",
+    "as_quantity",
     "as_register",
     "as_switch",
     "as_text",
 ]
 
 _ATTEMPTS = 3
+_FIELDS = 4  # of an identification, IEEE 488.2-1992, 10.14.3
 _LONGEST_ERROR_QUEUE = 32
 _MOST_LINES_OUT_OF_STEP = 4
 _MOST_SHOWN = 60
@@ -42,8 +48,9 @@ _SILENCE_S = 0.1
 _MOST_LISTENED = 5
 _MOST_BYTES = 4096
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[Ee][+-]?\d+)?", re.ASCII)
-_ERROR = re.compile(r'([+-]?\d+),"(.*)"', re.ASCII)
+_ERROR = re.compile(r'([+-]?\d+)(?: *, *| +)(?:"(.*)"|([^"]*[^" ]))', re.ASCII)
 _REGISTER = re.compile(r"\+?\d{1,10}", re.ASCII)
+_SWITCH = {"1": True, "+1": True, "ON": True, "0": False, "+0": False, "OFF": False}
 _NO_NUMBER_FROM = 9.9e37  # SCPI-1999 volume 1, 7.2.1: 9.9E37 is infinity, 9.91E37 is not a number
 
 _T = TypeVar("_T")
@@ -59,6 +66,7 @@ class ScpiSession:
         timeout: longest wait for one reply in seconds.
         error_query: the query that takes the oldest entry out of the error queue.
         framed: whether questions are asked together with `*IDN?`, for instruments that take several in a line.
+        fields: the most fields of an identification; firmware may have one more than the standard's four.
     """
 
     def __init__(
@@ -70,6 +78,7 @@ class ScpiSession:
         timeout: float = LONGEST_REPLY_S,
         error_query: str = "SYST:ERR?",
         framed: bool = False,
+        fields: int = _FIELDS,
     ) -> None:
         self._device = device
         self._port = port
@@ -77,7 +86,9 @@ class ScpiSession:
         self._timeout = min(timeout, LONGEST_REPLY_S)
         self._error_query = error_query
         self._framed = framed
+        self._fields = fields
         self._frame = ""
+        self._echoes = False
         self._in_step = True
         self._queue_known = False
         self._discarded = 0
@@ -86,6 +97,11 @@ class ScpiSession:
     def timeout(self) -> float:
         """Longest wait for one reply [s]."""
         return self._timeout
+
+    @property
+    def model(self) -> str:
+        """The model that the identification named last, empty before the first one."""
+        return self._frame.split(",")[1].strip() if self._frame else ""
 
     @property
     def discarded(self) -> int:
@@ -108,10 +124,12 @@ class ScpiSession:
     def identification(self) -> tuple[str, str, str, str]:
         """Ask `*IDN?` and return manufacturer, model, serial number and firmware.
 
+        What waits before the first time, such as a banner, is no reply to any question and is thrown away.
+
         Raises:
             NoReply, Garbled: see `query`.
         """
-        return self._query(lambda: self._bare("*IDN?", self._identified))
+        return self._query(lambda: self._bare("*IDN?", self._identified), banner=not self._frame)
 
     def setting(self, command: str, *, urgent: bool = False) -> None:
         """Send a setting once, and take everything out of the error queue.
@@ -132,6 +150,7 @@ class ScpiSession:
             self._must_be_quiet()
         ours = self._queue_known
         self._send(command)
+        self._take_echo(command)
         queued = self.errors()
         if queued and ours:
             raise Rejected(
@@ -155,9 +174,9 @@ class ScpiSession:
             "switch the instrument off and on, and check what else talks to it",
         )
 
-    def _query(self, ask: Callable[[], _T]) -> _T:
-        """Ask until there is a reply, three times at most; what came unasked is raised at once."""
-        self._must_be_quiet()
+    def _query(self, ask: Callable[[], _T], *, banner: bool = False) -> _T:
+        """Ask until there is a reply, three times at most; what came unasked is raised at once, but for a banner."""
+        self._must_be_quiet(banner=banner)
         faults: list[DeviceFault] = []
         while len(faults) < _ATTEMPTS:
             try:
@@ -181,24 +200,38 @@ class ScpiSession:
         if not separator or frame != (self._frame or frame):
             raise ValueError(f"a reply that begins with {self._frame or 'the identification'};")
         self._identified(frame)
-        return reply
+        return reply.strip()
 
     def _identified(self, line: str) -> tuple[str, str, str, str]:
-        fields = as_identification(line)
+        fields = as_identification(line, self._fields)
         self._frame = line
         return fields
 
     def _bare(self, command: str, parse: Callable[[str], _T]) -> _T:
         self._send(command)
         line = self._line(command)
+        if line == command:
+            self._echoes = True
+            line = self._line(command)
         try:
             return parse(line)
         except ValueError as error:
-            raise Garbled(
-                self._device,
-                f"asked `{command}`, expected {error}, got {line!r}",
-                "check the driver that the bench file names, the line's speed and its shielding",
-            ) from None
+            raise self._garbled(command, str(error), line) from None
+
+    def _take_echo(self, command: str) -> None:
+        """Take the echo of a setting, from an instrument that echoes; without it the session is out of step."""
+        if self._echoes and self._in_step:
+            self._in_step = False
+            if (line := self._line(command)) != command:
+                raise self._garbled(command, "its echo", line)
+            self._in_step = True
+
+    def _garbled(self, command: str, expected: str, line: str) -> Garbled:
+        return Garbled(
+            self._device,
+            f"asked `{command}`, expected {expected}, got {line!r}",
+            "check the driver that the bench file names, the line's speed and its shielding",
+        )
 
     def _send(self, command: str) -> None:
         try:
@@ -219,7 +252,7 @@ class ScpiSession:
                 f"asked `{command}`, {came} within {self._timeout:g} s",
                 "check the instrument's power, cable and remote settings",
             )
-        return line.removesuffix(self._terminator).decode("ascii", errors="backslashreplace")
+        return line.removesuffix(self._terminator).decode("ascii", errors="backslashreplace").strip()
 
     def _dead_port(self, command: str, error: OSError) -> NoReply:
         return NoReply(self._device, f"the port failed at `{command}`: {error}", "check cable and power")
@@ -239,9 +272,9 @@ class ScpiSession:
                 return
         raise Garbled(self._device, "unsolicited lines keep coming", "check what else talks to it")
 
-    def _must_be_quiet(self) -> None:
+    def _must_be_quiet(self, *, banner: bool = False) -> None:
         """Refuse bytes that came unasked; out of step some may be owed, and stepping again deals with them."""
-        if self._in_step and (stray := self._waiting()):
+        if self._in_step and (stray := self._waiting()) and not banner:
             self._in_step = self._queue_known = False
             raise Garbled(
                 self._device,
@@ -311,12 +344,12 @@ def as_text(reply: str) -> str:
     return reply
 
 
-def as_identification(reply: str) -> tuple[str, str, str, str]:
-    """Accept the four fields of `*IDN?`: manufacturer, model, serial number, firmware."""
+def as_identification(reply: str, most: int = _FIELDS) -> tuple[str, str, str, str]:
+    """Accept the fields of `*IDN?`: manufacturer, model, serial number, firmware; fields beyond belong to the last."""
     fields = [field.strip() for field in as_text(reply).split(",")]
-    if len(fields) != 4 or not fields[0] or not fields[1] or ";" in reply:
+    if not _FIELDS <= len(fields) <= most or not fields[0] or not fields[1] or ";" in reply:
         raise ValueError("manufacturer, model, serial number and firmware")
-    return fields[0], fields[1], fields[2], fields[3]
+    return fields[0], fields[1], fields[2], " ".join(fields[3:])
 
 
 def as_number(reply: str) -> float:
@@ -327,6 +360,15 @@ def as_number(reply: str) -> float:
     return math.nan if abs(value) >= _NO_NUMBER_FROM else value
 
 
+def as_quantity(unit: str) -> Callable[[str], float]:
+    """Return what accepts a decimal number with its unit or without: `4.200V`; any other unit is refused."""
+
+    def parse(reply: str) -> float:
+        return as_number(reply.removesuffix(unit).rstrip())
+
+    return parse
+
+
 def as_register(reply: str) -> int:
     """Accept the bits of a status register as a whole number that is not negative."""
     if not _REGISTER.fullmatch(reply):
@@ -335,14 +377,15 @@ def as_register(reply: str) -> int:
 
 
 def as_switch(reply: str) -> bool:
-    """Accept 0 or 1."""
-    if reply not in {"0", "1"}:
-        raise ValueError("0 or 1")
-    return reply == "1"
+    """Accept ON or 1, OFF or 0."""
+    state = _SWITCH.get(reply.upper())
+    if state is None:
+        raise ValueError("ON, OFF, 1 or 0")
+    return state
 
 
 def _as_error(reply: str) -> tuple[int, str]:
     match = _ERROR.fullmatch(reply)
     if not match:
         raise ValueError('a number and a text like +0,"No error"')
-    return int(match[1]), match[2]
+    return int(match[1]), match[3] if match[2] is None else match[2]

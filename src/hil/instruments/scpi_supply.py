@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Annotated, ClassVar
+import re
+from collections.abc import Sequence
+from typing import ClassVar
 
 from hil.instruments import settings
 from hil.instruments.driver import OVER_VOLTAGE_LEVEL, Clamps, Connection, Outlet
@@ -13,107 +13,22 @@ from hil.instruments.marks import drives, reads
 from hil.instruments.pacing import PacedPort
 from hil.instruments.roles import SUPPLY
 from hil.instruments.safing import NUMBER, must_be_state, own_bounds
-from hil.instruments.scpi_session import ClosedSession, ScpiSession, as_number, as_register, as_switch
+from hil.instruments.scpi_dialect import Dialect, Levels, Protection
+from hil.instruments.scpi_session import ClosedSession, ScpiSession, as_quantity
 from hil.model.bench import Proof, Wire
 from hil.model.errors import Refused, Rejected
 from hil.model.figure import Figure
 from hil.model.identity import Identity
-from hil.model.notation import measured
 from hil.model.safing import Exchange, SafeBytes
 
-__all__ = ["BothLevels", "Dialect", "Protection", "ScpiOutput", "ScpiSupply", "VoltageLevel"]
+__all__ = ["ScpiOutput", "ScpiSupply"]
 
 _GAP_S = 0.02
 _IDENTIFY = "*IDN?"
-_IDENTIFICATION = rb"[^,;\n]+(?:,[^,;\n]*){3}"
-_CONSTANT_CURRENT = 1 << 0
-_CONSTANT_VOLTAGE = 1 << 1
-_MODES = {0: "unregulated", _CONSTANT_CURRENT: "CC", _CONSTANT_VOLTAGE: "CV", 3: "unregulated"}
-
-
-def _as_mode(reply: str) -> str:
-    """Accept a condition register: bit 0 in constant current, bit 1 in constant voltage, both where neither holds."""
-    return _MODES[as_register(reply) & (_CONSTANT_CURRENT | _CONSTANT_VOLTAGE)]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VoltageLevel:
-    """What a wire may set: the level of the over-voltage protection [V]."""
-
-    over_voltage: Annotated[float | None, measured("V")] = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BothLevels(VoltageLevel):
-    """The level of the over-current protection [A] besides, where there is one."""
-
-    over_current: Annotated[float | None, measured("A")] = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Protection:
-    """The commands of one protection; `{channel}` and `{value}` are filled in.
-
-    Attributes:
-        set_level: sets the level (V or A).
-        get_level: asks for it.
-        tripped: asks whether it has tripped.
-        arm: switches it on; empty if it is always on.
-        armed: asks whether it is on.
-    """
-
-    set_level: str
-    get_level: str
-    tripped: str
-    arm: str = ""
-    armed: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Dialect:
-    """One family's commands; `{channel}` and `{value}` are filled in.
-
-    Attributes:
-        driver: the driver's name in bench files.
-        channels: the outputs that the family has.
-        decimals: digits after the point that are sent.
-        tolerance: how far a setting that is read back may lie from what was sent (V or A): the
-            family's coarsest programming step.
-        mode: asks how the output regulates.
-        over_voltage: the protection that switches off at too high a voltage.
-        over_current: the protection that switches off at too high a current, where it has a level.
-        as_state: reads whether an output or a protection is on.
-        as_trip: reads whether a protection has tripped.
-        as_mode: reads `CV`, `CC` or `unregulated`; at first from a condition register.
-        says_off: the reply of `is_on` that means off.
-        error_query: takes the oldest entry out of the error queue.
-        framed: whether a question may stand in a line with `*IDN?`.
-        pause_s: what the instrument needs between lines [s].
-    """
-
-    driver: str
-    channels: tuple[int, ...]
-    decimals: int
-    tolerance: float
-    set_voltage: str
-    get_voltage: str
-    set_current: str
-    get_current: str
-    switch_on: str
-    switch_off: str
-    is_on: str
-    measure_voltage: str
-    measure_current: str
-    mode: str
-    over_voltage: Protection
-    over_current: Protection | None = None
-    as_state: Callable[[str], bool] = as_switch
-    as_trip: Callable[[str], bool] = as_switch
-    as_mode: Callable[[str], str] = _as_mode
-    says_off: bytes = b"0"
-    error_query: str = "SYST:ERR?"
-    framed: bool = False
-    pause_s: float = 0.0
+_IDENTIFICATION = rb"[^,;\n]+(?:,[^,;\n]*){3,%d}"
+_END = rb" *\r?\n"
+_READ = {"voltage": as_quantity("V"), "current": as_quantity("A")}
+_MEASURED = {"voltage": NUMBER + b" *V?", "current": NUMBER + b" *A?"}
 
 
 class ScpiOutput:
@@ -131,8 +46,7 @@ class ScpiOutput:
         dialect: its commands.
         clamps: what its outputs may be told.
         channel: which output.
-        over_voltage: level of the over-voltage protection in V; None leaves it alone.
-        over_current: level of the over-current protection in A; None leaves it alone.
+        levels: of the protections; what is None, or empty, is left alone.
     """
 
     def __init__(
@@ -144,8 +58,7 @@ class ScpiOutput:
         dialect: Dialect,
         clamps: Clamps,
         channel: int,
-        over_voltage: float | None = None,
-        over_current: float | None = None,
+        levels: Levels,
     ) -> None:
         self._name = name
         self._device = device
@@ -153,21 +66,24 @@ class ScpiOutput:
         self._dialect = dialect
         self._clamps = clamps
         self._channel = channel
-        self._over_voltage = over_voltage
-        self._levels = (
-            ("over_voltage", dialect.over_voltage, over_voltage),
-            ("over_current", dialect.over_current, over_current),
+        self._over_voltage = levels.over_voltage
+        pairs = (
+            ("over_voltage", dialect.over_voltage, levels.over_voltage),
+            ("over_current", dialect.over_current, levels.over_current),
         )
+        self._levels = tuple((quantity, protection, level) for quantity, protection, level in pairs if protection)
 
     @drives
     def configure(self, voltage: float, current: float) -> None:
         """Set the protections, current limit [A] and voltage [V], in this order.
 
         Raises:
+            Refused: the model cannot do it; nothing was sent.
             ClampExceeded: one of them is not permitted; nothing was sent.
             Rejected: the instrument refused one, or reads back another.
         """
         voltage, current = self._sendable("voltage", voltage), self._sendable("current", current)
+        self._must_be_rated(voltage, current)
         if self._over_voltage is not None and voltage > self._over_voltage:
             raise Refused(
                 f"{self._name}: {voltage:g} V is above its over-voltage protection of {self._over_voltage:g} V",
@@ -183,8 +99,8 @@ class ScpiOutput:
     def enable(self) -> None:
         """Switch the output on, if what it is set to is permitted and no protection has tripped."""
         self._must_not_have_tripped()
-        self._clamps.permit(self._channel, "voltage", self._number(self._dialect.get_voltage))
-        self._clamps.permit(self._channel, "current", self._number(self._dialect.get_current))
+        self._clamps.permit(self._channel, "voltage", self._number("voltage", self._dialect.get_voltage))
+        self._clamps.permit(self._channel, "current", self._number("current", self._dialect.get_current))
         self._protect()
         self._session.setting(self._filled(self._dialect.switch_on))
         if not self.enabled():
@@ -201,40 +117,57 @@ class ScpiOutput:
     @reads
     def enabled(self) -> bool:
         """Return whether the instrument says that the output is on."""
-        return self._session.query(self._filled(self._dialect.is_on), self._dialect.as_state)
+        dialect = self._dialect
+        return self._session.query(self._filled(dialect.is_on), lambda reply: dialect.as_state(reply, self._channel))
 
     @reads
     def voltage(self) -> Figure:
         """Return the measured voltage in V; its uncertainty is the certificate's, not the driver's."""
-        return Figure(value=self._number(self._dialect.measure_voltage), unit="V")
+        return Figure(value=self._number("voltage", self._dialect.measure_voltage), unit="V")
 
     @reads
     def current(self) -> Figure:
         """Return the measured current in A; its uncertainty is the certificate's, not the driver's."""
-        return Figure(value=self._number(self._dialect.measure_current), unit="A")
+        return Figure(value=self._number("current", self._dialect.measure_current), unit="A")
 
     @reads
     def mode(self) -> str:
         """Return `CV`, `CC`, `off` or `unregulated`."""
         if not self.enabled():
             return "off"
-        return self._session.query(self._filled(self._dialect.mode), self._dialect.as_mode)
+        dialect = self._dialect
+        return self._session.query(self._filled(dialect.mode), lambda reply: dialect.as_mode(reply, self._channel))
 
     def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
         """Return the bytes of off; see `hil.instruments.roles.SafeByBytes`. Voltage and current can be asked for."""
         must_be_state(SUPPLY, self._name, state)
         dialect = self._dialect
         questions: list[tuple[str, bytes, tuple[float, float] | None]] = [
-            (self._filled(dialect.is_on), dialect.says_off, None)
+            (self._filled(dialect.is_on), dialect.says_off(self._channel), None)
         ]
         for quantity, question in (("voltage", dialect.measure_voltage), ("current", dialect.measure_current)):
             if bounds := own_bounds(self._name, proof, quantity):
-                questions.append((self._filled(question), NUMBER, bounds))
-        return _switched_off(self._filled(dialect.switch_off), tuple(questions), dialect, self._session.timeout)
+                questions.append((self._filled(question), _MEASURED[quantity], bounds))
+        return _switched_off(dialect, self._filled(dialect.switch_off), tuple(questions), self._session.timeout)
+
+    def _must_be_rated(self, voltage: float, current: float) -> None:
+        """Refuse what the model that was identified does not have or cannot give."""
+        model = self._session.model
+        ratings = self._dialect.ratings.get(model)
+        if ratings is None:
+            return
+        if self._channel > len(ratings):
+            raise Refused(f"{self._name}: {model} has no channel {self._channel}", f"it has 1 to {len(ratings)}")
+        volts, amperes = ratings[self._channel - 1]
+        if voltage > volts or current > amperes:
+            raise Refused(
+                f"{self._name}: {voltage:g} V and {current:g} A are more than channel {self._channel} of {model} gives",
+                f"it can be set to {volts:g} V and {amperes:g} A",
+            )
 
     def _must_not_have_tripped(self) -> None:
         for quantity, protection, _ in self._levels:
-            if protection and self._session.query(self._filled(protection.tripped), self._dialect.as_trip):
+            if self._session.query(self._filled(protection.tripped), self._dialect.as_trip):
                 what = quantity.replace("_", "-")
                 raise Rejected(
                     self._device,
@@ -244,15 +177,16 @@ class ScpiOutput:
 
     def _protect(self) -> None:
         for quantity, protection, level in self._levels:
-            if protection and level is not None:
+            if isinstance(level, float):
                 self._set(quantity, protection.set_level, protection.get_level, self._sendable(quantity, level))
+            if level not in {None, ""}:
                 self._arm(quantity, protection)
 
     def _arm(self, quantity: str, protection: Protection) -> None:
         if not protection.arm:
             return
         self._session.setting(self._filled(protection.arm))
-        if not self._session.query(self._filled(protection.armed), self._dialect.as_state):
+        if not self._session.query(self._filled(protection.armed), self._dialect.as_armed):
             raise Rejected(
                 self._device,
                 f"{self._name}: the {quantity.replace('_', '-')} protection was switched on and is off",
@@ -264,7 +198,7 @@ class ScpiOutput:
         text = f"{value:.{self._dialect.decimals}f}"
         self._clamps.permit(self._channel, quantity, value)
         self._session.setting(self._filled(command, value=text))
-        taken = self._number(question)
+        taken = self._number(quantity, question)
         if not abs(taken - value) <= self._dialect.tolerance:
             raise Rejected(
                 self._device,
@@ -278,8 +212,8 @@ class ScpiOutput:
             raise Refused(f"{self._name}: {quantity} {value} is not a number to set", "give a finite number")
         return round(value, self._dialect.decimals)
 
-    def _number(self, question: str) -> float:
-        return self._session.query(self._filled(question), as_number)
+    def _number(self, quantity: str, question: str) -> float:
+        return self._session.query(self._filled(question), _READ[quantity.removeprefix("over_")])
 
     def _filled(self, template: str, value: str = "") -> str:
         return template.format(channel=self._channel, value=value)
@@ -310,6 +244,7 @@ class ScpiSupply:
             timeout=connection.timeout,
             error_query=dialect.error_query,
             framed=dialect.framed,
+            fields=dialect.fields,
         )
 
     def identify(self) -> Identity:
@@ -318,18 +253,16 @@ class ScpiSupply:
         return Identity(manufacturer=manufacturer, model=model, serial=serial, firmware=firmware)
 
     def outlets(self) -> Sequence[Outlet]:
-        """Ask every channel whether it is on."""
-        dialect = self.dialect
-        return tuple(
-            Outlet(channel, self._session.query(dialect.is_on.format(channel=channel), dialect.as_state))
-            for channel in dialect.channels
-        )
+        """Ask every channel that the model has whether it is on."""
+        dialect, session = self.dialect, self._session
+        if dialect.differs and not session.model:
+            session.identification()
+        return tuple(Outlet(channel, self._on(channel)) for channel in dialect.channels_of(session.model))
 
     def role(self, wire: Wire) -> ScpiOutput:
         """Return the output that the wire names."""
         dialect = self.dialect
         settings.fits(wire, dialect.driver, self.roles, dialect.channels)
-        own = settings.read(wire, BothLevels if dialect.over_current else VoltageLevel)
         return ScpiOutput(
             name=wire.name,
             device=self._connection.device,
@@ -337,15 +270,19 @@ class ScpiSupply:
             dialect=dialect,
             clamps=self._connection.clamps,
             channel=wire.channel,
-            over_voltage=own.over_voltage,
-            over_current=own.over_current if isinstance(own, BothLevels) else None,
+            levels=settings.read(wire, dialect.levels),
         )
+
+    def _on(self, channel: int) -> bool:
+        dialect = self.dialect
+        question = dialect.is_on.format(channel=channel)
+        return self._session.query(question, lambda reply: dialect.as_state(reply, channel))
 
 
 def _switched_off(
+    dialect: Dialect,
     off: str,
     questions: tuple[tuple[str, bytes, tuple[float, float] | None], ...],
-    dialect: Dialect,
     within_s: float,
 ) -> SafeBytes:
     """Return how an output is made safe by bytes alone.
@@ -357,33 +294,40 @@ def _switched_off(
 
     The proof begins with `*IDN?` too: when its reply has come, the instrument talks, and no older one is owed.
 
+    A line may come back before its reply, blanks may surround a reply, and a carriage return may end it.
+
     Args:
+        dialect: whether a question may stand in a line with `*IDN?`, and what the instrument needs between lines.
         off: the command.
         questions: what is asked, what the reply must be, and the bounds of the number in it, if there is one.
-        dialect: says whether a question may stand in a line with `*IDN?` (see `ScpiSession`), and the pause after one.
         within_s: how long a reply may take [s].
     """
-    quiet_s, framed = _GAP_S + dialect.pause_s, dialect.framed
-    asked = [
-        Exchange(
-            send=_bytes_of(f"{_IDENTIFY};{'' if question.startswith(':') else ':'}{question}" if framed else question),
-            expect=rb"\A" + (_IDENTIFICATION + rb";" if framed else b"") + reply + rb"\r?\n",
+    quiet_s = _GAP_S + dialect.pause_s
+    identification = _IDENTIFICATION % (dialect.fields - 1)
+
+    def asked(question: str, reply: bytes, bounds: tuple[float, float] | None) -> Exchange:
+        separator = "" if question.startswith(":") else ":"
+        line = f"{_IDENTIFY};{separator}{question}" if dialect.framed else question
+        echo = rb"(?:" + re.escape(line.encode("ascii")) + _END + rb")?"
+        frame = identification + rb"; *" if dialect.framed else rb" *"
+        return Exchange(
+            send=_bytes_of(line),
+            expect=rb"\A" + echo + frame + rb"(?:" + reply + rb")" + _END,
             within_s=within_s,
             quiet_s=quiet_s,
             between=bounds,
         )
-        for question, reply, bounds in questions
-    ]
+
     nothing_owed = Exchange(
         send=_bytes_of(_IDENTIFY),
-        expect=rb"(?:\A|\n)" + _IDENTIFICATION + rb"\r?\n",
+        expect=rb"(?:\A|\n)" + identification + _END,
         within_s=within_s,
         quiet_s=quiet_s,
     )
     return SafeBytes(
         resync=(Exchange(send=_bytes_of(_IDENTIFY), quiet_s=quiet_s),),
         off=(Exchange(send=_bytes_of(off), quiet_s=quiet_s),),
-        proof=(nothing_owed, *asked),
+        proof=(nothing_owed, *(asked(*each) for each in questions)),
         owed_s=within_s,
     )
 

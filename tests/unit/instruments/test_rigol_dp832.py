@@ -74,11 +74,20 @@ def test_a_protection_that_stays_off_is_rejected():
         output.configure(4.2, 0.7)
 
 
-@pytest.mark.parametrize("reply", [b"1\n", b"on\n", b"YES\n", b"\n"])
+@pytest.mark.parametrize("reply", [b"2\n", b"O\n", b"YES\n", b"\n"])
 def test_a_state_is_on_or_off_and_nothing_else(reply):
-    """What another dialect says is nonsense here."""
-    output, _ = driver([(b":OUTP? CH1\n", reply), IDN, (b":OUTP? CH1\n", b"ON\n"), IDN])
+    """What says neither is asked again."""
+    output, port = driver([(b":OUTP? CH1\n", reply), IDN, *closed((b":OUTP? CH1\n", b"ON\n"))])
     assert output.enabled()
+    assert port.done
+
+
+@pytest.mark.parametrize(("reply", "on"), [(b"1\r\n", True), (b"on\n", True), (b" OFF \n", False), (b"+0\n", False)])
+def test_a_state_is_spelled_as_the_firmware_does(reply, on):
+    """A digit or a word, with blanks and a carriage return or without."""
+    output, port = driver(closed((b":OUTP? CH1\n", reply)))
+    assert output.enabled() is on
+    assert port.done
 
 
 @pytest.mark.parametrize(("reply", "mode"), [(b"CV\n", "CV"), (b"CC\n", "CC"), (b"UR\n", "unregulated")])
@@ -88,7 +97,7 @@ def test_modes(reply, mode):
     assert output.mode() == mode
 
 
-@pytest.mark.parametrize(("question", "reply"), [(b":OUTP:MODE? CH1\n", b"2\n"), (b":OUTP? CH1\n", b"1\n")])
+@pytest.mark.parametrize(("question", "reply"), [(b":OUTP:MODE? CH1\n", b"2\n"), (b":OUTP? CH1\n", b"2\n")])
 def test_nonsense_each_time_is_told(question, reply):
     """After three attempts it is a fault."""
     script = closed((b":OUTP? CH1\n", b"ON\n")) if b"MODE" in question else []
@@ -107,7 +116,7 @@ def test_a_line_that_took_the_place_of_a_reply_is_found():
 
 def test_a_line_that_is_never_silent_is_a_fault_in_bounded_time():
     """Bytes without an end are not read to their end."""
-    output, port = driver([(b":OUTP? CH1\n", tuple((0.01 * n, b"0\n") for n in range(3000)))])
+    output, port = driver([(b":OUTP? CH1\n", tuple((0.01 * n, b"?\n") for n in range(3000)))])
     with pytest.raises(Garbled):
         output.enabled()
     assert port.clock.now() < 10

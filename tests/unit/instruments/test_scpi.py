@@ -12,6 +12,7 @@ from hil.instruments.scpi_session import (
     ScpiSession,
     as_identification,
     as_number,
+    as_quantity,
     as_register,
     as_switch,
     as_text,
@@ -50,11 +51,33 @@ def test_what_is_no_decimal_number_is_refused(reply):
         as_number(reply)
 
 
+@pytest.mark.parametrize("reply", ["4.200V", "4.2 V", "+4.2", "0004.2V"])
+def test_a_quantity_may_carry_its_unit(reply):
+    """What it carries is the unit that was asked for."""
+    assert as_quantity("V")(reply) == 4.2
+
+
+@pytest.mark.parametrize("reply", ["4200mV", "4.2A", "V", "4.2VV", "4.2v", ""])
+def test_another_unit_is_no_quantity(reply):
+    """A prefix is a thousand times too much, and amperes are no volts."""
+    with pytest.raises(ValueError, match="a number"):
+        as_quantity("V")(reply)
+
+
+@pytest.mark.parametrize(("reply", "on"), [("1", True), ("+1", True), ("ON", True), ("on", True), ("+0", False)])
+def test_a_switch_is_a_digit_or_a_word(reply, on):
+    """Each firmware has its own."""
+    assert as_switch(reply) is on
+    assert as_switch({"1": "0", "+1": "0", "ON": "OFF", "on": "off", "+0": "1"}[reply]) is not on
+
+
 @pytest.mark.parametrize(
     ("parse", "reply"),
     [
-        (as_switch, "ON"),
+        (as_switch, "YES"),
         (as_switch, "01"),
+        (as_switch, "ONOFF"),
+        (as_switch, "-0"),
         (as_register, "-1"),
         (as_register, "2.0"),
         (as_text, ""),
@@ -129,6 +152,77 @@ def test_a_reply_that_is_always_late_is_no_reply():
     scpi, _ = session(voltage, identity, voltage, identity, voltage)
     with pytest.raises(NoReply):
         scpi.query("VOLT?", as_number)
+
+
+@pytest.mark.parametrize("text", ['+0,"No error"', '0,"No error"', "0 No Error", "0  No Error", "+0, No error"])
+def test_an_empty_error_queue_is_known_in_any_spelling(text):
+    """With quotes or without, with a comma or a blank."""
+    scpi, port = session((b"SYST:ERR?\n", text.encode() + b"\r\n"))
+    assert scpi.errors() == ()
+    assert port.done
+
+
+@pytest.mark.parametrize("text", ["0", "No error", '0"No error"', "0,", '0,"No error', "0No error"])
+def test_what_does_not_say_that_there_is_no_error_is_nonsense(text):
+    """A number alone may be any other reply."""
+    scpi, _ = session(*[(b"SYST:ERR?\n", text.encode() + b"\n"), (b"*IDN?\n", IDN)] * 3)
+    with pytest.raises(Garbled, match="a number and a text"):
+        scpi.errors()
+
+
+def test_an_error_without_quotes_is_told():
+    """Its number counts, not how its text stands."""
+    scpi, _ = session(
+        (b"SYST:ERR?\n", NONE),
+        (b"VOLT 99\n", b""),
+        (b"SYST:ERR?\n", b"11 Value out of range\n"),
+        (b"SYST:ERR?\n", NONE),
+    )
+    with pytest.raises(Rejected, match='`VOLT 99` was answered with \\+11 "Value out of range"'):
+        scpi.setting("VOLT 99")
+
+
+def test_a_banner_before_the_first_identification_is_no_fault():
+    """It is thrown away; the same line after that is one."""
+    scpi, port = session((b"*IDN?\n", IDN))
+    port.come(b"Welcome to E36312A\r\n")
+    assert scpi.identification()[1] == "E36312A"
+    assert scpi.discarded == 20
+    port.come(b"Welcome to E36312A\r\n")
+    with pytest.raises(Garbled, match="arrived unsolicited"):
+        scpi.identification()
+
+
+def test_what_echoes_is_asked_and_told_as_anything_else():
+    """Lines come back before their replies; those of settings are taken, too."""
+    none = b"SYST:ERR?\r\n" + NONE
+    scpi, port = session(
+        (b"VOLT?\n", b"VOLT?\r\n+4.2\r\n"),
+        (b"SYST:ERR?\n", none),
+        (b"OUTP ON\n", b"OUTP ON\r\n"),
+        (b"SYST:ERR?\n", none),
+    )
+    assert scpi.query("VOLT?", as_number) == 4.2
+    scpi.setting("OUTP ON")
+    assert port.done
+
+
+def test_a_setting_that_comes_back_otherwise_is_garbled():
+    """What the instrument took is not what was sent."""
+    none = b"SYST:ERR?\r\n" + NONE
+    scpi, _ = session((b"SYST:ERR?\n", none), (b"OUTP OFF\n", b"OUTP ON\r\n"))
+    with pytest.raises(Garbled, match="asked `OUTP OFF`, expected its echo, got 'OUTP ON'"):
+        scpi.setting("OUTP OFF")
+
+
+def test_a_fifth_field_belongs_to_the_firmware_where_the_dialect_has_one():
+    """Four are the standard's."""
+    reply = (b"*IDN?\n", b"Siglent Technologies,SPD3303X-E,SPD3XIDQ5R4761,1.01.01.02.07R2,V3.0\n")
+    scpi, _ = session(reply, fields=5)
+    assert scpi.identification()[3] == "1.01.01.02.07R2 V3.0"
+    scpi, _ = session(*[reply] * 13)
+    with pytest.raises(Garbled, match="manufacturer, model"):
+        scpi.identification()
 
 
 def test_nonsense_is_garbled_after_three_attempts():

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from hil.model.notation import AnyText, NotNegative
 from hil.simulation.faults import Identity
 from hil.simulation.peers.scpi import channel_list
-from hil.simulation.peers.scpi_manual import Clear, Manual, Reading, Setting, Switch
+from hil.simulation.peers.scpi_manual import Clear, Manual, Reading, Row, Setting, Switch
 from hil.simulation.peers.scpi_supply import model_of
 from hil.simulation.peers.supply_output import NotANumber, OutputTruth, Rating, RefuseOff, SupplyOutput, SupplyTruth
 
-__all__ = ["MODEL", "KeysightTruth"]
+__all__ = ["KEYSIGHT", "MODEL", "ROWS", "KeysightTruth"]
 
 _LEVEL = "[:LEVel][:IMMediate][:AMPLitude]"
 _VOLTS = {"V": 1.0, "MV": 1e-3, "UV": 1e-6, "KV": 1e3}
@@ -48,59 +48,65 @@ def _condition(output: SupplyOutput, now_ns: int) -> int:
     return regulation + 512 * output.over_voltage + 1024 * output.over_current
 
 
-MODEL = model_of(
-    Manual(
-        identity="Keysight Technologies,E36312A,{serial},{firmware}",
-        truth=KeysightTruth,
-        ratings={1: _SIX, 2: _TWENTY_FIVE, 3: _TWENTY_FIVE},
-        deviates=OutputTruth,
-        rows=(
-            Reading("MEASure[:SCALar][:VOLTage][:DC]", SupplyOutput.read_volts, _NR3),
-            Reading("MEASure[:SCALar]:CURRent[:DC]", SupplyOutput.read_amperes, _NR3),
-            Setting(
-                f"[SOURce:]VOLTage{_LEVEL}",
-                "volts",
-                _NR3,
-                most=lambda rating: rating.most_volts,
-                usual=lambda _: 0.0,
-                write=SupplyOutput.set_volts,
-                units=_VOLTS,
-            ),
-            Setting(
-                f"[SOURce:]CURRent{_LEVEL}",
-                "limit",
-                _NR3,
-                most=lambda rating: rating.most_amperes,
-                usual=lambda rating: rating.amperes,
-                write=SupplyOutput.set_limit,
-                units=_AMPERES,
-            ),
-            Setting(
-                "[SOURce:]VOLTage:PROTection[:LEVel]",
-                "protection",
-                _NR3,
-                most=lambda rating: rating.most_protection,
-                usual=lambda rating: rating.most_protection,
-                units=_VOLTS,
-            ),
-            Switch("OUTPut[:STATe]", "on"),
-            Switch("[SOURce:]CURRent:PROTection:STATe", "current_protection"),
-            Reading("[SOURce:]VOLTage:PROTection:TRIPped", lambda output, _: output.over_voltage, "{:d}".format),
-            Reading("[SOURce:]CURRent:PROTection:TRIPped", lambda output, _: output.over_current, "{:d}".format),
-            Reading("STATus:QUEStionable:INSTrument:ISUMmary<n>:CONDition", _condition, by="number"),
-            Clear("[SOURce:]VOLTage:PROTection:CLEar", ("over_voltage",)),
-            Clear("[SOURce:]CURRent:PROTection:CLEar", ("over_current",)),
-            Clear("OUTPut:PROTection:CLEar", ("over_voltage", "over_current")),
-        ),
-        answers={"*OPC": "1", "*TST": "0", "SYSTem:VERSion": "1999.0"},
-        ignored=("*OPC", "*WAI", "SYSTem:LOCal", "SYSTem:REMote", "SYSTem:RWLock"),
-        selects={"INSTrument[:SELect]": "CH{}", "INSTrument:NSELect": "{}"},
-        targets=_targets,
-        no_channel=-222,
-        error_form="{:+d}",
-        on_off=("0", "1"),
-        watches=False,
-        faults=(Identity, NotANumber, RefuseOff),
-    )
+ROWS: tuple[Row, ...] = (
+    Reading("MEASure[:SCALar][:VOLTage][:DC]", SupplyOutput.read_volts, _NR3),
+    Reading("MEASure[:SCALar]:CURRent[:DC]", SupplyOutput.read_amperes, _NR3),
+    Setting(
+        f"[SOURce:]VOLTage{_LEVEL}",
+        "volts",
+        _NR3,
+        most=lambda rating: rating.most_volts,
+        usual=lambda _: 0.0,
+        write=SupplyOutput.set_volts,
+        units=_VOLTS,
+    ),
+    Setting(
+        f"[SOURce:]CURRent{_LEVEL}",
+        "limit",
+        _NR3,
+        most=lambda rating: rating.most_amperes,
+        usual=lambda rating: rating.amperes,
+        write=SupplyOutput.set_limit,
+        units=_AMPERES,
+    ),
+    Setting(
+        "[SOURce:]VOLTage:PROTection[:LEVel]",
+        "protection",
+        _NR3,
+        most=lambda rating: rating.most_protection,
+        usual=lambda rating: rating.most_protection,
+        units=_VOLTS,
+    ),
+    Switch("OUTPut[:STATe]", "on"),
+    Switch("[SOURce:]CURRent:PROTection:STATe", "current_protection"),
+    Reading("[SOURce:]VOLTage:PROTection:TRIPped", lambda output, _: output.over_voltage, "{:d}".format),
+    Reading("[SOURce:]CURRent:PROTection:TRIPped", lambda output, _: output.over_current, "{:d}".format),
+    Clear("[SOURce:]VOLTage:PROTection:CLEar", ("over_voltage",)),
+    Clear("[SOURce:]CURRent:PROTection:CLEar", ("over_current",)),
+    Clear("OUTPut:PROTection:CLEar", ("over_voltage", "over_current")),
 )
+"""What these manuals have in common; where no channel list is given, the output that was selected is meant."""
+
+KEYSIGHT = Manual(
+    identity="Keysight Technologies,E36312A,{serial},{firmware}",
+    truth=KeysightTruth,
+    ratings={1: _SIX, 2: _TWENTY_FIVE, 3: _TWENTY_FIVE},
+    deviates=OutputTruth,
+    rows=(
+        *ROWS,
+        Reading("STATus:QUEStionable:INSTrument:ISUMmary<n>:CONDition", _condition, by="number"),
+    ),
+    answers={"*OPC": "1", "*TST": "0", "SYSTem:VERSion": "1999.0"},
+    ignored=("*OPC", "*WAI", "SYSTem:LOCal", "SYSTem:REMote", "SYSTem:RWLock"),
+    selects={"INSTrument[:SELect]": "CH{}", "INSTrument:NSELect": "{}"},
+    targets=_targets,
+    no_channel=-222,
+    error_form='{:+d},"{}"',
+    on_off=("0", "1"),
+    watches=False,
+    faults=(Identity, NotANumber, RefuseOff),
+)
+"""The manual of the E36300 series."""
+
+MODEL = model_of(KEYSIGHT)
 """The model for the driver `keysight-e36300`."""

@@ -8,12 +8,12 @@ lost without a word, and several answers of one line come joined by `;`.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from hil.model.notation import AnyText, NotNegative
 from hil.simulation.faults import Identity
+from hil.simulation.peers.scpi import leading_channel
 from hil.simulation.peers.scpi_manual import By, Clear, Manual, Numbers, Reading, Row, Setting, Switch
 from hil.simulation.peers.scpi_supply import model_of
 from hil.simulation.peers.supply_output import CoarseTruth, Rating, RefuseOff, SupplyOutput, SupplyTruth
@@ -36,12 +36,6 @@ class RigolTruth(SupplyTruth):
     firmware: AnyText = "00.01.16"
     command_time: NotNegative = 5e-3
     pause_time: NotNegative = 1e-2
-
-
-def _targets(parameters: Sequence[str]) -> tuple[list[str], list[int] | None]:
-    """Split off a leading channel."""
-    match = re.fullmatch(r"CH(\d)", parameters[0].upper()) if parameters else None
-    return list(parameters[1:] if match else parameters), [int(match[1])] if match else None
 
 
 def _all(output: SupplyOutput, now_ns: int) -> str:
@@ -116,9 +110,9 @@ MODEL = model_of(
         answers={"*OPC": "1"},
         ignored=("SYSTem:REMote", "SYSTem:LOCal"),
         selects={"INSTrument[:SELect]": "", "INSTrument:NSELect": "{}"},
-        targets=_targets,
+        targets=leading_channel,
         no_channel=-224,
-        error_form="{:d}",
+        error_form='{:d},"{}"',
         on_off=("OFF", "ON"),
         watches=True,
         faults=(Identity, RefuseOff),

@@ -7,11 +7,22 @@ colon continues from the level of the one before it (SCPI-1999 vol. 1, 6.2.4).
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from hil.wire.checkpoint import Kept, Stateful
 
-__all__ = ["ErrorQueue", "ScpiError", "channel_list", "keyword", "number", "split", "units", "word"]
+__all__ = [
+    "ErrorQueue",
+    "ScpiError",
+    "channel_list",
+    "keyword",
+    "leading_channel",
+    "no_channel",
+    "number",
+    "split",
+    "units",
+    "word",
+]
 
 _QUEUE = 20
 _MESSAGES = {
@@ -58,9 +69,9 @@ class ErrorQueue(Stateful):
             self.codes[-1] = -350
 
     def pop(self, form: str) -> str:
-        """Return the oldest error as the instrument prints it, its number in this form, and forget it."""
+        """Return the oldest error as the instrument prints it, number and text in this form, and forget it."""
         code = self.codes.pop(0) if self.codes else 0
-        return f'{form.format(code)},"{_MESSAGES[code]}"'
+        return form.format(code, _MESSAGES[code])
 
 
 def keyword(header: str) -> re.Pattern[str]:
@@ -131,6 +142,17 @@ def channel_list(text: str) -> list[int] | None:
             raise ScpiError(-102)
         channels += range(ends[0], ends[-1] + 1)
     return channels
+
+
+def leading_channel(parameters: Sequence[str]) -> tuple[list[str], list[int] | None]:
+    """Split a leading `CH1` off parameters."""
+    match = re.fullmatch(r"CH(\d)", parameters[0].upper()) if parameters else None
+    return list(parameters[1:] if match else parameters), [int(match[1])] if match else None
+
+
+def no_channel(parameters: Sequence[str]) -> tuple[list[str], list[int] | None]:
+    """Leave parameters as they are: none of them names an output."""
+    return list(parameters), None
 
 
 def _parameters(text: str) -> tuple[str, ...]:

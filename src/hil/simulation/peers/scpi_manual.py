@@ -1,26 +1,16 @@
-"""The programming guide of a SCPI supply as a table: headers, and what they read, set and refuse.
-
-An error ends a message, what was executed before it stands. Assumed: an output that has tripped refuses to switch on
-with -221 until it is cleared.
-"""
+"""The programming guide of a SCPI supply as a table: headers, and what they read, set and refuse."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
-from typing import Literal, cast
+from typing import Literal
 
-from hil.simulation.faults import Fault, Faults, Identity
-from hil.simulation.peers.scpi import ErrorQueue, ScpiError, keyword, number, units, word
+from hil.simulation.faults import Fault
+from hil.simulation.peers.manner import Manner
 from hil.simulation.peers.supply_output import OutputTruth, Rating, SupplyOutput, SupplyTruth
-from hil.wire.checkpoint import Kept, Stateful
 
-__all__ = ["By", "Clear", "Commands", "Manual", "Numbers", "Reading", "Row", "Setting", "Switch"]
-
-_MOST_PARSED = 256
-_ON_OFF = {"ON": True, "1": True, "OFF": False, "0": False}
+__all__ = ["By", "Clear", "Manual", "Numbers", "Reading", "Row", "Setting", "Switch", "Whole"]
 
 By = Literal["parameter", "number", "selected"]
 """What names the output of a header: a parameter, the number in the header, or the selection."""
@@ -68,10 +58,27 @@ class Setting:
 
 @dataclass(frozen=True, slots=True)
 class Switch:
-    """A header that takes ON or OFF, and gives it in the manual's words; `name` is the output's attribute."""
+    """A header that takes ON or OFF, and gives it in the manual's words.
+
+    Attributes:
+        header: see `Reading`.
+        name: the output's attribute, or `on` for the output itself.
+        all: whether it concerns every output, and no parameter names one.
+        asked: whether it can be asked for.
+    """
 
     header: str
     name: str
+    all: bool = False
+    asked: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Whole:
+    """A header that is asked, and whose answer is of all outputs."""
+
+    header: str
+    tell: Callable[[Mapping[int, SupplyOutput], int], str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +97,7 @@ class Numbers:
     settings: tuple[Setting, ...]
 
 
-Row = Reading | Setting | Switch | Clear | Numbers
+Row = Reading | Setting | Switch | Clear | Numbers | Whole
 """A header of a manual."""
 
 
@@ -109,10 +116,13 @@ class Manual:
         selects: headers that select an output, and how the selection is written where it can be asked for.
         targets: splits what names outputs off the parameters; None is the selected one.
         no_channel: the error of an output that there is not.
-        error_form: writes the number of an error.
+        error_form: writes the number of an error, and its text.
         on_off: how switches are written.
         watches: whether it notices at once what else lifts its terminals.
         faults: the kinds that it knows.
+        output: the class of its outputs.
+        manner: what a bench file may say of its firmware, and how it writes usually.
+        of_model: ratings of the models that a truth may name, where they differ.
     """
 
     identity: str
@@ -129,259 +139,6 @@ class Manual:
     on_off: tuple[str, str]
     watches: bool
     faults: tuple[type[Fault], ...]
-
-
-_Action = Callable[[int, Sequence[str]], str | None]
-
-
-class Commands(Stateful):
-    """Executes program messages on outputs.
-
-    Args:
-        manual: what the instrument knows.
-        identity: what `*IDN?` answers.
-        outputs: the outputs by number.
-        faults: what goes wrong.
-    """
-
-    errors: Kept[ErrorQueue]
-    _selected: Kept[int]
-
-    def __init__(self, manual: Manual, identity: str, outputs: Mapping[int, SupplyOutput], faults: Faults) -> None:
-        self._manual = manual
-        self._identity = identity
-        self._outputs = outputs
-        self._faults = faults
-        self.errors = ErrorQueue()
-        self._selected = 1
-        self._now_ns = 0
-        self._targeted: dict[tuple[str, ...], tuple[list[str], list[int] | None]] = {}
-        self._parsed: dict[str, list[tuple[_Action, int, Sequence[str]]]] = {}
-        self._commands: list[tuple[re.Pattern[str], bool, _Action]] = []
-        self._common()
-        for row in manual.rows:
-            self._add(row)
-
-    def execute(self, message: str, now_ns: int) -> str:
-        """Return the answer, empty for none."""
-        replies: list[str] = []
-        self._now_ns = now_ns
-        try:
-            for action, suffix, parameters in self._units(message):
-                reply = action(suffix, parameters)
-                if reply is not None:
-                    replies.append(reply)
-        except ScpiError as error:
-            self.errors.push(error.code)
-        return ";".join(replies)
-
-    def _units(self, message: str) -> Sequence[tuple[_Action, int, Sequence[str]]]:
-        """Return what a message asks for; a header that is not known raises when its turn comes."""
-        found = self._parsed.get(message)
-        if found is None:
-            found = [(*self._found(name, query), parameters) for name, query, parameters in units(message)]
-            if len(self._parsed) < _MOST_PARSED:
-                self._parsed[message] = found
-        return found
-
-    def _found(self, name: str, query: bool) -> tuple[_Action, int]:
-        """Return what a header does, and its numeric suffix, 1 where it has none."""
-        for pattern, asks, action in self._commands:
-            match = pattern.fullmatch(name) if asks == query else None
-            if match:
-                return action, next((int(digits) for digits in match.groups() if digits), 1)
-        return _unknown, 1
-
-    def _common(self) -> None:
-        manual = self._manual
-        for header, text in manual.answers.items():
-            self._know(header, True, _alone(partial(str, text)))
-        for header in manual.ignored:
-            self._know(header, False, _alone(lambda: None))
-        self._know("*IDN", True, _alone(self._identify))
-        self._know("SYSTem:ERRor[:NEXT]", True, _alone(lambda: self.errors.pop(manual.error_form)))
-        self._know("*RST", False, _alone(self._reset))
-        self._know("*CLS", False, _alone(self.errors.codes.clear))
-        for header, form in manual.selects.items():
-            self._know(header, False, self._select)
-            if form:
-                self._know(header, True, _alone(partial(self._selection, form)))
-
-    def _add(self, row: Row) -> None:
-        if isinstance(row, Reading):
-            self._know(row.header, True, self._reads(row))
-        elif isinstance(row, Setting):
-            self._know(row.header, True, self._asks(row))
-            self._know(row.header, False, self._sets(row))
-        elif isinstance(row, Switch):
-            off, on = self._manual.on_off
-            read = Reading(row.header, lambda output, _: on if getattr(output, row.name) else off)
-            self._know(row.header, True, self._reads(read))
-            self._know(row.header, False, self._switches(row))
-        elif isinstance(row, Clear):
-            self._know(row.header, False, self._clears(row))
-        else:
-            self._know(row.header, False, self._sets_several(row))
-
-    def _know(self, header: str, query: bool, action: _Action) -> None:
-        self._commands.append((keyword(header), query, action))
-
-    def _reads(self, row: Reading) -> _Action:
-        def action(suffix: int, parameters: Sequence[str]) -> str:
-            values, outputs = self._targets(row.by, suffix, parameters)
-            if values:
-                raise ScpiError(-108)
-            return ",".join([row.form(row.read(output, self._now_ns)) for output in outputs])
-
-        return action
-
-    def _asks(self, row: Setting) -> _Action:
-        """Answer a setting, or with MIN, MAX or DEF its bounds."""
-
-        def action(suffix: int, parameters: Sequence[str]) -> str:
-            values, outputs = self._targets(row.by, suffix, parameters)
-            if values and row.usual is None:
-                raise ScpiError(-108)
-            bound = word(values[0]) if values else ""
-            if bound is None:
-                raise ScpiError(-224)
-            return ",".join(row.form(_bound(row, output, bound)) for output in outputs)
-
-        return action
-
-    def _sets(self, row: Setting) -> _Action:
-        """Take a number, or MIN, MAX, DEF. All outputs are set, or none."""
-
-        def action(suffix: int, parameters: Sequence[str]) -> None:
-            values, outputs = self._targets(row.by, suffix, parameters)
-            text = _single(values)
-            numbers = [_number_for(row, output, text) for output in outputs]
-            for output, value in zip(outputs, numbers, strict=True):
-                _write(row, output, value)
-
-        return action
-
-    def _sets_several(self, row: Numbers) -> _Action:
-        def action(suffix: int, parameters: Sequence[str]) -> None:
-            values, (output, *_) = self._targets("parameter", suffix, parameters)
-            if len(values) != len(row.settings):
-                raise ScpiError(-108 if len(values) > len(row.settings) else -109)
-            numbers = [_number_for(one, output, text) for one, text in zip(row.settings, values, strict=True)]
-            for one, value in zip(row.settings, numbers, strict=True):
-                _write(one, output, value)
-
-        return action
-
-    def _switches(self, row: Switch) -> _Action:
-        def action(suffix: int, parameters: Sequence[str]) -> None:
-            values, outputs = self._targets("parameter", suffix, parameters)
-            on = _ON_OFF.get(_single(values).upper())
-            if on is None:
-                raise ScpiError(-224)
-            for output in outputs:
-                if row.name != "on":
-                    setattr(output, row.name, on)
-                elif on and (output.over_voltage or output.over_current):
-                    raise ScpiError(-221)
-                else:
-                    output.switch(on, self._now_ns)
-
-        return action
-
-    def _clears(self, row: Clear) -> _Action:
-        def action(suffix: int, parameters: Sequence[str]) -> None:
-            values, outputs = self._targets("parameter", suffix, parameters)
-            if values:
-                raise ScpiError(-108)
-            for output in outputs:
-                for name in row.names:
-                    setattr(output, name, False)
-
-        return action
-
-    def _targets(self, by: By, suffix: int, parameters: Sequence[str]) -> tuple[list[str], list[SupplyOutput]]:
-        """Split parameters into values and the outputs that are meant."""
-        values, chosen = self._split_off(tuple(parameters)) if by == "parameter" else (list(parameters), None)
-        if by == "number":
-            if suffix not in self._outputs:
-                raise ScpiError(-113)
-            chosen = [suffix]
-        try:
-            return values, [self._outputs[number] for number in ([self._selected] if chosen is None else chosen)]
-        except KeyError:
-            raise ScpiError(self._manual.no_channel) from None
-
-    def _split_off(self, parameters: tuple[str, ...]) -> tuple[list[str], list[int] | None]:
-        """Return values and channels; what was split before is remembered."""
-        found = self._targeted.get(parameters)
-        if found is None:
-            found = self._manual.targets(parameters)
-            if len(self._targeted) < _MOST_PARSED:
-                self._targeted[parameters] = found
-        return found
-
-    def _select(self, _: int, parameters: Sequence[str]) -> None:
-        match = re.fullmatch(r"(?:CH)?(\d)", _single(parameters).upper())
-        if match is None or int(match[1]) not in self._outputs:
-            raise ScpiError(-224)
-        self._selected = int(match[1])
-
-    def _selection(self, form: str) -> str:
-        return form.format(self._selected)
-
-    def _identify(self) -> str:
-        fault = self._faults.now(Identity, self._now_ns)
-        return fault.value if fault else self._identity
-
-    def _reset(self) -> None:
-        self._selected = 1
-        for output in self._outputs.values():
-            output.reset(self._now_ns)
-
-
-def _unknown(_: int, parameters: Sequence[str]) -> None:
-    del parameters
-    raise ScpiError(-113)
-
-
-def _alone(act: Callable[[], str | None]) -> _Action:
-    def action(_: int, parameters: Sequence[str]) -> str | None:
-        if parameters:
-            raise ScpiError(-108)
-        return act()
-
-    return action
-
-
-def _single(values: Sequence[str]) -> str:
-    """Return the one value of a setting."""
-    if len(values) != 1:
-        raise ScpiError(-108 if values else -109)
-    return values[0]
-
-
-def _write(row: Setting, output: SupplyOutput, value: float) -> None:
-    if row.write is None:
-        setattr(output, row.name, value)
-    else:
-        row.write(output, value)
-
-
-def _bound(row: Setting, output: SupplyOutput, bound: str) -> float:
-    """Return a setting, or what MIN, MAX or DEF stand for."""
-    if not bound:
-        return cast("float", getattr(output, row.name))
-    if bound == "MIN":
-        return 0.0
-    return row.most(output.rating) if bound == "MAX" or row.usual is None else row.usual(output.rating)
-
-
-def _number_for(row: Setting, output: SupplyOutput, text: str) -> float:
-    """Read the number of a setting for one output."""
-    bound = word(text)
-    if bound and (bound != "DEF" or row.usual is not None):
-        return _bound(row, output, bound)
-    value = number(text, row.units)
-    if not 0 <= value <= row.most(output.rating):
-        raise ScpiError(-222)
-    return value
+    output: type[SupplyOutput] = SupplyOutput
+    manner: type[Manner] = Manner
+    of_model: Mapping[str, Mapping[int, Rating]] = field(default_factory=dict)

@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from dataclasses import asdict
 
 from hil.clock.port import NANOSECONDS
+from hil.simulation.peers.manner import Manner
 from hil.simulation.peers.model import PeerModel, PeerSetup
-from hil.simulation.peers.scpi_manual import Commands, Manual
+from hil.simulation.peers.scpi_commands import Commands
+from hil.simulation.peers.scpi_manual import Manual
 from hil.simulation.peers.supply_output import SupplyOutput, read_outputs
 from hil.simulation.peers.timing import Alarm
 from hil.wire.checkpoint import Kept, Stateful
@@ -28,6 +30,7 @@ class ScpiSupply(Stateful):
         commands: what it executes.
         outputs: its outputs by number.
         times_ns: those of its truth.
+        manner: how its firmware writes lines.
     """
 
     _commands: Kept[Commands]
@@ -39,9 +42,16 @@ class ScpiSupply(Stateful):
     _watching: Kept[Alarm]
 
     def __init__(
-        self, manual: Manual, commands: Commands, outputs: dict[int, SupplyOutput], times_ns: Mapping[str, int]
+        self,
+        manual: Manual,
+        commands: Commands,
+        outputs: dict[int, SupplyOutput],
+        times_ns: Mapping[str, int],
+        manner: Manner,
     ) -> None:
         self._manual = manual
+        self._manner = manner
+        self._end = manner.end
         self._commands = commands
         self._outputs = outputs
         self._command_ns = times_ns["command_time"]
@@ -62,6 +72,11 @@ class ScpiSupply(Stateful):
             output.apply()
             if self._manual.watches:
                 output.listen(self._look)
+
+    def opened(self) -> None:
+        """Greet whoever opened the port, where the firmware does."""
+        if self._manner.banner:
+            self._line.send(f"{self._manner.banner}{self._end}".encode("latin-1", "replace"))
 
     def receive(self, data: bytes) -> None:
         """Collect bytes into lines; where lines need a pause, one that comes too early is lost."""
@@ -86,10 +101,13 @@ class ScpiSupply(Stateful):
 
     def _work(self) -> None:
         now_ns = self._clock.now_ns()
-        reply = self._commands.execute(self._lines.pop(0), now_ns)
+        line = self._lines.pop(0)
+        reply = self._commands.execute(line, now_ns)
         self._ready_ns = now_ns + (self._pause_ns or 0)
+        if self._manner.echo:
+            self._line.send(f"{line}{self._end}".encode("latin-1", "replace"))
         if reply:
-            self._line.send(f"{reply}\n".encode("latin-1", "replace"))
+            self._line.send(f"{reply}{self._end}".encode("latin-1", "replace"))
         self._protect()
         if self._lines:
             self._begin()
@@ -114,11 +132,13 @@ def model_of(manual: Manual) -> PeerModel:
     def build(setup: PeerSetup) -> ScpiSupply:
         truth = setup.truth
         article = asdict(truth.part(manual.truth))
-        outputs = read_outputs(setup, manual.ratings, manual.deviates)
+        manner = truth.part(manual.manner)
+        ratings = manual.of_model.get(article.get("model", ""), manual.ratings)
+        outputs = read_outputs(setup, ratings, manual.deviates, manual.output)
         setup.finish()
         identity = manual.identity.format(**article)
-        commands = Commands(manual, identity, outputs, setup.faults)
+        commands = Commands(manual, identity, outputs, setup.faults, manner)
         times_ns = {key: round(each * NANOSECONDS) for key, each in article.items() if key.endswith("_time")}
-        return ScpiSupply(manual, commands, outputs, times_ns)
+        return ScpiSupply(manual, commands, outputs, times_ns, manner)
 
     return PeerModel(link="serial", fault_kinds=manual.faults, build=build)

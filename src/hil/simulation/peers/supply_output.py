@@ -135,13 +135,16 @@ class CoarseTruth(OutputTruth):
     current_resolution: Positive = 0.001
 
 
-def read_outputs(setup: PeerSetup, ratings: Mapping[int, Rating], model: type[OutputTruth]) -> dict[int, SupplyOutput]:
+def read_outputs(
+    setup: PeerSetup, ratings: Mapping[int, Rating], model: type[OutputTruth], make: type[SupplyOutput]
+) -> dict[int, SupplyOutput]:
     """Make every output of a supply from its truth, its terminals and its noise.
 
     Args:
         setup: of the supply; its truth has the outputs' common part, and `channels` what differs.
         ratings: by number of the output, which is the name of its terminal, too.
         model: what a truth says of such an output.
+        make: the class of the outputs.
     """
     truth = setup.truth
     common = truth.part(model)
@@ -151,7 +154,7 @@ def read_outputs(setup: PeerSetup, ratings: Mapping[int, Rating], model: type[Ou
         truth.wrong("channels", f"unknown channel '{number}'; known are {', '.join(sorted(known))}")
     own = {number: section.part(model) for number, section in sections.items()}
     return {
-        number: SupplyOutput(
+        number: make(
             number,
             rating,
             truth=(deviates := own.get(str(number), common)),
@@ -224,6 +227,10 @@ class SupplyOutput(Stateful):
         self.on = on or (refused is not None and refused.says == "on")
         self._stuck_on = refused is not None and not self.on
         self.apply()
+
+    def follow(self, now_ns: int) -> None:
+        """Do what a switch of the instrument asks for that was just set; here every switch is one of its own."""
+        del now_ns
 
     def reset(self, now_ns: int) -> None:
         """Return to the settings of power-on."""

@@ -1,0 +1,60 @@
+"""Rohde & Schwarz power supplies of the HMP2000, HMP4000 and NGE100 series.
+
+Commands: HMP Series and NGE100 Series user manuals, as far as public drivers and excerpts show them. Commands go to the
+channel that was selected last, at the front panel too, so every line selects its channel itself.
+
+An output gives something when its channel is selected for it (`OUTP:SEL`) and the master switch is on (`OUTP:GEN`). A
+channel that was selected while the master switch is off would come on with the next one. So a channel counts as on as
+soon as it is selected, and off means not selected: the master switch, which is everybody's, stays as it is.
+
+The fuse trips where the current is limited; it has no level. Assumed, until it is compared with an instrument: several
+commands stand in a line, and an NGE100 leaves its over-voltage protection as it was switched at the front panel.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from hil.instruments.scpi_dialect import Dialect, LevelAndFuse, Protection
+from hil.instruments.scpi_supply import ScpiSupply
+
+__all__ = ["HMP", "RohdeSchwarzHmp"]
+
+_AT = "INST OUT{channel};"
+
+HMP = Dialect(
+    driver="rohde-schwarz-hmp",
+    channels=(1, 2, 3, 4),
+    decimals=3,
+    tolerance=0.0055,
+    set_voltage=_AT + "VOLT {value}",
+    get_voltage=_AT + "VOLT?",
+    set_current=_AT + "CURR {value}",
+    get_current=_AT + "CURR?",
+    switch_on=_AT + ":OUTP:GEN ON;:OUTP:SEL ON",
+    switch_off=_AT + ":OUTP:SEL OFF",
+    is_on=_AT + ":OUTP:SEL?",
+    measure_voltage=_AT + "MEAS:VOLT?",
+    measure_current=_AT + "MEAS:CURR?",
+    mode="STAT:QUES:INST:ISUM{channel}:COND?",
+    over_voltage=Protection(
+        set_level=_AT + "VOLT:PROT {value}", get_level=_AT + "VOLT:PROT?", tripped=_AT + "VOLT:PROT:TRIP?"
+    ),
+    over_current=Protection(tripped=_AT + "FUSE:TRIP?", arm=_AT + "FUSE ON", armed=_AT + "FUSE?"),
+    levels=LevelAndFuse,
+    ratings={
+        "HMP2020": ((32.0, 10.0),) * 2,
+        "HMP2030": ((32.0, 10.0),) * 3,
+        "HMP4030": ((32.0, 10.0),) * 3,
+        "HMP4040": ((32.0, 10.0),) * 4,
+        "NGE102B": ((32.0, 3.0),) * 2,
+        "NGE103B": ((32.0, 3.0),) * 3,
+    },
+)
+"""The commands of the three series; where a model gives less than its rating here, the instrument refuses."""
+
+
+class RohdeSchwarzHmp(ScpiSupply):
+    """Driver `rohde-schwarz-hmp`: role `supply` on each channel; a wire may set `over_voltage` and `over_current`."""
+
+    dialect: ClassVar[Dialect] = HMP

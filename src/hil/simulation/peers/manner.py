@@ -1,0 +1,89 @@
+"""How one firmware writes what another one writes otherwise: ends of lines, words for on and off, forms of numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated
+
+from hil.model.notation import AnyText, Flag, one_of
+
+__all__ = ["CarriageReturns", "Manner"]
+
+_ENDS = {"lf": "\n", "crlf": "\r\n", "blank crlf": " \r\n"}
+_SWITCHES = {
+    "": (),
+    "digits": ("0", "1"),
+    "signed digits": ("+0", "+1"),
+    "words": ("OFF", "ON"),
+    "small words": ("off", "on"),
+}
+_NUMBERS: Mapping[str, Callable[[float, str], str]] = {
+    "": lambda value, unit: f"{value}{unit}",
+    "plain": lambda value, _: f"{value:.4f}",
+    "signed": lambda value, _: f"{value:+.4f}",
+    "exponent": lambda value, _: f"{value:.5E}",
+    "zeros": lambda value, _: f"{value:010.4f}",
+    "blanks": lambda value, _: f"   {value:.4f}  ",
+    "unit": lambda value, unit: f"{value:.4f}{unit}",
+    "blank unit": lambda value, unit: f"{value:.4f} {unit}",
+}
+_SAID = {"0": False, "OFF": False, "1": True, "ON": True}
+_NO_NUMBER_FROM = 9.9e37
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Manner:
+    """What the truth of a simulated instrument says of its firmware; what it leaves out is as the manual has it.
+
+    Attributes:
+        line_end: of what it sends: `lf`, `crlf`, or `blank crlf`.
+        switches: how it says on and off.
+        numbers: how it writes volts and amperes.
+        no_error: what it says of an empty error queue.
+        echo: whether it sends every line back.
+        banner: what it sends when its port is opened.
+    """
+
+    line_end: Annotated[str, one_of(*_ENDS)] = "lf"
+    switches: Annotated[str, one_of(*_SWITCHES)] = ""
+    numbers: Annotated[str, one_of(*_NUMBERS)] = ""
+    no_error: AnyText = ""
+    echo: Flag = False
+    banner: AnyText = ""
+
+    @property
+    def end(self) -> str:
+        """What ends a line."""
+        return _ENDS[self.line_end]
+
+    def told(self, header: str) -> Callable[[str], str] | None:
+        """Return what respells the answer of a header, None where it stands as the manual has it."""
+        name = header.upper()
+        if "ERR" in name:
+            return self._of_queue if self.no_error else None
+        if "OUTP" in name or "STATE" in name or "TRIP" in name:
+            return self._of_switch if self.switches else None
+        unit = "V" if "VOLT" in name else "A" if "CURR" in name else ""
+        return partial(self._of_number, unit) if self.numbers and unit else None
+
+    def _of_queue(self, text: str) -> str:
+        return self.no_error if text.lstrip("+").startswith("0") else text
+
+    def _of_switch(self, text: str) -> str:
+        return _SWITCHES[self.switches][_SAID[text]] if text in _SAID else text
+
+    def _of_number(self, unit: str, text: str) -> str:
+        try:
+            value = float(text)
+        except ValueError:
+            return text
+        return text if abs(value) >= _NO_NUMBER_FROM else _NUMBERS[self.numbers](value, unit)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CarriageReturns(Manner):
+    """The manner of an instrument that ends its lines with carriage return and line feed."""
+
+    line_end: Annotated[str, one_of(*_ENDS)] = "crlf"
