@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import suppress
 
 import pytest
+from by_bytes import BY_BYTES, rig
 from facing import facing
 
 from hil.instruments.driver import Outlet
@@ -245,3 +247,59 @@ def test_switching_off_leaves_first_among_chatter():
         with suppress(Garbled):
             output.enabled()
         assert not output.enabled()
+
+
+ENDS = pytest.mark.parametrize("end", ["none", "lf", "crlf", "nul"])
+
+
+@ENDS
+@pytest.mark.parametrize("faults", [(), [{"kind": "stray-byte"}]])
+def test_the_whole_role_whatever_ends_a_reply(end, faults):
+    """Firmware that ends its replies is understood, with a stray byte before the end and without."""
+    with supply(reply_end=end, faults=faults) as (driver, _):
+        assert driver.outlets() == (Outlet(1, on=False),)
+        assert driver.identify().model == "KA3005P"
+        output = driver.role(charge())
+        output.configure(4.2, 0.7)
+        output.enable()
+        assert output.enabled()
+        assert output.current().value == pytest.approx(0.42)
+        output.disable()
+        assert not output.enabled()
+
+
+@ENDS
+def test_bytes_make_it_safe_whatever_ends_a_reply(end):
+    """What is on is never proven off."""
+    kind = BY_BYTES["korad-ka3005p"]
+    with rig(kind, truth={"reply_end": end}) as found:
+        kind.drive(found)
+        assert not found.proven(found.code(kind.proof))
+        assert not found.proven(found.code())
+        assert found.make_safe(found.code(kind.proof))
+        assert not found.on()
+
+
+@ENDS
+@pytest.mark.parametrize("text", ["\n", "\r\n", "\x00", "0"])
+def test_a_late_end_is_no_status(end, text):
+    """The end of a reply that comes by itself has no bit for on; it is not believed to be a status."""
+    chatter = {"kind": "chatty", "from": "3 s", "every": "73 ms", "text": text}
+    with supply(reply_end=end, faults=[chatter]) as (driver, clock):
+        output = driver.role(charge())
+        output.configure(4.0, 0.7)
+        output.enable()
+        for _ in range(12):
+            clock.wait_until(max(clock.now_ns(), 3_000_000_000) + 1_700_000)
+            with suppress(Garbled, NoReply):
+                assert output.enabled()
+
+
+@pytest.mark.parametrize("end", [b"", b"\n", b"\r\n", b"\0"])
+def test_every_status_is_read_by_driver_and_guardian_alike(end):
+    """Of all bytes those without the bit for on are off, but for the ends of lines."""
+    with rig(BY_BYTES["korad-ka3005p"]) as found:
+        asked = found.code().proof[1]
+    for status in range(256):
+        off = re.search(asked.expect, bytes((status,)) + end, re.DOTALL)
+        assert bool(off) == (not status & 0x40 and status not in b"\r\n")

@@ -40,7 +40,7 @@ _AtSetting = Annotated[
     matching("at setting", "'at setting' or left out: the protections of a korad-ka3005p have no level of their own"),
 ]
 _VOLTS, _AMPERES = re.compile(rb"\d\d\.\d\d"), re.compile(rb"\d\.\d\d\d")
-_STATUS = Question(command=b"STATUS?", form=re.compile(rb".", re.DOTALL), width=1, proof=True, steady=_ON | _PROTECTED)
+_STATUS = Question(command=b"STATUS?", form=re.compile(rb"[^\r\n]"), width=1, proof=True, steady=_ON | _PROTECTED)
 _SET = {
     "voltage": Question(command=b"VSET1?", form=_VOLTS, width=5),
     "current": Question(command=b"ISET1?", form=_AMPERES, width=5, spare=1),
@@ -49,7 +49,7 @@ _MEASURED = {
     "V": Question(command=b"VOUT1?", form=_VOLTS, width=5),
     "A": Question(command=b"IOUT1?", form=_AMPERES, width=5),
 }
-_SAYS_OFF = rb"[^\x40-\x7f\xc0-\xff]"  # a status byte without the bit 0x40
+_SAYS_OFF = rb"[^\x40-\x7f\xc0-\xff\r\n]"  # a status byte without the bit 0x40, and not the end of another reply
 _NAMES = {"KORAD": "Korad", "TENMA": "Tenma", "VELLEMAN": "Velleman", "RND": "RND"}
 _IDENTIFICATION = re.compile(rf"({'|'.join(_NAMES)}) ?(.+?) ?V(\d+\.\d+)(?: SN:(\w+))?", re.ASCII)
 

@@ -5,6 +5,9 @@ silence, its reply must have exactly its width and form and be followed by silen
 for. The instrument answers in order: bytes that nobody had asked for make a reply too long, or push it to where the
 identification should be. Of what proves a state two equal replies are asked for before that.
 
+Some firmware ends every reply with a line feed, with carriage return and line feed, or with NUL. Which one is learnt
+with the identification; no other one is accepted, and none of them is a reply.
+
 After a fault a reply may still come: the line is listened to until it is silent, and then the identification must come
 whole; it is learnt again.
 """
@@ -32,6 +35,7 @@ _ATTEMPTS = 3
 _MOST_LISTENED = 10
 _MOST_BYTES = 64
 _AFTER_IDENTIFICATION = b"\x01"  # some units send it after the text
+_ENDS = (b"\r\n", b"\n", b"\0")  # the longest first
 _IDENTIFICATION = re.compile(rb"[A-Z][A-Z0-9 -]{2,30}V\d+\.\d+(?: SN:[0-9A-Za-z]+)?")
 
 _T = TypeVar("_T")
@@ -72,6 +76,7 @@ class KoradLine:
         self.timeout = min(timeout, LONGEST_REPLY_S)
         self._port = PacedPort(port, clock, _SILENCE_S)
         self._identification = b""
+        self._end = b""
         self._in_step = True
 
     def identification(self) -> str:
@@ -125,29 +130,46 @@ class KoradLine:
 
     def _closed(self, question: Question) -> bytes:
         """Ask, twice where it is a proof, and let the identification close it."""
-        replies = [self._reply(question) for _ in range(2 if question.proof else 1)]
-        if replies[0] != replies[-1] and (replies[0][0] ^ replies[-1][0]) & question.steady:
-            raise self._nonsense(question.command, f"{replies[0]!r} a second time", replies[-1])
+        came = [self._reply(question) for _ in range(2 if question.proof else 1)]
+        first, last = came[0][: question.width], came[-1][: question.width]
+        if first != last and (first[0] ^ last[0]) & question.steady:
+            raise self._nonsense(question.command, f"{first!r} a second time", last)
         self._learn()
-        return replies[-1]
+        for each in came:
+            self._must_be_whole(question, each)
+        return last
 
     def _reply(self, question: Question) -> bytes:
+        """Ask once, and return the reply with what followed it."""
         self._send(question.command)
         came = self._heard(question.command, question.width)
-        reply, spare = came[: question.width], came[question.width :]
-        if len(spare) > question.spare or not question.form.fullmatch(reply):
+        self._must_be_whole(question, came)
+        return came
+
+    def _must_be_whole(self, question: Question, came: bytes) -> None:
+        """Refuse what has not the width and form, or is followed by more than spare bytes and the end, if it is known.
+
+        Replies may lack the end that the identification has, but not where the reply could be that end alone.
+        """
+        reply, more = came[: question.width], came[question.width :]
+        ends = (self._end, b"") if self._identification else (*_ENDS, b"")
+        whole = any(more.endswith(end) and len(more) - len(end) <= question.spare for end in ends)
+        only_an_end = self._end and reply == self._end and not more
+        if not whole or only_an_end or not question.form.fullmatch(reply):
             raise self._nonsense(question.command, f"{question.width} bytes of its form", came)
-        return reply
 
     def _learn(self) -> str:
         """Ask for the identification, which must be the one that was learnt, if one was."""
         self._send(b"*IDN?")
-        came = self._heard(b"*IDN?", 1).removesuffix(_AFTER_IDENTIFICATION)
-        if not _IDENTIFICATION.fullmatch(came) or came != (self._identification or came):
-            expected = self._identification or b"KORADKA3005PV2.0 or another name"
+        came = self._heard(b"*IDN?", 1)
+        end = next((end for end in _ENDS if came.endswith(end)), b"")
+        text = came.removesuffix(end).removesuffix(_AFTER_IDENTIFICATION)
+        known = (self._identification, self._end) if self._identification else (text, end)
+        if not _IDENTIFICATION.fullmatch(text) or (text, end) != known:
+            expected = b"".join(known) if self._identification else b"KORADKA3005PV2.0 or another name"
             raise self._nonsense(b"*IDN?", f"{expected!r}", came)
-        self._identification = came
-        return came.decode("ascii")
+        self._identification, self._end = text, end
+        return text.decode("ascii")
 
     def _send(self, command: bytes) -> None:
         try:

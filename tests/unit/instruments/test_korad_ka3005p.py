@@ -55,13 +55,42 @@ def test_a_state_is_proven_by_two_equal_replies_and_the_identification():
         late(0.03, b"4.200"),
         late(0.03, b"04,20"),
         ((0.01, b"0"), (0.03, b"04.20")),
-        ((0.03, b"04.20"), (0.07, b"\n")),
+        ((0.03, b"04.20"), (0.07, b"\t")),
     ],
 )
 def test_a_reply_of_another_width_or_form_is_none(first):
     """It is asked again, after silence and the identification."""
     _, output, port = driver((b"VOUT1?", first), IDN, (b"VOUT1?", late(0.03, b"04.18")), IDN)
     assert output.voltage().value == 4.18
+    assert port.done
+
+
+def test_an_end_that_the_identification_lacks_is_no_end():
+    """A reply was asked for before the identification was known; both are asked again."""
+    _, output, port = driver((b"VOUT1?", late(0.03, b"04.20\n")), IDN, IDN, (b"VOUT1?", late(0.03, b"04.18")), IDN)
+    assert output.voltage().value == 4.18
+    assert port.done
+
+
+@pytest.mark.parametrize("first", [b"04.20\r\n", b"04.20\0", b"04.20\n\n", b"\n04.20"])
+def test_another_end_than_that_of_the_identification_is_none(first):
+    """It was learnt; the reply may lack it, but not have another."""
+    idn = (b"*IDN?", late(0.03, b"KORADKA3005PV2.0\n"))
+    replies = ((b"VOUT1?", late(0.03, first)), idn, (b"VOUT1?", late(0.03, b"04.18\n")), idn)
+    korad, output, port = driver(idn, *replies, (b"VOUT1?", late(0.03, b"04.19")), idn)
+    assert korad.identify().model == "KA3005P"
+    assert output.voltage().value == 4.18
+    assert output.voltage().value == 4.19
+    assert port.done
+
+
+def test_the_end_of_a_reply_is_no_status():
+    """NUL would be a supply that is off; where replies end with it, it is none alone."""
+    idn = (b"*IDN?", late(0.03, b"KORADKA3005PV2.0\0"))
+    status = (b"STATUS?", late(0.03, b"\x51\0"))
+    korad, output, port = driver(idn, (b"STATUS?", late(0.03, b"\0")), idn, status, status, idn)
+    assert korad.identify().model == "KA3005P"
+    assert output.enabled()
     assert port.done
 
 

@@ -2,7 +2,8 @@
 
 Facts: 9600 bits per second; `VSET1:04.20`, `ISET1:0.700`, `OUT1`, `OVP1`, `OCP1` say nothing; replies to `VSET1?` and
 `VOUT1?` are five characters `04.20`, to `ISET1?` and `IOUT1?` `0.700`, to `STATUS?` one byte: bit 6 output on,
-bit 5 a protection switched on, bit 0 constant voltage. Some firmware sends a sixth byte after `ISET1?`.
+bit 5 a protection switched on, bit 0 constant voltage. Some firmware sends a sixth byte after `ISET1?`, and some ends
+every reply with a line feed, carriage return and line feed, or NUL.
 
 Assumed: a silence of five milliseconds ends a command, the next one is taken when it was executed, and what comes in
 between is lost; a setting beyond the range is not taken; a protection acts 20 mV above the voltage that is set, or when
@@ -13,9 +14,10 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import Annotated
 
 from hil.clock.port import NANOSECONDS
-from hil.model.notation import AnyText, NotNegative
+from hil.model.notation import AnyText, NotNegative, one_of
 from hil.simulation.faults import Fault, Faults, Identity
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.supply_output import CoarseTruth, Rating, RefuseOff, SupplyOutput
@@ -29,6 +31,7 @@ _SILENCE_NS = 5_000_000
 _WATCH_NS = 10_000_000
 _LONGEST_COMMAND = 32
 _ON, _PROTECTED, _BEEPER, _CONSTANT_VOLTAGE = 0x40, 0x20, 0x10, 0x01
+_ENDS = {"none": b"", "lf": b"\n", "crlf": b"\r\n", "nul": b"\0"}
 _OVER_VOLTS, _OVER_AMPERES = 0.02, 0.002
 _RATING = Rating(30.0, 5.0, 31.0, 5.1, 33.0)  # settings up to 31 V and 5.1 A; its protections have no level
 
@@ -42,9 +45,10 @@ class StrayByte(Fault):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KoradTruth:
-    """One device: what it says of itself, and how long a command takes [s]."""
+    """One device: what it says of itself, what it ends replies with, and how long a command takes [s]."""
 
     identity: AnyText = "KORADKA3005PV2.0"
+    reply_end: Annotated[str, one_of(*_ENDS)] = "none"
     command_time: NotNegative = 0.02
 
 
@@ -76,6 +80,7 @@ class KoradKa3005p(Stateful):
         identity: what `*IDN?` answers.
         output: its only output.
         faults: what goes wrong.
+        end: what it ends replies with.
         command_ns: how long a command takes after its last byte and the silence.
     """
 
@@ -86,8 +91,9 @@ class KoradKa3005p(Stateful):
     _due: Kept[Alarm]
     _watching: Kept[Alarm]
 
-    def __init__(self, identity: bytes, output: KoradOutput, faults: Faults, *, command_ns: int) -> None:
+    def __init__(self, identity: bytes, output: KoradOutput, faults: Faults, *, end: bytes, command_ns: int) -> None:
         self._identity = identity
+        self._end = end
         self._output = output
         self._faults = faults
         self._command_ns = command_ns
@@ -121,7 +127,7 @@ class KoradKa3005p(Stateful):
         command, self._working = self._working.decode("latin-1").strip(), b""
         reply = self._answer(command)
         if reply:
-            self._line.send(reply)
+            self._line.send(reply + self._end)
         else:
             self._set(command)
         self._protect()
@@ -193,6 +199,7 @@ def build(setup: PeerSetup) -> KoradKa3005p:
         article.identity.encode("latin-1", "replace"),
         output,
         setup.faults,
+        end=_ENDS[article.reply_end],
         command_ns=round(article.command_time * NANOSECONDS),
     )
 
