@@ -89,6 +89,19 @@ def test_bytes_make_it_safe_in_any_manner(name, manner):
         assert not found.on()
 
 
+@pytest.mark.parametrize(("terminator", "line_end"), [(b"\r", "cr"), (b"\r\n", "crlf"), (b"\n", "lf"), (b"", "crlf")])
+@pytest.mark.parametrize("name", ["keysight-e36300", "rigol-dp832"])
+def test_lines_end_as_the_bench_file_says(name, terminator, line_end):
+    """Both ways, and for the guardian; without a word a carriage return before the line feed does not count."""
+    with rig(SCPI[name], truth={"line_end": line_end}, terminator=terminator) as found:
+        SCPI[name].drive(found)
+        code = found.code(SCPI[name].proof)
+        assert {each.send[-len(terminator or b"\n") :] for each in (*code.resync, *code.off)} == {terminator or b"\n"}
+        assert not found.proven(code)
+        assert found.make_safe(code)
+        assert not found.on()
+
+
 @pytest.mark.parametrize("manner", ["carriage returns", "words", "units", "echo", "much at once"])
 @pytest.mark.parametrize("name", SCPI)
 def test_faults_in_any_manner_give_no_wrong_state(name, manner):

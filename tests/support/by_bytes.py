@@ -134,7 +134,7 @@ class Kind:
 
 
 @contextmanager
-def rig(kind, *, faults=(), truth=None, timeout=LONGEST_REPLY_S):
+def rig(kind, *, faults=(), truth=None, timeout=LONGEST_REPLY_S, terminator=b""):
     """Yield a `Rig` of that kind; the port was opened at 0 s."""
     built = []
 
@@ -152,6 +152,7 @@ def rig(kind, *, faults=(), truth=None, timeout=LONGEST_REPLY_S):
         connects=kind.connects,
         plants=plants,
         baud=kind.baud,
+        terminator=terminator,
         timeout=timeout,
     ) as (driver, clock):
         line = find_stream("sim://contract/device")

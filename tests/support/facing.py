@@ -39,6 +39,7 @@ def facing(
     address=0,
     transcript=None,
     timeout=LONGEST_REPLY_S,
+    terminator=b"",
 ):
     """Yield a driver whose connection ends at a peer of `model`, and the clock.
 
@@ -92,6 +93,7 @@ def facing(
                     device="device",
                     clock=clock,
                     clamps=Clamps(clamps or {}),
+                    terminator=terminator,
                     port=port,
                     bus=bus,
                     address=address,

@@ -94,6 +94,11 @@ class ScpiSession:
         self._discarded = 0
 
     @property
+    def terminator(self) -> bytes:
+        """What ends every line."""
+        return self._terminator
+
+    @property
     def timeout(self) -> float:
         """Longest wait for one reply [s]."""
         return self._timeout

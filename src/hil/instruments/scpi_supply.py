@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from hil.instruments import settings
-from hil.instruments.driver import OVER_VOLTAGE_LEVEL, Clamps, Connection, Outlet
+from hil.instruments.driver import OVER_VOLTAGE_LEVEL, TERMINATED, Clamps, Connection, Outlet
 from hil.instruments.marks import drives, reads
 from hil.instruments.pacing import PacedPort
 from hil.instruments.roles import SUPPLY
@@ -25,8 +25,7 @@ __all__ = ["ScpiOutput", "ScpiSupply"]
 
 _GAP_S = 0.02
 _IDENTIFY = "*IDN?"
-_IDENTIFICATION = rb"[^,;\n]+(?:,[^,;\n]*){3,%d}"
-_END = rb" *\r?\n"
+_IDENTIFICATION = rb"[^,;\r\n]+(?:,[^,;\r\n]*){3,%d}"
 _READ = {"voltage": as_quantity("V"), "current": as_quantity("A")}
 _MEASURED = {"voltage": NUMBER + b" *V?", "current": NUMBER + b" *A?"}
 
@@ -148,7 +147,7 @@ class ScpiOutput:
         for quantity, question in (("voltage", dialect.measure_voltage), ("current", dialect.measure_current)):
             if bounds := own_bounds(self._name, proof, quantity):
                 questions.append((self._filled(question), _MEASURED[quantity], bounds))
-        return _switched_off(dialect, self._filled(dialect.switch_off), tuple(questions), self._session.timeout)
+        return _switched_off(dialect, self._filled(dialect.switch_off), tuple(questions), self._session)
 
     def _must_be_rated(self, voltage: float, current: float) -> None:
         """Refuse what the model that was identified does not have or cannot give."""
@@ -228,7 +227,7 @@ class ScpiSupply:
     """
 
     roles: ClassVar[frozenset[str]] = frozenset({"supply"})
-    capabilities: ClassVar[frozenset[str]] = frozenset({OVER_VOLTAGE_LEVEL})
+    capabilities: ClassVar[frozenset[str]] = frozenset({OVER_VOLTAGE_LEVEL, TERMINATED})
     dialect: ClassVar[Dialect]
 
     def __init__(self, connection: Connection) -> None:
@@ -241,6 +240,7 @@ class ScpiSupply:
         self._session = session(
             connection.device,
             paced,
+            terminator=connection.terminator or b"\n",
             timeout=connection.timeout,
             error_query=dialect.error_query,
             framed=dialect.framed,
@@ -283,7 +283,7 @@ def _switched_off(
     dialect: Dialect,
     off: str,
     questions: tuple[tuple[str, bytes, tuple[float, float] | None], ...],
-    within_s: float,
+    session: ScpiSession,
 ) -> SafeBytes:
     """Return how an output is made safe by bytes alone.
 
@@ -300,37 +300,37 @@ def _switched_off(
         dialect: whether a question may stand in a line with `*IDN?`, and what the instrument needs between lines.
         off: the command.
         questions: what is asked, what the reply must be, and the bounds of the number in it, if there is one.
-        within_s: how long a reply may take [s].
+        session: says what ends a line, and how long a reply may take.
     """
-    quiet_s = _GAP_S + dialect.pause_s
+    quiet_s, within_s = _GAP_S + dialect.pause_s, session.timeout
+    begins, ends = (rb"(?:\A|\r)", rb" *\r") if session.terminator == b"\r" else (rb"(?:\A|\n)", rb" *\r?\n")
     identification = _IDENTIFICATION % (dialect.fields - 1)
+
+    def bytes_of(text: str) -> bytes:
+        return text.encode("ascii") + session.terminator
 
     def asked(question: str, reply: bytes, bounds: tuple[float, float] | None) -> Exchange:
         separator = "" if question.startswith(":") else ":"
         line = f"{_IDENTIFY};{separator}{question}" if dialect.framed else question
-        echo = rb"(?:" + re.escape(line.encode("ascii")) + _END + rb")?"
+        echo = rb"(?:" + re.escape(line.encode("ascii")) + ends + rb")?"
         frame = identification + rb"; *" if dialect.framed else rb" *"
         return Exchange(
-            send=_bytes_of(line),
-            expect=rb"\A" + echo + frame + rb"(?:" + reply + rb")" + _END,
+            send=bytes_of(line),
+            expect=rb"\A" + echo + frame + rb"(?:" + reply + rb")" + ends,
             within_s=within_s,
             quiet_s=quiet_s,
             between=bounds,
         )
 
     nothing_owed = Exchange(
-        send=_bytes_of(_IDENTIFY),
-        expect=rb"(?:\A|\n)" + identification + _END,
+        send=bytes_of(_IDENTIFY),
+        expect=begins + identification + ends,
         within_s=within_s,
         quiet_s=quiet_s,
     )
     return SafeBytes(
-        resync=(Exchange(send=_bytes_of(_IDENTIFY), quiet_s=quiet_s),),
-        off=(Exchange(send=_bytes_of(off), quiet_s=quiet_s),),
+        resync=(Exchange(send=bytes_of(_IDENTIFY), quiet_s=quiet_s),),
+        off=(Exchange(send=bytes_of(off), quiet_s=quiet_s),),
         proof=(nothing_owed, *(asked(*each) for each in questions)),
         owed_s=within_s,
     )
-
-
-def _bytes_of(text: str) -> bytes:
-    return text.encode("ascii") + b"\n"

@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 from typing import ClassVar
 
+from hil.instruments.driver import TERMINATED
 from hil.instruments.scpi_dialect import Dialect, Levels
 from hil.instruments.scpi_supply import ScpiSupply
 
@@ -73,5 +74,5 @@ SPD3303X = Dialect(
 class SiglentSpd3303x(ScpiSupply):
     """Driver `siglent-spd3303x`: role `supply` on channels 1 and 2."""
 
-    capabilities: ClassVar[frozenset[str]] = frozenset()
+    capabilities: ClassVar[frozenset[str]] = frozenset({TERMINATED})
     dialect: ClassVar[Dialect] = SPD3303X

@@ -11,7 +11,7 @@ from hil.model.notation import AnyText, Flag, one_of
 
 __all__ = ["CarriageReturns", "Manner"]
 
-_ENDS = {"lf": "\n", "crlf": "\r\n", "blank crlf": " \r\n"}
+_ENDS = {"lf": "\n", "cr": "\r", "crlf": "\r\n", "blank crlf": " \r\n"}
 _SWITCHES = {
     "": (),
     "digits": ("0", "1"),
@@ -38,7 +38,7 @@ class Manner:
     """What the truth of a simulated instrument says of its firmware; what it leaves out is as the manual has it.
 
     Attributes:
-        line_end: of what it sends: `lf`, `crlf`, or `blank crlf`.
+        line_end: of what it sends: `lf`, `crlf`, `blank crlf`, or `cr`, which then ends what it receives, too.
         switches: how it says on and off.
         numbers: how it writes volts and amperes.
         no_error: what it says of an empty error queue.

@@ -80,6 +80,8 @@ class ScpiSupply(Stateful):
 
     def receive(self, data: bytes) -> None:
         """Collect bytes into lines; where lines need a pause, one that comes too early is lost."""
+        if self._end == "\r":
+            data = data.replace(b"\r", b"\n")
         *lines, self._inbox = (self._inbox + data).split(b"\n")
         if len(self._inbox) > _LONGEST_LINE:
             self._inbox = b""
