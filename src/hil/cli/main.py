@@ -24,7 +24,7 @@ COMMANDS: Mapping[str, str] = {
     "analyse": "Characterise an existing log.",
     "answer": "Answer a question that a run has asked.",
     "attach": "Attach a file to a run in progress.",
-    "bench": "Check a bench, or make it safe.",
+    "bench": "Check a bench, make it safe, or set up its computer.",
     "export": "Export the recordings of a package as CSV or MATLAB files.",
     "hold": "Hold a run in progress, or release it.",
     "note": "Add a note to a run in progress.",

@@ -1,7 +1,8 @@
-"""`hil bench`: check a bench, or make it safe."""
+"""`hil bench`: check a bench, make it safe, or set up its computer."""
 
 from __future__ import annotations
 
+import sys
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,7 +24,7 @@ _SOURCES = click.Choice([Source.HARDWARE.value, Source.SIMULATED.value])
 
 @click.group(name="bench")
 def command() -> None:
-    """Check a bench, or make it safe."""
+    """Check a bench, make it safe, or set up its computer."""
 
 
 @command.command(epilog="Example: hil bench check adcs --source simulated")
@@ -79,3 +80,30 @@ def _say(line: str) -> None:
 def _tell_beside(who: str) -> None:
     click.echo(f"hil: {who}", err=True)
     click.echo("     making it safe anyway; a network instrument may answer only that process", err=True)
+
+
+@command.command(epilog="Example: hil bench setup adcs --print udev | sudo tee /etc/udev/rules.d/70-hil-adcs.rules")
+@click.argument("name")
+@click.option(
+    "--print",
+    "kind",
+    type=click.Choice(["udev", "polkit", "systemd", "tmpfiles"]),
+    required=True,
+    help="udev: names and permissions of its devices; polkit: holding off sleep; systemd: a run that goes on after a"
+    " logout; tmpfiles: the folder of latches.",
+)
+@click.option("--group", default="dialout", show_default=True, help="Who may use the bench.")
+def setup(name: str, kind: str, group: str) -> int:
+    """Print what the computer at a bench needs from its administrator, derived from the bench file.
+
+    Nothing is changed. The first lines of each text say where it belongs.
+    """
+    from hil.bench.file.reading import load_bench  # noqa: PLC0415 - heavy
+    from hil.bench.host_setup import Host, setup_text  # noqa: PLC0415 - heavy
+    from hil.executive.setup.workspace import find_workspace  # noqa: PLC0415 - heavy
+
+    workspace = find_workspace(Path.cwd())
+    spec = load_bench(workspace.benches, name, workspace.root, driven=False)
+    host = Host(group=group, workspace=workspace.root, program=Path(sys.executable).with_name("hil"))
+    click.echo(setup_text(kind, spec, host), nl=False)
+    return 0
