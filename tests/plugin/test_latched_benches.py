@@ -24,7 +24,7 @@ def test_ratio(check, field):
 @pytest.fixture
 def workspace(tmp_path, monkeypatch):
     """Return a workspace with a plan, on a machine without latches."""
-    monkeypatch.setattr("hil.bench.lease.FOLDER", tmp_path / "latches")
+    monkeypatch.setattr("hil.guardian.latch.PLACES", (tmp_path / "latches",))
     return make(tmp_path / "workspace", CASE)
 
 

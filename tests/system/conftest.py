@@ -21,8 +21,7 @@ def latches(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patched:
         patched.setenv("HIL_TESTS_LATCHES", str(folder))
         patched.setenv("PYTHONPATH", str(OWN_LATCHES), prepend=os.pathsep)
-        for module in ("hil.guardian.latch", "hil.bench.lease"):
-            patched.setattr(f"{module}.FOLDER", folder)
+        patched.setattr("hil.guardian.latch.PLACES", (folder,))
         yield folder
 
 

@@ -245,7 +245,7 @@ def test_another_run_on_the_same_bench_is_refused(tmp_path):
     workspace, process = started(tmp_path)
     second = finish(workspace.start_run())
     assert second.code == 4
-    assert f"is held by a run of small (process {executive(process)})" in second.err
+    assert f"is held by a run of small (process {executive(process)} of user " in second.err
     assert len(workspace.folders()) == 1
     kill(process)
     finish(process)

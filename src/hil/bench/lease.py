@@ -2,103 +2,185 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
-import hashlib
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from hil.clock import wall
-from hil.guardian.latch import FOLDER, Latch, clear, path_of, read, write
+from hil.guardian.latch import Latch, clear, latch_files, may_clear, path_of, read, write, write_whole
 from hil.model.errors import Refused
+from hil.wire.held_names import Holder, hold_name, holder_of, names_held, short, user_name
 
 __all__ = [
     "Lease",
     "ack_line",
     "clear_latches_of",
     "holds_a_lease",
+    "keep_latched",
     "latch_bench",
     "latch_unsafe_end",
     "latches_of",
     "refuse_latched",
+    "require_clearable",
 ]
 
-_FOLDER = Path("/tmp/hil-leases")  # noqa: S108 - the same for every user, whatever TMPDIR says; see _open and _share
+_FOLDER = Path("/tmp/hil-leases")  # noqa: S108 - the same for every user, whatever TMPDIR says; see _note_of and _share
+_MOST_BYTES = 4096
 
 
 class Lease:
     """Holds instruments for one run, until released or until its process ends, however that happens.
 
-    The operating system's file locks do the work, so that a dead process blocks nobody.
+    The kernel keeps what is held, so nobody can take it away, no file's age matters, and a dead process blocks nobody.
+    A file beside says who holds it and since when; without it, what the kernel knows is told.
 
     Args:
         keys: what is held, such as the port of an instrument or the folder of a simulated bench.
         holder: who holds it, for the message that another executive gets.
-        folder: where the lock files live; the same for every user of the host.
+        folder: where the notes are; leases with notes in different folders do not know each other.
+
+    Raises:
+        Refused: if somebody else holds one of them.
     """
 
     def __init__(self, keys: Sequence[str], holder: str, folder: Path | None = None) -> None:
         self._folder = folder or _FOLDER
-        self._files: list[int] = []
+        self._held: list[int] = []
+        self._keys = sorted(set(keys))
         self._note = {"holder": holder, "pid": os.getpid(), "since": wall.utc_now(), "run": ""}
         try:
-            _share(self._folder)
-            for key in sorted(set(keys)):
+            for key in self._keys:
                 self._take(key)
-        except Refused:
+        except BaseException:
             self.release()
             raise
-        except OSError as error:
-            self.release()
-            raise Refused(
-                f"leases in {self._folder} cannot be taken: {error.strerror}", "check who owns it, and its permissions"
-            ) from error
+        self._publish()
 
     @property
     def descriptors(self) -> list[int]:
-        """The open files; a lease is held as long as any process has its file open."""
-        return list(self._files)
+        """What is held; it is held as long as any process has its descriptor open."""
+        return list(self._held)
 
     def name(self, run: str) -> None:
         """Publish the name of the run, once it has one."""
         self._note["run"] = run
-        for file in self._files:
-            self._write(file)
+        with suppress(OSError):  # a guardian that is about to end may still have it
+            self._held.append(hold_name(_name_of_run(run, self._folder)))
+        self._publish()
 
     def release(self) -> None:
         """Release everything; releasing twice is harmless."""
-        while self._files:
-            os.close(self._files.pop())
+        while self._held:
+            os.close(self._held.pop())
 
     def _take(self, key: str) -> None:
-        path = self._folder / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.lease"
-        file = _open(path)
-        self._files.append(file)
+        _require_not_locked(key, self._folder)
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise _held(key, file) from None
-        self._write(file)
+            self._held.append(hold_name(_name(key, self._folder)))
+        except OSError as error:
+            if error.errno == errno.EADDRINUSE:
+                raise _held(key, self._folder) from None
+            hint = "see whether this process may open sockets, and how many files"
+            raise Refused(f"the lease of {key} cannot be taken: {error.strerror}", hint) from error
 
-    def _write(self, file: int) -> None:
-        os.ftruncate(file, 0)
-        os.pwrite(file, json.dumps(self._note).encode(), 0)
+    def _publish(self) -> None:
+        """Write down who holds what, readable for every user; it is told to people, and nothing depends on it."""
+        with suppress(OSError):
+            _share(self._folder)
+        for key in self._keys:
+            with suppress(OSError):
+                write_whole(_note_of(key, self._folder), json.dumps(self._note).encode(), 0o644)
 
 
 def holds_a_lease(run: str, folder: Path | None = None) -> bool:
     """Return whether any process still holds what a run, given by its name, had leased: its own, or its guardian."""
     place = folder or _FOLDER
-    return any(_is_held(path, run) for path in (place.glob("*.lease") if place.is_dir() else ()))
+    name = _name_of_run(run, place)
+    if name in names_held(name) or holder_of(name) is not None:
+        return True
+    return any(_is_locked(path, run) for path in (place.glob("*.lease") if place.is_dir() else ()))
 
 
-def _is_held(path: Path, run: str) -> bool:
+def _name(key: str, folder: Path) -> str:
+    return f"lease-{short(f'{folder}:{key}')}"
+
+
+def _name_of_run(run: str, folder: Path) -> str:
+    return f"run-{short(f'{folder}:{Path(run).name}')}"
+
+
+def _note_of(key: str, folder: Path, uid: int | None = None) -> Path:
+    """Return where a user notes what it holds: nobody else can write there."""
+    return folder / f"{short(key)}-{os.geteuid() if uid is None else uid}.note"
+
+
+def _share(folder: Path) -> None:
+    """Make the folder so that every user can write notes in it, whatever this one's umask is."""
     try:
-        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+        folder.mkdir(parents=True)
+    except FileExistsError:
+        return
+    folder.chmod(0o1777)
+
+
+def _held(key: str, folder: Path) -> Refused:
+    """Return the refusal that says who holds the lease, since when, and what to do."""
+    holder = holder_of(_name(key, folder))
+    if holder is None:
+        return _refusal(key, {})
+    note = _read_note(_note_of(key, folder, holder.uid), holder)
+    ended = "" if holder.lives else ", which has ended: its guardian is still at work"
+    return _refusal(key, note, f"process {holder.pid} of user {holder.user}{ended}")
+
+
+def _read_note(path: Path, holder: Holder) -> Mapping[str, object]:
+    """Return what the holder noted; what somebody else wrote, or an earlier process, is not told."""
+    try:
+        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+        try:
+            note = json.loads(os.pread(file, _MOST_BYTES, 0)) if os.fstat(file).st_uid == holder.uid else {}
+        finally:
+            os.close(file)
+    except (OSError, ValueError):
+        return {}
+    return note if isinstance(note, dict) and note.get("pid") == holder.pid else {}
+
+
+def _refusal(key: str, note: Mapping[str, object], process: str = "") -> Refused:
+    who, since, run = (str(note.get(name, "")) for name in ("holder", "since", "run"))
+    if not who:
+        by = f" ({process})" if process else ""
+        return Refused(f"{key} is held by another run{by}", "wait for it to end, or stop it: 'hil runs' shows its name")
+    told = f"{key} is held by {who} ({process or 'process ' + str(note.get('pid'))}) since {since}"
+    if not run:
+        return Refused(told, "wait for it to end")
+    return Refused(
+        f"{told}, as {run}", f"wait for it to end, see it with 'hil status {run}', or end it with 'hil stop {run}'"
+    )
+
+
+def _require_not_locked(key: str, folder: Path) -> None:
+    """Require that no run of an earlier version holds a key: those lock a file each."""
+    path = folder / f"{short(key)}.lease"
+    if _is_locked(path):
+        try:
+            note = json.loads(path.read_bytes())
+        except (OSError, ValueError):
+            note = {}
+        raise _refusal(key, note if isinstance(note, dict) else {})
+
+
+def _is_locked(path: Path, run: str = "") -> bool:
+    try:
+        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
     except OSError:
         return False
     try:
-        if json.loads(os.pread(file, 4096, 0))["run"] != run:
+        if run and json.loads(os.pread(file, _MOST_BYTES, 0))["run"] != run:
             return False
         fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -108,45 +190,6 @@ def _is_held(path: Path, run: str) -> bool:
     finally:
         os.close(file)
     return False
-
-
-def _share(folder: Path) -> None:
-    """Make the folder so that every user can take leases in it, whatever this one's umask is."""
-    try:
-        folder.mkdir(parents=True)
-    except FileExistsError:
-        return
-    folder.chmod(0o1777)
-
-
-def _open(path: Path) -> int:
-    """Open a lease's file for every user.
-
-    In a folder that everybody can write to, the kernel opens another user's file only where nobody asks
-    to create it (`fs.protected_regular`).
-    """
-    flags = os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW
-    try:
-        return os.open(path, flags)
-    except FileNotFoundError:
-        file = os.open(path, flags | os.O_CREAT)
-    os.fchmod(file, 0o666)
-    return file
-
-
-def _held(key: str, file: int) -> Refused:
-    """Return the refusal that says who holds the lease, since when, and what to do."""
-    try:
-        note = json.loads(os.pread(file, 4096, 0))
-        holder, since, run = f"{note['holder']} (process {note['pid']})", note["since"], note["run"]
-    except (ValueError, KeyError, TypeError):
-        return Refused(f"{key} is held by another run", "wait for it to end, or stop it: 'hil runs' shows its name")
-    if not run:
-        return Refused(f"{key} is held by {holder} since {since}", "wait for it to end")
-    return Refused(
-        f"{key} is held by {holder} since {since}, as {run}",
-        f"wait for it to end, see it with 'hil status {run}', or end it with 'hil stop {run}'",
-    )
 
 
 def refuse_latched(leases: Sequence[str], folder: Path | None = None) -> None:
@@ -159,31 +202,52 @@ def refuse_latched(leases: Sequence[str], folder: Path | None = None) -> None:
     Raises:
         Refused: with who latched it, when, why, and which outputs it is about.
     """
-    for lease in sorted(set(leases)):
-        path = path_of(lease, folder or FOLDER)
+    for path in (path for lease in sorted(set(leases)) for path in latch_files(lease, folder)):
         latch = read(path)
         if latch is not None and not latch.run:
             raise Refused(f"the bench is latched: {latch.why}", f"check the bench, then remove {path}")
         if latch is not None:
             outputs = f"; not proven safe: {', '.join(latch.outputs)}" if latch.outputs else ""
             raise Refused(
-                f"bench '{latch.bench}' is latched since {latch.since} by {latch.run}: {latch.why}{outputs}",
+                f"bench '{latch.bench}' is latched since {latch.since} by {latch.run}{_of_user(path)}:"
+                f" {latch.why}{outputs}",
                 f"check the bench, then: {ack_line(latch.run)}",
             )
 
 
-def latch_bench(leases: Sequence[str], latch: Latch, folder: Path | None = None) -> None:
+def latch_bench(leases: Sequence[str], latch: Latch, folder: Path | None = None, *, alone: bool = False) -> None:
     """Latch all that a run holds, such as one that could not prove its bench safe.
+
+    Args:
+        leases: what the run holds alone.
+        latch: what is written down.
+        folder: where latches are, those of this machine where None.
+        alone: whether only this user and root can remove the latches.
 
     Raises:
         Refused: if the folder of latches is not as it has to be.
         OSError: if a latch cannot be written.
     """
     for lease in sorted(set(leases)):
-        write(path_of(lease, folder or FOLDER), latch)
+        write(path_of(lease, folder), latch, alone=alone)
 
 
-def latch_unsafe_end(leases: Sequence[str], *, bench: str, run: Path, why: str, folder: Path | None = None) -> None:
+def keep_latched(leases: Sequence[str], latch: Latch, folder: Path | None = None, *, alone: bool = False) -> None:
+    """Renew the latches of an armed bench, and write those again that somebody has removed; see `latch_bench`.
+
+    A program that removes what nobody has used for some weeks finds them fresh.
+    """
+    for lease in sorted(set(leases)):
+        path = path_of(lease, folder)
+        if read(path) is None:
+            write(path, latch, alone=alone)
+        else:
+            os.utime(path, follow_symlinks=False)
+
+
+def latch_unsafe_end(
+    leases: Sequence[str], *, bench: str, run: Path, why: str, folder: Path | None = None, alone: bool = False
+) -> None:
     """Latch what a run held that could not prove its bench safe; a latch that its guardian wrote stays as it is.
 
     Args:
@@ -192,17 +256,35 @@ def latch_unsafe_end(leases: Sequence[str], *, bench: str, run: Path, why: str, 
         run: the run's folder.
         why: what was not safe.
         folder: where latches are, those of this machine where None.
+        alone: whether only this user and root can remove the latches.
 
     Raises:
         Refused, OSError: as `latch_bench`.
     """
-    open_still = [lease for lease in leases if read(path_of(lease, folder or FOLDER)) is None]
-    latch_bench(open_still, Latch(bench=bench, run=str(run), why=why, since=wall.utc_now(), outputs=()), folder)
+    open_still = [lease for lease in leases if all(read(path) is None for path in latch_files(lease, folder))]
+    told = Latch(bench=bench, run=str(run), why=why, since=wall.utc_now(), outputs=())
+    latch_bench(open_still, told, folder, alone=alone)
 
 
 def latches_of(run: str, folder: Path | None = None) -> dict[Path, Latch]:
     """Return the latches that a run, given by its path or name, has left, by their files."""
-    return {path: latch for path, latch in _all(folder or FOLDER) if Path(latch.run).name == Path(run).name}
+    found = ((path, read(path)) for path in latch_files(None, folder))
+    return {path: latch for path, latch in found if latch and latch.run and Path(latch.run).name == Path(run).name}
+
+
+def require_clearable(latches: Mapping[Path, Latch]) -> None:
+    """Require that this user may remove latches, before anything is written down.
+
+    Raises:
+        Refused: with whom to ask.
+    """
+    for path, latch in latches.items():
+        if not may_clear(path):
+            owner = user_name(path.lstat().st_uid)
+            raise Refused(
+                f"bench '{latch.bench}' was latched by user {owner}, and its file does not let others acknowledge that",
+                f"ask {owner}" if owner == "root" else f"ask {owner}, or root",
+            )
 
 
 def clear_latches_of(run: str, folder: Path | None = None) -> tuple[Latch, ...]:
@@ -222,8 +304,9 @@ def ack_line(run: str) -> str:
     return f'hil ack {run} --by NAME --text "what was seen and done"'
 
 
-def _all(folder: Path) -> Iterator[tuple[Path, Latch]]:
-    for path in sorted(folder.glob("*.latch")) if folder.is_dir() else ():
-        latch = read(path)
-        if latch is not None and latch.run:
-            yield path, latch
+def _of_user(path: Path) -> str:
+    """Return whose latch it is, where it is somebody else's."""
+    with suppress(OSError):
+        uid = path.lstat().st_uid
+        return "" if uid == os.geteuid() else f" of user {user_name(uid)}"
+    return ""

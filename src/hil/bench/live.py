@@ -18,6 +18,7 @@ from hil.model.bench import BenchSpec
 from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
 from hil.wire.exchange import Brake, Braked, Unreachable, publish_bus, publish_stream
+from hil.wire.keys import keys_of, keys_of_served
 from hil.wire.opening import PortKind, hardware_bus, kind_of
 from hil.wire.replay import Playback
 from hil.wire.transcript import Transcript
@@ -48,10 +49,11 @@ class Reach:
 
     @property
     def leases(self) -> list[str]:
-        """What only one run may hold at a time."""
+        """What only one run may hold at a time: the keys of all instruments, however a file names them."""
         if self.served is not None:
-            return [f"served bench {self.served.resolve()}"]
-        return [*self.ports.values(), *self.buses.values()]
+            return list(keys_of_served(self.served))
+        ends = [*self.ports.values(), *self.buses.values()]
+        return list(dict.fromkeys(key for end in ends for key in keys_of(end)))
 
 
 def reach_of_hardware(spec: BenchSpec) -> Reach:

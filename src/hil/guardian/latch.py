@@ -1,7 +1,11 @@
 """Latches: files that keep a bench from being used until a named person has looked at it.
 
-They survive a reboot, and are shared by all users of the host, as leases are. A file in a latch's
+They survive a reboot, and every user of the host finds them. Each user writes files of its own. A file in a latch's
 place that cannot be read as one counts as a latch: in doubt, look at the bench.
+
+Nothing ages below /var/lib, where the administrator has to make the folder. Until then they lie below /var/tmp, where
+systemd-tmpfiles removes what is older than 30 days. It passes by files with the sticky bit (`dir_cleanup` in its
+tmpfiles.c), which all latches have; against other programs a run renews those of its bench.
 """
 
 from __future__ import annotations
@@ -17,9 +21,11 @@ from pathlib import Path
 
 from hil.model.errors import Refused
 
-__all__ = ["FOLDER", "Latch", "clear", "path_of", "read", "share", "write"]
+__all__ = ["PLACES", "Latch", "clear", "latch_files", "may_clear", "path_of", "read", "share", "write", "write_whole"]
 
-FOLDER = Path("/var/tmp/hil-latches")  # noqa: S108 - the same for every user, and kept over a reboot
+PLACES = (Path("/var/lib/hil/latches"), Path("/var/tmp/hil-latches"))  # noqa: S108 - the same for every user
+"""Latches are written in the first that is there, or in the last, and found in all."""
+
 _MOST_BYTES = 65_536
 _FLAGS = os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
 
@@ -44,8 +50,43 @@ class Latch:
 
 
 def path_of(key: str, folder: Path | None = None) -> Path:
-    """Return the path of an instrument's latch, by the key of its lease; in `FOLDER` unless another is named."""
-    return (folder or FOLDER) / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.latch"
+    """Return where this user latches an instrument, by the key of its lease; in `PLACES` unless a folder is named."""
+    place = folder or next((each for each in PLACES[:-1] if _takes_files(each)), PLACES[-1])
+    return place / f"{_digest(key)}-{os.geteuid()}.latch"
+
+
+def latch_files(key: str | None = None, folder: Path | None = None) -> list[Path]:
+    """Return the files that may latch an instrument, whoever wrote them; all there are where no key is given.
+
+    A folder that cannot be read stands for one of them.
+    """
+    found: list[Path] = []
+    for place in dict.fromkeys([folder] if folder else PLACES):
+        try:
+            names = sorted(entry.name for entry in os.scandir(place))
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        except OSError:
+            found.append(place)
+            continue
+        ours = (name for name in names if name.endswith(".latch"))
+        # Earlier versions had one file for all users, whose name ends after the key.
+        found += [place / each for each in ours if key is None or each[:-6].partition("-")[0] == _digest(key)]
+    return found
+
+
+def _digest(key: str) -> str:
+    return hashlib.sha256(key.encode()).hexdigest()[:24]
+
+
+def _takes_files(folder: Path) -> bool:
+    with suppress(OSError):
+        return stat.S_ISDIR(folder.lstat().st_mode) and _may(folder, os.W_OK | os.X_OK)
+    return False
+
+
+def _may(path: Path, what: int) -> bool:
+    return os.access(path, what, effective_ids=os.access in os.supports_effective_ids)
 
 
 def share(folder: Path) -> None:
@@ -60,7 +101,7 @@ def share(folder: Path) -> None:
             folder.chmod(0o1777)
         if not stat.S_ISDIR(folder.lstat().st_mode):
             raise NotADirectoryError(errno.ENOTDIR, "it is not a folder")
-        if not os.access(folder, os.W_OK | os.X_OK):
+        if not _may(folder, os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, "it is not writable")
     except OSError as error:
         raise Refused(
@@ -68,23 +109,46 @@ def share(folder: Path) -> None:
         ) from error
 
 
-def write(path: Path, latch: Latch) -> None:
+def write(path: Path, latch: Latch, *, alone: bool = False) -> None:
     """Write a latch, on disk before this returns. One that is there already is replaced.
+
+    Args:
+        path: where it is.
+        latch: what is written down.
+        alone: whether only this user and root can clear it; of a latch that is there already that stays as it is.
 
     Raises:
         Refused: if the folder cannot be used.
         OSError: if it cannot be written.
     """
     share(path.parent)
+    write_whole(path, json.dumps(asdict(latch)).encode(), 0o644 if alone else 0o666)
+    _sync(path.parent)
+
+
+def write_whole(path: Path, data: bytes, mode: int) -> None:
+    """Write a file that is this user's in a folder for all, on disk before this returns; a link is not followed.
+
+    Args:
+        path: where it is.
+        data: all that is in it then.
+        mode: of a file that is new, or was empty; the sticky bit is added, so that it does not age.
+
+    Raises:
+        OSError: if it cannot be written.
+    """
     file = _opened_to_write(path)
     try:
-        data = json.dumps(asdict(latch)).encode()
+        status = os.fstat(file)
+        if status.st_uid != os.geteuid():
+            raise PermissionError(errno.EPERM, "it belongs to another user", str(path))
+        if not status.st_size:
+            os.fchmod(file, mode | stat.S_ISVTX)
         os.pwrite(file, data, 0)
         os.ftruncate(file, len(data))  # after the write, so that the file is never empty
         os.fsync(file)
     finally:
         os.close(file)
-    _sync(path.parent)
 
 
 def read(path: Path) -> Latch | None:
@@ -127,6 +191,15 @@ def clear(path: Path) -> None:
         raise _stays(path, "it belongs to another user")
 
 
+def may_clear(path: Path) -> bool:
+    """Return whether this user can clear a latch; one that is gone is in nobody's way."""
+    try:
+        mine = path.lstat().st_uid == os.geteuid()
+    except OSError:
+        return True
+    return mine or _may(path, os.W_OK)
+
+
 def _stays(path: Path, why: str) -> Refused:
     return Refused(f"cannot remove the latch {path}: {why}", "ask its owner, or remove it as root")
 
@@ -145,8 +218,7 @@ def _opened_to_write(path: Path) -> int:
     try:
         file = os.open(path, os.O_RDWR | _FLAGS)
     except FileNotFoundError:
-        file = os.open(path, os.O_RDWR | os.O_CREAT | _FLAGS)
-        os.fchmod(file, 0o666)
+        file = os.open(path, os.O_RDWR | os.O_CREAT | _FLAGS, 0o600)
     if not stat.S_ISREG(os.fstat(file).st_mode):
         os.close(file)
         raise OSError(errno.EINVAL, "the latch's path is not a file", str(path))

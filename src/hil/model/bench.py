@@ -307,12 +307,18 @@ class SimulatedBench:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchHead:
-    """What a bench is called, where it stands, and the dew point of its air in degC, None if nobody knows it."""
+    """What a bench is called, where it stands, and who may acknowledge what happened to it.
+
+    Attributes:
+        dew_point: of its air in degC, None if nobody knows it.
+        acknowledge: `anyone`, or `owner`: only the user whose run it was, and root.
+    """
 
     name: Annotated[str, matching("[a-z][a-z0-9-]*")]
     title: Text
     place: AnyText = ""
     dew_point: Number | None = None
+    acknowledge: Annotated[str, matching("anyone|owner")] = "anyone"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

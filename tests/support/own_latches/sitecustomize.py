@@ -28,7 +28,7 @@ class _Moved:
 
         def moved(module):
             load(module)
-            module.FOLDER = Path(os.environ["HIL_TESTS_LATCHES"])
+            module.PLACES = (Path(os.environ["HIL_TESTS_LATCHES"]),)
 
         spec.loader.exec_module = moved
         return spec

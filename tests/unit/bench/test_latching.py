@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import stat
+import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from tmpfiles import another_user, as_root, folder_for_all, make_old
 
-from hil.bench.lease import clear_latches_of, latch_bench, latch_unsafe_end, latches_of, refuse_latched
+from hil.bench.lease import clear_latches_of, keep_latched, latch_bench, latch_unsafe_end, latches_of, refuse_latched
 from hil.guardian.latch import Latch, path_of
 from hil.model.errors import Refused
 
@@ -62,3 +66,24 @@ def test_an_unsafe_end_latches_what_the_guardian_has_not(tmp_path):
     found = latches_of(LATCH.run, tmp_path)
     assert found[path_of("a", tmp_path)] == LATCH
     assert (found[path_of("b", tmp_path)].why, found[path_of("b", tmp_path)].run) == ("not proven", LATCH.run)
+
+
+def test_an_armed_bench_stays_latched_whatever_happens_to_the_files(tmp_path):
+    """What is there becomes as if just written and keeps what a guardian wrote; what is gone is written again."""
+    latch_bench(["a"], LATCH, tmp_path)
+    make_old(tmp_path, days=60)
+    armed = replace(LATCH, why="it was armed")
+    keep_latched(["a", "b"], armed, tmp_path, alone=True)
+    found = latches_of(LATCH.run, tmp_path)
+    assert found == {path_of("a", tmp_path): LATCH, path_of("b", tmp_path): armed}
+    assert all(time.time() - path.stat().st_mtime < 60 for path in found)
+    assert stat.S_IMODE(path_of("b", tmp_path).stat().st_mode) == 0o1644
+
+
+@as_root
+def test_another_user_is_told_whose_latch_it_is():
+    """Who drives next asks that user what happened."""
+    with folder_for_all() as place:
+        latch_bench(["a"], LATCH, place / "latches")
+        with another_user(), pytest.raises(Refused, match=f"by {LATCH.run} of user root: the executive died"):
+            refuse_latched(["a"], place / "latches")

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import fcntl
+import getpass
+import hashlib
+import json
 import os
+import shutil
 import stat
 import subprocess
 import sys
 
 import pytest
+from tmpfiles import NOBODY, another_user, as_root, clean, folder_for_all, make_old
 
-from hil.bench.lease import Lease
+from hil.bench.lease import Lease, holds_a_lease
 from hil.model.errors import Refused
 
 HOLD = """
@@ -25,7 +31,7 @@ sys.stdin.read()
 def test_second_holder_is_told_who_the_first_is(tmp_path):
     """The refusal names key, run, process and since when, and what to do; the run once it has a name."""
     first = Lease(["psu1", "mag1"], "a run of magnetorquer", tmp_path)
-    who = rf"a run of magnetorquer \(process {os.getpid()}\)"
+    who = rf"a run of magnetorquer \(process {os.getpid()} of user {getpass.getuser()}\)"
     since = r"since \d{4}-\d\d-\d\dT\d\d:\d\d:\d\d"
     with pytest.raises(Refused, match=rf"mag1 is held by {who} {since}.*; wait for it to end$"):
         Lease(["mag1"], "a run of jig", tmp_path)
@@ -68,7 +74,7 @@ def test_killed_process_blocks_nobody(tmp_path):
     )
     with process:
         assert process.stdout.readline() == "held\n"
-        with pytest.raises(Refused, match=rf"held by a run of jig \(process {process.pid}\)"):
+        with pytest.raises(Refused, match=rf"held by a run of jig \(process {process.pid} of user .*\)"):
             Lease(["psu1"], "another", tmp_path)
         process.kill()
         process.wait()
@@ -85,8 +91,8 @@ def test_note_that_nobody_can_read_does_not_hide_the_refusal(tmp_path):
     first.release()
 
 
-def test_leases_are_for_every_user_of_the_host(tmp_path):
-    """Folder and files can be opened by others, whatever the umask was."""
+def test_notes_are_for_every_user_of_the_host(tmp_path):
+    """Others can read them and write their own beside, whatever the umask was, and cannot change them."""
     folder = tmp_path / "leases"
     before = os.umask(0o077)
     try:
@@ -95,18 +101,119 @@ def test_leases_are_for_every_user_of_the_host(tmp_path):
         os.umask(before)
     (file,) = folder.iterdir()
     assert stat.S_IMODE(folder.stat().st_mode) == 0o1777
-    assert stat.S_IMODE(file.stat().st_mode) == 0o666
+    assert stat.S_IMODE(file.stat().st_mode) == 0o1644
     lease.release()
 
 
-def test_folder_that_cannot_hold_leases_is_refused(tmp_path):
-    """A file in its place is a sentence, not a traceback; and a link is not followed."""
-    (tmp_path / "file").write_text("", encoding="utf-8")
-    with pytest.raises(Refused, match="leases in .*file cannot be taken: Not a directory; check who owns it"):
-        Lease(["psu1"], "a run", tmp_path / "file")
-    Lease(["psu1"], "a run", tmp_path / "leases").release()
-    (file,) = (tmp_path / "leases").iterdir()
-    file.unlink()
-    file.symlink_to(tmp_path / "file")
-    with pytest.raises(Refused, match="cannot be taken"):
-        Lease(["psu1"], "a run", tmp_path / "leases")
+@pytest.mark.parametrize("kind", ["a file", "a link"])
+def test_a_lease_needs_no_note(tmp_path, kind):
+    """Where notes cannot be written, the kernel keeps out others all the same; and a link is not followed."""
+    folder, victim = tmp_path / "leases", tmp_path / "victim"
+    victim.touch()
+    if kind == "a file":
+        folder.write_text("", encoding="utf-8")
+    else:
+        Lease(["psu1"], "a run", folder).release()
+        (file,) = folder.iterdir()
+        file.unlink()
+        file.symlink_to(victim)
+    lease = Lease(["psu1"], "a run", folder)
+    with pytest.raises(Refused, match=rf"psu1 is held by another run \(process {os.getpid()} of user"):
+        Lease(["psu1"], "another", folder)
+    assert victim.read_bytes() == b""
+    lease.release()
+
+
+def test_no_removed_file_gives_a_lease_away(tmp_path):
+    """While the holder lives a second one is refused, whatever becomes of the files; the kernel says who holds it."""
+    folder = tmp_path / "leases"
+    lease = Lease(["psu1"], "a run", folder)
+    lease.name("20260101T080000Z-adcs-SN1-ab12")
+    shutil.rmtree(folder)
+    who = rf"psu1 is held by another run \(process {os.getpid()} of user {getpass.getuser()}\); wait"
+    with pytest.raises(Refused, match=who):
+        Lease(["psu1"], "another", folder)
+    assert holds_a_lease("20260101T080000Z-adcs-SN1-ab12", folder)
+    lease.release()
+    assert not holds_a_lease("20260101T080000Z-adcs-SN1-ab12", folder)
+    Lease(["psu1"], "another", folder).release()
+
+
+def test_ageing_takes_no_lease_of_a_living_run(tmp_path):
+    """After 35 days the second run is refused, and who holds the bench is still told."""
+    folder = tmp_path / "leases"
+    lease = Lease(["psu1"], "a run of cycles", folder)
+    (folder / "other").touch()
+    make_old(tmp_path, days=35)
+    clean(tmp_path, days=10)
+    assert not (folder / "other").exists()
+    with pytest.raises(Refused, match="psu1 is held by a run of cycles"):
+        Lease(["psu1"], "another", folder)
+    lease.release()
+
+
+def test_a_guardian_holds_on_to_what_its_run_has_left(tmp_path):
+    """The lease is held by whoever has its descriptor; that the run itself is gone is told."""
+    hold = HOLD.replace("sys.stdin.read()", "import os\nif os.fork():\n    os._exit(0)\nsys.stdin.read()")
+    with subprocess.Popen(
+        [sys.executable, "-c", hold, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout.readline() == "held\n"
+        process.wait()
+        with pytest.raises(Refused, match=rf"a run of jig \(process {process.pid} .*, which has ended: its guardian"):
+            Lease(["psu1"], "another", tmp_path)
+        process.stdin.close()
+        process.stdout.read()  # ends with the child
+    Lease(["psu1"], "another", tmp_path).release()
+
+
+def test_a_lease_of_an_earlier_version_is_honoured(tmp_path):
+    """Those locked a file per key; a run of weeks may be among them."""
+    tmp_path.joinpath("leases").mkdir()
+    name = "20260101T080000Z-adcs-SN1-ab12"
+    note = {"holder": "a run of jig", "pid": 12, "since": "2026-01-01T08:00:00Z", "run": name}
+    path = tmp_path / "leases" / f"{hashlib.sha256(b'psu1').hexdigest()[:24]}.lease"
+    path.write_text(json.dumps(note))
+    with path.open("rb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        with pytest.raises(Refused, match=rf"psu1 is held by a run of jig \(process 12\) since 2026.*, as {name}"):
+            Lease(["psu1"], "another", tmp_path / "leases")
+        assert holds_a_lease(name, tmp_path / "leases")
+    assert not holds_a_lease(name, tmp_path / "leases")
+    Lease(["psu1"], "another", tmp_path / "leases").release()
+
+
+@as_root
+def test_another_user_is_told_who_holds_what_and_takes_it_afterwards():
+    """Name, process, since when, run and user; the note of one is in nobody's way."""
+    with folder_for_all() as place:
+        folder = place / "leases"
+        lease = Lease(["psu1"], "a run of jig", folder)
+        lease.name("20260101T080000Z-adcs-SN1-ab12")
+        who = rf"psu1 is held by a run of jig \(process {os.getpid()} of user root\) since 20.*Z, as 20260101T08"
+        with another_user(), pytest.raises(Refused, match=who):
+            Lease(["psu1"], "another", folder)
+        lease.release()
+        with another_user():
+            lease = Lease(["psu1"], "a run of nobody's", folder)
+        with pytest.raises(Refused, match=rf"held by a run of nobody's \(process {os.getpid()} of user nobody\)"):
+            Lease(["psu1"], "another", folder)
+        lease.release()
+
+
+@as_root
+def test_nobody_speaks_for_another_user():
+    """What is not the holder's own file is not told as its note, and is not written to."""
+    with folder_for_all() as place:
+        folder = place / "leases"
+        Lease(["psu1"], "a run", folder).release()
+        (note,) = folder.iterdir()
+        note.unlink()
+        note.write_text(json.dumps({"holder": "ask me first", "pid": os.getpid(), "since": "", "run": ""}))
+        os.chown(note, NOBODY, NOBODY)
+        note.chmod(0o666)
+        lease = Lease(["psu1"], "a run", folder)
+        with pytest.raises(Refused, match=r"psu1 is held by another run \(process"):
+            Lease(["psu1"], "another", folder)
+        assert "ask me first" in note.read_text()
+        lease.release()

@@ -7,6 +7,7 @@ import os
 
 import pytest
 from evidence_runs import begin, sealed_run
+from tmpfiles import NOBODY, another_user, as_root, folder_for_all
 from typed_events import event_of
 
 from hil.bench.lease import Lease, latch_bench, latches_of
@@ -27,7 +28,7 @@ TEXT = "cell warm, fuse F2 replaced"
 @pytest.fixture
 def reports(tmp_path, monkeypatch):
     """Be in a workspace with a run that the guardian ended, and one that was sealed with an unsafe end; both latch."""
-    monkeypatch.setattr("hil.bench.lease.FOLDER", tmp_path / "latches")
+    monkeypatch.setattr("hil.guardian.latch.PLACES", (tmp_path / "latches",))
     monkeypatch.setattr("hil.bench.lease._FOLDER", tmp_path / "leases")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "hil.toml").touch()
@@ -122,6 +123,34 @@ def test_nobody_acknowledges_what_still_goes_on(reports, capsys):
     lease.release()
     assert latches_of(SAFED)
     assert said(capsys, *wanted)[0] == 0
+
+
+@as_root
+@pytest.mark.parametrize("alone", [False, True])
+def test_another_user_acknowledges_where_the_bench_allows_it(reports, capsys, monkeypatch, alone):
+    """It is written down among that user's own reports; who may not is told whom to ask, and nothing is written."""
+    with folder_for_all() as place:
+        monkeypatch.setattr("hil.guardian.latch.PLACES", (place / "latches",))
+        monkeypatch.setattr("hil.bench.lease._FOLDER", place / "leases")
+        theirs = place / "theirs"
+        theirs.mkdir()
+        (theirs / "hil.toml").touch()
+        os.chown(theirs, NOBODY, NOBODY)
+        latch = Latch(bench="battery", run=str(reports / SAFED), why="it died", since=SINCE, outputs=("tec",))
+        latch_bench(["/dev/psu"], latch, alone=alone)
+        monkeypatch.chdir(theirs)
+        with another_user():
+            code, _, err = said(capsys, "ack", SAFED, "--by", "Bo", "--text", TEXT)
+        entries = list(theirs.glob("reports/.ledger/acknowledgements/*"))
+        if alone:
+            assert (code, entries) == (4, [])
+            assert "bench 'battery' was latched by user root, and its file does not let others acknowledge that" in err
+            assert "ask root" in err
+            assert latches_of(SAFED)
+        else:
+            assert (code, err) == (0, "")
+            assert [json.loads(entry.read_text())["by"] for entry in entries] == ["Bo"]
+            assert not latches_of(SAFED)
 
 
 @pytest.mark.usefixtures("reports")

@@ -15,7 +15,7 @@ from hil.report.page.incidents import Sentence
 @pytest.fixture
 def told(tmp_path, monkeypatch):
     """Return what is told of a run whose guardian wrote these facts, a second apart."""
-    monkeypatch.setattr("hil.bench.lease.FOLDER", tmp_path / "latches")
+    monkeypatch.setattr("hil.guardian.latch.PLACES", (tmp_path / "latches",))
 
     def tell(*facts):
         file = tmp_path / GUARDIAN

@@ -9,6 +9,7 @@ import pytest
 from hil.executive.ending.stop import StopFlags
 from hil.executive.watching import machine as guarding
 from hil.executive.watching.machine import Guarding
+from hil.model.bench import BenchHead
 
 
 class Watchful:
@@ -39,12 +40,12 @@ class Watchful:
 def test_a_guardian_that_watches_hears_of_the_run_also_where_no_latch_can_be_written(tmp_path, monkeypatch):
     """The bench is not armed then; but silence would let the guardian end the run amid its way to the safe state."""
     guardian, clock = Watchful(), SimpleNamespace(pulse=lambda: None, boot_s_of=float)
-    spec = SimpleNamespace(safe_off=(), rest=(), hold=())
+    spec = SimpleNamespace(head=BenchHead(name="battery", title="Cells"), safe_off=(), rest=(), hold=())
     plan = SimpleNamespace(bench="battery", outputs=(), hang_s=1.0)
     monkeypatch.setattr(guarding, "plan_of", lambda *_: plan)
     monkeypatch.setattr(guarding.Guardian, "start", lambda *_: guardian)
 
-    def full(*_):
+    def full(*_, **__):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(guarding, "latch_bench", full)
@@ -59,3 +60,30 @@ def test_a_guardian_that_watches_hears_of_the_run_also_where_no_latch_can_be_wri
         patched.setattr(guarding, "clear_latches_of", lambda _: ())
         assert guard.end(proven=True) == []
     assert guardian.told[-1] == "close"
+
+
+def test_the_latches_of_an_armed_bench_are_renewed_now_and_then(tmp_path, monkeypatch):
+    """Every ten minutes, with the heartbeat; not any more once the run lets go of the bench."""
+    guardian, clock = Watchful(), SimpleNamespace(pulse=lambda: None, boot_s_of=float)
+    spec = SimpleNamespace(head=BenchHead(name="battery", title="Cells"), safe_off=(), rest=(), hold=())
+    plan = SimpleNamespace(bench="battery", outputs=(), hang_s=1.0)
+    monkeypatch.setattr(guarding, "plan_of", lambda *_: plan)
+    monkeypatch.setattr(guarding.Guardian, "start", lambda *_: guardian)
+    monkeypatch.setattr("hil.guardian.latch.PLACES", (tmp_path / "latches",))
+    now = [0.0]
+    monkeypatch.setattr(guarding.wall, "monotonic", lambda: now[0])
+    guard = Guarding(
+        SimpleNamespace(spec=spec, descriptors={}), clock, StopFlags(), folder=tmp_path, leases=["psu1"], locks=[]
+    )
+    assert all(gate.ok for gate in guard.begin(SimpleNamespace(fresh_until_ns=None)))
+    (latch,) = (tmp_path / "latches").iterdir()
+    latch.unlink()
+    for now[0], there in ((599.0, False), (601.0, True)):
+        clock.pulse()
+        assert latch.exists() is there
+    latch.unlink()
+    guardian.disarm = lambda: ()
+    guard.end(proven=True)
+    now[0] = 2000.0
+    clock.pulse()
+    assert not latch.exists()

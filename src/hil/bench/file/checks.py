@@ -13,6 +13,7 @@ from hil.instruments.driver import ServesBus
 from hil.instruments.registry import DRIVERS, ROLES
 from hil.model.bench import BenchSpec, Bus, InstrumentSpec, Wire
 from hil.model.notation import Path
+from hil.wire.keys import keys_of
 from hil.wire.opening import NETWORK, url_of_resource, why_not_opened
 
 __all__ = ["check_bench"]
@@ -140,10 +141,12 @@ def _fed(spec: BenchSpec) -> Complaints:
 def _addresses(spec: BenchSpec) -> Complaints:
     seen: dict[str, InstrumentSpec] = {}
     for at, item in named(spec.instruments, "instruments"):
-        key = f"bus {item.bus}, address 0x{item.address:02X}" if item.bus else f"port {url_of_resource(item.port)}"
-        if key in seen and (item.bus or item.port):
-            yield at, f"{item.name} and {seen[key].name} are both at {key}"
-        seen.setdefault(key, item)
+        place = f"bus {item.bus}, address 0x{item.address:02X}" if item.bus else f"port {url_of_resource(item.port)}"
+        # Names of hosts are not looked up: a bench file means the same without a network.
+        keys = [place] if item.bus else keys_of(item.port, resolve=lambda _: ()) if item.port else []
+        if other := next((seen[key] for key in keys if key in seen), None):
+            yield at, f"{item.name} and {other.name} are both at {place}"
+        seen.update({key: item for key in keys if key not in seen})
     ports: dict[str, str] = {}
     for at, bus in named(spec.buses, "buses"):
         if bus.port and bus.port in ports:

@@ -103,8 +103,17 @@ def _run_or_latched(asked: str) -> Path:
         return find_run(asked)
     except Refused:
         if asked.strip() and (left := latches_of(asked)):
-            return Path(next(iter(left.values())).run)
+            folder = Path(next(iter(left.values())).run)
+            return folder if _can_be_read(folder) else reports_folder() / folder.name
         raise
+
+
+def _can_be_read(folder: Path) -> bool:
+    """Return whether a run's folder is there for this user; another user's may be closed to it."""
+    try:
+        return (folder / JOURNAL).is_file()
+    except PermissionError:
+        return False
 
 
 def _reached(run: str, by: str, code: str) -> int:

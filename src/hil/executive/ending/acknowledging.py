@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from hil.bench.lease import ack_line, clear_latches_of, holds_a_lease, latches_of
+from hil.bench.lease import ack_line, clear_latches_of, holds_a_lease, latches_of, require_clearable
 from hil.evidence.folder import JOURNAL, is_held, is_run, is_sealed
 from hil.evidence.inbox import post
 from hil.evidence.ledger import ACKNOWLEDGEMENTS, enter
@@ -48,25 +49,28 @@ def acknowledge(folder: Path, reports: Path, *, by: str, text: str) -> Acknowled
 
     Args:
         folder: the run's folder; it may be gone, as long as a latch names it.
-        reports: the folder of reports of the workspace, for the ledger of runs that are sealed or gone.
+        reports: the folder of reports of the workspace, for the ledger of runs that are sealed, gone or another user's.
         by: who looked.
         text: what was seen and done.
 
     Raises:
-        Refused: if name or text is missing, the run or its guardian is still at work, or nothing waits for it.
+        Refused: if name or text is missing, the run or its guardian is still at work, nothing waits for it, or this
+            user may not acknowledge it.
         EvidenceError: if it cannot be written down; the latches are then still there.
     """
     by, text = by.strip(), text.strip()
     if not by or not text:
         missing = " and ".join(name for name, value in (("--by NAME", by), ("--text TEXT", text)) if not value)
         raise Refused(f"an acknowledgement needs {missing}", ack_line(folder.name))
-    latches = tuple(latches_of(folder.name).values())
+    files = latches_of(folder.name)
+    latches = tuple(files.values())
     _require_over(folder)
     there = (folder / JOURNAL).is_file()
     if not latches and not (there and waits_for_ack(folder)):
         raise Refused(f"{folder.name}: nothing waits for an acknowledgement", "hil status shows the state of a run")
+    require_clearable(files)
     entry = None
-    if there and not is_sealed(folder):
+    if there and not is_sealed(folder) and os.access(folder, os.W_OK):
         post(folder, "ack", by=by, text=text, seen=guardian_hash(folder))
     else:
         why = [each.why for each in latches]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import select
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from itertools import chain
 from pathlib import Path
 from typing import Protocol
 
 from hil.bench.bound import BoundBench
 from hil.bench.gate import Gate
-from hil.bench.lease import Lease, clear_latches_of, latch_bench, latch_unsafe_end
+from hil.bench.lease import Lease, clear_latches_of, keep_latched, latch_bench, latch_unsafe_end
 from hil.bench.port_identity import port_gates
 from hil.clock import wall
 from hil.clock.live import LiveClock
@@ -41,6 +42,7 @@ _ARMING_S = 120.0
 
 _SPARE_S = 30.0
 _GRACE_S = 1.0
+_RENEWED_S = 600.0
 _JOURNAL = "data/guardian.jsonl"
 
 
@@ -80,6 +82,9 @@ class Guarding:
         self._locks = locks
         self._guardian: Guardian | None = None
         self._watching = False
+        self._latch: Latch | None = None
+        self._latched = wall.monotonic()
+        self._alone = bench.spec.head.acknowledge == "owner"
         self._beaten = self._pulsed = 0.0
         self._until = 0.0
         self._uninterrupted_s = _longest_safing_s(bench.spec) + _SPARE_S
@@ -103,7 +108,8 @@ class Guarding:
             self._until = _boot_s() + _ARMING_S
             self._guardian.watch()
             self._watching, self._clock.pulse = True, self.pulse  # from here on it acts on silence
-            latch_bench(self._leases, self._armed(plan))
+            self._latch = self._armed(plan)
+            latch_bench(self._leases, self._latch, alone=self._alone)
         except (HilError, OSError) as error:
             yield Gate("guardian", ok=False, detail=str(error))
             return
@@ -131,6 +137,14 @@ class Guarding:
             self._guardian.beat(self._good_until())
         except HilError as error:
             self.lost = self.lost or error.message
+        self._keep_latched(now)
+
+    def _keep_latched(self, now: float) -> None:
+        """Renew the latches of the armed bench now and then, so that neither age nor anybody's hand takes them away."""
+        if self._latch is not None and now - self._latched >= _RENEWED_S:
+            self._latched = now
+            with suppress(OSError, HilError):  # the bench is no less guarded; the next renewal may succeed
+                keep_latched(self._leases, self._latch, alone=self._alone)
 
     def end(self, *, proven: bool) -> list[str]:
         """Let the guardian check every output itself, and go; return what it does not find safe.
@@ -141,7 +155,7 @@ class Guarding:
         Args:
             proven: whether the run has just proven every output safe itself.
         """
-        guardian, self._guardian = self._guardian, None
+        guardian, self._guardian, self._latch = self._guardian, None, None
         if guardian is None:
             return []
         self._clock.pulse = lambda: None
@@ -348,7 +362,13 @@ class LiveMachine:
     def latch(self, why: str) -> None:
         """Latch the bench, which was not proven safe; where that is not possible, it is told."""
         try:
-            latch_unsafe_end(self._tenant.leases, bench=self._spec.name, run=self._tenant.folder, why=why)
+            latch_unsafe_end(
+                self._tenant.leases,
+                bench=self._spec.name,
+                run=self._tenant.folder,
+                why=why,
+                alone=self._spec.head.acknowledge == "owner",
+            )
         except (OSError, HilError) as error:
             self._tenant.events.write(events.Anomaly(text=f"the bench could not be latched: {error}"))
 

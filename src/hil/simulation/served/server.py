@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -16,6 +17,7 @@ from hil.simulation.served.bench import ServedBench, true_state
 from hil.simulation.served.control import Control
 from hil.simulation.served.ends import NetworkEnd, SerialEnd, Watch, look
 from hil.simulation.served.folder import ServedFolder
+from hil.wire.keys import announce_served
 from hil.wire.opening import url_of_resource
 
 __all__ = ["Pace", "Server"]
@@ -167,6 +169,8 @@ class Server:
                 except (OSError, OverflowError) as error:
                     raise Refused(f"{item.name}: port {port} is not available: {error}", "name another one") from error
                 port += 1 if port else 0
+                announced = announce_served(int(end.url.rpartition(":")[2]), self._folder.path)
+                stack.callback(os.close, announced)
             self.ends[item.name] = end
             stack.callback(end.unplug)
 
