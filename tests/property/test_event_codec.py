@@ -82,12 +82,12 @@ def test_what_the_type_does_not_say_is_refused_by_name(kind):
     assert decode(body) == msgspec.structs.replace(event_of(kind), seq=0, t=0.0)
     for field in msgspec.structs.fields(KINDS[kind]):
         if field.required:
-            with pytest.raises(JsonError, match=f"{kind}: .*missing.*`{field.name}`"):
+            with pytest.raises(JsonError, match=f"{kind}: .*{field.name}. is missing"):
                 decode({name: value for name, value in body.items() if name != field.name})
         if field.type is not Any:
-            with pytest.raises(JsonError, match=f"{kind}: .*`{field.name}"):
+            with pytest.raises(JsonError, match=f"{kind}: .*field .{field.name}"):
                 decode({**body, field.name: [[object]]})
-    with pytest.raises(JsonError, match=f"{kind}: .*unknown.*`more`"):
+    with pytest.raises(JsonError, match=f"{kind}: .*unknown field .more."):
         decode({**body, "more": 1})
 
 
@@ -115,7 +115,7 @@ def test_damage_is_told_with_line_and_field(tmp_path):
     reading = read_journal(path)
     assert [event.text for event in reading.events] == ["before", "after"]
     assert (reading.findings[0].line, reading.findings[0].message.startswith("note: ")) == (2, True)
-    assert "`text`" in reading.findings[0].message or "`test`" in reading.findings[0].message
+    assert "unknown field 'test', did you mean 'text'?; field 'text' is missing" in reading.findings[0].message
 
 
 def test_a_field_with_its_default_is_not_written():
@@ -128,5 +128,5 @@ def test_a_field_with_its_default_is_not_written():
 def test_parts_are_objects_of_their_own():
     """An inner object is as strict as its event."""
     assert issubclass(type(event_of("run").dut), Part)
-    with pytest.raises(JsonError, match="unknown.*`colour`.*`dut`"):
+    with pytest.raises(JsonError, match="field 'dut.colour' is unknown"):
         event_of("run", dut={"colour": "red"})

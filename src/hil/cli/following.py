@@ -12,10 +12,9 @@ import click
 
 from hil.cli.run_names import latch_word
 from hil.clock import wall
-from hil.documents.canonical import JsonError
-from hil.evidence.folder import RESULTS
 from hil.evidence.package.listing import shown
-from hil.evidence.results.outcome import read_outcome
+from hil.evidence.package.look import look
+from hil.evidence.package.verification import in_short
 from hil.evidence.runs import RunSummary, status
 from hil.plugin.terminal.progress import Progress
 from hil.report.live.following import Follower
@@ -61,6 +60,7 @@ def _document(follower: Follower, found: RunSummary, *, goes_on: bool) -> dict[s
         "run": found.folder.name,
         "state": str(found.state),
         "problem": found.problem,
+        "checked": found.checked,
         "plans": list(found.plans),
         "bench": found.bench,
         "source": found.source,
@@ -131,10 +131,12 @@ def _end(follower: Follower) -> Iterator[str]:
     """Tell how the run ended: with its verdict, or not at all."""
     name = follower.folder.name
     if follower.sealed():
-        try:
-            yield from closing_lines(read_outcome((follower.folder / RESULTS).read_bytes()))
-        except (OSError, JsonError):
-            yield f"{name} is sealed, but its results cannot be read; hil verify shows why"
+        seen = look(follower.folder)
+        if seen.outcome is not None:
+            yield from closing_lines(seen.outcome)
+        else:
+            yield f"{name} is {seen.state}: {in_short(seen.findings)}"
+            yield f"  hil verify {name} shows everything that is wrong"
         return
     since = follower.last_utc or "its beginning"
     yield f"{name} has not been running since {since}, and is not sealed"

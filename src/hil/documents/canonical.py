@@ -18,7 +18,21 @@ _DIGITS = len(str(_LARGEST))
 
 
 class JsonError(HilError, ValueError):
-    """JSON that cannot be written canonically, or must not be read."""
+    """JSON that cannot be written canonically, or must not be read.
+
+    Args:
+        message: what is wrong, with its line where the text has several.
+        hint: what to do next.
+        line: the line where it is, from 1; 0 is unknown.
+        column: the column where it is, from 1; 0 is unknown.
+        bare: what is wrong, without the place; `message` if that has none.
+    """
+
+    def __init__(self, message: str, hint: str = "", *, line: int = 0, column: int = 0, bare: str = "") -> None:
+        super().__init__(message, hint)
+        self.line = line
+        self.column = column
+        self.bare = bare or message
 
 
 def canonical(value: object) -> bytes:
@@ -53,7 +67,10 @@ def parse_strict(data: bytes) -> object:
     except UnicodeDecodeError as error:
         raise JsonError(f"not UTF-8 at byte {error.start}") from error
     except json.JSONDecodeError as error:
-        raise JsonError(f"not JSON at line {error.lineno}, column {error.colno}: {error.msg}") from error
+        line, column, bare = error.lineno, error.colno, f"not JSON: {error.msg}"
+        raise JsonError(
+            f"not JSON at line {line}, column {column}: {error.msg}", line=line, column=column, bare=bare
+        ) from error
     except RecursionError as error:
         raise JsonError("JSON nested too deeply") from error
     except ValueError as error:

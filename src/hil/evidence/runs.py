@@ -4,35 +4,40 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hil.clock import wall
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.durable import open_plain
-from hil.evidence.events import Anomaly, Attachment, Note
-from hil.evidence.folder import JOURNAL, RESULTS, is_held, is_run, is_sealed
+from hil.evidence.events import Anomaly, Attachment, End, Note
+from hil.evidence.folder import JOURNAL, is_held, is_run, is_sealed
 from hil.evidence.journal.reader import JournalLine, JournalReading, read_journal, require_known_format
-from hil.evidence.package.verification import State
-from hil.evidence.results.facts import read_json
+from hil.evidence.package.look import LOOKED_AT, look
+from hil.evidence.package.sealing import lost_files
+from hil.evidence.package.verification import NO_SEAL, State, in_short, verify
 from hil.evidence.safed import was_safed
 from hil.evidence.state import fold
-from hil.model.errors import EvidenceError, HilError
+from hil.model.errors import EvidenceError, Finding, HilError
 
 __all__ = ["RunSummary", "find_runs", "run_folders", "status"]
 
 _STAMP = re.compile(r"(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)Z")
 _FIRST_LINE = 1_000_000
+_VERIFIED_BYTES = 50_000_000
+"""A package up to this size is verified while a person waits for its status."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSummary:
-    """One run at a glance; nothing here was verified.
+    """One run at a glance.
 
     Attributes:
         folder: the run's folder.
-        state: RUNNING, INTERRUPTED, SAFED, SEALED, UNKNOWN where its format is, or DAMAGED where it cannot be read.
-        problem: why it cannot be read, in a sentence, or empty.
+        state: its state; of a sealed run as far as it was looked at.
+        problem: what is wrong with it, in a sentence, or empty.
+        checked: what of a sealed run was looked at, empty before the seal and where something is wrong.
         plans: the plans it was asked for.
         bench: the bench's name.
         dut: the serial number of the device under test.
@@ -45,7 +50,7 @@ class RunSummary:
         t: bench time of the newest event in s.
         age: seconds since the newest event; None if the machine was booted since.
         stopped: who or what asked it to stop, and why; empty if nobody did, and once the run is resumed.
-        verdict: the sealed verdict, empty before.
+        verdict: the sealed verdict; empty before, and for a package in which something is wrong.
         deviates: whether it differs from its plan.
         added: notes, attachments and anomalies since the first gate, in order.
     """
@@ -53,6 +58,7 @@ class RunSummary:
     folder: Path
     state: State
     problem: str = ""
+    checked: str = ""
     plans: tuple[str, ...] = ()
     bench: str = ""
     dut: str = ""
@@ -86,22 +92,34 @@ def run_folders(reports: Path) -> list[Path]:
 
 
 def find_runs(reports: Path) -> list[RunSummary]:
-    """Return every run in the folder of reports, the newest last; one that cannot be read says why."""
+    """Return every run in the folder of reports, the newest last; one that cannot be read says why.
+
+    Sealed ones get a quick look, see `hil.evidence.package.look`.
+    """
     return [_whatever_it_is(folder) for folder in run_folders(reports)]
 
 
 def status(folder: Path) -> RunSummary:
     """Return one run at a glance; it is only read, also while it is running.
 
+    A sealed package is verified as a whole, unless that takes long: a large one gets a quick look.
+
     Raises:
         EvidenceError: if there is no journal to read.
     """
-    reading = read_journal(folder / JOURNAL)
-    try:
-        require_known_format(reading)
-    except EvidenceError as error:
-        return RunSummary(folder=folder, state=State.UNKNOWN, problem=error.message)
-    return _summary(folder, reading)
+    if not is_sealed(folder):
+        return _unsealed(folder)
+    seen = look(folder)
+    if seen.state is not State.SEALED:
+        return _suspicious(folder, seen.state, seen.findings)
+    checked = f"{LOOKED_AT}; not the recordings ({seen.size / 1e9:.1f} GB), which hil verify reads"
+    if seen.size <= _VERIFIED_BYTES:
+        found = verify(folder)
+        if found.state is not State.SEALED:
+            return _suspicious(folder, found.state, found.findings)
+        checked = "everything, as hil verify does"
+    summary = _summary(folder, read_journal(folder / JOURNAL), State.SEALED)
+    return replace(summary, checked=checked, verdict=str(seen.outcome.verdict) if seen.outcome else "")
 
 
 def _is_one(path: Path) -> bool:
@@ -110,10 +128,57 @@ def _is_one(path: Path) -> bool:
 
 def _whatever_it_is(folder: Path) -> RunSummary:
     try:
-        return status(folder)
+        return _sealed(folder) if is_sealed(folder) else _unsealed(folder)
     except (HilError, OSError) as error:
         what = error.message if isinstance(error, HilError) else str(error)
         return RunSummary(folder=folder, state=State.DAMAGED, problem=what.removeprefix(f"{folder}/"))
+
+
+def _unsealed(folder: Path) -> RunSummary:
+    held = is_held(folder)  # asked first: a run that ends in between is then sealed
+    if held and not os.path.lexists(folder / JOURNAL):
+        return RunSummary(folder=folder, state=State.RUNNING)  # it is about to begin
+    reading = read_journal(folder / JOURNAL)
+    try:
+        require_known_format(reading)
+    except EvidenceError as error:
+        return RunSummary(folder=folder, state=State.UNKNOWN, problem=error.message)
+    ended = State.SAFED if was_safed(folder, reading.events) else State.INTERRUPTED
+    lost = () if held else tuple(lost_files(folder, reading, read=False))
+    if (reading.findings or lost) and not held:
+        return _suspicious(folder, State.DAMAGED, (*reading.findings, *lost))
+    summary = _summary(folder, reading, State.RUNNING if held else ended)
+    has_ended = not held and bool(reading.events) and isinstance(reading.events[-1], End)
+    return replace(summary, problem=NO_SEAL) if has_ended else summary
+
+
+def _sealed(folder: Path) -> RunSummary:
+    """Return a sealed run by its results, of which a quick look shows that they are those that were sealed."""
+    seen = look(folder)
+    if seen.outcome is None or seen.last is None:
+        return _suspicious(folder, seen.state, seen.findings)
+    run, cases = seen.outcome.run, seen.outcome.cases
+    return RunSummary(
+        folder=folder,
+        state=State.SEALED,
+        checked=LOOKED_AT,
+        plans=run.plans if run else (),
+        bench=run.bench if run else "",
+        dut=run.dut.serial if run else "",
+        source=run.source if run else "",
+        purpose=run.purpose if run else "",
+        planned=len(cases),
+        ended=sum(any(attempt.verdict for attempt in case.attempts) for case in cases),
+        t=seen.last.event.t,
+        age=_age(seen.last),
+        verdict=str(seen.outcome.verdict),
+        deviates=bool(run and run.deviations),
+    )
+
+
+def _suspicious(folder: Path, state: State, findings: Sequence[Finding]) -> RunSummary:
+    """Return a run in which something is wrong: of that nothing is told but what is wrong."""
+    return RunSummary(folder=folder, state=state, problem=in_short(findings))
 
 
 def _began(folder: Path) -> str:
@@ -130,14 +195,12 @@ def _began(folder: Path) -> str:
     return "{}-{}-{}T{}:{}:{}Z".format(*named.groups()) if named else ""
 
 
-def _summary(folder: Path, reading: JournalReading) -> RunSummary:
-    told, held = fold(reading.events), is_held(folder)
+def _summary(folder: Path, reading: JournalReading, state: State) -> RunSummary:
+    told = fold(reading.events)
     run, step = told.run, told.present.step if told.present else None
-    ended = State.SAFED if was_safed(folder, reading.events) else State.INTERRUPTED
-    state = State.RUNNING if held else State.SEALED if is_sealed(folder) else ended
     return RunSummary(
         folder=folder,
-        state=State.DAMAGED if reading.findings and not held else state,
+        state=state,
         problem=str(reading.findings[0]) if reading.findings else "",
         plans=run.plans if run else (),
         bench=run.bench if run else "",
@@ -151,7 +214,6 @@ def _summary(folder: Path, reading: JournalReading) -> RunSummary:
         t=told.t,
         age=_age(reading.lines[-1]) if reading.lines else None,
         stopped=told.stop.reason if told.stop else "",
-        verdict=_verdict(folder),
         deviates=bool(told.deviations),
         added=tuple(told.added),
     )
@@ -160,10 +222,3 @@ def _summary(folder: Path, reading: JournalReading) -> RunSummary:
 def _age(line: JournalLine) -> float | None:
     now = wall.stamp()
     return now.boot - float(line.wall["boot"]) if line.wall.get("boot_id") == now.boot_id else None
-
-
-def _verdict(folder: Path) -> str:
-    try:
-        return str(read_json(folder / RESULTS)["verdict"]) if is_sealed(folder) else ""
-    except (EvidenceError, LookupError, TypeError):
-        return ""

@@ -12,7 +12,7 @@ from hil.model.verdict import Verdict
 from hil.report.sentences import warnings
 from hil.report.summary import check_lines
 
-__all__ = ["junit"]
+__all__ = ["junit", "junit_of_damage"]
 
 # What XML 1.0 cannot hold (its production 2), and marks that reorder text.
 _UNFIT = re.compile(
@@ -49,8 +49,28 @@ def junit(results: Outcome, *, run: str, began: str, evidence_digest: str) -> by
         _case(suite, case)
     if told := "\n".join(f"{word}: {sentence}" for word, sentence in warnings(results)):
         ET.SubElement(suite, "system-err").text = _fit(told)  # what no case tells
+    return _written(root)
+
+
+def _written(root: ET.Element) -> bytes:
     ET.indent(root, space="")
     return bytes(ET.tostring(root, encoding="UTF-8", xml_declaration=True)) + b"\n"
+
+
+def junit_of_damage(run: str, sentence: str) -> bytes:
+    """Return what is said of a damaged package: one test case that is in error, and no word of its cases.
+
+    Args:
+        run: the name of the run.
+        sentence: what is wrong with the package.
+    """
+    counts = {"tests": "1", "failures": "0", "errors": "1", "skipped": "0", "time": _seconds(0.0)}
+    root = ET.Element("testsuites", {"name": "hil", **counts})
+    suite = ET.SubElement(root, "testsuite", {"name": _line(run), **counts})
+    _properties(suite, [("run", run), ("verdict", "-")])
+    case = ET.SubElement(suite, "testcase", classname="package", name=_line(run), time=_seconds(0.0))
+    ET.SubElement(case, "error", {"type": "DAMAGED", "message": _line(sentence)})
+    return _written(root)
 
 
 def _facts(results: Outcome, run: str, evidence_digest: str) -> list[tuple[str, str]]:

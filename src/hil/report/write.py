@@ -6,6 +6,7 @@ The page is one HTML file that needs no network and no script, on a screen and o
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +14,8 @@ from typing import TYPE_CHECKING
 from hil.evidence.durable import write_whole
 from hil.evidence.folder import REPORT
 from hil.evidence.package.contents import Package
-from hil.report.junit import junit
+from hil.evidence.package.verification import State, Verification, verify
+from hil.report.junit import junit, junit_of_damage
 from hil.report.material import Material
 from hil.report.page.assemble import assemble
 from hil.report.page.view import RunView
@@ -33,16 +35,29 @@ _UNSEEN = re.compile(
 )
 
 
-def make_reports(folder: Path) -> dict[str, bytes]:
+def make_reports(folder: Path, found: Verification | None = None) -> dict[str, bytes]:
     """Return the reports of a run by their file names; the same package gives the same bytes.
 
     Args:
         folder: the run's folder, sealed or not; nothing in it is touched.
+        found: what its verification found, where that is known; what is not sealed, or damaged, is marked.
 
     Raises:
         EvidenceError: where journal or results cannot be read.
     """
-    return _reports(Package(folder))
+    package, found = Package(folder), found or verify(folder)
+    if found.state is State.SEALED:
+        return _reports(package)
+    view = assemble(Material(package), "")
+    if found.state is not State.DAMAGED:
+        word, sentence = (
+            "NOT SEALED",
+            f"the run is {found.state}; this is what was recorded so far, and is no evidence.",
+        )
+        view = replace(view, source_word=_before(word, view), warnings=((word, sentence), *view.warnings))
+        return _both(package, view)
+    sentence = f"this is not what was sealed, and proves nothing. {found.problem}"
+    return {HTML: _page(_damaged(view, sentence)), JUNIT: junit_of_damage(view.run, sentence)}
 
 
 def write_reports(package: Package) -> None:
@@ -58,12 +73,37 @@ def write_reports(package: Package) -> None:
 
 
 def _reports(package: Package) -> dict[str, bytes]:
-    digest, material = package.evidence_digest, Material(package)
-    view = assemble(material, digest)
+    return _both(package, assemble(Material(package), package.evidence_digest))
+
+
+def _both(package: Package, view: RunView) -> dict[str, bytes]:
+    material, digest = Material(package), view.evidence_digest
     return {
-        HTML: _render(view).encode("utf-8", errors="replace"),
+        HTML: _page(view),
         JUNIT: junit(material.results(), run=material.run(), began=material.stamps()[0], evidence_digest=digest),
     }
+
+
+def _damaged(view: RunView, sentence: str) -> RunView:
+    """Return the view of a damaged package: marked on every page, without verdict, digest, or what it can close."""
+    return replace(
+        view,
+        verdict="-",
+        source_word=_before("DAMAGED", view),
+        headline="The package is damaged.",
+        closing="A damaged package closes nothing.",
+        warnings=(("DAMAGED", sentence), *view.warnings),
+        counts=(),
+        closings=(),
+    )
+
+
+def _before(word: str, view: RunView) -> str:
+    return " · ".join(filter(None, (word, view.source_word)))
+
+
+def _page(view: RunView) -> bytes:
+    return _render(view).encode("utf-8", errors="replace")
 
 
 def _render(view: RunView) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 
@@ -11,6 +12,7 @@ from evidence_runs import begin, sealed_run, whole_case
 from hil.cli.commands import runs as runs_command
 from hil.cli.main import main
 from hil.evidence.folder import hold
+from hil.evidence.package.contents import Package
 
 FIRST = "20261119T100000Z-flight-SN1-aaaaaa"
 SECOND = "20261120T100000Z-flight-SN1-bbbbbb"
@@ -111,7 +113,7 @@ def test_a_run_that_cannot_be_read_is_listed_with_the_others(capsys, inside):
     code, out, _ = said(capsys, "runs")
     lines = out.splitlines()
     assert code == 0
-    assert [line.split()[0] for line in lines] == [FIRST, SECOND, "data/journal.jsonl:1:1:", NEWEST]
+    assert [line.split()[0] for line in lines] == [FIRST, SECOND, "data/journal.jsonl:", NEWEST]
     assert "DAMAGED" in lines[1]
     assert lines[3].split()[1:] == ["SEALED", "1/1", "cases", "PASS", "simulated", "qualification", "SN2"]
 
@@ -222,6 +224,30 @@ def test_nothing_special_is_opened_by_any_command(capsys, inside):
     path = inside / FIRST / "data/journal.jsonl"
     path.unlink()
     os.mkfifo(path)
-    for command, due in (("verify", 1), ("status", 4), ("report", 4), ("replay", 4), ("seal", 0)):
+    for command, due in (("verify", 1), ("status", 1), ("report", 4), ("replay", 4), ("seal", 1)):
         assert said(capsys, command, FIRST)[0] == due, command
     assert said(capsys, "runs")[0] == 0
+
+
+def test_no_command_gives_a_damaged_package_a_verdict(capsys, inside):
+    """One changed byte of a recording: whoever reads all of it says DAMAGED, gives no digest, and ends with 1."""
+    path = next((inside / FIRST / "data/recordings").iterdir())
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    digest = Package(inside / FIRST).evidence_digest
+    for command in ("verify", "status", "report", "seal"):
+        code, out, err = said(capsys, command, FIRST)
+        assert (code, "DAMAGED" in out + err, path.name in out + err) == (1, True, True), command
+        assert "PASS" not in out + err
+        assert digest not in out + err
+    assert "verdict  -\n" in said(capsys, "status", FIRST)[1]
+    (listed,) = [line for line in said(capsys, "runs")[1].splitlines() if line.startswith(FIRST)]
+    assert listed.split()[1:5] == ["SEALED", "1/1", "cases", "PASS"]  # it does not claim to have read recordings
+    assert "reads everything" in said(capsys, "runs")[2]
+    path.unlink()
+    (listed,) = [line for line in said(capsys, "runs")[1].splitlines() if line.startswith(FIRST)]
+    assert listed.split()[1:4] == ["DAMAGED", "-", "-"]
+    code, out, _ = said(capsys, "status", FIRST, "--json")
+    assert json.loads(out)["verdict"] == ""
+    assert "DAMAGED" in said(capsys, "status", FIRST, "--follow")[1]

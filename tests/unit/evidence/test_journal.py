@@ -162,7 +162,7 @@ def test_an_endless_line_is_not_held_in_memory(tmp_path, monkeypatch):
     monkeypatch.setattr(reader, "LONGEST_LINE", 1_000_000)
     reading = read_journal(path)
     assert [event.text for event in reading.events] == ["before", "after"]
-    assert [(found.line, found.message) for found in reading.findings] == [(2, "a line of more than 1000000 bytes")]
+    assert [(found.line, found.message) for found in reading.findings] == [(2, "the line has more than 1000000 bytes")]
     path.write_bytes(path.read_bytes()[:2_000_000])
     assert (len(bodies(read_journal(path))), len(read_journal(path).torn)) == (1, 1_000_000)
 

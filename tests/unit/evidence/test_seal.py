@@ -250,7 +250,11 @@ def test_a_better_result_in_a_fresh_bag_is_found(writable):
     results["requirements"][0]["text"] = "Anything goes."
     path.write_bytes(canonical(results))
     rebag(writable)
-    assert "give other results" in messages(writable)
+    found = messages(writable)
+    assert (
+        "data/results.json:1:1: field 'requirements[0].text' is \"Anything goes.\","
+        ' and the journal gives "The rest shall be recorded."'
+    ) in found
 
 
 def test_another_catalogue_in_a_fresh_bag_is_found(writable):
@@ -260,7 +264,7 @@ def test_another_catalogue_in_a_fresh_bag_is_found(writable):
     rebag(writable)
     found = messages(writable)
     assert "not the catalogue that the run started with" in found
-    assert "maximum was 0.5, and the catalogue has 5" in found
+    assert "field 'limit.max' is 0.5, and the catalogue has 5" in found
 
 
 def test_other_rows_in_a_fresh_bag_are_found(writable):
@@ -349,7 +353,7 @@ def test_each_finding_is_told_once_and_by_a_path_in_the_package(writable):
     found = messages(writable).splitlines()
     assert len(found) == len(set(found))
     assert str(writable) not in "".join(found)
-    assert any("verification cannot continue: data/catalogue/catalogue.json: not JSON" in line for line in found)
+    assert any("cannot be checked: data/catalogue/catalogue.json: not JSON" in line for line in found)
 
 
 def test_an_empty_journal_is_told_in_sentences(writable):
@@ -357,7 +361,7 @@ def test_an_empty_journal_is_told_in_sentences(writable):
     (writable / JOURNAL).write_bytes(b"")
     found = messages(writable)
     assert "a sealed journal begins with run, and ends with results and end, each once" in found
-    assert "bag-info.txt: it does not agree with the journal and the files" in found
+    assert "bag-info.txt: cannot be checked: the journal has no events" in found
     assert "Error" not in found
 
 
@@ -384,11 +388,11 @@ def test_a_chain_that_was_cut_in_a_fresh_bag_is_found(writable):
         ({"measured": 0.49, "verdict": "PASS"}, "its value gives INCONCLUSIVE"),
         ({"measured": None, "verdict": "PASS"}, "its value gives INCONCLUSIVE"),
         ({"measured": 0.1, "verdict": "FAIL"}, "its value gives PASS"),
-        ({"measured": 0.1, "decision": "simple"}, "decision was simple"),
-        ({"measured": 0.1, "limit": {"min": "-9", "max": "9", "equals": None}}, "minimum was -9"),
-        ({"measured": 0.1, "unit": "m"}, "verification cannot continue"),
+        ({"measured": 0.1, "decision": "simple"}, "field 'decision' is simple"),
+        ({"measured": 0.1, "limit": {"min": "-9", "max": "9", "equals": None}}, "field 'limit.min' is -9"),
+        ({"measured": 0.1, "unit": "m"}, "field 'unit' is 'm', and the limit is in deg/s"),
         ({"measured": 0.1, "requirement": "GYR-999"}, "no such requirement"),
-        ({"measured": 0.1, "margin": 0.7}, "margin is 0.7"),
+        ({"measured": 0.1, "margin": 0.7}, "field 'margin' is 0.7"),
     ],
 )
 def test_every_verdict_is_judged_again(folder, lie, found):
@@ -481,7 +485,7 @@ def test_a_journal_that_is_no_file_is_not_sealed(folder, make):
         make(folder / JOURNAL)
     with pytest.raises(EvidenceError, match="cannot be read"):
         recover(folder, write_reports=write_report)
-    assert verify(folder).state is State.INTERRUPTED
+    assert verify(folder).state is State.DAMAGED
 
 
 def test_a_run_of_another_format_is_not_sealed(folder):

@@ -11,7 +11,7 @@ from case_parts import REQUIREMENTS, Case
 from typed_events import event_of
 
 from hil.documents.node import Place
-from hil.evidence.package.consistent import judge_again
+from hil.evidence.package.judging import judge_again
 from hil.evidence.results.facts import entries_of
 from hil.executive.cases.checks import CheckFailed
 from hil.model.errors import Misused

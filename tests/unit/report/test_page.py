@@ -13,6 +13,8 @@ from typed_events import event_of, events_of
 
 from hil.evidence.events import Recording
 from hil.evidence.package.contents import Package
+from hil.evidence.package.verification import State, Verification
+from hil.model.errors import Finding
 from hil.model.verdict import Verdict
 from hil.report.drawing.checks import bounds_by_case, charts
 from hil.report.drawing.recordings import recording_graphics
@@ -21,6 +23,11 @@ from hil.report.page.as_run import attributed, fed_limits, recording_rows, watch
 from hil.report.write import HTML, JUNIT, TEMPLATES, make_reports
 
 VOID = {"meta", "path", "circle", "br", "use", "link", "img"}
+
+
+def found_of(folder, state=State.SEALED, *findings):
+    """Return a verification: the specimen has something of everything, and not all of it follows from its journal."""
+    return Verification(folder=folder, state=state, findings=findings)
 
 
 class Page(HTMLParser):
@@ -97,7 +104,7 @@ def test_requirements_that_no_case_verifies_are_named(tmp_path, monkeypatch, htm
 
 def test_same_package_same_bytes(folder):
     """A report made again from a sealed package is the report that was sealed."""
-    for name, content in make_reports(folder).items():
+    for name, content in make_reports(folder, found_of(folder)).items():
         assert content == (folder / "data/report" / name).read_bytes()
 
 
@@ -124,8 +131,8 @@ def test_copy_under_another_name_gives_the_same_report(folder, tmp_path):
     """The run keeps the name that it was sealed under."""
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy)
-    assert make_reports(copy)[HTML] == (folder / "data/report" / HTML).read_bytes()
-    assert make_reports(copy)[JUNIT] == (folder / "data/report" / JUNIT).read_bytes()
+    assert make_reports(copy, found_of(copy))[HTML] == (folder / "data/report" / HTML).read_bytes()
+    assert make_reports(copy, found_of(copy))[JUNIT] == (folder / "data/report" / JUNIT).read_bytes()
 
 
 def test_names_the_digest_of_the_seal(folder, html):
@@ -536,7 +543,7 @@ def test_uncommitted_changes_are_named_not_printed(tmp_path):
     (copy / "data/software.json").write_text(
         json.dumps({"format": 1, "packages": {"click": "8.5.1", "numpy": "2.4"}, "difference": "- secret\n" * 9999})
     )
-    words = Page(make_reports(copy)[HTML].decode()).words
+    words = Page(make_reports(copy, found_of(copy))[HTML].decode()).words
     assert "difference 9999 lines with sha256" in words
     assert "packages click 8.5.1, numpy 2.4" in words
     assert "secret" not in words
@@ -608,3 +615,41 @@ def test_a_name_breaks_between_its_words(tmp_path):
     page = page_of(tmp_path, events=events)
     assert re.search(r'<td class="any name"><a class="any" href="#case-1">test_<wbr>a</a>', page)
     assert re.search(r"\.name \{ min-width: \d+rem; \}", page)
+
+
+@pytest.fixture
+def damaged(folder, tmp_path):
+    """Return a copy of the specimen of which one file was changed."""
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy, copy_function=shutil.copyfile)
+    (copy / "data/dut.json").write_text('{"format":1}')
+    return copy
+
+
+def test_a_damaged_package_has_a_marked_report_without_a_verdict(damaged, html):
+    """DAMAGED stands on every page and in the title; there is no verdict, no digest, and nothing that it can close."""
+    finding = Finding("data/dut.json", 0, 0, "it is not the file that was sealed")
+    found = make_reports(damaged, found_of(damaged, State.DAMAGED, finding))
+    page, words = found[HTML].decode(), Page(found[HTML].decode()).words
+    title = re.search("<title>(.*)</title>", page)[1]
+    assert title.startswith("- · ")
+    assert "DAMAGED" in title
+    assert "DAMAGED" in re.search('<div class="running".*?</div>', page, re.DOTALL)[0]
+    assert "data/dut.json: it is not the file that was sealed" in words
+    assert "A damaged package closes nothing." in words
+    assert "no evidence digest" in words
+    assert Package(damaged).evidence_digest in html
+    assert Package(damaged).evidence_digest not in page
+    junit = found[JUNIT].decode()
+    assert junit.count("<testcase ") == junit.count('<error type="DAMAGED"') == 1
+    assert "PASS" not in junit
+
+
+def test_a_run_that_is_not_sealed_has_a_marked_report(folder, tmp_path):
+    """What was recorded so far can be read, and says on every page that it is no evidence."""
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy, copy_function=shutil.copyfile)
+    (copy / "bagit.txt").unlink()
+    page = make_reports(copy)[HTML].decode()
+    assert "NOT SEALED" in re.search('<div class="running".*?</div>', page, re.DOTALL)[0]
+    assert "this is what was recorded so far, and is no evidence" in Page(page).words

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from hil.cli.run_names import find_run
 from hil.model.errors import EvidenceError, Refused
+
+if TYPE_CHECKING:
+    from hil.evidence.package.verification import Verification
 
 __all__ = ["command", "derived"]
 
@@ -18,11 +22,19 @@ __all__ = ["command", "derived"]
 def command(run: str, output: Path | None) -> int:
     """Derive the report of a package again, and compare it byte for byte with the one inside.
 
-    A sealed package is never changed. Exit code 1 if the bytes differ.
+    A sealed package is never changed. It is verified first: the report of a damaged one says DAMAGED on every page and
+    has no verdict. Exit code 1 if the package is damaged, or the bytes differ.
     """
+    from hil.evidence.package.listing import shown as printable  # noqa: PLC0415 - heavy
+    from hil.evidence.package.verification import State, verify  # noqa: PLC0415 - heavy
+
     folder = find_run(run)
-    whole = True
-    for name, (content, word, same) in derived(folder).items():
+    found, whole = verify(folder), True
+    if found.state is State.DAMAGED:
+        name = printable(folder.name)
+        click.echo(f"{name} is DAMAGED, so this report proves nothing: {found.problem}", err=True)
+        click.echo(f"     hil verify {name} shows everything that is wrong", err=True)
+    for name, (content, word, same) in derived(folder, found).items():
         whole = whole and same
         click.echo(f"{name}: {word}")
         if output:
@@ -30,32 +42,39 @@ def command(run: str, output: Path | None) -> int:
     return 0 if whole else 1
 
 
-def derived(folder: Path) -> dict[str, tuple[bytes, str, bool]]:
+def derived(folder: Path, found: Verification) -> dict[str, tuple[bytes, str, bool]]:
     """Return, per file of the report, what it is now, how the one in the package compares, and whether that is right.
+
+    Args:
+        folder: the run's folder.
+        found: what its verification found.
 
     Raises:
         EvidenceError: where the package does not hold what a report is made of.
     """
     from hil.evidence.folder import REPORT, is_sealed  # noqa: PLC0415 - heavy
+    from hil.evidence.package.verification import State  # noqa: PLC0415 - heavy
     from hil.report.write import make_reports  # noqa: PLC0415 - heavy
 
     try:
-        made = make_reports(folder)
+        made = make_reports(folder, found)
     except (OSError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
         what = f"{type(error).__name__}: {error}"
         raise EvidenceError(
             f"{folder.name}: no report can be derived: {what}", "hil verify shows what is wrong"
         ) from error
-    found = {}
+    compared = {}
     for name, content in made.items():
         inside = _inside(folder / REPORT / name)
-        if inside is None:
-            found[name] = content, "not in the package", not is_sealed(folder)
+        if found.state is State.DAMAGED:
+            compared[name] = content, "not compared, because the package is damaged", False
+        elif inside is None:
+            compared[name] = content, "not in the package", not is_sealed(folder)
         elif inside == content:
-            found[name] = content, "identical to the one in the package", True
+            compared[name] = content, "identical to the one in the package", True
         else:
-            found[name] = content, "DIFFERS from the one in the package", False
-    return found
+            compared[name] = content, "DIFFERS from the one in the package", False
+    return compared
 
 
 def _inside(path: Path) -> bytes | None:

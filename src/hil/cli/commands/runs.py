@@ -28,9 +28,10 @@ _ANY_WIDTH = 10_000
 @click.option("--plan", metavar="NAME", help="Only runs of this plan.")
 @click.option("--verdict", metavar="VERDICT", help="Only runs with this verdict.")
 def command(bench: str | None, dut: str | None, plan: str | None, verdict: str | None) -> int:
-    """List the runs of the workspace, newest last; nothing is verified.
+    """List the runs of the workspace, newest last.
 
-    A run that cannot be read is listed with what is wrong, unless you filter.
+    Sealed packages get a quick look, which does not read their recordings; hil verify reads everything. A damaged
+    package is listed with what is wrong and without a verdict, unless you filter.
     """
     from hil.evidence.runs import find_runs  # noqa: PLC0415 - heavy
 
@@ -46,6 +47,8 @@ def command(bench: str | None, dut: str | None, plan: str | None, verdict: str |
     ]
     for line in _lines(chosen, _width()):
         click.echo(line)
+    if checked := next((run.checked for run in chosen if run.checked), ""):
+        click.echo(f"SEALED: a quick look at {checked}; hil verify RUN reads everything", err=True)
     if not chosen:
         click.echo("no matching runs" if everything else "no runs yet")
         for line in _there(everything, bench=bench, dut=dut, plan=plan):
@@ -106,7 +109,8 @@ def _lines(runs: Sequence[RunSummary], width: int) -> Iterator[str]:
 
 def _cells(run: RunSummary) -> tuple[str, ...]:
     verdict = f"{run.verdict or '-'}{', deviates' if run.deviates else ''}"
-    told = (run.folder.name, run.state, f"{run.ended}/{run.planned} cases", verdict)
+    cases = f"{run.ended}/{run.planned} cases" if run.planned or not run.problem else "-"
+    told = (run.folder.name, run.state, cases, verdict)
     return tuple(_printable(cell) for cell in (*told, run.source or "-", run.purpose or "-", run.dut or "-"))
 
 

@@ -14,15 +14,23 @@ __all__ = ["command"]
 def command(run: str) -> int:
     """Seal an interrupted run as it is; its verdict is never better than ABORTED.
 
-    The last line of standard output is the package's path.
+    The last line of standard output is the package's path. A package that is sealed already is verified; exit code 1
+    if it is damaged.
     """
     from hil.evidence.folder import is_sealed  # noqa: PLC0415 - heavy
+    from hil.evidence.package.listing import shown as printable  # noqa: PLC0415 - heavy
     from hil.evidence.package.sealing import recover  # noqa: PLC0415 - heavy
+    from hil.evidence.package.verification import State, verify  # noqa: PLC0415 - heavy
     from hil.report.write import write_reports  # noqa: PLC0415 - heavy
 
     folder = find_run(run)
     if is_sealed(folder):
-        click.echo(f"{folder.name} is already sealed, and stays as it is")
+        found, name = verify(folder), printable(folder.name)
+        if found.state is not State.SEALED:
+            click.echo(f"{name} is already sealed, and is {found.state}: {found.problem}", err=True)
+            click.echo(f"     nothing was changed; hil verify {name} shows everything that is wrong", err=True)
+            return 1
+        click.echo(f"{name} is already sealed, and stays as it is")
     click.echo(f"evidence digest {recover(folder, write_reports=write_reports)}")
     click.echo(shown(folder))
     return 0

@@ -21,52 +21,62 @@ __all__ = ["command"]
 @click.option("--follow", is_flag=True, help="Keep showing it until the run ends.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document; with --follow, one per line.")
 def command(run: str, follow: bool, as_json: bool) -> int:
-    """Show what a run does and reads now and how much bench time is left, or how it ended."""
+    """Show what a run does and reads now and how much bench time is left, or how it ended.
+
+    A sealed package is verified, unless it is large; what was checked is printed below the verdict. A damaged package
+    has no verdict, and exit code 1.
+    """
     folder = find_run(run)
+    from hil.evidence.package.verification import State  # noqa: PLC0415 - heavy
+    from hil.evidence.runs import status  # noqa: PLC0415 - heavy
+
     if as_json:
         return _machine(folder, follow=follow)
     if follow:
         from hil.cli.following import follow as go_along  # noqa: PLC0415 - heavy
 
         return go_along(folder)
-    for line in status_lines(folder):
+    found = status(folder)
+    for line in status_lines(found):
         click.echo(line)
-    return 0
+    return 1 if found.state is State.DAMAGED else 0
 
 
-def status_lines(folder: Path) -> list[str]:
+def status_lines(found: RunSummary) -> list[str]:
     """Return the status of a run, in lines."""
     from hil.evidence.package.listing import shown as printable  # noqa: PLC0415 - heavy
-    from hil.evidence.runs import status  # noqa: PLC0415 - heavy
+    from hil.evidence.package.verification import State  # noqa: PLC0415 - heavy
     from hil.report.live.following import Follower  # noqa: PLC0415 - heavy
     from hil.report.live.lines import reading_lines  # noqa: PLC0415 - heavy
     from hil.report.numbers import bench_time, duration  # noqa: PLC0415 - heavy
     from hil.report.tables import aligned, labelled  # noqa: PLC0415 - heavy
 
-    found = status(folder)
+    folder = found.folder
     follower = Follower(folder)
     if follower.goes_on():
         follower.read()
     readings = follower.readings()
     outlook = follower.outlook
+    damaged = found.state in {State.DAMAGED, State.UNKNOWN}
     facts = (
         ("run", found.folder.name),
         ("state", str(found.state)),
         ("plans", ", ".join(found.plans)),
-        ("bench", f"{found.bench} ({found.source})"),
+        ("bench", f"{found.bench} ({found.source})" if found.bench else ""),
         ("DUT", found.dut),
         ("purpose", found.purpose),
-        ("cases", f"{found.ended} of {found.planned} ended"),
+        ("cases", "" if damaged else f"{found.ended} of {found.planned} ended"),
         ("case", found.case),
         ("step", found.step),
         ("loop", ", ".join(str(turns) for turns in outlook.turns)),
-        ("bench time", bench_time(max(found.t, outlook.t))),
+        ("bench time", "" if damaged else bench_time(max(found.t, outlook.t))),
         ("time left", str(outlook.left() or "")),
         ("question", "" if outlook.asked is None else f"{outlook.asked.text} hil answer {folder.name}"),
         ("held", "" if outlook.held is None else outlook.held or "yes"),
         ("stopped by", found.stopped),
         ("last event", "" if found.age is None else f"{duration(found.age)} ago"),
-        ("verdict", found.verdict),
+        ("verdict", "-" if damaged else found.verdict),
+        ("checked", found.checked),
         ("latch", latch_word(folder)),
         ("next", _next(found)),
         ("problem", found.problem),

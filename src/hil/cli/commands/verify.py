@@ -9,8 +9,6 @@ import click
 from hil.cli.run_names import find_run
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from hil.evidence.package.verification import Verification
 
 __all__ = ["command"]
@@ -38,7 +36,7 @@ def command(run: str, report: bool) -> int:
     click.echo(f"{shown(found.folder.name)}: {found.state}{complete}")
     if found.state is not State.SEALED:
         return 1
-    same = _compared(found.folder) if report else True
+    same = _compared(found) if report else True
     word = "not compared; add --report to compare it" if not report else "identical" if same else "DIFFERS"
     renamed = found.run != shown(found.folder.resolve().name)
     facts = (
@@ -59,11 +57,11 @@ def _worth(found: Verification) -> str:
     return f"{found.verdict}{source}{', deviates' if found.deviates else ''}"
 
 
-def _compared(folder: Path) -> bool:
+def _compared(found: Verification) -> bool:
     from hil.cli.commands.report import derived  # noqa: PLC0415 - heavy
 
     whole = True
-    for name, (_, word, same) in derived(folder).items():
+    for name, (_, word, same) in derived(found.folder, found).items():
         if not same:
             click.echo(f"{name}: {word}", err=True)
             whole = False

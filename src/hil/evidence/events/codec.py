@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from functools import cache
 from json.encoder import encode_basestring
 from typing import Any, TypeVar
@@ -14,7 +15,7 @@ from hil.documents.suggest import did_you_mean
 from hil.evidence.events import bench, cases, people, run
 from hil.evidence.events.event import Event
 
-__all__ = ["KINDS", "decode", "encode", "plain", "quick_canonical", "stamped"]
+__all__ = ["KINDS", "convert", "decode", "encode", "plain", "quick_canonical", "stamped"]
 
 _LARGEST = 2**53 - 1
 
@@ -151,13 +152,74 @@ def decode(body: Mapping[str, Any]) -> Event:
     """Return the event in a line's body.
 
     Raises:
-        JsonError: for an unknown kind, and for a missing, unknown or mistyped field, which it names.
+        JsonError: for an unknown kind, and with every field that is missing, unknown or mistyped.
     """
     kind = body.get("kind")
     found = KINDS.get(kind) if isinstance(kind, str) else None
     if found is None:
-        raise JsonError(f"there are no events of kind {kind!r}{did_you_mean(str(kind), KINDS)}")
+        raise JsonError(f"field 'kind': there are no events of kind {kind!r}{did_you_mean(str(kind), KINDS)}")
+    return convert(body, found, str(kind))
+
+
+_Struct = TypeVar("_Struct", bound=msgspec.Struct)
+
+
+def convert(value: Mapping[str, Any], kind: type[_Struct], what: str) -> _Struct:
+    """Return an object as its type declares it.
+
+    Args:
+        value: the object.
+        kind: its type.
+        what: what it is, for messages.
+
+    Raises:
+        JsonError: with every field that is missing, unknown or mistyped.
+    """
     try:
-        return msgspec.convert(body, found)
+        return msgspec.convert(value, kind)
     except msgspec.ValidationError as error:
-        raise JsonError(f"{kind}: {str(error).replace('$.', '')}") from None
+        wrong = list(_wrong_fields(value, kind)) or [str(error)]
+        raise JsonError(f"{what}: {'; '.join(wrong)}") from None
+
+
+def _wrong_fields(value: Mapping[str, Any], kind: type[msgspec.Struct]) -> Iterator[str]:
+    """Give a sentence for every field that is not as declared; of those within a field the first."""
+    declared = {each.encode_name: each for each in msgspec.structs.fields(kind)}
+    config = kind.__struct_config__
+    for name in sorted(value.keys() - declared.keys() - {config.tag_field}):
+        if config.forbid_unknown_fields:
+            yield f"unknown field '{name}'{did_you_mean(name, declared)}"
+    for name, each in declared.items():
+        if name not in value:
+            if each.required:
+                yield f"field '{name}' is missing"
+            continue
+        try:
+            msgspec.convert(value[name], each.type)
+        except msgspec.ValidationError as error:
+            yield _told(name, str(error))
+
+
+_JSON_WORDS = {
+    "str": "text", "int": "a whole number", "float": "a number", "bool": "true or false", "null": "null",
+    "array": "a list", "object": "an object",
+}  # fmt: skip
+_INSIDE = re.compile(r"Object (missing required|contains unknown) field `([^`]*)`")
+_EXPECTED = re.compile(r"Expected `([^`]*)`, got `([^`]*)`")
+_ENUM = re.compile(r"Invalid enum value (.*)", re.DOTALL)
+
+
+def _told(field: str, said: str) -> str:
+    """Return in our words what the library says of a value; the place that it names is within the field."""
+    message, _, place = said.partition(" - at `$")
+    where = f"{field}{place.removesuffix('`')}"
+    if found := _INSIDE.fullmatch(message):
+        return f"field '{where}.{found[2]}' is {'missing' if found[1].startswith('missing') else 'unknown'}"
+    if found := _EXPECTED.fullmatch(message):
+        due, there = (
+            " or ".join(_JSON_WORDS.get(part, part) for part in words.split(" | ")) for words in found.groups()
+        )
+        return f"field '{where}' must be {due}, found {there}"
+    if found := _ENUM.fullmatch(message):
+        return f"field '{where}' has the unknown value {found[1]}"
+    return f"field '{where}': {message}"

@@ -5,9 +5,9 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from itertools import takewhile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import islice, takewhile
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -27,6 +27,7 @@ __all__ = [
     "JournalReading",
     "UnknownFormat",
     "cut_torn_tail",
+    "read_ends",
     "read_journal",
     "require_known_format",
 ]
@@ -44,10 +45,13 @@ LONGEST_LINE = 64_000_000
 """No event is longer than this; what is longer is not held in memory."""
 
 _SHORT = 100
+_OF_LINE = frozenset({"body", "prev", "wall"})
 _START = b'{"body":'
 _BEFORE_PREVIOUS = b',"prev":"'
 _AFTER_PREVIOUS = b'","wall":'
 _BLOCK = 1 << 20
+_PIECE = 1 << 16
+"""The last two lines of most journals are shorter."""
 
 
 class UnknownFormat(EvidenceError):
@@ -118,9 +122,25 @@ def read_journal(path: Path) -> JournalReading:
     Raises:
         EvidenceError: if there is no file to read.
     """
+    return _read(path, _reading)
+
+
+def read_ends(path: Path) -> JournalReading:
+    """Read the first two and the last two lines of a journal, and nothing between them.
+
+    These tell what a run was, what was frozen, and how it ended. The last two have the line numbers that their
+    sequence numbers give; whether the chain holds between them is not looked at.
+
+    Raises:
+        EvidenceError: if there is no file to read.
+    """
+    return _read(path, _ends)
+
+
+def _read(path: Path, how: Callable[[BinaryIO], JournalReading]) -> JournalReading:
     try:
         with open_plain(path) as stream:
-            return _reading(stream)
+            return how(stream)
     except OSError as error:
         raise EvidenceError(
             f"{path}: the journal cannot be read: {error.strerror}", "is this a run's folder?"
@@ -178,6 +198,43 @@ def _torn_part(stream: BinaryIO) -> tuple[int, int]:
     return size, 0
 
 
+def _ends(stream: BinaryIO) -> JournalReading:
+    size, whole = _torn_part(stream)
+    stream.seek(0)
+    head = list(islice(_raw_lines(stream), 2))
+    tail = [(raw, None) for raw in _last_lines(stream, stream.tell(), whole)]
+    lines: list[JournalLine] = []
+    findings: list[Finding] = []
+    first: Body = {}
+    for number, (raw, endless) in enumerate([*head, *tail], 1):
+        try:
+            body, wall, _ = _parts(raw.removesuffix(b"\n"), whole=endless is None)
+            first = first or body
+            line = _line(number, raw, body, wall)
+        except JsonError as error:
+            findings.append(_finding(number if number <= len(head) else 0, error.bare, error.column))
+        else:
+            lines.append(line if number <= len(head) else replace(line, number=line.event.seq + 1))
+    torn = b"" if size == whole else b"torn"
+    return JournalReading(lines=tuple(lines), first=first, torn=torn, findings=tuple(findings), head="")
+
+
+def _last_lines(stream: BinaryIO, begin: int, end: int) -> list[bytes]:
+    """Return the last two whole lines between two places."""
+    start, data = end, b""
+    while start > begin and data.count(b"\n") < 3 and len(data) <= LONGEST_LINE:
+        before, start = start, max(begin, start - _PIECE)
+        stream.seek(start)
+        data = stream.read(before - start) + data
+    return [each + b"\n" for each in data.split(b"\n")[-3:-1]]
+
+
+def _line(number: int, raw: bytes, body: Body, wall: Body) -> JournalLine:
+    cut = raw.rfind(_BEFORE_PREVIOUS)
+    event = decode(body)
+    return JournalLine(number=number, event=event, wall=wall, raw=raw[len(_START) : cut], rest=raw[cut:-1])
+
+
 def _reading(stream: BinaryIO) -> JournalReading:
     lines: list[JournalLine] = []
     findings: list[Finding] = []
@@ -190,12 +247,9 @@ def _reading(stream: BinaryIO) -> JournalReading:
         try:
             body, wall, named = _parts(raw[:-1], whole=head is None)
             first = first if number > 1 else body
-            cut = raw.rfind(_BEFORE_PREVIOUS)
-            line = JournalLine(
-                number=number, event=decode(body), wall=wall, raw=raw[len(_START) : cut], rest=raw[cut:-1]
-            )
+            line = _line(number, raw, body, wall)
         except JsonError as error:
-            findings.append(_finding(number, error.message))
+            findings.append(_finding(number, error.bare, error.column))
         else:
             lines.append(line)
             findings.extend(_out_of_place(line, named, previous))
@@ -220,15 +274,20 @@ def _raw_lines(stream: BinaryIO) -> Iterator[tuple[bytes, str | None]]:
 def _parts(raw: bytes, *, whole: bool) -> tuple[Body, Body, str]:
     """Return body and wall of a line, and what it names as its predecessor."""
     if not whole:
-        raise JsonError(f"a line of more than {LONGEST_LINE} bytes")
+        raise JsonError(f"the line has more than {LONGEST_LINE} bytes")
     value = parse_strict(raw)
-    if not isinstance(value, dict) or value.keys() != {"body", "prev", "wall"}:
-        raise JsonError("a line has body, prev and wall")
+    if not isinstance(value, dict):
+        raise JsonError("the line must be an object with the fields body, prev and wall")
+    if value.keys() != _OF_LINE:
+        missing = [f"field '{name}' is missing" for name in sorted(_OF_LINE - value.keys())]
+        raise JsonError("; ".join([*missing, *(f"unknown field '{name}'" for name in sorted(value.keys() - _OF_LINE))]))
     body, previous, stamp = value["body"], value["prev"], value["wall"]
     if not isinstance(body, dict) or not isinstance(previous, str) or not isinstance(stamp, dict):
-        raise JsonError("body and wall are objects, prev is text")
-    if not isinstance(body.get("kind"), str) or type(body.get("t")) not in {int, float}:
-        raise JsonError("a body has a kind, and t in seconds")
+        raise JsonError("fields 'body' and 'wall' must be objects, and field 'prev' must be text")
+    if not isinstance(body.get("kind"), str):
+        raise JsonError("field 'kind' must be text: the kind of the event")
+    if type(body.get("t")) not in {int, float}:
+        raise JsonError("field 't' must be a number: the bench time in s")
     return _shared(body), _shared(stamp), previous
 
 
@@ -247,5 +306,5 @@ def _out_of_place(line: JournalLine, named: str, previous: str) -> Iterator[Find
         yield _finding(line.number, f"sequence number {line.event.seq} where {line.number - 1} is expected")
 
 
-def _finding(line: int, message: str) -> Finding:
-    return Finding(path=JOURNAL, line=line, column=1, message=message)
+def _finding(line: int, message: str, column: int = 0) -> Finding:
+    return Finding(path=JOURNAL, line=line, column=column or 1, message=message)

@@ -28,6 +28,7 @@ __all__ = [
     "make_read_only",
     "manifest_text",
     "payload_of",
+    "payload_oxum",
     "put_seal",
     "read_manifest",
     "tag_manifest_text",
@@ -102,15 +103,20 @@ def info_text(folder: Path, *, identifier: str, date: str, content: str, version
         content: the content digest.
         version: the version of the product that made the run.
     """
-    sizes = [(folder / path).lstat().st_size for path in payload_of(list_folder(folder).files)]
     fields = {
         "Bag-Software-Agent": f"hil {version}",
         "Bagging-Date": date,
         "Content-Digest": content,
         "External-Identifier": shown(identifier),
-        "Payload-Oxum": f"{sum(sizes)}.{len(sizes)}",
+        "Payload-Oxum": payload_oxum(folder, list_folder(folder).files),
     }
     return "".join(f"{name}: {value}\n" for name, value in fields.items()).encode()
+
+
+def payload_oxum(folder: Path, files: Iterable[str]) -> str:
+    """Return total size in bytes and number of a folder's files below `data`, as `bag-info.txt` has them."""
+    sizes = [(folder / path).lstat().st_size for path in payload_of(files)]
+    return f"{sum(sizes)}.{len(sizes)}"
 
 
 def identifier_of(info: str) -> str:

@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-from hil.documents.canonical import JsonError, parse_strict
+from hil.documents.canonical import JsonError, canonical, parse_strict
 from hil.evidence.durable import read_plain
 from hil.evidence.events import Check, End, Frozen, Recovered, Results, Run
 from hil.evidence.folder import ATTACHMENTS, CALIBRATION, CATALOGUE, JOURNAL, PARAMETERS, RECORDINGS, RESULTS
 from hil.evidence.journal.reader import JournalReading
-from hil.evidence.package.bag import INFO, is_named
+from hil.evidence.package.bag import INFO, identifier_of, is_named
+from hil.evidence.package.judging import judge_again
 from hil.evidence.package.listing import shown
 from hil.evidence.package.sealing import info_of
 from hil.evidence.recordings.hdf5 import hashes_of
 from hil.evidence.results.derived import results_of
-from hil.evidence.results.facts import Entries, facts_of, limit_of
+from hil.evidence.results.facts import Entries, facts_of
 from hil.evidence.results.outcome import FORMAT, write_outcome
 from hil.evidence.state import fold
 from hil.model.errors import EvidenceError, Finding, HilError
-from hil.model.figure import Figure, FigureStatus
-from hil.model.verdict import Verdict
-from hil.requirements.decision import Judgement, judge
-from hil.requirements.requirement import Kind, Limit
 
-__all__ = ["content_findings", "guarded", "judge_again"]
+__all__ = ["content_findings", "frozen_findings", "guarded", "named_results"]
 
 _HEAD = ([Run, Frozen], [Run, Recovered])
 """How a sealed journal begins; a run that was killed before its first case has nothing frozen to name."""
@@ -57,32 +54,57 @@ def content_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> I
         yield from guarded(partial(look, folder, reading, hashes))
 
 
-def guarded(look: Callable[[], Iterator[Finding]]) -> Iterator[Finding]:
-    """Turn whatever hostile content makes of a look into a finding."""
+def frozen_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
+    """Give what the journal's ends contradict: its shape, and the hashes of files; of files alone, nothing is derived.
+
+    Args:
+        folder: the run's folder.
+        reading: at least the first two and the last two lines of its journal.
+        hashes: path and SHA-256 of every file below `data`.
+    """
+    for look in (_shape_findings, _file_findings, _begun_findings):
+        yield from guarded(partial(look, folder, reading, hashes))
+
+
+def guarded(look: Callable[[], Iterator[Finding]], path: str = "data") -> Iterator[Finding]:
+    """Turn whatever hostile content makes of a look into a finding, at the path of what is looked at."""
     try:
         yield from look()
     except Exception as error:  # noqa: BLE001 - the content decides what goes wrong in reading it
         what = error.message if isinstance(error, HilError) else f"{type(error).__name__}: {error}"
-        yield Finding("data", 0, 0, f"verification cannot continue: {what}")
+        yield Finding(path, 0, 0, f"cannot be checked: {what}")
 
 
-def _journal_findings(_: Path, reading: JournalReading, __: Hashes) -> Iterator[Finding]:
+def _shape_findings(_: Path, reading: JournalReading, __: Hashes) -> Iterator[Finding]:
     yield from reading.findings
     if reading.torn:
-        yield Finding(JOURNAL, 0, 0, f"{len(reading.torn)} bytes at the end are an incomplete line")
+        yield Finding(JOURNAL, 0, 0, "the last line is incomplete")
     kinds = [type(event) for event in reading.events]
     if kinds[:1] != [Run] or kinds[-2:] != [Results, End] or kinds.count(Results) != 1:
         yield Finding(JOURNAL, 0, 0, "a sealed journal begins with run, and ends with results and end, each once")
+
+
+def _journal_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
+    yield from _shape_findings(folder, reading, hashes)
     for line in reading.lines:
         if not line.canonical:
             yield Finding(JOURNAL, line.number, 1, "this is not canonical JSON")
 
 
 def _info_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterator[Finding]:
-    text = read_plain(folder / INFO)
-    names = [line.removeprefix(b"External-Identifier: ") for line in text.split(b"\n") if line.startswith(b"Ext")]
-    if len(names) != 1 or not reading.lines or text != info_of(folder, names[0].decode(), reading):
-        yield Finding(INFO, 0, 0, "it does not agree with the journal and the files")
+    """Compare `bag-info.txt` with what a seal writes, line by line; where it is missing, the tag files tell it."""
+    try:
+        text = read_plain(folder / INFO).decode("utf-8", errors="replace")
+    except FileNotFoundError:
+        return
+    if not reading.lines:
+        yield Finding(INFO, 0, 0, "cannot be checked: the journal has no events")
+        return
+    due = info_of(folder, identifier_of(text), reading).decode()
+    for number, (line, right) in enumerate(zip_longest(text.split("\n"), due.split("\n"), fillvalue=""), 1):
+        if line != right:
+            name = (right or line).partition(":")[0]
+            yield Finding(INFO, number, 1, f"field '{shown(name)}' is not what journal and files give: {shown(right)}")
 
 
 def _file_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
@@ -135,16 +157,68 @@ def _begun_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterato
             yield Finding(path, 0, 0, f"this is not the {field} that the run started with")
 
 
-def _results_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
+def named_results(reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
+    """Give a finding where the journal names other results than those that are there; missing ones are told elsewhere.
+
+    Args:
+        reading: at least the last two lines of the journal.
+        hashes: path and SHA-256 of every file below `data`.
+    """
     named = fold(reading.events).results
-    if named is None or named.sha256 != hashes.get(RESULTS):
-        yield Finding(RESULTS, 0, 0, "the journal names other results")
-    sealed = read_plain(folder / RESULTS)
-    derived = results_of(folder, reading, _format(sealed))
-    if named is None or named.verdict is not derived.verdict:
-        yield Finding(JOURNAL, 0, 0, f"the run's verdict is {derived.verdict}, and not what the journal says")
-    if write_outcome(derived) != sealed:
-        yield Finding(RESULTS, 0, 0, "journal and frozen catalogue give other results")
+    if named is not None and named.sha256 != hashes.get(RESULTS, named.sha256):
+        yield Finding(RESULTS, 0, 0, "it is not the file that the journal's event results names")
+
+
+def _results_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
+    """Compare the results with those that journal and frozen catalogue give, field by field."""
+    yield from named_results(reading, hashes)
+    sealed = read_plain(folder / RESULTS) if RESULTS in hashes else None
+    derived = results_of(folder, reading, _format(sealed or b""))
+    named = fold(reading.events).results
+    if named is not None and named.verdict is not derived.verdict:
+        line = next(line.number for line in reading.lines if line.event is named)
+        yield Finding(JOURNAL, line, 1, f"field 'verdict' is {named.verdict}, and the journal gives {derived.verdict}")
+    due = write_outcome(derived)
+    if sealed is None or sealed == due:
+        return
+    try:
+        found = parse_strict(sealed)
+    except JsonError as error:
+        yield Finding(RESULTS, error.line, error.column, error.bare)
+        return
+    told = list(_differences(found, parse_strict(due)))
+    for sentence in told[:_MOST_FIELDS] or ["this is not canonical JSON"]:
+        yield Finding(RESULTS, 1, 1, sentence)
+    if more := told[_MOST_FIELDS:]:
+        yield Finding(RESULTS, 1, 1, f"{len(more)} more fields are not what the journal gives")
+
+
+_MOST_FIELDS = 20
+_LONGEST_VALUE = 60
+
+
+def _differences(found: object, due: object, place: str = "") -> Iterator[str]:
+    """Give a sentence for every field of the results that is not what the journal gives."""
+    name = f"field '{shown(place)}'" if place else "it"
+    if isinstance(found, dict) and isinstance(due, dict):
+        for key in sorted(found.keys() | due.keys()):
+            inner = f"{place}.{key}" if place else key
+            if key in found and key in due:
+                yield from _differences(found[key], due[key], inner)
+            else:
+                yield f"field '{shown(inner)}' {'is missing' if key in due else 'is not what the journal gives: none'}"
+    elif isinstance(found, list) and isinstance(due, list) and len(found) == len(due):
+        for index, (each, right) in enumerate(zip(found, due, strict=True)):
+            yield from _differences(each, right, f"{place}[{index}]")
+    elif isinstance(found, list) and isinstance(due, list):
+        yield f"{name} has {len(found)} entries, and the journal gives {len(due)}"
+    elif type(found) is not type(due) or found != due:
+        yield f"{name} is {_in_short(found)}, and the journal gives {_in_short(due)}"
+
+
+def _in_short(value: object) -> str:
+    text = canonical(value).decode()
+    return shown(text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}...")
 
 
 def _format(results: bytes) -> int:
@@ -169,7 +243,7 @@ def _recording_findings(folder: Path, reading: JournalReading, hashes: Hashes) -
         elif path not in hashes:
             yield Finding(shown(path), 0, 0, "the recording is missing")
         elif hashes[path] == written.get(path):
-            yield from guarded(partial(_row_findings, folder, path, claim, ended.rows))
+            yield from guarded(partial(_row_findings, folder, path, claim, ended.rows), shown(path))
 
 
 def _row_findings(folder: Path, path: str, claim: Mapping[int, str], rows: int) -> Iterator[Finding]:
@@ -193,94 +267,9 @@ def _check_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterato
     catalogue = facts_of(folder, reading).catalogue
     for line in reading.lines:
         if isinstance(line.event, Check):
-            for message in judge_again(line.event, catalogue):
-                yield Finding(JOURNAL, line.number, 1, message)
+            yield from guarded(partial(_of_check, line.number, line.event, catalogue), f"{JOURNAL}:{line.number}")
 
 
-_LAST_DIGITS = 1e-9
-
-
-def judge_again(check: Check, catalogue: Entries) -> Iterator[str]:
-    """Give a sentence for everything in a check's event that does not follow from value, uncertainty and catalogue.
-
-    A good verdict must follow exactly. One that is not good may also come from what the event does not tell: a device
-    that fell silent, the analysis' own word, a value beyond the last digit written. A requirement that only asks for
-    data is RECORDED where its figures pass.
-
-    Args:
-        check: the event; value, uncertainty and degrees of freedom combine figure and instruments.
-        catalogue: the frozen requirements, with their limits.
-    """
-    name = f"{check.requirement} {check.parameter}"
-    entry = catalogue.get(check.requirement, {})
-    frozen = _frozen_limit(check, entry)
-    written = _written_limit(check)
-    if check.requirement not in catalogue:
-        yield f"{name}: the frozen catalogue has no such requirement"
-    if frozen is not None:
-        yield from _against_catalogue(name, written, frozen)
-    again = _judge(check, frozen or written)
-    due = Verdict.RECORDED if entry.get("kind") == Kind.RECORD and again.verdict is Verdict.PASS else again.verdict
-    if check.doubts:
-        due = Verdict.INCONCLUSIVE
-    verdict = check.verdict
-    if verdict is not due and (verdict.good or not _may_be_worse(check, again)):
-        yield f"{name}: the verdict is {verdict}, and its value gives {due} {again.reason}".rstrip()
-    tolerance = _tolerance(check, again)
-    for field in ("expanded", "margin", "tur"):
-        if not _same(getattr(check, field), getattr(again, field), 0.0 if field == "tur" else tolerance):
-            yield f"{name}: {field} is {getattr(check, field)}, and its value gives {getattr(again, field)}"
-
-
-def _judge(check: Check, limit: Limit) -> Judgement:
-    if isinstance(check.value, str):
-        return judge(check.value, limit)
-    figure = Figure(
-        value=math.nan if check.value is None else check.value,
-        unit=check.unit,
-        uncertainty=check.uncertainty,
-        dof=math.inf if check.dof is None else check.dof,
-        status=FigureStatus(check.status or FigureStatus.MEASURED),
-    )
-    return judge(figure, limit)
-
-
-def _may_be_worse(check: Check, again: Judgement) -> bool:
-    if check.value is None or (check.verdict is Verdict.INCONCLUSIVE and check.status is None):
-        return True
-    return again.margin is not None and abs(again.margin) <= _tolerance(check, again)
-
-
-def _tolerance(check: Check, again: Judgement) -> float:
-    """Return how far figures in the limit's unit may differ: they are written with 12 digits."""
-    bounds = [float(side) for side in (check.limit.min, check.limit.max) if side is not None]
-    value = again.value if isinstance(again.value, float) and math.isfinite(again.value) else 0.0
-    return _LAST_DIGITS * max(abs(number) for number in (value, again.expanded or 0.0, *bounds))
-
-
-def _written_limit(check: Check) -> Limit:
-    return Limit(
-        parameter=check.parameter,
-        unit=check.limit_unit,
-        minimum=check.limit.min,
-        maximum=check.limit.max,
-        equals=check.limit.equals,
-        decision=check.decision,
-    )
-
-
-def _frozen_limit(check: Check, entry: Mapping[str, Any]) -> Limit | None:
-    limits = entry.get("limits") or []
-    return next((limit_of(item) for item in limits if item["parameter"] == check.parameter), None)
-
-
-def _against_catalogue(name: str, written: Limit, frozen: Limit) -> Iterator[str]:
-    for field in ("minimum", "maximum", "equals", "unit", "decision"):
-        if getattr(written, field) != getattr(frozen, field):
-            yield f"{name}: {field} was {getattr(written, field)}, and the catalogue has {getattr(frozen, field)}"
-
-
-def _same(written: float | None, again: float | None, tolerance: float) -> bool:
-    if written is None or again is None:
-        return written is again
-    return math.isclose(written, again, rel_tol=_LAST_DIGITS, abs_tol=tolerance)
+def _of_check(line: int, check: Check, catalogue: Entries) -> Iterator[Finding]:
+    for message in judge_again(check, catalogue):
+        yield Finding(JOURNAL, line, 1, message)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
 from hil.evidence import events
-from hil.evidence.durable import DISK_FULL, PART, read_plain, sync_folder, write_whole
+from hil.evidence.durable import DISK_FULL, PART, read_plain, sha256_of, sync_folder, write_whole
 from hil.evidence.folder import CHECKPOINT, INBOX, JOURNAL, RECORDINGS, RESERVE, RESULTS, free_reserve, hold, is_sealed
 from hil.evidence.inbox import Message, poll
 from hil.evidence.journal.reader import JournalReading, cut_torn_tail, read_journal, require_known_format
@@ -24,13 +24,13 @@ from hil.evidence.package.bag import (
     write_manifests,
 )
 from hil.evidence.package.contents import Package
-from hil.evidence.package.listing import list_folder
+from hil.evidence.package.listing import list_folder, shown
 from hil.evidence.recordings.hdf5 import convert
 from hil.evidence.recordings.rows import Rows
 from hil.evidence.results.derived import results_of
 from hil.evidence.results.outcome import write_outcome
 from hil.evidence.state import RunState, fold
-from hil.model.errors import EvidenceError, Refused
+from hil.model.errors import EvidenceError, Finding, Refused
 
 __all__ = [
     "EXIT_CODE",
@@ -39,6 +39,7 @@ __all__ = [
     "event_of",
     "finish",
     "info_of",
+    "lost_files",
     "not_sealed",
     "recover",
     "seal",
@@ -257,6 +258,26 @@ def recover(folder: Path, *, write_reports: ReportWriter) -> str:
             raise not_sealed(folder, error, "seal it again with hil seal; hil verify shows what is there") from error
 
 
+def lost_files(folder: Path, reading: JournalReading, *, read: bool = True) -> Iterator[Finding]:
+    """Give a finding for every file that is named at the end of a journal, and is missing or another one now.
+
+    A run whose process ended between that and the seal has lost none; a copy that is not complete has.
+
+    Args:
+        folder: the run's folder.
+        reading: its journal; without its `end` nothing is named.
+        read: whether the files are compared with their hashes.
+    """
+    last = reading.lines[-1] if reading.lines else None
+    files = last.wall.get("files") if last and isinstance(last.event, events.End) else None
+    there = {*list_folder(folder).files}
+    for path, digest in sorted(files.items()) if isinstance(files, dict) else ():
+        if path not in there:
+            yield Finding(shown(path), 0, 0, "the journal names it, and it is missing")
+        elif read and sha256_of(folder / path) != digest:
+            yield Finding(shown(path), 0, 0, "it is not the file that the journal names")
+
+
 def _seal_as_it_is(folder: Path, write_reports: ReportWriter) -> str:
     require_known_format(read_journal(folder / JOURNAL))
     torn = cut_torn_tail(folder)
@@ -270,6 +291,11 @@ def _seal_as_it_is(folder: Path, write_reports: ReportWriter) -> str:
         raise Refused(f"{folder.name}: nothing was recorded", "the folder can be deleted")
     state = fold(reading.events)
     if state.end:
+        if lost := list(lost_files(folder, reading)):
+            more = f", and {len(lost) - 1} more" if len(lost) > 1 else ""
+            raise EvidenceError(
+                f"{folder.name}: cannot seal: {lost[0]}{more}", "if this is a copy, copy the package again"
+            )
         return finish(folder, write_reports)
     with Journal(folder / JOURNAL, reserve=folder / RESERVE) as journal:
         if state.results:

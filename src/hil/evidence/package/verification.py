@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
 
 from hil.evidence.durable import read_plain, sha256_of
+from hil.evidence.events import End
 from hil.evidence.folder import JOURNAL, SEAL, is_held, is_run, is_sealed
 from hil.evidence.journal.reader import UnknownFormat, read_journal, require_known_format
 from hil.evidence.package.bag import (
@@ -25,11 +26,12 @@ from hil.evidence.package.bag import (
 )
 from hil.evidence.package.consistent import content_findings, guarded
 from hil.evidence.package.listing import Listing, list_folder, shown
+from hil.evidence.package.sealing import lost_files
 from hil.evidence.safed import was_safed
 from hil.evidence.state import fold, standing
 from hil.model.errors import EvidenceError, Finding
 
-__all__ = ["State", "Verification", "bag_findings", "verify"]
+__all__ = ["NO_SEAL", "State", "Verification", "bag_findings", "hash_file", "in_short", "unread_journal", "verify"]
 
 
 class State(StrEnum):
@@ -74,9 +76,20 @@ class Verification:
     complete: bool = False
 
     @property
+    def problem(self) -> str:
+        """Everything that is wrong in one line, empty where nothing is."""
+        return in_short(self.findings)
+
+    @property
     def ok(self) -> bool:
         """Whether this is a whole package of a complete run."""
         return self.state is State.SEALED and self.complete
+
+
+def in_short(findings: Sequence[Finding]) -> str:
+    """Return the first finding and how many more there are, in one line that can be printed anywhere."""
+    more = f", and {len(findings) - 1} more" if len(findings) > 1 else ""
+    return f"{shown(str(findings[0]))}{more}" if findings else ""
 
 
 def verify(folder: Path) -> Verification:
@@ -100,7 +113,7 @@ def _verify_sealed(folder: Path) -> Verification:
     findings = list(listing.findings())
     hashes: dict[str, str] = {}
     for path in payload_of(listing.files):
-        findings += guarded(partial(_hash, folder, path, hashes))
+        findings += hash_file(folder, path, hashes)
     findings += guarded(partial(bag_findings, folder, listing, hashes))
     try:
         reading = read_journal(folder / JOURNAL)
@@ -109,9 +122,7 @@ def _verify_sealed(folder: Path) -> Verification:
         state = State.DAMAGED if findings else State.UNKNOWN
         return Verification(folder=folder, state=state, findings=(*findings, Finding(JOURNAL, 1, 1, str(error))))
     except EvidenceError as error:
-        return Verification(
-            folder=folder, state=State.DAMAGED, findings=(*findings, Finding(JOURNAL, 0, 0, error.message))
-        )
+        return Verification(folder=folder, state=State.DAMAGED, findings=(*findings, unread_journal(folder, error)))
     for finding in content_findings(folder, reading, hashes):
         findings.append(replace(finding, message=finding.message.replace(f"{folder}/", "")))
     if findings:
@@ -131,7 +142,13 @@ def _verify_sealed(folder: Path) -> Verification:
     )
 
 
-def _hash(folder: Path, path: str, hashes: dict[str, str]) -> Iterator[Finding]:
+def unread_journal(folder: Path, error: EvidenceError) -> Finding:
+    """Return the finding for a journal that cannot be read, without the path of this machine."""
+    return Finding(JOURNAL, 0, 0, error.message.removeprefix(f"{folder / JOURNAL}: "))
+
+
+def hash_file(folder: Path, path: str, hashes: dict[str, str]) -> Iterator[Finding]:
+    """Add the SHA-256 of a file to what is known, or give a finding where it cannot be read."""
     try:
         hashes[path] = sha256_of(folder / path)
     except OSError as error:
@@ -144,15 +161,23 @@ def _verify_unsealed(folder: Path, state: State) -> Verification:
     try:
         reading = read_journal(folder / JOURNAL)
     except EvidenceError as error:
-        unread = (_unsealed(state), *findings, Finding(JOURNAL, 0, 0, error.message))
-        return Verification(folder=folder, state=state, findings=unread)
+        return Verification(
+            folder=folder, state=State.DAMAGED, findings=(_unsealed(state), *findings, unread_journal(folder, error))
+        )
     if not running and was_safed(folder, reading.events):
         state = State.SAFED
-    findings.insert(0, _unsealed(state))
-    findings += reading.findings
+    ended = not running and bool(reading.events) and isinstance(reading.events[-1], End)
+    findings.insert(0, Finding(SEAL, 0, 0, NO_SEAL) if ended else _unsealed(state))
+    lost = list(guarded(partial(lost_files, folder, reading))) if ended else []
+    findings += (*reading.findings, *lost)
+    if (reading.findings or lost) and not running:
+        state = State.DAMAGED
     if reading.torn and not running:
         findings.append(Finding(JOURNAL, 0, 0, f"{len(reading.torn)} bytes at the end are an incomplete line"))
     return Verification(folder=folder, state=state, findings=tuple(findings))
+
+
+NO_SEAL = "the run has ended, and its seal is missing: hil seal seals it; if this is a copy, copy the package again"
 
 
 def _unsealed(state: State) -> Finding:

@@ -8,7 +8,7 @@ import msgspec
 
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.events import Check, Part, Run
-from hil.evidence.events.codec import decode, plain, quick_canonical
+from hil.evidence.events.codec import convert, decode, plain, quick_canonical
 from hil.model.verdict import Verdict
 
 __all__ = [
@@ -166,15 +166,14 @@ def read_outcome(data: bytes) -> Outcome:
     """Return the results in `data/results.json`.
 
     Raises:
-        JsonError: for what is not strict JSON, and for a missing, unknown or mistyped field, which it names.
+        JsonError: for what is not strict JSON, and with every field that is missing, unknown or mistyped.
     """
     found = parse_strict(data)
     run = found.get("run") if isinstance(found, dict) else None
-    if not isinstance(found, dict) or not isinstance(run, dict):
-        raise JsonError("results tell of a run")
+    if not isinstance(found, dict):
+        raise JsonError("results must be an object")
+    if not isinstance(run, dict):
+        raise JsonError("field 'run' must be an object")
     asked = decode({**run, "kind": Run.kind(), "seq": 0, "t": 0.0}) if run else None
-    try:
-        outcome = msgspec.convert({**found, "run": None}, Outcome)
-    except msgspec.ValidationError as error:
-        raise JsonError(str(error).replace("$.", "")) from None
+    outcome = convert({**found, "run": None}, Outcome, "results")
     return msgspec.structs.replace(outcome, run=asked)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from hil.evidence.results.outcome import CaseOutcome, RequirementOutcome
 from hil.model.verdict import Verdict
@@ -239,14 +240,14 @@ class RunView:
 
     `source_word` stands on every printed page and is empty for hardware; `common` are the reasons against closing that
     concern every requirement; `unspoken` are requirements of the plans that the run is silent about, with why;
-    `held` is when the bench was held in the course of cases that are not good.
+    `held` is when the bench was held in the course of cases that are not good. The verdict of a damaged package is `-`.
     """
 
     title: str
     subject: str
     run: str
     source_word: str
-    verdict: Verdict
+    verdict: Verdict | Literal["-"]
     headline: str
     closing: str
     warnings: tuple[tuple[str, str], ...]

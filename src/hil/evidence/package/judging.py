@@ -1,0 +1,144 @@
+"""Whether a check's verdict follows from its value, its uncertainty and the frozen limit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from hil.evidence.events import Check
+from hil.evidence.results.facts import Entries, limit_of
+from hil.model.figure import Figure, FigureStatus
+from hil.model.verdict import Verdict
+from hil.requirements.decision import Judgement, judge
+from hil.requirements.requirement import Kind, Limit
+from hil.requirements.units import UnitError, convert
+
+__all__ = ["judge_again"]
+
+_LAST_DIGITS = 1e-9
+
+
+def judge_again(check: Check, catalogue: Entries) -> Iterator[str]:
+    """Give a sentence for everything in a check's event that does not follow from value, uncertainty and catalogue.
+
+    A good verdict must follow exactly. One that is not good may also come from what the event does not tell: a device
+    that fell silent, the analysis' own word, a value beyond the last digit written. A requirement that only asks for
+    data is RECORDED where its figures pass.
+
+    Args:
+        check: the event; value, uncertainty and degrees of freedom combine figure and instruments.
+        catalogue: the frozen requirements, with their limits.
+    """
+    name = f"{check.requirement} {check.parameter}"
+    entry = catalogue.get(check.requirement, {})
+    frozen = _frozen_limit(check, entry)
+    written = _written_limit(check)
+    if check.requirement not in catalogue:
+        yield f"{name}: field 'requirement': the frozen catalogue has no such requirement"
+    if frozen is not None:
+        yield from _against_catalogue(name, written, frozen)
+    if unfit := list(_unfit(check, frozen or written)):
+        yield from (f"{name}: {sentence}" for sentence in unfit)
+        return
+    again = _judge(check, frozen or written)
+    due = Verdict.RECORDED if entry.get("kind") == Kind.RECORD and again.verdict is Verdict.PASS else again.verdict
+    if check.doubts:
+        due = Verdict.INCONCLUSIVE
+    verdict = check.verdict
+    if verdict is not due and (verdict.good or not _may_be_worse(check, again)):
+        yield f"{name}: field 'verdict' is {verdict}, and its value gives {due} {again.reason}".rstrip()
+    tolerance = _tolerance(check, again)
+    for field in ("expanded", "margin", "tur"):
+        if not _same(getattr(check, field), getattr(again, field), 0.0 if field == "tur" else tolerance):
+            yield f"{name}: field '{field}' is {getattr(check, field)}, and its value gives {getattr(again, field)}"
+
+
+def _unfit(check: Check, limit: Limit) -> Iterator[str]:
+    """Give a sentence for every field without which nothing can be judged."""
+    if check.uncertainty is not None and not check.uncertainty >= 0:
+        yield f"field 'uncertainty' is {check.uncertainty}, and must not be negative"
+    if check.dof is not None and not check.dof > 0:
+        yield f"field 'dof' is {check.dof}, and must be above zero"
+    if check.status and check.status not in set(FigureStatus):
+        yield f"field 'status' is '{check.status}', and must be one of {', '.join(FigureStatus)}"
+    for side in ("min", "max"):
+        if (bound := getattr(check.limit, side)) is not None and not _is_number(bound):
+            yield f"field 'limit.{side}' is '{bound}', and must be a number"
+    if not isinstance(check.value, str) and limit.unit and limit.equals is None:
+        try:
+            convert(0.0, check.unit, limit.unit)
+        except UnitError as error:
+            yield f"field 'unit' is '{check.unit}', and the limit is in {limit.unit}: {error}"
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
+
+
+def _judge(check: Check, limit: Limit) -> Judgement:
+    if isinstance(check.value, str):
+        return judge(check.value, limit)
+    figure = Figure(
+        value=math.nan if check.value is None else check.value,
+        unit=check.unit,
+        uncertainty=check.uncertainty,
+        dof=math.inf if check.dof is None else check.dof,
+        status=FigureStatus(check.status or FigureStatus.MEASURED),
+    )
+    return judge(figure, limit)
+
+
+def _may_be_worse(check: Check, again: Judgement) -> bool:
+    if check.value is None or (check.verdict is Verdict.INCONCLUSIVE and check.status is None):
+        return True
+    return again.margin is not None and abs(again.margin) <= _tolerance(check, again)
+
+
+def _tolerance(check: Check, again: Judgement) -> float:
+    """Return how far figures in the limit's unit may differ: they are written with 12 digits."""
+    bounds = [float(side) for side in (check.limit.min, check.limit.max) if side is not None]
+    value = again.value if isinstance(again.value, float) and math.isfinite(again.value) else 0.0
+    return _LAST_DIGITS * max(abs(number) for number in (value, again.expanded or 0.0, *bounds))
+
+
+def _written_limit(check: Check) -> Limit:
+    return Limit(
+        parameter=check.parameter,
+        unit=check.limit_unit,
+        minimum=check.limit.min,
+        maximum=check.limit.max,
+        equals=check.limit.equals,
+        decision=check.decision,
+    )
+
+
+def _frozen_limit(check: Check, entry: Mapping[str, Any]) -> Limit | None:
+    limits = entry.get("limits") or []
+    return next((limit_of(item) for item in limits if item["parameter"] == check.parameter), None)
+
+
+_OF_LIMIT = {
+    "minimum": "limit.min",
+    "maximum": "limit.max",
+    "equals": "limit.equals",
+    "unit": "limit_unit",
+    "decision": "decision",
+}
+"""What a limit calls that which a check's event names otherwise."""
+
+
+def _against_catalogue(name: str, written: Limit, frozen: Limit) -> Iterator[str]:
+    for attribute, field in _OF_LIMIT.items():
+        if getattr(written, attribute) != getattr(frozen, attribute):
+            was, due = getattr(written, attribute), getattr(frozen, attribute)
+            yield f"{name}: field '{field}' is {was}, and the catalogue has {due}"
+
+
+def _same(written: float | None, again: float | None, tolerance: float) -> bool:
+    if written is None or again is None:
+        return written is again
+    return math.isclose(written, again, rel_tol=_LAST_DIGITS, abs_tol=tolerance)
