@@ -493,7 +493,7 @@ def test_what_cannot_be_is_refused():
     """A wrong address, a wrong identity, negative noise."""
     with pytest.raises(TruthError, match="must be at least 0"):
         Bench(truth={"white": ["-1", "0", "0"]})
-    with pytest.raises(TruthError, match="must look like 0x"):
+    with pytest.raises(TruthError, match="must be a hexadecimal number"):
         Bench(faults=[{"kind": "identity", "value": "gyro"}])
     setup = PeerSetup(
         instrument=InstrumentSpec(name="gyro", driver="any", address=0x1C),

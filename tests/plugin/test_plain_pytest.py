@@ -8,7 +8,7 @@ import sys
 
 import pytest
 from told_as_json import bodies, results_as_json
-from workspaces import DUT, Ended, make
+from workspaces import DUT, ROOT, Ended, make
 
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
@@ -69,6 +69,18 @@ def test_plain_pytest_runs_a_plan_and_seals(tmp_path):
     assert "test_one RECORDED" in ended.out
     assert verify(folder).ok
     assert bodies(Package(folder), "end")[0]["exit_code"] == 0
+
+
+def test_plain_pytest_runs_the_plans_of_this_repository(capfd, monkeypatch):
+    """Its own settings do not keep the plugin out; without an article it says which option is missing."""
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(sys, "argv", ["pytest"])
+    for name in [name for name in os.environ if name.startswith("PYTEST_")]:
+        monkeypatch.delenv(name)
+    code = pytest.main(["testplans/magnetorquer", "--bench", "adcs", "--collect-only", "-p", "no:cacheprovider"])
+    said = capfd.readouterr()
+    assert code == pytest.ExitCode.USAGE_ERROR
+    assert "no device under test is named; add --dut SERIAL; fixtures/duts.yaml has SIM-ADCS-1, " in said.err
 
 
 def test_plain_pytest_tells_verdicts_and_keeps_deselected_cases(tmp_path, pytest_here):

@@ -78,7 +78,11 @@ def energised_gates(bench: BoundBench, dut: Dut | None) -> Iterator[Gate]:
             return
     for limit in bench.spec.envelope:
         trips = self_test(limit)
-        detail = "trips on what it must trip on, and only on that" if trips else "does not trip as it says"
+        detail = (
+            "trips on a reading outside it, and not on one inside"
+            if trips
+            else "does not trip on the readings that it should"
+        )
         yield Gate(f"envelope {limit.id}", trips, detail)
 
 

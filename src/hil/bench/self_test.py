@@ -1,4 +1,4 @@
-"""The self-test of a limit: does its monitor trip on what it must trip on, and only on that?"""
+"""The self-test of a limit: does its monitor trip on readings outside it, and only on those?"""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def _stuck(told: _Course) -> Iterator[tuple[list[_Row], bool]]:
 
 
 def self_test(limit: EnvelopeLimit) -> bool:
-    """Return whether a monitor of this limit trips on what it must trip on, and only on that.
+    """Return whether a monitor of this limit trips on readings outside it, and only on those.
 
     Tried are a value beyond each bound, one that is not a number, and a value inside; where the quantity is derived,
     courses of numbers that come to such values, and such as look like them.

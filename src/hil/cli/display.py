@@ -1,4 +1,9 @@
-"""Displays: text streams that nobody's terminal, pipe or full disk can turn against a run."""
+"""Displays: text streams that nobody's terminal, pipe or full disk can turn against a run, nor any text against them.
+
+What cases, instruments and files say reaches a terminal through here. What a terminal would obey in it, such as the
+escape sequence that clears a screen, is written as a visible escape; the product's own colours and cursor movements go
+through `drawn`.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +12,13 @@ import os
 import select
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from typing import Any, TextIO, cast
 
-__all__ = ["Display", "displays", "open_standard_streams"]
+from hil.documents.text import visible
+
+__all__ = ["Display", "displays", "open_standard_streams", "shown_safely"]
 
 _PIECE = 512  # a descriptor that is ready takes so much without waiting
 _MOST_WAITING = 16_000_000
@@ -62,8 +70,18 @@ class Display(io.TextIOBase):
     def close(self) -> None:
         """Stay open: what a case closes is not the run's."""
 
+    @property
+    def drawn(self) -> TextIO:
+        """The same stream for what moves the cursor or has a colour: every text was made visible before."""
+        return cast("TextIO", _Drawn(self))
+
     def write(self, text: str) -> int:
-        """Take a text and write as much as the reader takes now."""
+        """Take a text and write as much as the reader takes now; what a terminal would obey becomes visible."""
+        self.draw(visible(text))
+        return len(text)
+
+    def draw(self, text: str) -> int:
+        """Write likewise, with what a terminal obeys."""
         data = text.encode(self._encoding, "backslashreplace")
         with self._lock:
             if not self.lost:
@@ -99,6 +117,71 @@ class Display(io.TextIOBase):
     def _lose(self) -> None:
         self.lost = True
         self._waiting.clear()
+
+
+class _Drawn(io.TextIOBase):
+    """A display that is written to as it is."""
+
+    def __init__(self, display: Display) -> None:
+        self._display = display
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]  # a plain attribute in the base class
+        """The encoding of the text."""
+        return self._display.encoding
+
+    def write(self, text: str) -> int:
+        """Write a text with what a terminal obeys."""
+        return self._display.draw(text)
+
+    def flush(self) -> None:
+        """Write as much as the reader takes now."""
+        self._display.flush()
+
+    def isatty(self) -> bool:
+        """Return whether a person looks at it."""
+        return self._display.isatty()
+
+    def fileno(self) -> int:
+        """Return the descriptor."""
+        return self._display.fileno()
+
+
+class _Shown:
+    """A text stream of somebody else, through which texts reach a terminal only when they are visible.
+
+    Args:
+        drawn: the stream, on which colours and cursor movements are drawn.
+    """
+
+    def __init__(self, drawn: TextIO) -> None:
+        self.drawn = drawn
+
+    def write(self, text: str) -> int:
+        """Write a text; what a terminal would obey becomes visible."""
+        self.drawn.write(visible(text))
+        return len(text)
+
+    def writelines(self, lines: Iterable[str]) -> None:
+        """Write several texts."""
+        for line in lines:
+            self.write(line)
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the stream has
+        if name == "buffer":  # bytes would go past
+            raise AttributeError(name)
+        return getattr(self.drawn, name)
+
+
+@contextmanager
+def shown_safely() -> Iterator[None]:
+    """Put streams that show every text safely in the place of standard output and standard error."""
+    before = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = cast("TextIO", _Shown(before[0])), cast("TextIO", _Shown(before[1]))
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = before
 
 
 @contextmanager

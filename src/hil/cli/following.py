@@ -16,7 +16,7 @@ from hil.evidence.package.listing import shown
 from hil.evidence.package.look import look
 from hil.evidence.package.verification import in_short
 from hil.evidence.runs import RunSummary, status
-from hil.plugin.terminal.progress import Progress
+from hil.plugin.terminal.progress import Progress, drawn
 from hil.report.live.following import Follower
 from hil.report.live.lines import facts, one_line, reading_lines
 from hil.report.numbers import duration
@@ -98,7 +98,7 @@ def _in_place(follower: Follower, pause: Pause) -> None:
     while follower.goes_on():
         follower.read()
         lines = _screen(follower)
-        click.echo((_UP.format(height) if height else "") + _CLEAR + "\n".join(lines))
+        click.echo((_UP.format(height) if height else "") + _CLEAR + "\n".join(lines), drawn(sys.stdout))
         height = len(lines)
         pause(_REFRESH_S)
     follower.read()

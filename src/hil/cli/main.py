@@ -12,7 +12,7 @@ from typing import cast
 
 import click
 
-from hil.cli.display import displays, open_standard_streams
+from hil.cli.display import displays, open_standard_streams, shown_safely
 from hil.cli.supervision import Invocation, Word
 from hil.documents.suggest import did_you_mean
 from hil.model.errors import ConfigurationError, HilError
@@ -78,7 +78,7 @@ class Commands(click.Group):
             formatter.write_dl([(name, COMMANDS[name]) for name in sorted(COMMANDS)])
 
 
-@click.command(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.command(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "color": True})
 @click.version_option(package_name="hil")
 def cli() -> None:
     """Hardware-in-the-loop test executive for CubeSat sensors and power parts."""
@@ -90,7 +90,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     word = Word.given()
     given = tuple(sys.argv[1:] if arguments is None else arguments)
     if word is None:
-        sys.exit(_code(Invocation(given, None)))
+        with shown_safely():
+            code = _code(Invocation(given, None))
+        sys.exit(code)
     with displays():
         code = _code(Invocation(given, word))
     word.leave(code)
@@ -147,4 +149,4 @@ def _say(*lines: str) -> None:
     """Write to standard error, if somebody reads it; the exit code does not depend on that."""
     with suppress(OSError, ValueError):
         for line in lines:
-            click.echo(line, err=True)
+            click.echo(line, err=True, color=True)  # nothing is stripped: it would be seen by nobody

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 import click
 
+from hil.documents.text import require_name
 from hil.model.errors import Refused
 
 __all__ = [
@@ -16,6 +17,7 @@ __all__ = [
     "attendance_of",
     "attendance_options",
     "deviation_options",
+    "name_option",
     "overrides_of",
     "skips_of",
 ]
@@ -37,13 +39,22 @@ ACKNOWLEDGE_WITHIN = click.option(
 )
 
 
+def name_option(flag: str, *, help: str) -> Callable[[_Command], _Command]:  # noqa: A002 - click's word
+    """Return an option that takes the name of a person; left out it is an empty text."""
+    return click.option(flag, default="", metavar="NAME", help=help, callback=_named)
+
+
+def _named(context: click.Context, option: click.Parameter, value: str) -> str:
+    if context.get_parameter_source(str(option.name)) is not click.core.ParameterSource.DEFAULT:
+        require_name(option.opts[0], value)
+    return value
+
+
 def attendance_options(command: _Command) -> _Command:
     """Give a command `--unattended`, `--on-call` and `--acknowledge-within`, the last in min."""
     options = (
         click.option("--unattended", is_flag=True, help="Nobody attends the run; the bench must allow that."),
-        click.option(
-            "--on-call", default="", metavar="NAME", help="Whom to call if something happens during an unattended run."
-        ),
+        name_option("--on-call", help="Whom to call if something happens during an unattended run."),
         ACKNOWLEDGE_WITHIN,
     )
     for option in reversed(options):

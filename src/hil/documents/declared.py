@@ -21,7 +21,7 @@ from hil.documents.findings import Findings
 from hil.documents.node import Mapping as MappingNode
 from hil.documents.node import Node, Place, Scalar, ScalarKind, Sequence, node_at, place_at
 from hil.documents.strict_yaml import read_yaml
-from hil.documents.suggest import did_you_mean
+from hil.documents.suggest import did_you_mean, nearest
 from hil.model.errors import HilError
 from hil.model.notation import Complaint, Path
 
@@ -63,7 +63,10 @@ class Problem:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Document(Generic[_Model]):
-    """A document that was read: its model, where in the file each part of it stands, and at which paths it is wrong."""
+    """A document that was read: its model, where in the file each part of it stands, and at which paths it is wrong.
+
+    A misspelt key counts as the key that was meant, where there is one like it.
+    """
 
     model: _Model
     root: Node
@@ -76,6 +79,10 @@ class Document(Generic[_Model]):
     def is_sound(self, path: Path) -> bool:
         """Return whether everything at and below a path was read as it is declared."""
         return all(wrong[: len(path)] != path for wrong in self.wrong)
+
+    def follows(self, path: Path) -> bool:
+        """Return whether what is wrong at a path may only follow from what could not be read at, above or below it."""
+        return any(path[: len(wrong)] == wrong[: len(path)] for wrong in self.wrong)
 
     def place(self, path: Path) -> Place:
         """Return the place of the value at a path, of the name of an entry, or of the nearest parent that is there."""
@@ -129,11 +136,12 @@ def read_document(
     entries = tuple(entry for entry in root.entries if entry[1] is not head)
     body = MappingNode(path=root.path, line=root.line, column=root.column, entries=entries)
     reading = _Reading(model, body, what, besides=() if head else ("schema",))
-    problems = tuple(reading.problems())
-    for problem in problems:
-        findings.add(place_at(body, problem.path, of_key=problem.of_key), problem.message)
+    wrong = tuple(reading.wrong())
+    for problem in tuple(reading.problems()):
+        place = place_at(body, problem.path, of_key=problem.of_key)
+        if problem.of_key or not isinstance(place, Scalar) or not findings.has(place):
+            findings.add(place, problem.message)  # else not every reader of YAML understands it alike, which was told
     found = reading.repaired()
-    wrong = tuple(problem.path for problem in problems)
     return None if found is None else Document(model=found, root=root, wrong=wrong)
 
 
@@ -208,6 +216,18 @@ class _Reading(Generic[_Model]):
         for path, words in self._bare.items():
             if not any(path[:length] in told for length in range(len(path) + 1)):
                 yield self._problem(path, words)
+
+    def wrong(self) -> Iterator[Path]:
+        """Give the path of everything that is wrong, also of missing keys and of those that misspelt ones stand for."""
+        for error in self._errors:
+            path, kind = error["loc"], error["type"]
+            if kind in _REQUIRED:
+                yield path
+            elif kind in _UNKNOWN:
+                yield (*path[:-1], nearest(str(path[-1]), self._wanted(path[:-1])) or path[-1])
+            else:
+                yield from (problem.path for problem in self._told(error))
+        yield from self._bare
 
     def repaired(self) -> _Model | None:
         """Return the model, with blank values in the places of those that are missing or cannot be read."""

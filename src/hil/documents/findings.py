@@ -31,6 +31,10 @@ class Findings:
         """Take over a finding that was made elsewhere."""
         self._findings[finding] = None
 
+    def has(self, place: Place) -> bool:
+        """Return whether something is wrong at exactly this place; what follows from it would be told twice."""
+        return any((each.path, each.line, each.column) == (place.path, place.line, place.column) for each in self)
+
     def raise_if_any(self) -> None:
         """Raise ConfigurationError with every finding, if there is one."""
         if self._findings:

@@ -10,53 +10,9 @@ import yaml
 
 from hil.documents.findings import Findings
 from hil.documents.node import Mapping, Node, Place, Scalar, ScalarKind, Sequence
+from hil.documents.text import decoded, hidden_character, read_bytes
 
-__all__ = ["MOST_BYTES", "parse_yaml", "read_yaml"]
-
-MOST_BYTES = 5_000_000
-_BYTE_ORDER_MARK = "\ufeff"
-_FORBIDDEN = re.compile(
-    "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f"  # controls; NEL is a line end to some readers and none to others
-    "\u061c\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff"  # marks that reorder or hide text, line separators
-    "\ud800-\udfff]"
-)
-
-
-def _forbidden_character(text: str) -> re.Match[str] | None:
-    """Return the first control, bidirectional or invisible character of `text`, or None."""
-    return _FORBIDDEN.search(text)
-
-
-def _decode(data: bytes, shown: str, findings: Findings) -> str | None:
-    """Return the text of `data` without byte order mark and with plain line ends.
-
-    Anything that cannot be read safely becomes a finding, and the text is None.
-    """
-    if len(data) > MOST_BYTES:
-        findings.add(Place(path=shown), f"the file is larger than {MOST_BYTES} bytes")
-        return None
-    try:
-        text = data.decode("utf-8")
-    except UnicodeDecodeError as error:
-        findings.add(
-            _place_of_byte(data, error.start, shown), f"not UTF-8 at byte {error.start}, save the file as UTF-8"
-        )
-        return None
-    text = text.removeprefix(_BYTE_ORDER_MARK).replace("\r\n", "\n").replace("\r", "\n")
-    before = len(findings)
-    for number, line in enumerate(text.split("\n"), 1):
-        match = _forbidden_character(line)
-        if match:
-            place = Place(path=shown, line=number, column=match.start() + 1)
-            findings.add(place, f"character U+{ord(match[0]):04X} is not allowed, remove it")
-    return text if len(findings) == before else None
-
-
-def _place_of_byte(data: bytes, offset: int, shown: str) -> Place:
-    line_start = data.rfind(b"\n", 0, offset) + 1
-    column = len(data[line_start:offset].decode("utf-8", errors="replace")) + 1
-    return Place(path=shown, line=data.count(b"\n", 0, offset) + 1, column=column)
-
+__all__ = ["parse_yaml", "read_yaml"]
 
 _DEEPEST = 20
 _MOST_FINDINGS = 100
@@ -67,16 +23,25 @@ _TEXT_TAG = "tag:yaml.org,2002:str"
 _NOTHING = frozenset({"", "~", "null", "Null", "NULL"})
 _FLAGS = frozenset({"true", "false"})
 _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]*)|0x[0-9a-fA-F]+")
-# What YAML 1.1, YAML 1.2 and a person read differently, and why it is refused.
+_QUOTE = 'write it in quotes: "{}"'
+# What YAML 1.1, YAML 1.2 and a person read differently, why it is refused, and what to write.
 _SURPRISES = (
-    (re.compile(r"(yes|no|on|off)", re.IGNORECASE), "is a flag to some readers and text to others"),
-    (re.compile(r"(true|false)", re.IGNORECASE), "is a flag to some readers only, write true or false"),
-    (re.compile(r"[-+]?0[0-9_]+|[-+]?0o[0-7_]+|[-+]?0b[01_]+"), "is octal or binary to some readers"),
-    (re.compile(r"[-+]?[0-9]+(:[0-5]?[0-9])+(\.[0-9_]*)?"), "is a number to base 60 to some readers"),
-    (re.compile(r"[-+]?[0-9]+_[0-9_]*"), "is a number to some readers only"),
-    (re.compile(r"[-+]?(\.[0-9]+|[0-9][0-9_]*(\.[0-9_]*)?)([eE][-+]?[0-9]+)?"), "would lose its digits as a number"),
-    (re.compile(r"[-+]?\.(inf|nan)", re.IGNORECASE), "is not a number that means something here"),
-    (re.compile(r"="), "means something of its own in YAML"),
+    (
+        re.compile(r"(yes|no|on|off)", re.IGNORECASE),
+        "is a flag to some readers and text to others",
+        f"write true or false, or {_QUOTE}",
+    ),
+    (re.compile(r"(true|false)", re.IGNORECASE), "is a flag to some readers only", "write true or false"),
+    (re.compile(r"[-+]?0[0-9_]+|[-+]?0o[0-7_]+|[-+]?0b[01_]+"), "is octal or binary to some readers", _QUOTE),
+    (re.compile(r"[-+]?[0-9]+(:[0-5]?[0-9])+(\.[0-9_]*)?"), "is a number to base 60 to some readers", _QUOTE),
+    (re.compile(r"[-+]?[0-9]+_[0-9_]*"), "is a number to some readers only", _QUOTE),
+    (
+        re.compile(r"[-+]?(\.[0-9]+|[0-9][0-9_]*(\.[0-9_]*)?)([eE][-+]?[0-9]+)?"),
+        "would lose its digits as a number",
+        _QUOTE,
+    ),
+    (re.compile(r"[-+]?\.(inf|nan)", re.IGNORECASE), "is not a finite number", "give a value, or leave the key out"),
+    (re.compile(r"="), "has a meaning of its own in YAML", _QUOTE),
 )
 
 
@@ -88,21 +53,13 @@ def read_yaml(file: Path, shown: str, findings: Findings) -> Node | None:
         shown: its path as shown to a person, relative to the workspace.
         findings: where everything that is refused is noted.
     """
-    try:
-        if not file.is_file():
-            findings.add(Place(path=shown), "the file is missing" if not file.exists() else "this is not a file")
-            return None
-        with file.open("rb") as stream:
-            data = stream.read(MOST_BYTES + 1)
-    except OSError as error:
-        findings.add(Place(path=shown), f"cannot be read: {error.strerror}")
-        return None
-    return parse_yaml(data, shown, findings)
+    data = read_bytes(file, shown, findings)
+    return None if data is None else parse_yaml(data, shown, findings)
 
 
 def parse_yaml(data: bytes, shown: str, findings: Findings) -> Node | None:
     """Return the document in `data`; None if there is none, with the reason among the findings."""
-    text = _decode(data, shown, findings)
+    text = decoded(data, shown, findings)
     return None if text is None else _Composer(text, shown, findings).document()
 
 
@@ -171,7 +128,7 @@ class _Composer:
         self._check_tag(event, _TEXT_TAG)
         quoted = bool(event.style) or event.tag == _TEXT_TAG
         text = str(event.value)
-        hidden = _forbidden_character(text)
+        hidden = hidden_character(text)
         if hidden:
             self._refuse(event, f"the text holds character U+{ord(hidden[0]):04X}, which is not allowed")
         kind = ScalarKind.TEXT if quoted else self._kind(event, text)
@@ -185,9 +142,9 @@ class _Composer:
             return ScalarKind.FLAG
         if _INTEGER.fullmatch(text):
             return ScalarKind.INTEGER
-        for pattern, why in _SURPRISES:
+        for pattern, why, advice in _SURPRISES:
             if pattern.fullmatch(text):
-                self._refuse(event, f'`{text[:60]}` {why}, write it in quotes: "{text[:60]}"')
+                self._refuse(event, f"`{text[:60]}` {why}, {advice.format(text[:60])}")
                 break
         return ScalarKind.TEXT
 
@@ -219,8 +176,10 @@ class _Composer:
             self._refuse_at(key, f"{key.described} cannot be a key")
         elif key.text == "<<" and not key.quoted:
             self._refuse_at(key, "the merge key << is not allowed, write the entries out")
+        elif not key.text and not key.quoted:
+            self._refuse_at(key, "a key is missing before the colon")
         elif key.kind in {ScalarKind.NOTHING, ScalarKind.FLAG}:
-            self._refuse_at(key, f"{key.described} cannot be a key, write it in quotes")
+            self._refuse_at(key, f"`{key.text}` cannot be a key, write it in quotes")
         elif key.text in entries:
             self._refuse_at(key, f"duplicate key '{key.text}', first on line {entries[key.text][0].line}")
         else:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
-from hil.bench.binding import bind_simulated, check_twin
+from hil.bench.binding import bind_simulated, check_twin, simulated_twin
 from hil.bench.bound import BoundBench
 from hil.bench.file.reading import load_bench
 from hil.bench.gate import Gate
@@ -270,7 +270,7 @@ def _read(start: Path, name: str) -> BenchSpec:
 
 def _simulated(start: Path, name: str) -> BenchSpec:
     """Return a bench file whose simulated twin was checked."""
-    workspace, spec = find_workspace(start), _read(start, name)
-    path = workspace.benches / name / "bench.yaml"
-    check_twin(spec, path, workspace.shown(path))
+    workspace = find_workspace(start)
+    spec = load_bench(workspace.benches, name, workspace.root, twin=check_twin)
+    simulated_twin(spec)
     return spec

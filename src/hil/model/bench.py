@@ -27,6 +27,7 @@ from hil.model.notation import (
     number,
     one_of,
     seconds,
+    slug,
     whole,
 )
 from hil.model.serial_line import SerialLine
@@ -94,7 +95,7 @@ class Calibration:
     """An instrument's calibration record; `due` is the last day on which it counts, ISO 8601."""
 
     certificate: Text
-    due: Annotated[str, matching(_DATE)]
+    due: Annotated[str, matching(_DATE, "a date such as 2027-09-30")]
     ranges: tuple[CalibratedRange, ...]
 
 
@@ -216,7 +217,7 @@ class Wire:
     """
 
     role: Text
-    instance: Annotated[str, matching("[a-z][a-z0-9_]*")] = ""
+    instance: Annotated[str, slug("_")] = ""
     instrument: Text
     channel: _Count = 0
     contacts: Mapping[str, Annotated[int, whole()]] = field(default_factory=dict)
@@ -298,7 +299,7 @@ class PeerSpec:
 class SimulatedBench:
     """The simulated twin: epoch, seed, plants and peers."""
 
-    epoch: Annotated[str, matching(_EPOCH)]
+    epoch: Annotated[str, matching(_EPOCH, "an instant in UTC such as 2026-01-01T08:00:00Z")]
     seed: Annotated[int, whole()]
     plants: Annotated[tuple[PlantSpec, ...], ByName()]
     peers: Annotated[tuple[PeerSpec, ...], ByName()]
@@ -314,7 +315,7 @@ class BenchHead:
         acknowledge: `anyone`, or `owner`: only the user whose run it was, and root.
     """
 
-    name: Annotated[str, matching("[a-z][a-z0-9-]*")]
+    name: Annotated[str, slug("-")]
     title: Text
     place: AnyText = ""
     dew_point: Number | None = None

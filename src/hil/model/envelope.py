@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from hil.model.notation import AnyText, Number, Seconds, Text, matching, number, one_of, seconds, whole
+from hil.model.notation import AnyText, Number, Seconds, Text, number, one_of, seconds, slug, whole
 
 __all__ = ["MADE_OF", "EnvelopeLimit"]
 
@@ -48,7 +48,7 @@ class EnvelopeLimit:
         against: the output whose quantity of the same name is subtracted.
     """
 
-    id: Annotated[str, matching("[a-z][a-z0-9-]*")]
+    id: Annotated[str, slug("-")]
     output: Text
     quantity: Text
     unit: Text

@@ -70,7 +70,10 @@ class Dut:
         recognised: per device of the bench, what must be read there for this DUT to be the one.
     """
 
-    serial: Annotated[str, matching("[A-Za-z0-9][A-Za-z0-9._-]*")]
+    serial: Annotated[
+        str,
+        matching("[A-Za-z0-9][A-Za-z0-9._-]*", "letters, digits, '.', '_' and '-', beginning with a letter or a digit"),
+    ]
     part: Text
     model: Model
     hardware: Text

@@ -48,6 +48,7 @@ __all__ = [
     "one_of",
     "read_number",
     "seconds",
+    "slug",
     "vector",
     "whole",
 ]
@@ -157,9 +158,14 @@ def _name_of(entry: type[Any]) -> str:
     return next(field.name for field in dataclasses.fields(entry) if field.metadata.get("alias") == NAMED["alias"])
 
 
-def matching(pattern: str, words: str = "") -> Notation:
-    """Return the notation of a text, the whole of which matches a pattern; `words` say what it must be."""
+def matching(pattern: str, words: str) -> Notation:
+    """Return the notation of a text, the whole of which matches a pattern; `words` say what it must be: `a date`."""
     return Notation(partial(_text, pattern=pattern, words=words), "")
+
+
+def slug(mark: str) -> Notation:
+    """Return the notation of a short name: lower-case letters, digits and one mark, such as `_`, between them."""
+    return matching(f"[a-z][a-z0-9{mark}]*", f"lower-case letters, digits and '{mark}', beginning with a letter")
 
 
 def one_of(*choices: str, blank: str = "") -> Notation:
@@ -207,7 +213,7 @@ def _text(value: object, pattern: str = "", words: str = "", choices: Sequence[s
     if choices and value not in choices:
         raise Complaint(f"must be one of {', '.join(choices)}", known=choices)
     if pattern and not re.fullmatch(pattern, value):
-        raise Complaint(f"must be {words}" if words else f"must look like {pattern}")
+        raise Complaint(f"must be {words}")
     return next((choice for choice in choices if choice == value), value)
 
 

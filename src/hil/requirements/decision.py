@@ -75,7 +75,7 @@ def judge(figure: Figure | str, limit: Limit, *, instrument_uncertainty: float |
             value=figure.value,
             unit=unit,
             decision=limit.decision,
-            reason="a word is due, found a number",
+            reason="expected a text, found a number",
         )
     found = combined(figure, limit, instrument_uncertainty)
     uncertainty = None if found.uncertainty is None else _finite(found.uncertainty)
@@ -114,9 +114,9 @@ def _judge_word(word: str, limit: Limit) -> Judgement:
     verdict, reason = Verdict.RECORDED, ""
     if limit.equals is not None:
         verdict = Verdict.PASS if word == limit.equals else Verdict.FAIL
-        reason = "" if word == limit.equals else f"'{limit.equals}' is due, found '{word}'"
+        reason = "" if word == limit.equals else f"expected '{limit.equals}', found '{word}'"
     elif limit.unit:
-        verdict, reason = Verdict.INCONCLUSIVE, f"a number in {limit.unit} is due, found a word"
+        verdict, reason = Verdict.INCONCLUSIVE, f"expected a number in {limit.unit}, found a text"
     return Judgement(verdict=verdict, value=word, unit="", decision=limit.decision, reason=reason)
 
 

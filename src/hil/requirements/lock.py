@@ -8,6 +8,7 @@ for the command that writes the lock.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -18,6 +19,8 @@ from hil.documents.canonical import JsonError, digest, parse_strict
 from hil.documents.declared import Invalid, read_json
 from hil.documents.findings import Findings
 from hil.documents.node import Place
+from hil.documents.text import read_bytes
+from hil.model.notation import Path as Keys
 from hil.requirements.requirement import Requirement
 
 __all__ = ["LOCK", "Change", "ChangeKind", "Locked", "changes", "check_lock", "lock_text", "read_lock"]
@@ -73,22 +76,36 @@ class Change:
 def read_lock(plan: Path, shown: str, findings: Findings) -> dict[str, Locked] | None:
     """Return the lock of a plan by id; None if there is none or it cannot be read."""
     file = plan / LOCK
-    place = Place(path=f"{shown}/{LOCK}")
-    if not file.exists():
+    named = f"{shown}/{LOCK}"
+    if not file.exists() or (data := read_bytes(file, named, findings)) is None:
         return None
     try:
-        parse_strict(data := file.read_bytes())
+        parse_strict(data)
         locked = read_json(data, _Lock).requirements
-    except (JsonError, OSError) as error:
-        findings.add(place, f"cannot be read: {error}; {_TAKE_BACK}")
+    except JsonError as error:
+        place = Place(path=named, line=error.line, column=error.column)
+        findings.add(place, f"cannot be read: {error.bare}; {_TAKE_BACK}")
         return None
-    except Invalid:
-        locked = None
-    # A meaning has the fingerprint beside it: nobody can have written anything else.
-    if locked is None or any(each.meaning and digest(each.meaning) != each.fingerprint for each in locked.values()):
-        findings.add(place, f"is not a lock of format {_FORMAT} as it was written; {_TAKE_BACK}")
-        return None
-    return locked
+    except Invalid as error:
+        wrong: list[Keys] = [error.problems[0].path]
+    else:
+        # A meaning has the fingerprint beside it: nobody can have written anything else.
+        lost = (id_ for id_, each in locked.items() if each.meaning and digest(each.meaning) != each.fingerprint)
+        wrong = [("requirements", id_, "fingerprint") for id_ in lost]
+        if not wrong:
+            return locked
+    place = _place(data.decode(), named, wrong[0])
+    findings.add(place, f"is not a lock of format {_FORMAT} as it was written; {_TAKE_BACK}")
+    return None
+
+
+def _place(text: str, named: str, keys: Keys) -> Place:
+    """Return where the value at some keys begins, as far as a search for one key after the other finds it."""
+    at = 0
+    for key in keys:
+        if found := re.compile(rf"{re.escape(json.dumps(key, ensure_ascii=False))}\s*:\s*").search(text, at):
+            at = found.end()
+    return Place(path=named, line=text.count("\n", 0, at) + 1, column=at - text.rfind("\n", 0, at))
 
 
 def check_lock(

@@ -16,7 +16,7 @@ from hil.documents.declared import Document, read_document
 from hil.documents.findings import Findings, shown
 from hil.documents.suggest import did_you_mean
 from hil.model.errors import HilError, Refused
-from hil.model.notation import AnyText, Complaint, Flag, Number, Path, Text, matching, read_number, whole
+from hil.model.notation import AnyText, Complaint, Flag, Number, Path, Text, read_number, slug, whole
 from hil.requirements.units import UnitError, check_unit, compatible, convert, is_plain
 
 __all__ = ["PARAMETERS", "Allowed", "Ambiguous", "Parameter", "Parameters", "UnknownParameter", "load_parameters"]
@@ -241,7 +241,7 @@ def load_parameters(root: File, plan: File) -> Parameters:
     for index, entry in enumerate(document.model.parameters if document else ()):
         if document is not None:
             parameter = _parameter(document, ("parameters", index), entry, findings)
-            if entry.name in found:
+            if entry.name and entry.name in found:
                 findings.add(document.place(("parameters", index, "name")), f"duplicate parameter '{entry.name}'")
             found[entry.name] = parameter
     findings.raise_if_any()
@@ -252,7 +252,7 @@ def load_parameters(root: File, plan: File) -> Parameters:
 class _Entry(Allowed):
     """One entry of `parameters.yaml`: either a value or values, and what the plan allows them to be."""
 
-    name: Annotated[str, matching("[a-z][a-z0-9_]*")]
+    name: Annotated[str, slug("_")]
     value: AnyText | None = None
     values: tuple[Text, ...] | None = None
     unit: AnyText = ""

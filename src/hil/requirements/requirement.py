@@ -25,8 +25,10 @@ from hil.model.notation import (
 
 __all__ = ["Decision", "Document", "Kind", "Limit", "Method", "PlannedRequirement", "Records", "Requirement"]
 
-_ID = matching("[A-Z][A-Z0-9]*(-[A-Z0-9]+)*-[0-9]{2,5}")
-_NAME = matching("[A-Za-z_][A-Za-z0-9_]*")
+_ID = matching(
+    "[A-Z][A-Z0-9]*(-[A-Z0-9]+)*-[0-9]{2,5}", "an id such as ADCS-GYR-010: capitals, and a number at its end"
+)
+_NAME = matching("[A-Za-z_][A-Za-z0-9_]*", "letters, digits and '_', beginning with a letter or '_'")
 _LEVEL = one_of("part", "equipment", "subsystem", "element", "segment", "system")
 _STAGE = one_of("qualification", "acceptance", "pre-launch", "in-orbit", "post-landing")
 

@@ -34,6 +34,24 @@ _WORD = re.compile(
     r"|(?P<one>1(?![0-9.A-Za-z]))"
     r"|(?P<sign>[*/·.()√ ])"
 )
+_KINDS = {
+    "1": "ratio",
+    "A": "current",
+    "A.h": "charge",
+    "count": "count",
+    "deg": "angle",
+    "deg/s": "angular rate",
+    "Hz": "frequency",
+    "K": "temperature",
+    "kg": "mass",
+    "m": "length",
+    "ohm": "resistance",
+    "s": "time",
+    "T": "magnetic field",
+    "V": "voltage",
+    "W": "power",
+    "W.h": "energy",
+}
 _NOTATION = (
     (re.compile(r"(?:sqrt|√)\s*\(([^()]+)\)"), r"((\1)**0.5)"),
     (re.compile(r"√([A-Za-zµμΩ°%]+)"), r"((\1)**0.5)"),
@@ -169,4 +187,7 @@ def _why_not(one: str, other: str) -> str:
     first, second = _unit(one), _unit(other)
     if first.dimensionality == second.dimensionality:
         return "degC is a temperature, K and delta_degC are differences of temperatures"
-    return f"the one is {first.dimensionality}, the other {second.dimensionality}"
+    kinds = {_unit(unit).dimensionality: kind for unit, kind in _KINDS.items()}
+    if first.dimensionality in kinds and second.dimensionality in kinds:
+        return f"{one} is a unit of {kinds[first.dimensionality]}, {other} of {kinds[second.dimensionality]}"
+    return "they are units of different quantities"

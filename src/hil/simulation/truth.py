@@ -10,7 +10,7 @@ from typing import TypeVar
 from hil.documents.declared import Invalid, validated
 from hil.documents.suggest import did_you_mean
 
-__all__ = ["Path", "Truth", "TruthError", "UnknownPlant", "declared", "suggestion"]
+__all__ = ["Path", "Truth", "TruthError", "UnknownPlant", "declared", "suggestion", "together"]
 
 Path = tuple[str | int, ...]
 _Model = TypeVar("_Model")
@@ -59,7 +59,7 @@ def declared(model: type[_Model], values: Mapping[str, object], what: str, path:
     try:
         return validated(model, values, what, path)
     except Invalid as error:
-        raise _together([TruthError(each.path, each.message) for each in error.problems]) from error
+        raise together([TruthError(each.path, each.message) for each in error.problems]) from error
 
 
 def suggestion(word: str, known: Sequence[str]) -> str:
@@ -93,7 +93,7 @@ class Truth:
         if isinstance(values, Mapping):
             self._values = values
         else:
-            self._errors.append(TruthError(path, f"must be a mapping, found {values!r}"))
+            self._errors.append(TruthError(path, f"must be a mapping, found {_described(values)}"))
 
     def part(self, model: type[_Model]) -> _Model:
         """Return what a section says of one part, by the keys that its model declares; see `hil.model.notation`.
@@ -114,7 +114,7 @@ class Truth:
         except Invalid as error:
             self._errors += [TruthError(each.path, each.message) for each in error.problems if self._says(each.path)]
             if not isinstance(error.repaired, model):
-                raise _together(self._errors) from error
+                raise together(self._errors) from error
             return error.repaired
 
     def sections(self, key: str) -> dict[str, Truth]:
@@ -122,7 +122,7 @@ class Truth:
         self._asked.append(key)
         value = self._values.get(key, {})
         if not isinstance(value, Mapping):
-            self.wrong(key, f"must be a mapping, found {value!r}")
+            self.wrong(key, f"must be a mapping, found {_described(value)}")
             return {}
         children = {
             str(name): Truth(item, (*self.path, key, str(name)), self._values, self._errors)
@@ -144,7 +144,7 @@ class Truth:
         for section in (self, *self._children):
             section.refuse_unknown()
         if self._errors:
-            raise _together(self._errors)
+            raise together(self._errors)
 
     def refuse_unknown(self) -> None:
         """Note keys that nobody asked for; `finish` does so for the whole section."""
@@ -157,6 +157,12 @@ class Truth:
         return not self._usual or path[len(self.path) :][:1] in {(key,) for key in self._values}
 
 
-def _together(errors: Sequence[TruthError]) -> TruthError:
+def _described(value: object) -> str:
+    return "a list" if isinstance(value, list | tuple) else repr(value)
+
+
+def together(errors: Sequence[TruthError]) -> TruthError:
+    """Return the first of some errors, which carries the others."""
     first, *others = errors
-    return TruthError(first.path, first.message, tuple(others))
+    first.others = tuple(others)
+    return first

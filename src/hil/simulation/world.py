@@ -168,8 +168,8 @@ class _Builder:
         model = offered(PLANTS, spec.model, (*path, "model"))
         grid_ns = round(spec.grid_s * NANOSECONDS)
         if grid_ns < 1:
-            raise TruthError((*path, "grid"), f"expected a duration above 0 s, not {spec.grid_s} s")
-        self._plants[spec.name] = model.build(spec.name, grid_ns, Truth(spec.truth, (*path, "truth")))
+            self.errors.append(TruthError((*path, "grid"), "'grid' must be at least 1 ns"))
+        self._plants[spec.name] = model.build(spec.name, grid_ns or NANOSECONDS, Truth(spec.truth, (*path, "truth")))
 
     def _build_peer(self, spec: PeerSpec) -> None:
         path = ("peers", spec.device)
@@ -188,10 +188,18 @@ class _Builder:
             instrument=instrument,
             truth=Truth(spec.truth, (*path, "truth")),
             connections=Connections(spec.connects, self._plants, self._taken, (*path, "connects")),
-            faults=_faults(spec, model, (*path, "faults")),
+            faults=self._faults(spec, model, (*path, "faults")),
             seeds=self._seeds,
         )
         self._place(model, setup)
+
+    def _faults(self, spec: PeerSpec, model: PeerModel, path: Path) -> Faults:
+        """Return what goes wrong with a peer; what is wrong with that hides nothing else that is wrong with it."""
+        try:
+            return _faults(spec, model, path)
+        except TruthError as error:
+            self.errors += (error, *error.others)
+            return Faults()
 
     def _place(self, model: PeerModel, setup: PeerSetup) -> None:
         device, noise = setup.instrument.name, setup.stream("faults")

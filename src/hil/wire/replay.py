@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -310,5 +311,5 @@ class ReplayedBus:
     def _take(self, name: str, sent: bytes) -> bytes:
         operation = self._playback.take(self._device, name, sent)
         if operation.error:
-            raise OSError(int(operation.error), "no acknowledge in the record, too")
+            raise OSError(int(operation.error), os.strerror(int(operation.error)))
         return operation.received

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -54,7 +55,7 @@ class SimulatedBus:
                 else:
                     peer.write(address, content)
             except (KeyError, Nack):
-                raise OSError(errno.EREMOTEIO, f"no acknowledge from address 0x{address:02X}") from None
+                raise OSError(errno.EREMOTEIO, os.strerror(errno.EREMOTEIO)) from None
         return replies
 
     def read_byte(self, i2c_addr: int) -> int:

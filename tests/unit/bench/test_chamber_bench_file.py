@@ -28,15 +28,14 @@ def wired(root: Path, *changes, **truth):
 
 
 def loaded(root: Path):
-    """Return the bench of the workspace."""
-    return load_bench(root / "fixtures/benches", "adcs", root)
+    """Return the bench of the workspace, its twin checked."""
+    return load_bench(root / "fixtures/benches", "adcs", root, twin=check_twin)
 
 
 def test_the_chamber_fits_the_bench(tmp_path):
     """File and twin are clean, and a bench with it is ready, with the controller in standby."""
-    file = wired(tmp_path)
+    wired(tmp_path)
     spec = loaded(tmp_path)
-    check_twin(spec, file, "bench.yaml")
     with bound(spec) as bench:
         gates = [*unpowered_gates(bench), *energised_gates(bench, None)]
         assert [gate for gate in gates if not gate.ok] == []
@@ -82,9 +81,9 @@ def test_what_must_be_said_of_it(tmp_path, change, message):
 
 def test_a_wrong_setting_of_its_wire_is_told_with_its_place(tmp_path):
     """What only the driver understands is asked of the driver."""
-    file = wired(tmp_path, ('decimals: "1"', 'decimals: "7"'))
+    wired(tmp_path, ('decimals: "1"', 'decimals: "7"'))
     with pytest.raises(
         ConfigurationError,
         match=r"bench.yaml:\d+:\d+: wiring thermal: 'decimals' must be at most 2",
     ):
-        check_twin(loaded(tmp_path), file, "bench.yaml")
+        loaded(tmp_path)

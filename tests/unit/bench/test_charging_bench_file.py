@@ -32,7 +32,7 @@ def found(root, changes):
         text = text.replace(old, new)
     file.write_text(text, encoding="utf-8")
     try:
-        check_twin(load_bench(root / "fixtures/benches", "battery", root), file, FILE)
+        load_bench(root / "fixtures/benches", "battery", root, twin=check_twin)
     except ConfigurationError as error:
         return [str(finding) for finding in error.findings]
     return []

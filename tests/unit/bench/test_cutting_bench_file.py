@@ -75,7 +75,7 @@ BATTERY = [
         "{role: supply, instance: charge",
         "supply.charge charges a battery, which is hazardous",
     ),
-    ({"charges: cycler,": "charges: cycler, hazardous: no,"}, "no,", "'hazardous' must be"),
+    ({"charges: cycler,": "charges: cycler, hazardous: no,"}, "no,", "write true or false, or write it in quotes"),
     (
         {
             f"- {CHARGE}\n": "",

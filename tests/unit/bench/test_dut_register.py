@@ -43,7 +43,7 @@ def test_serial_number_in_the_register_twice(tmp_path):
     [
         ("FM", "XM", "3:36: duts: 'model' must be one of EM, QM, FM, found `XM`"),
         ("model: FM", "modle: FM", "3:29: unknown key 'modle', did you mean 'model'?"),
-        ("SN-1", "-1 x", "duts: 'serial' must look like"),
+        ("SN-1", "-1 x", "duts: 'serial' must be letters, digits"),
         ('"B"', "2", "duts: 'hardware' must be text, found `2`"),
         ("{mag1: LIS3MDL}", "[mag1]", "duts: 'recognised' must be a mapping, found a list"),
     ],

@@ -252,5 +252,5 @@ def test_envelope_that_does_not_trip_is_not_ready(monkeypatch):
     with bound(adcs()) as bench:
         found = gates(bench)
         assert not found["envelope coil-current"].ok
-        assert found["envelope coil-current"].detail == "does not trip as it says"
+        assert found["envelope coil-current"].detail == "does not trip on the readings that it should"
         assert found["envelope sensor-voltage"].ok

@@ -30,10 +30,9 @@ def place(text: str, snippet: str) -> str:
 def test_a_served_bus_is_read(tmp_path):
     """The bus knows who serves it, and how fast; nothing is wrong with such a bench, its twin neither."""
     changed(tmp_path, *OBC_LINES)
-    spec = load_bench(tmp_path / "fixtures" / "benches", "adcs", tmp_path)
+    spec = load_bench(tmp_path / "fixtures" / "benches", "adcs", tmp_path, twin=check_twin)
     bus = next(bus for bus in spec.buses if bus.name == "adcs")
     assert (bus.port, bus.instrument, bus.frequency_hz) == ("", "obc1", 400_000.0)
-    check_twin(spec, tmp_path / FILE, FILE)
 
 
 @pytest.mark.parametrize(
@@ -85,9 +84,8 @@ def test_two_boards_behind_each_other(tmp_path):
 def test_a_peer_that_serves_no_bus_has_a_place_too(tmp_path):
     """Where another peer stands in for the board, nobody could run the transfers."""
     text = changed(tmp_path, *OBC_LINES, ("obc1: {}", "obc1: {model: keysight-e36300}"))
-    spec = load_bench(tmp_path / "fixtures" / "benches", "adcs", tmp_path)
     with pytest.raises(ConfigurationError) as caught:
-        check_twin(spec, tmp_path / FILE, FILE)
+        load_bench(tmp_path / "fixtures" / "benches", "adcs", tmp_path, twin=check_twin)
     (line,) = map(str, caught.value.findings)
     assert line.startswith(place(text, "keysight-e36300}"))
     assert "this peer serves no bus, so adcs has no devices" in line

@@ -25,6 +25,13 @@ def ended(capsys, *arguments):
     [
         (("--output", ""), "no folder is named"),
         (("--operator", "Ad\udce9"), "--operator is not text"),
+        (("--operator", ""), "--operator is empty"),
+        (("--operator", " "), "--operator is empty"),
+        (("--operator", "Ada\x1b[2J"), "--operator contains the character U+001B"),
+        (("--operator", "Ada\nPASS"), "--operator contains the character U+000A"),
+        (("--operator", "\u202eadA"), "--operator contains the character U+202E"),
+        (("--operator", "A" * 201), "--operator has 201 characters, and may have 200"),
+        (("--on-call", ""), "--on-call is empty"),
         (("--skip", "x", "--reason", " "), "one of them is empty"),
         (("--skip", "", "--reason", "y"), "one of them is empty"),
         (("--skip", "x", "--reason", "y", "--skip", "x", "--reason", "z"), "--skip x is given 2 times"),
@@ -34,6 +41,22 @@ def test_an_option_that_means_nothing_is_refused(capsys, arguments, message):
     """Before a process is started for the run."""
     code, said = ended(capsys, *RUN, *arguments)
     assert (code, message in said) == (4, True), said
+
+
+@pytest.mark.parametrize("command", ["ack", "answer", "attach", "hold", "note", "stop"])
+def test_everybody_who_gives_a_name_gives_one_that_can_be_read(capsys, command):
+    """The same rule for every command, before it looks for the run."""
+    code, said = ended(capsys, command, "latest", "--by", "Ada\r")
+    assert (code, "--by contains the character U+000D" in said) == (4, True), said
+
+
+def test_what_a_command_quotes_cannot_drive_a_terminal(capsys, tmp_path, monkeypatch):
+    """A name with an escape sequence is shown with the escape written out, once for every stream and command."""
+    (tmp_path / "hil.toml").touch()
+    monkeypatch.chdir(tmp_path)
+    code, said = ended(capsys, "requirements", "diff", "\x1b[2Jgone\u202e\x9b")
+    assert code == 4
+    assert "there is no plan '\\u001b[2Jgone\\u202e\\u009b'" in said
 
 
 @pytest.mark.parametrize("name", ["hil.toml", "n" * 5000])
@@ -110,3 +133,11 @@ def test_a_display_has_a_descriptor_of_its_own(pipe):
     os.close(pipe.pop())
     display.write("1 k\u2126 \udc80\n")
     assert os.read(pipe[0], 100) == b"1 k\\u2126 \\udc80\n"
+
+
+def test_a_display_shows_what_a_terminal_would_obey(pipe):
+    """Whatever a case prints: only what the product itself draws reaches the terminal as it is."""
+    display = Display(pipe[1], "utf-8")
+    display.write("a\x1b[2J\rb\tc\n")
+    display.drawn.write("\r\x1b[2K")
+    assert os.read(pipe[0], 100) == b"a\\u001b[2J\\u000db\tc\n\r\x1b[2K"

@@ -67,7 +67,7 @@ class Everything:
     period: Seconds = 0.0
     rate: Hertz = 1.0
     axes: tuple[Text, ...] = ()
-    serial: Annotated[str, matching("[A-Z]+-[0-9]{3}")] = ""
+    serial: Annotated[str, matching("[A-Z]+-[0-9]{3}", "a serial such as EM-001")] = ""
     decision: Annotated[str, one_of("simple", "guarded")] = "simple"
     colour: Colour = Colour.RED
     side: Literal["left", "right"] = "left"
@@ -164,7 +164,7 @@ def test_durations_are_exact_seconds(read, text, seconds):
         ("rate: 0 Hz", "1:7: bench: 'rate' must be a frequency above zero"),
         ("axes: x", "1:7: bench: 'axes' must be a list, found `x`"),
         ("axes: [a, 1]", '1:11: axes: entry 2 must be text, found `1`, write it in quotes: "1"'),
-        ("serial: EM-001x", "1:9: bench: 'serial' must look like [A-Z]+-[0-9]{3}, found `EM-001x`"),
+        ("serial: EM-001x", "1:9: bench: 'serial' must be a serial such as EM-001, found `EM-001x`"),
         (
             "decision: gaurded",
             "1:11: bench: 'decision' must be one of simple, guarded, found `gaurded`, did you mean 'guarded'?",

@@ -8,7 +8,8 @@ import yaml
 from hil.documents import strict_yaml
 from hil.documents.findings import Findings
 from hil.documents.node import Mapping, Scalar, ScalarKind, Sequence
-from hil.documents.strict_yaml import MOST_BYTES, parse_yaml, read_yaml
+from hil.documents.strict_yaml import parse_yaml, read_yaml
+from hil.documents.text import MOST_BYTES
 from hil.model.errors import ConfigurationError
 
 
@@ -79,8 +80,8 @@ def test_scalars_are_what_every_reader_agrees_on(text, kind):
 
 @pytest.mark.parametrize(
     "text",
-    ["NO", "no", "on", "Off", "YES", "True", "FALSE", "1.10", "1e3", ".5", "12:30", "12:30:45", "017", "08", "0o17",
-     "0b11", "1_000", ".inf", "-.INF", ".nan", "="],
+    ["NO", "no", "on", "Off", "YES", "1.10", "1e3", ".5", "12:30", "12:30:45", "017", "08", "0o17",
+     "0b11", "1_000", "="],
 )  # fmt: skip
 def test_yaml_surprises_are_refused_as_values_and_as_keys(text):
     """What YAML versions read differently, or would change, has to be quoted."""
@@ -89,6 +90,21 @@ def test_yaml_surprises_are_refused_as_values_and_as_keys(text):
     assert f'write it in quotes: "{text}"' in finding
     assert parse(f"key: '{text}'\n")[1] == []
     assert parse(f"{text}: value\n")[1] != []
+
+
+@pytest.mark.parametrize(
+    ("text", "advice"),
+    [
+        ("True", "is a flag to some readers only, write true or false"),
+        ("FALSE", "is a flag to some readers only, write true or false"),
+        (".inf", "is not a finite number, give a value, or leave the key out"),
+        ("-.INF", "is not a finite number, give a value, or leave the key out"),
+        (".nan", "is not a finite number, give a value, or leave the key out"),
+    ],
+)
+def test_what_quotes_would_not_mend_is_not_to_be_quoted(text, advice):
+    """In quotes it would be a text, which no key takes that this was meant for."""
+    assert only_finding(f"key: {text}\n") == f"bench.yaml:1:6: `{text}` {advice}"
 
 
 def test_many_underscores_do_not_slow_the_reader_down():
@@ -112,7 +128,8 @@ def test_many_underscores_do_not_slow_the_reader_down():
         ("a: 1\n---\nb: 2\n", "bench.yaml:2:1: a second document begins"),
         ("[a, b]: 1\n", "bench.yaml:1:1: a list cannot be a key"),
         ("true: 1\n", "bench.yaml:1:1: `true` cannot be a key"),
-        ("~: 1\n", "bench.yaml:1:1: nothing cannot be a key"),
+        ("~: 1\n", "bench.yaml:1:1: `~` cannot be a key, write it in quotes"),
+        ("? \n: 1\n", "bench.yaml:1:2: a key is missing before the colon"),
         ("", "bench.yaml: the file is empty"),
         ("# nothing but a comment\n", "bench.yaml: the file is empty"),
         ('a: "\\0"\n', "bench.yaml:1:4: the text holds character U+0000"),

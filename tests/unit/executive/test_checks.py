@@ -45,9 +45,9 @@ def test_what_the_catalogue_does_not_hold_is_refused(tmp_path, arguments, of, me
 
 @pytest.mark.parametrize("value", [5.0, 5, np.float64(5.0), np.int64(5)])
 def test_a_bare_number_has_no_unit(tmp_path, value):
-    """Where a unit is due, a number without one is refused."""
+    """Where a limit has a unit, a number without one is refused."""
     case = Case(tmp_path, "T-050", "T-010")
-    with pytest.raises(Misused, match="has no unit, and V is due"):
+    with pytest.raises(Misused, match="expected a number in V, found 5; give a Figure of one number and its unit"):
         case.run.check("T-050", "voltage", value)
 
 
@@ -147,14 +147,14 @@ def test_what_is_written_is_what_was_judged(tmp_path):
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        (np.True_, "a bool is neither a number nor a word"),
-        (True, "True (bool) is neither a number nor a word"),
-        (b"1.0", "b'1.0' (bytes) is neither a number nor a word"),
-        (1 + 0j, "(1+0j) (complex) is neither a number nor a word"),
-        (np.complex128(1.0), "is neither a number nor a word, and a number in 1 is due"),
-        (np.array([1.0, 1.0]), "a ndarray of shape (2,) is neither a number nor a word"),
-        (None, "None (NoneType) is neither a number nor a word"),
-        ("1.0", "'1.0' is a word, and a number in 1 is due"),
+        (np.True_, "expected a number in 1, found a bool"),
+        (True, "found True (bool)"),
+        (b"1.0", "found b'1.0' (bytes)"),
+        (1 + 0j, "found (1+0j) (complex)"),
+        (np.complex128(1.0), "expected a number in 1, found"),
+        (np.array([1.0, 1.0]), "found a ndarray of shape (2,)"),
+        (None, "found None (NoneType)"),
+        ("1.0", "expected a number in 1, found the text '1.0'"),
         (Figure(value=np.True_, unit="1"), "the value of a figure is one real number, found a bool"),
         (Figure(value="1.0", unit="1"), "the value of a figure is one real number, found '1.0' (str)"),
         (Figure(value=np.ones(2), unit="1"), "the value of a figure is one real number, found a ndarray of shape (2,)"),

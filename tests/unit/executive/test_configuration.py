@@ -31,6 +31,8 @@ def test_everything_that_is_wrong_is_told_at_once(tmp_path):
     workspace.change("testplans/small/requirements.yaml", {'max: "1.5", decision': 'max: "0.1", decision'})
     workspace.change("testplans/small/parameters.yaml", {"unit: A": "unit: Amps"})
     workspace.change_bench({"epoch:": "epcoh:"})
+    settings = workspace.root / "hil.toml"
+    settings.write_text(settings.read_text(encoding="utf-8") + '\nreport = "out"\n', encoding="utf-8")
     workspace.change("fixtures/duts.yaml", {'model: EM, hardware: "B"': 'model: XM, hardware: "B"'})
     with pytest.raises(ConfigurationError) as caught:
         configure(workspace.request())
@@ -38,10 +40,21 @@ def test_everything_that_is_wrong_is_told_at_once(tmp_path):
     assert files == {
         "fixtures/benches/adcs/bench.yaml",
         "fixtures/duts.yaml",
+        "hil.toml",
         "testplans/small/parameters.yaml",
         "testplans/small/requirements.yaml",
     }
     assert all(finding.line > 0 for finding in caught.value.findings)
+
+
+def test_settings_are_told_before_a_name_that_only_they_hide(tmp_path):
+    """A plan is not where the misspelt key says it is; which mistake that is has to be told, not its consequence."""
+    workspace = make(tmp_path / "workspace", CASES)
+    workspace.plan.parent.rename(workspace.root / "plans")
+    (workspace.root / "hil.toml").write_text('testplan = "plans"\n', encoding="utf-8")
+    with pytest.raises(ConfigurationError) as caught:
+        configure(workspace.request())
+    assert str(caught.value) == "hil.toml:1:1: unknown key 'testplan', did you mean 'testplans'?"
 
 
 def test_hardware_is_refused_where_nothing_can_guard_it(tmp_path, monkeypatch):

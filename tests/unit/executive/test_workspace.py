@@ -52,19 +52,38 @@ def test_without_a_workspace_there_is_a_way_out(tmp_path):
         ("hardware = 5\n", "hil.toml:1:1: workspace: 'hardware' must be a mapping, found `5`"),
         ("[hardware]\ninhibiter = []\n", "hil.toml:2:1: unknown key 'inhibiter', did you mean 'inhibitor'?"),
         ('[hardware]\ninhibitor = "awake"\n', "hil.toml:2:1: hardware: 'inhibitor' must be a list of texts: a program"),
-        ("name = 1.5\n", "hil.toml:1:1: workspace: 'name' must be a text that can be a name of a file, found `1.5`"),
+        ("name = 1.5\n", "hil.toml:1:1: workspace: 'name' must be a text that can be the name of a file, found `1.5`"),
         ('name = "a"\nnotify = [1979-05-27]\n', "hil.toml:2:1: workspace: 'notify' must be a list of texts"),
-        ("reports = \n", "hil.toml: Invalid value"),
-        ("reports = " + "[" * 5000, "hil.toml: "),
-        ("reports = 1" + "0" * 5000, "hil.toml: "),
+        ("reports = \n", "hil.toml:1:11: not readable as TOML: Invalid value"),
+        ('name = "a"\n\nname = "b"\n', "hil.toml:3:11: not readable as TOML: Cannot overwrite a value"),
+        ('name = "a"\nreports = "b', "hil.toml:2:13: not readable as TOML: Unterminated string"),
+        ("reports = " + "[" * 5000, "hil.toml: not readable as TOML: nested too deeply"),
+        ("reports = 1" + "0" * 5000, "hil.toml: not readable as TOML: a number has too many digits"),
+        ('name = "a\x1bb"\n', "hil.toml:1:10: character U+001B is not allowed, remove it"),
+        ('name = "a\\u001bb"\n', "hil.toml:1:1: workspace: 'name' must be a name that people can read; U+001B is not"),
+        (b'name = "caf\xe9"\n', "hil.toml:1:12: not UTF-8 at byte 11, save the file as UTF-8"),
     ],
 )
 def test_wrong_settings_are_told(tmp_path, text, message):
     """Unknown keys, wrong kinds and broken files are findings of the file."""
-    (tmp_path / "hil.toml").write_text(text)
+    (tmp_path / "hil.toml").write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(ConfigurationError) as caught:
         find_workspace(tmp_path)
     assert message in str(caught.value)
+
+
+def test_a_byte_order_mark_and_other_line_ends_are_no_mistake(tmp_path):
+    """Some editors write them."""
+    (tmp_path / "hil.toml").write_bytes(b'\xef\xbb\xbfname = "Ours"\r\nreports = "evidence"\r\n')
+    assert (find_workspace(tmp_path).name, find_workspace(tmp_path).reports) == ("Ours", tmp_path / "evidence")
+
+
+def test_a_folder_in_the_place_of_the_settings_is_told(tmp_path):
+    """And so is a file that nobody may read."""
+    (tmp_path / "hil.toml").mkdir()
+    with pytest.raises(ConfigurationError) as caught:
+        find_workspace(tmp_path)
+    assert str(caught.value) == "hil.toml: this is not a file"
 
 
 def test_a_misspelt_key_is_one_finding(tmp_path):
@@ -125,5 +144,5 @@ def test_a_project_file_of_odd_types_is_no_internal_error(tmp_path, text):
 def test_settings_that_can_name_no_folder_are_told(tmp_path, text):
     """NUL and nothing are no names."""
     (tmp_path / "hil.toml").write_text(text)
-    with pytest.raises(ConfigurationError, match="must be a text"):
+    with pytest.raises(ConfigurationError, match="must be a (text|name)"):
         find_workspace(tmp_path)

@@ -78,3 +78,17 @@ def test_cases_that_are_not_run_for_one_reason_are_grouped():
         "further cases are NOT_RUN for the same reason",
         "test_other NOT_RUN: no jig",
     ]
+
+
+def test_nothing_that_a_case_says_drives_the_terminal(monkeypatch):
+    """Titles, reasons and texts stand in coloured lines, which a display lets through."""
+    monkeypatch.setenv("TERM", "xterm")
+    written = shown(
+        {"kind": "planned", "cases": [{"case": "p/t.py::test_a", "title": "clears\x1b[2J", "requirements": []}]},
+        {"kind": "case", "case": "p/t.py::test_a"},
+        {"kind": "fault", "dut": False, "message": "psu1: \x9b2J", "hint": "look\rPASS"},
+        {"kind": "note", "text": "\u202edlrow", "by": "Ada"},
+    )
+    assert not set(written) & {"\x1b", "\x9b", "\r", "\u202e"}
+    for part in ("clears\\u001b[2J", "psu1: \\u009b2J", "look\\u000dPASS", "\\u202edlrow"):
+        assert part in written

@@ -130,7 +130,7 @@ def test_wrong_requirements_are_errors_at_load(workspace, extra, expected):
 def test_ids_have_one_shape(workspace, wrong):
     """Letters that only look alike, slashes and dots are refused."""
     workspace.file.write_text(one_entry("  kind: limit\n  limits: [{parameter: a, unit: V, max: '1'}]\n", wrong))
-    assert any("'id' must look like" in finding for finding in findings(workspace.load))
+    assert any("'id' must be an id such as ADCS-GYR-010" in finding for finding in findings(workspace.load))
 
 
 def test_all_errors_come_at_once(workspace):

@@ -206,7 +206,7 @@ def test_words_are_compared_as_they_are():
     limit = Limit(parameter="direction", equals="clockwise")
     assert judge("clockwise", limit).verdict is Verdict.PASS
     wrong = judge("Clockwise", limit)
-    assert (wrong.verdict, wrong.reason) == (Verdict.FAIL, "'clockwise' is due, found 'Clockwise'")
+    assert (wrong.verdict, wrong.reason) == (Verdict.FAIL, "expected 'clockwise', found 'Clockwise'")
     assert judge(volts(1.0), limit).verdict is Verdict.INCONCLUSIVE
     assert judge("one", GUARDED).verdict is Verdict.INCONCLUSIVE
 

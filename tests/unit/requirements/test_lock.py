@@ -164,11 +164,14 @@ def test_what_was_withdrawn_does_not_come_back(workspace, hil):
     ("text", "expected"),
     [
         (None, "the plan is not locked, run `hil requirements lock testplans/gyro`"),
-        ("{", "cannot be read: not JSON"),
+        ("{", ".json:1:2: cannot be read: not JSON"),
         ('{"format": 1, "format": 1}', "duplicate key 'format'"),
-        ('{"format": 2, "requirements": {}}', "is not a lock of format 1"),
-        ('{"format": 1, "requirements": {"A-01": {"rev": true, "fingerprint": ""}}}', "is not a lock of format 1"),
-        ("[]", "is not a lock of format 1"),
+        ('{"format": 2, "requirements": {}}', ":1:12: is not a lock of format 1"),
+        (
+            '{"format": 1, "requirements": {"A-01": {"rev": true, "fingerprint": ""}}}',
+            ":1:48: is not a lock of format 1",
+        ),
+        ("[]", ":1:1: is not a lock of format 1"),
     ],
 )
 def test_a_missing_or_damaged_lock_is_one_finding(workspace, text, expected):
@@ -176,8 +179,25 @@ def test_a_missing_or_damaged_lock_is_one_finding(workspace, text, expected):
     lock = workspace.plan / "requirements.lock.json"
     lock.unlink() if text is None else lock.write_text(text)
     finding = only_finding(workspace)
-    assert finding.startswith("testplans/gyro/requirements.lock.json: ")
+    assert finding.startswith("testplans/gyro/requirements.lock.json:")
     assert expected in finding
+
+
+def test_a_changed_lock_is_told_at_its_line(workspace):
+    """The fingerprint that its meaning does not have."""
+    lock = workspace.plan / "requirements.lock.json"
+    text = lock.read_text()
+    number = next(n for n, line in enumerate(text.split("\n"), 1) if "fingerprint" in line)
+    lock.write_text(text.replace('"fingerprint": "', '"fingerprint": "0', 1))
+    assert only_finding(workspace).startswith(f"testplans/gyro/requirements.lock.json:{number}:")
+
+
+def test_a_folder_in_the_place_of_the_lock_is_told(workspace):
+    """Not with the words of the operating system."""
+    lock = workspace.plan / "requirements.lock.json"
+    lock.unlink()
+    lock.mkdir()
+    assert only_finding(workspace) == "testplans/gyro/requirements.lock.json: this is not a file"
 
 
 def test_wrong_requirements_are_told_before_the_lock_is_compared(workspace):

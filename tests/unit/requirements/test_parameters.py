@@ -194,7 +194,7 @@ def test_a_plan_may_have_no_parameters(tmp_path):
         ("{name: a, value: b, values: [c]}", "parameter 'a' needs either value or values"),
         ("{name: digest, value: b}", "'digest' cannot be the name of a parameter"),
         ("{name: lambda, value: b}", "'lambda' cannot be the name of a parameter"),
-        ("{name: A b, value: b}", "'name' must look like"),
+        ("{name: A b, value: b}", "'name' must be lower-case letters, digits"),
         ("{name: a, value: b}\n- {name: a, value: c}", "duplicate parameter 'a'"),
         ("{name: a, value: b, nuit: s}", "unknown key 'nuit', did you mean 'unit'?"),
     ],

@@ -17,7 +17,7 @@ def twin():
 
 def test_without_power_it_does_not_acknowledge(twin):
     """Absent power is a missing acknowledge; 10 ms after power it answers."""
-    with pytest.raises(OSError, match="acknowledge"):
+    with pytest.raises(OSError, match="Remote I/O error"):
         twin.register(0x0F)
     twin.power_sensor()
     assert twin.register(0x0F) == 0x3D

@@ -143,7 +143,7 @@ def errors(**changes):
         (
             {"faults": {"mag": [{"kind": "identity", "value": "x"}]}},
             ("peers", "mag", "faults", 0, "value"),
-            "look like 0x",
+            "must be a hexadecimal number such as 0x3C",
         ),
         ({"peers": (PeerSpec(device="psv", model=""),)}, ("peers", "psv"), "did you mean 'psu'"),
         ({"peers": (PeerSpec(device="psu", model="lis3mdl"),)}, ("peers", "psu", "model"), "hangs on a bus"),
@@ -156,7 +156,7 @@ def errors(**changes):
         (
             {"plants": (PlantSpec(name="coil", model="coil-and-earth-field", grid_s=0.0, truth=COIL),), "peers": ()},
             ("plants", "coil", "grid"),
-            "above 0 s",
+            "must be at least 1 ns",
         ),
     ],
 )

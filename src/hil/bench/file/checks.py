@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Collection
 
 from hil.bench.file import cutting_checks, limit_checks, port_checks
 from hil.bench.file.complaints import Complaints, known, listed, named, usable
@@ -19,37 +20,33 @@ from hil.wire.opening import NETWORK, url_of_resource, why_not_opened
 __all__ = ["check_bench"]
 
 _NAME = re.compile("[A-Za-z][A-Za-z0-9_-]*")
+_KEY_OF_ENTRY = 3  # section, entry, key
 _HIGHEST_STATION = 247  # Modbus over serial line, section 2.2; no other line with addresses has more
 
 
 def check_bench(document: Document[BenchSpec], findings: Findings, *, driven: bool = True) -> None:
-    """Add everything that does not fit together, and of a bench that is driven what keeps it from being driven."""
-    for check in (
-        *((cutting_checks.cut_off, _ports) if driven else ()),
-        _names,
-        _instruments,
-        _buses,
-        _fed,
-        _addresses,
-        _wiring,
-        _shared,
-        limit_checks.ratings,
-        limit_checks.certificates,
-        limit_checks.clamps,
-        limit_checks.reduced_levels,
-        limit_checks.envelope,
-        limit_checks.air,
-        limit_checks.safe_steps,
-        limit_checks.covered,
-        cutting_checks.charging,
-        cutting_checks.cut_paths,
-        cutting_checks.watched_after,
-        port_checks.identities,
-        port_checks.settings,
-        _twin,
-    ):
-        for path, message in check(document.model):
-            findings.add(document.place(path), message)
+    """Add everything that does not fit together, and of a bench that is driven what keeps it from being driven.
+
+    What could not be read is blank, and was told: a check that relies on it waits until it can be read.
+    """
+    for check, relied_on in (*(_DRIVEN if driven else ()), *_CHECKS):
+        if not any(_concerns(wrong, part) for wrong in document.wrong for part in relied_on):
+            for path, message in check(document.model):
+                if not _follows(path, document.wrong):
+                    findings.add(document.place(path), message)
+
+
+def _concerns(wrong: Path, part: str) -> bool:
+    """Return whether what is wrong at a path may concern a part of the file, such as `wiring.role`."""
+    section, *keys = wrong
+    inside = ".".join(str(key) for key in keys[1:] if isinstance(key, str))
+    name, _, wanted = part.partition(".")
+    return section == name and (not inside or not wanted or inside == wanted or inside.startswith(f"{wanted}."))
+
+
+def _follows(path: Path, wrongs: Collection[Path]) -> bool:
+    """Return whether a complaint about an entry may only follow from a key of it that is wrong."""
+    return any(wrong[:2] == path[:2] and len(wrong) <= _KEY_OF_ENTRY for wrong in wrongs)
 
 
 def _names(spec: BenchSpec) -> Complaints:
@@ -108,7 +105,7 @@ def _buses(spec: BenchSpec) -> Complaints:
         if bool(bus.port) == bool(bus.instrument):
             yield at, f"{bus.name} needs either a port or an instrument that serves it"
         yield from known(at, "instrument", bus.instrument, by_name)
-        if bus.instrument in by_name:
+        if bus.instrument and bus.instrument in by_name:
             yield from _server(spec, at, bus, by_name[bus.instrument])
         if bus.instrument and bus.instrument in served:
             yield at, f"{bus.instrument} serves {served[bus.instrument]} already"
@@ -195,7 +192,7 @@ def _twin(spec: BenchSpec) -> Complaints:
     for peer in spec.simulated.peers:
         yield from known(("simulated", "peers", peer.device), "instrument", peer.device, names)
     for at, item in named(spec.instruments, "instruments"):
-        if item.name not in simulated:
+        if item.name and item.name not in simulated:
             yield at, f"{item.name} has no peer in the simulated twin"
     if spec.simulated.epoch and not _is_moment(spec.simulated.epoch):
         yield ("simulated", "epoch"), f"the epoch {spec.simulated.epoch} does not exist"
@@ -207,3 +204,42 @@ def _is_moment(epoch: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+_OUTPUTS = ("wiring.role", "wiring.instance")
+_PORTS = ("instruments.port", "instruments.bus", "buses")
+_Checks = tuple[tuple[Callable[[BenchSpec], Complaints], tuple[str, ...]], ...]
+"""Each check, with the parts of the file, besides the entry that it complains of, on which its complaints rely.
+
+The `name` of an entry is wrong where all of the section or entry is.
+"""
+
+_DRIVEN: _Checks = (
+    (cutting_checks.cut_off, (*_OUTPUTS, *_PORTS, "wiring.instrument", "wiring.charges", "cut_paths")),
+    (_ports, ()),
+)
+_CHECKS: _Checks = (
+    (_names, ()),
+    (_instruments, ("buses.name",)),
+    (_buses, ("instruments.driver", "instruments.bus")),
+    (_fed, (*_OUTPUTS, "wiring.reduced")),
+    (_addresses, ("instruments.address",)),
+    (_wiring, (*_OUTPUTS, "instruments.name")),
+    (_shared, ("wiring.instrument", "wiring.channel", "wiring.contacts")),
+    (limit_checks.ratings, ()),
+    (limit_checks.certificates, ()),
+    (limit_checks.clamps, _OUTPUTS),
+    (limit_checks.rated, (*_OUTPUTS, "wiring.instrument", "wiring.channel", "instruments.ratings")),
+    (limit_checks.reduced_levels, (*_OUTPUTS, "wiring.contacts", "safe_off.output")),
+    (limit_checks.clamped_levels, (*_OUTPUTS, "wiring.reduced", "clamps")),
+    (limit_checks.envelope, _OUTPUTS),
+    (limit_checks.air, (*_OUTPUTS, "clamps", "envelope")),
+    (limit_checks.safe_steps, _OUTPUTS),
+    (limit_checks.covered, (*_OUTPUTS, "safe_off", "clamps.output", "clamps.quantity")),
+    (cutting_checks.charging, (*_OUTPUTS, "wiring.charges", "instruments.driver", "envelope")),
+    (cutting_checks.cut_paths, (*_OUTPUTS, *_PORTS, "wiring.instrument", "safe_off.output", "safe_off.state")),
+    (cutting_checks.watched_after, _OUTPUTS),
+    (port_checks.identities, ()),
+    (port_checks.settings, ("instruments.driver", "buses.name")),
+    (_twin, ("instruments.name", "simulated.peers")),
+)

@@ -13,7 +13,18 @@ from hil.model.bench import BenchSpec, Clamp, Proof, ReducedLevel, SafeStep, Wir
 from hil.model.envelope import MADE_OF, EnvelopeLimit
 from hil.model.notation import Path
 
-__all__ = ["air", "certificates", "clamps", "covered", "envelope", "ratings", "reduced_levels", "safe_steps"]
+__all__ = [
+    "air",
+    "certificates",
+    "clamped_levels",
+    "clamps",
+    "covered",
+    "envelope",
+    "rated",
+    "ratings",
+    "reduced_levels",
+    "safe_steps",
+]
 
 _NEEDED = {
     **dict.fromkeys(INTEGRALS, ("while", "threshold", "since")),
@@ -139,17 +150,22 @@ def certificates(spec: BenchSpec) -> Complaints:
             yield (*path, "calibration", "due"), f"calibration: the date {item.calibration.due} does not exist"
         for at, entry in listed("ranges", item.calibration.ranges if item.calibration else ()):
             if entry.low > entry.high:
-                span = f"{item.name}: the range from {entry.low:g} to {entry.high:g} {entry.unit}"
-                yield (*path, "calibration", *at), f"{span} holds nothing"
+                span = f"{item.name}: the range begins at {entry.low:g} {entry.unit} and ends below, at {entry.high:g}"
+                yield (*path, "calibration", *at), f"{span}; exchange from and to"
 
 
 def clamps(spec: BenchSpec) -> Complaints:
-    """Check clamps against outputs and ratings."""
+    """Check the outputs, quantities and bounds of clamps."""
     for at, clamp in listed("clamps", spec.clamps):
         yield from known(at, "output", clamp.output, _outputs(spec))
         yield from quantity_of(at, clamp.output, clamp.quantity, clamp.unit)
         if clamp.minimum > clamp.maximum:
             yield at, f"{clamp.output}: min {clamp.minimum:g} is above max {clamp.maximum:g}"
+
+
+def rated(spec: BenchSpec) -> Complaints:
+    """Check that no clamp allows more than the instrument's rating."""
+    for at, clamp in listed("clamps", spec.clamps):
         for rating in _ratings_of(spec, clamp):
             if (largest := max(abs(clamp.minimum), abs(clamp.maximum))) > rating:
                 beyond = f"{largest:g} {clamp.unit} exceeds the rating {rating:g} {clamp.unit}"
@@ -176,17 +192,24 @@ def reduced_levels(spec: BenchSpec) -> Complaints:
                 yield at, f"{wire.name}: {problem}"
 
 
+def clamped_levels(spec: BenchSpec) -> Complaints:
+    """Check that every reduced level is inside the clamps of its output."""
+    for at, wire in listed("wiring", spec.wiring):
+        level = wire.reduced
+        for clamp in spec.clamps if level is not None else ():
+            setting = {"voltage": level.voltage, "current": level.current}.get(clamp.quantity) if level else None
+            if clamp.output == wire.name and setting is not None and not clamp.minimum <= setting <= clamp.maximum:
+                bounds = f"{clamp.minimum:g} to {clamp.maximum:g} {clamp.unit}"
+                beyond = f"the reduced {clamp.quantity} {setting:g} {clamp.unit} is outside its clamp {bounds}"
+                yield at, f"{wire.name}: {beyond}"
+
+
 def _level_problems(spec: BenchSpec, wire: Wire, level: ReducedLevel) -> Iterator[str]:
     if wire.role != "supply":
         yield "only a supply has a reduced level"
     if level.lowest_current > level.highest_current:
         yield f"lowest_current {level.lowest_current:g} is above highest_current {level.highest_current:g}"
     yield from _position_problems(spec, level)
-    for clamp in spec.clamps:
-        setting = {"voltage": level.voltage, "current": level.current}.get(clamp.quantity)
-        if clamp.output == wire.name and setting is not None and not clamp.minimum <= setting <= clamp.maximum:
-            bounds = f"{clamp.minimum:g} to {clamp.maximum:g} {clamp.unit}"
-            yield f"the reduced {clamp.quantity} {setting:g} {clamp.unit} is outside its clamp {bounds}"
 
 
 def _position_problems(spec: BenchSpec, level: ReducedLevel) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from hil.model.bench import BenchSpec
 from hil.model.errors import ConfigurationError, Refused
 from hil.model.identity import Dut
 
-__all__ = ["bench_names", "find_dut", "load_bench", "load_duts"]
+__all__ = ["Twin", "bench_names", "find_dut", "load_bench", "load_duts"]
 
 _BENCH = "hil/bench/1"
 
@@ -24,7 +25,11 @@ def bench_names(benches: Path) -> tuple[str, ...]:
     return tuple(sorted(path.parent.name for path in benches.glob("*/bench.yaml")))
 
 
-def load_bench(benches: Path, name: str, root: Path, *, driven: bool = True) -> BenchSpec:
+Twin = Callable[[Document[BenchSpec], Findings, bool], None]
+"""Checks the simulated twin of a bench file; the flag tells whether everything else was found right."""
+
+
+def load_bench(benches: Path, name: str, root: Path, *, driven: bool = True, twin: Twin = lambda *_: None) -> BenchSpec:
     """Read and check `<benches>/<name>/bench.yaml`.
 
     Args:
@@ -32,6 +37,7 @@ def load_bench(benches: Path, name: str, root: Path, *, driven: bool = True) -> 
         name: the bench.
         root: the workspace; findings show paths relative to it.
         driven: whether it is going to be driven; its record answers for one that is replayed, and an older one too.
+        twin: checks the simulated twin, where that is used.
 
     Raises:
         Refused: if there is no such bench.
@@ -47,9 +53,13 @@ def load_bench(benches: Path, name: str, root: Path, *, driven: bool = True) -> 
     path = benches / name / "bench.yaml"
     document = read_document(path, str(path.relative_to(root)), findings, BenchSpec, schema=_BENCH)
     if document is not None:
+        found = len(findings)
         _check_name(document, path, findings)
         check_bench(document, findings, driven=driven)
         _check_certificates(document, path.parent, findings)
+        twin(
+            document, findings, all(wrong[:1] == ("simulated",) for wrong in document.wrong) and found == len(findings)
+        )
     if document is None or len(findings):
         raise ConfigurationError(tuple(findings))
     return document.model
@@ -122,6 +132,10 @@ def find_dut(duts: tuple[Dut, ...], serial: str, shown: str) -> Dut:
         if dut.serial == serial:
             return dut
     known = [dut.serial for dut in duts]
+    if not serial:
+        raise Refused(
+            "no device under test is named", f"add --dut SERIAL; {shown} has {', '.join(known) or 'none yet'}"
+        )
     raise Refused(
         f"no device under test '{serial}' in {shown}{did_you_mean(serial, known)}",
         f"registered are: {', '.join(known) or 'none'}",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hil.cli.options import name_option
 from hil.cli.run_names import answer_of, find_run, find_running, reports_folder, shown
 from hil.evidence.folder import GUARDIAN, JOURNAL
 from hil.model.errors import EvidenceError, Refused
@@ -23,7 +24,7 @@ _OF_BENCH = frozenset({"safe", "stop", "trip"})
 
 @click.command(name="ack", epilog='Example: hil ack latest --by "A. Engineer" --text "fuse F2 blown, replaced"')
 @click.argument("run", metavar="RUN")
-@click.option("--by", default="", metavar="NAME", help="Who acknowledges.")
+@name_option("--by", help="Who acknowledges.")
 @click.option("--text", default="", metavar="TEXT", help="What was seen and done.")
 @click.option("--code", default="", metavar="CODE", help="The code that was sent to the person on call.")
 def command(run: str, by: str, text: str, code: str) -> int:

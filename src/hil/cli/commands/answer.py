@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hil.cli.options import name_option
 from hil.cli.run_names import answer_of, find_running
 from hil.model.errors import Refused
 
@@ -21,7 +22,7 @@ __all__ = ["command"]
 @click.command(name="answer", epilog='Example: hil answer latest --by "A. Engineer"')
 @click.argument("run", metavar="RUN")
 @click.argument("answer", metavar="[ANSWER]", default="")
-@click.option("--by", default="", metavar="NAME", help="Who answers; asked for if left out.")
+@name_option("--by", help="Who answers; asked for if left out.")
 def command(run: str, answer: str, by: str) -> int:
     """Answer the question that a run is waiting on, such as a run that was started with --detach.
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from hil.cli.options import name_option
 from hil.cli.run_names import find_running
 
 __all__ = ["command"]
@@ -15,7 +16,7 @@ __all__ = ["command"]
 @click.argument("run", metavar="RUN")
 @click.argument("file", type=click.Path(path_type=Path, exists=True, dir_okay=False))
 @click.option("--text", default="", metavar="TEXT", help="What it shows.")
-@click.option("--by", default="", metavar="NAME", help="Who attaches it.")
+@name_option("--by", help="Who attaches it.")
 def command(run: str, file: Path, text: str, by: str) -> int:
     """Attach a file to a run in progress; it becomes part of the evidence, with its hash."""
     from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from hil.cli.options import name_option
 from hil.cli.run_names import answer_of, find_running
 
 __all__ = ["command"]
@@ -13,7 +14,7 @@ __all__ = ["command"]
 @click.argument("run", metavar="RUN")
 @click.option("--release", is_flag=True, help="Restore the bench and continue the run.")
 @click.option("--reason", default="", metavar="TEXT", help="Why.")
-@click.option("--by", default="", metavar="NAME", help="Who asks.")
+@name_option("--by", help="Who asks.")
 def command(run: str, *, release: bool, reason: str, by: str) -> int:
     """Hold a run at its next scheduling point: the bench goes to its hold state and stays there.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from hil.cli.options import name_option
 from hil.cli.run_names import find_running
 
 __all__ = ["command"]
@@ -12,7 +13,7 @@ __all__ = ["command"]
 @click.command(name="note", epilog='Example: hil note 20261121T093100Z "door opened" --by "A. Engineer"')
 @click.argument("run", metavar="RUN")
 @click.argument("text")
-@click.option("--by", default="", metavar="NAME", help="Who writes it.")
+@name_option("--by", help="Who writes it.")
 def command(run: str, text: str, by: str) -> int:
     """Add a note to a run in progress; it becomes part of the evidence."""
     from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hil.cli.display import Display
-from hil.cli.options import SERVED, attendance_of, attendance_options, deviation_options, overrides_of, skips_of
+from hil.cli.options import (
+    SERVED,
+    attendance_of,
+    attendance_options,
+    deviation_options,
+    name_option,
+    overrides_of,
+    skips_of,
+)
 from hil.cli.run_names import reports_folder
 from hil.cli.supervision import ONLOOKER, Invocation, Word, supervise
 from hil.model.errors import Refused
@@ -53,7 +61,7 @@ class Place(click.Path):
     show_default=True,
     help="Only qualification and acceptance can close requirements.",
 )
-@click.option("--operator", default="", metavar="NAME", help="Who operates the bench.")
+@name_option("--operator", help="Who operates the bench.")
 @deviation_options
 @click.option(
     "--answers",
@@ -98,10 +106,9 @@ def command(  # noqa: PLR0913 - one argument per option
     envelope tripped, 7 the bench could not be proven safe.
     """
     given = skips_of(skips, reasons), overrides_of(overrides)
-    _require_text(bench=bench, dut=dut, operator=operator, reason="".join(reasons), parameter="".join(overrides))
+    _require_text(bench=bench, dut=dut, reason="".join(reasons), parameter="".join(overrides))
     live = served is not None or Source(source) is Source.HARDWARE
     attended = attendance_of(attendance, left_alone=detach and live)
-    _require_text(**{"on-call": attended["on_call"]})
     if invocation.word is None:
         return _in_another_process(invocation, output, detach=detach, ask=ask)
     from hil.clock import wall  # noqa: PLC0415 - the process that waits stays light

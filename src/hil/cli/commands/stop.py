@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from hil.cli.options import name_option
 from hil.cli.run_names import find_running
 
 __all__ = ["command"]
@@ -13,7 +14,7 @@ __all__ = ["command"]
 @click.argument("run", metavar="RUN")
 @click.option("--reason", default="", metavar="TEXT", help="Why.")
 @click.option("--to-resume", is_flag=True, help="Leave it unsealed, so that hil resume can continue it.")
-@click.option("--by", default="", metavar="NAME", help="Who asks.")
+@name_option("--by", help="Who asks.")
 def command(run: str, reason: str, by: str, *, to_resume: bool) -> int:
     """Stop a run at its next scheduling point: the bench is made safe, and the package sealed.
 

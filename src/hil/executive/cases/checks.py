@@ -85,7 +85,7 @@ class Checks:
         Args:
             requirement: id, one of the case's marker.
             parameter: a parameter of its limits.
-            value: a figure; a bare number only where the unit is `1`; a word where a word is due.
+            value: a figure; a bare number only where the unit is `1`; a text where the limit is one.
             of: which member of the limit's denominator (axis, channel).
             instrument: the role whose certificate adds its uncertainty in quadrature; readings and
                 recordings of roles carry theirs already.
@@ -274,28 +274,30 @@ def given(value: object, limit: Limit, what: str) -> Figure | str:
 
     Args:
         value: what the case gave.
-        limit: what is due.
+        limit: what the value is compared with.
         what: requirement and parameter, for messages.
 
     Raises:
-        Misused: for a word or a bare number where a figure with a unit is due, and for whatever is neither.
+        Misused: for a text or a bare number in place of a figure with a unit, and for whatever is neither.
     """
     if isinstance(value, Figure):
         return _figure(value, what)
     if isinstance(value, str):
         if limit.unit:
-            raise Misused(f"{what}: '{value}' is a word, and a number in {limit.unit} is due", "give a Figure")
+            raise Misused(f"{what}: expected a number in {limit.unit}, found the text '{value}'", "give a Figure")
         return str(value)
     if not _is_number(value):
-        due = f"a number in {limit.unit}" if limit.unit else "a word"
-        raise Misused(f"{what}: {_named(value)} is neither a number nor a word, and {due} is due", _HINT)
+        expected = f"a number in {limit.unit}" if limit.unit else "a text"
+        raise Misused(f"{what}: expected {expected}, found {_named(value)}", _HINT)
     number = _number(value, what)
     if limit.unit != "1":
-        raise Misused(f"{what}: a bare {number:g} has no unit, and {limit.unit or 'a word'} is due", _HINT)
+        raise Misused(
+            f"{what}: expected {f'a number in {limit.unit}' if limit.unit else 'a text'}, found {number:g}", _HINT
+        )
     return Figure(value=number, unit="1")
 
 
-_HINT = "give a Figure of one number and its unit, or a text where a word is due"
+_HINT = "give a Figure of one number and its unit, or a text where the requirement names one"
 
 
 _STATUSES = frozenset(FigureStatus)

@@ -112,9 +112,10 @@ def configure(request: Request) -> Configuration:
         Refused: for a name that does not exist, and an article that a plan is not for.
         ConfigurationError: with everything that is wrong with all files.
     """
-    workspace = find_workspace(request.start)
-    plans = tuple(dict.fromkeys(workspace.plan(plan, request.start) for plan in request.plans))
-    findings: list[Finding] = []
+    noted = Findings()
+    workspace = find_workspace(request.start, noted)
+    plans = _plans(workspace, request, noted)
+    findings = list(noted)
     catalogue = _gather(lambda: load_catalogue(workspace.root, plans), findings)
     parameters = {plan.name: _gather(partial(load_parameters, workspace.root, plan), findings) for plan in plans}
     bench = _gather(lambda: _bench(workspace, request), findings)
@@ -133,6 +134,14 @@ def configure(request: Request) -> Configuration:
         bench=bench,
         dut=_dut(dut, request),
     )
+
+
+def _plans(workspace: Workspace, request: Request, noted: Findings) -> tuple[Path, ...]:
+    try:
+        return tuple(dict.fromkeys(workspace.plan(plan, request.start) for plan in request.plans))
+    except Refused:
+        noted.raise_if_any()  # settings that are wrong may be why there is no such plan
+        raise
 
 
 def reach_of(bench: BenchSpec, source: Source, served: Path | None) -> Reach | None:
@@ -154,11 +163,10 @@ def reach_of(bench: BenchSpec, source: Source, served: Path | None) -> Reach | N
 
 def _bench(workspace: Workspace, request: Request) -> BenchSpec:
     driven = request.source is not Source.REPLAYED
-    bench = load_bench(workspace.benches, request.bench, workspace.root, driven=driven)
-    if request.source is Source.SIMULATED:
-        simulated_twin(bench)
-        path = workspace.benches / request.bench / "bench.yaml"
-        check_twin(bench, path, workspace.shown(path))
+    if request.source is not Source.SIMULATED:
+        return load_bench(workspace.benches, request.bench, workspace.root, driven=driven)
+    bench = load_bench(workspace.benches, request.bench, workspace.root, twin=check_twin)
+    simulated_twin(bench)
     return bench
 
 
@@ -187,6 +195,10 @@ def _gather(load: Callable[[], _Loaded], findings: list[Finding]) -> _Loaded | N
     except ConfigurationError as error:
         findings.extend(error.findings)
         return None
+    except Refused:
+        if findings:  # a name may be unknown only because of them
+            return None
+        raise
 
 
 def _overridden(parameters: dict[str, Parameters], request: Request) -> dict[str, Parameters]:

@@ -8,20 +8,29 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
+from hil.documents.findings import Findings
+from hil.documents.node import Place
 from hil.documents.suggest import did_you_mean
-from hil.model.errors import ConfigurationError, Finding, Refused
+from hil.documents.text import decoded, hidden_character, read_bytes
+from hil.model.errors import Refused
 from hil.model.notation import Complaint, Notation
 from hil.model.notation import Path as Keys
 
 __all__ = ["Workspace", "find_workspace"]
 
 _PACKED = "packages hold what is in it"
+_TABLE: Keys = ("tool", "hil")
+_TOML_ERROR = re.compile(
+    r"(?P<what>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)", re.DOTALL
+)
 _TABLE_OR_KEY = re.compile(r"\s*(?:\[+(?P<table>[^\[\]]+)\]|(?P<key>[\w\"'.-]+)\s*=)")
 
 
 def _file_name(value: object) -> str:
-    if not isinstance(value, str) or not value.strip() or "\0" in value:
-        raise Complaint("must be a text that can be a name of a file")
+    if not isinstance(value, str) or not value.strip():
+        raise Complaint("must be a text that can be the name of a file")
+    if found := hidden_character(value):
+        raise Complaint(f"must be a name that people can read; U+{ord(found[0]):04X} is not allowed in it", found=False)
     return value
 
 
@@ -112,64 +121,101 @@ class Workspace:
         return tuple(sorted(path.parent.name for path in self.testplans.glob("*/requirements.yaml")))
 
 
-def find_workspace(start: Path) -> Workspace:
+def find_workspace(start: Path, findings: Findings | None = None) -> Workspace:
     """Return the nearest workspace upwards from `start`.
+
+    Args:
+        start: the folder where the search begins.
+        findings: where what is wrong with its settings is noted, for those who look for other mistakes too; what
+            cannot be used is as usual then.
 
     Raises:
         Refused: if there is none.
-        ConfigurationError: if its settings are wrong.
+        ConfigurationError: if its settings are wrong, and there are no findings to note it in.
     """
+    noted = Findings() if findings is None else findings
     for folder in (start, *start.parents):
-        settings = _settings(folder)
+        settings = _settings(folder, noted)
         if settings is not None:
-            return _workspace(folder, *settings)
+            found = _workspace(folder, *settings, noted)
+            if findings is None:
+                noted.raise_if_any()
+            return found
     raise Refused(
         f"no workspace at {start} or above it",
         "put a hil.toml (it may be empty) beside your testplans and fixtures, and start there",
     )
 
 
-def _settings(folder: Path) -> tuple[dict[str, Any], Path, Keys] | None:
+def _settings(folder: Path, findings: Findings) -> tuple[dict[str, Any], _Toml, Keys] | None:
     """Return a workspace's settings, their file, and the table of it in which they stand; None if it is none."""
     own, project = folder / "hil.toml", folder / "pyproject.toml"
     if own.exists():
-        return _toml(own), own, ()
+        file = _Toml(own, findings)
+        return file.read(), file, ()
     if project.is_file():
-        tools = _toml(project).get("tool")
+        file = _Toml(project, findings)
+        tools = file.read().get("tool")
         if isinstance(tools, dict) and "hil" in tools:
-            return _table(tools["hil"], project), project, ("tool", "hil")
+            settings = tools["hil"]
+            if not isinstance(settings, dict):
+                file.wrong(_TABLE, "'tool.hil' must be a table")
+            return settings if isinstance(settings, dict) else {}, file, _TABLE
+        findings.raise_if_any()  # whether it is a workspace is not known
     return None
 
 
-def _table(settings: object, path: Path) -> dict[str, Any]:
-    if not isinstance(settings, dict):
-        raise ConfigurationError((_finding(path, ("tool", "hil"), "'tool.hil' must be a table"),))
-    return settings
+class _Toml:
+    """A file of settings; what is wrong with it is noted at its line and column."""
+
+    def __init__(self, file: Path, findings: Findings) -> None:
+        self._name = file.name
+        self._findings = findings
+        data = read_bytes(file, file.name, findings)
+        self._text = (None if data is None else decoded(data, file.name, findings)) or ""
+
+    def read(self) -> dict[str, Any]:
+        """Return what the file says, nothing where it is not TOML."""
+        try:
+            return tomllib.loads(self._text)
+        except tomllib.TOMLDecodeError as error:
+            match = _TOML_ERROR.fullmatch(str(error))
+            lines = self._text.split("\n")
+            end = (len(lines), len(lines[-1]) + 1)
+            at = (int(match["line"]), int(match["column"])) if match and match["line"] else end
+            self._note(*at, f"not readable as TOML: {match['what'] if match else error}")
+        except RecursionError:
+            self._note(0, 0, "not readable as TOML: nested too deeply")
+        except ValueError:
+            self._note(0, 0, "not readable as TOML: a number has too many digits")
+        return {}
+
+    def wrong(self, keys: Keys, message: str) -> None:
+        """Note what is wrong at the line that gives the value of these keys, or of the nearest table above."""
+        places = _places(self._text)
+        nearest = next((keys[:length] for length in range(len(keys), 0, -1) if keys[:length] in places), ())
+        self._note(*places.get(nearest, (0, 0)), message)
+
+    def _note(self, line: int, column: int, message: str) -> None:
+        self._findings.add(Place(path=self._name, line=line, column=column), message)
 
 
-def _toml(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:  # wrong TOML or UTF-8, endless digits, endless nesting
-        raise ConfigurationError((Finding(str(path), 0, 0, str(error)),)) from error
-
-
-def _workspace(root: Path, settings: dict[str, Any], file: Path, table: Keys) -> Workspace:
+def _workspace(root: Path, settings: dict[str, Any], file: _Toml, table: Keys, findings: Findings) -> Workspace:
     found = _declared(settings, file, table)
     root = root.resolve()
     folders = {key: (root / getattr(found, key)).resolve() for key in ("testplans", "fixtures", "reports")}
-    outside = [
-        _finding(file, (*table, key), f"'{key}' is {folder}, and must lie in the workspace, {root}: {_PACKED}")
-        for key, folder in folders.items()
-        if key != "reports" and not folder.is_relative_to(root)
-    ]
+    outside = False
+    for key, folder in folders.items():
+        if key != "reports" and not folder.is_relative_to(root):
+            file.wrong((*table, key), f"'{key}' is {folder}, and must lie in the workspace, {root}: {_PACKED}")
+            outside = True
     if outside:
-        raise ConfigurationError(tuple(outside))
+        findings.raise_if_any()  # no file in it could be shown by its path in the workspace
     name, inhibitor = found.name or root.name, found.hardware.inhibitor
     return Workspace(root=root, name=name, notify=found.notify, inhibitor=inhibitor, **folders)
 
 
-def _declared(settings: dict[str, Any], file: Path, table: Keys) -> _Settings:
+def _declared(settings: dict[str, Any], file: _Toml, table: Keys) -> _Settings:
     if not settings:
         return _Settings()  # most workspaces: every command reads this, and none of them has to wait for the reader
     from hil.documents.declared import Invalid, validated  # noqa: PLC0415 - see above
@@ -177,15 +223,9 @@ def _declared(settings: dict[str, Any], file: Path, table: Keys) -> _Settings:
     try:
         return validated(_Settings, settings, "workspace")
     except Invalid as error:
-        findings = [_finding(file, (*table, *problem.path), problem.message) for problem in error.problems]
-        raise ConfigurationError(tuple(findings)) from error
-
-
-def _finding(file: Path, keys: Keys, message: str) -> Finding:
-    """Return a finding at the line of TOML that gives the value of these keys, or of the nearest table above."""
-    places = _places(file.read_text(encoding="utf-8"))
-    nearest = next((keys[:length] for length in range(len(keys), 0, -1) if keys[:length] in places), ())
-    return Finding(file.name, *places.get(nearest, (0, 0)), message)
+        for problem in error.problems:
+            file.wrong((*table, *problem.path), problem.message)
+        return _Settings()
 
 
 def _places(text: str) -> dict[Keys, tuple[int, int]]:

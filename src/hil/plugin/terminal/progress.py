@@ -7,12 +7,13 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TextIO
+from typing import TextIO, cast
 
 from rich.console import Console
 from rich.text import Text
 
 from hil.clock import wall
+from hil.documents.text import visible
 from hil.evidence import events
 from hil.evidence.events.codec import plain
 from hil.report.live.lines import one_line
@@ -22,7 +23,7 @@ from hil.report.numbers import bench_time, duration, limit_text, measured
 from hil.report.page.incidents import answered, attached, noted
 from hil.report.sentences import in_short
 
-__all__ = ["Progress", "StatusLine"]
+__all__ = ["Progress", "StatusLine", "drawn"]
 
 _CLEAR = "\r\x1b[2K"
 _REFRESH_S = 1.0
@@ -40,7 +41,7 @@ class StatusLine:
     """
 
     def __init__(self, stream: TextIO, text: Callable[[], str], now: Callable[[], float] = wall.monotonic) -> None:
-        self._stream = stream
+        self._stream = drawn(stream)
         self._text = text
         self._now = now
         self._terminal = _is_terminal(stream)
@@ -56,10 +57,10 @@ class StatusLine:
         self._written = self._now()
         with suppress(OSError, ValueError):
             if self._terminal:
-                self._stream.write(f"{_CLEAR}{self._text()[: self._width() - 1]}")
+                self._stream.write(f"{_CLEAR}{visible(self._text())[: self._width() - 1]}")
                 self._shown = True
             else:
-                self._stream.write(f"  still running: {self._text()}\n")
+                self._stream.write(f"  still running: {visible(self._text())}\n")
             self._stream.flush()
 
     def clear(self) -> None:
@@ -114,7 +115,7 @@ class Progress:
     """
 
     def __init__(self, stream: TextIO, *, verbose: bool = False) -> None:
-        self._console = _Console(file=stream, highlight=False, soft_wrap=True, emoji=False, markup=False)
+        self._console = _Console(file=drawn(stream), highlight=False, soft_wrap=True, emoji=False, markup=False)
         self._verbose = verbose
         self._cases: dict[str, events.PlannedCase] = {}
         self._begun = False
@@ -218,9 +219,9 @@ class Progress:
         reason = f"  {event.reason}" if event.reason else ""
         self._told.append(f"{event.requirement} {event.parameter}{of} is {event.verdict}: ")
         asked = f"({limit})  " if limit else ""
-        text = Text(f"  {event.requirement} {event.parameter}{of} = {value}  {asked}")
+        text = Text(visible(f"  {event.requirement} {event.parameter}{of} = {value}  {asked}"))
         text.append(event.verdict, _STYLES[event.verdict])
-        text.append(reason)
+        text.append(visible(reason))
         self._print(text)
 
     def _fault(self, event: events.Fault) -> None:
@@ -289,11 +290,16 @@ class Progress:
             self._line("go to the bench, and switch off by hand what is NOT SAFE above", "bold")
 
     def _line(self, text: str, style: str = "") -> None:
-        self._print(Text(text, style))
+        self._print(Text(visible(text), style))
 
     def _print(self, text: Text) -> None:
         self._status.clear()
         self._console.print(text)
+
+
+def drawn(stream: TextIO) -> TextIO:
+    """Return where the product draws: a stream that makes every other text visible has one for that."""
+    return cast("TextIO", getattr(stream, "drawn", stream))
 
 
 def _short(case: str) -> str:

@@ -11,14 +11,14 @@ from hil.simulation.faults import Fault, Faults
 from hil.simulation.plants.plant import Plant
 from hil.simulation.plants.terminal import InputPoint, PlantPort, Resistor, SignalPoint, Terminal
 from hil.simulation.seeds import Seeds, Stream
-from hil.simulation.truth import Path, Truth, TruthError, UnknownPlant, suggestion
+from hil.simulation.truth import Path, Truth, TruthError, UnknownPlant, suggestion, together
 from hil.wire.peer import BusPeer, SerialPeer
 
 __all__ = ["Connections", "PeerModel", "PeerSetup"]
 
 
 class Connections:
-    """A peer's terminals, each to a plant or to nothing.
+    """A peer's terminals, each to a plant or to nothing. What is wrong is noted, and connected to nothing.
 
     Args:
         wiring: terminal to `plant.point`, as the bench file has it.
@@ -33,6 +33,7 @@ class Connections:
         self._taken = taken
         self._path = path
         self._asked: list[str] = []
+        self._errors: list[TruthError] = []
 
     def port(self, terminal: str, ohms: float) -> Terminal:
         """Return what a supply's output drives: a plant's port, or a resistor of `ohms` where none is named."""
@@ -40,7 +41,8 @@ class Connections:
         if found is None:
             return Resistor(ohms)
         plant, name = found
-        self._must_have(terminal, plant, name, tuple(plant.ports), "supply port")
+        if not self._has(terminal, plant, name, tuple(plant.ports), "supply port"):
+            return Resistor(ohms)
         self._take(terminal)
         return PlantPort(plant, plant.ports[name])
 
@@ -50,7 +52,8 @@ class Connections:
         if found is None:
             return None
         plant, name = found
-        self._must_have(terminal, plant, name, tuple(plant.inputs), "input")
+        if not self._has(terminal, plant, name, tuple(plant.inputs), "input"):
+            return None
         self._take(terminal)
         return InputPoint(plant, name)
 
@@ -60,8 +63,7 @@ class Connections:
         if found is None:
             return None
         plant, name = found
-        self._must_have(terminal, plant, name, tuple(plant.signals), "signal")
-        return SignalPoint(plant, name)
+        return SignalPoint(plant, name) if self._has(terminal, plant, name, tuple(plant.signals), "signal") else None
 
     def axes(self, terminal: str) -> tuple[SignalPoint, SignalPoint, SignalPoint] | None:
         """Return the three signals `.x`, `.y`, `.z` at a terminal, or None if nothing is connected."""
@@ -70,20 +72,22 @@ class Connections:
             return None
         plant, name = found
         groups = tuple(signal.removesuffix(".x") for signal in plant.signals if signal.endswith(".x"))
-        self._must_have(terminal, plant, name, groups, "signal with three axes")
+        if not self._has(terminal, plant, name, groups, "signal with three axes"):
+            return None
         x, y, z = (SignalPoint(plant, f"{name}.{axis}") for axis in "xyz")
         return x, y, z
 
     def finish(self) -> None:
-        """Refuse terminals that nobody asked for.
+        """Refuse what is wrong with the terminals, and terminals that nobody asked for.
 
         Raises:
             TruthError: if there is one.
         """
         for terminal in self._wiring:
             if terminal not in self._asked:
-                hint = suggestion(terminal, self._asked)
-                raise TruthError((*self._path, terminal), f"unknown terminal '{terminal}'{hint}")
+                self._wrong(terminal, f"unknown terminal '{terminal}'{suggestion(terminal, self._asked)}")
+        if self._errors:
+            raise together(self._errors)
 
     def _find(self, terminal: str) -> tuple[Plant, str] | None:
         self._asked.append(terminal)
@@ -92,19 +96,23 @@ class Connections:
             return None
         name, _, point = text.partition(".")
         if name not in self._plants:
-            raise UnknownPlant((*self._path, terminal), name, tuple(self._plants))
+            self._errors.append(UnknownPlant((*self._path, terminal), name, tuple(self._plants)))
+            return None
         return self._plants[name], point
 
-    def _must_have(self, terminal: str, plant: Plant, name: str, known: tuple[str, ...], kind: str) -> None:
+    def _has(self, terminal: str, plant: Plant, name: str, known: tuple[str, ...], kind: str) -> bool:
         if name not in known:
-            hint = suggestion(name, known)
-            raise TruthError((*self._path, terminal), f"plant '{plant.name}' has no {kind} '{name}'{hint}")
+            self._wrong(terminal, f"plant '{plant.name}' has no {kind} '{name}'{suggestion(name, known)}")
+        return name in known
 
     def _take(self, terminal: str) -> None:
         point = self._wiring[terminal]
         if point in self._taken:
-            raise TruthError((*self._path, terminal), f"'{point}' is already driven by another terminal")
+            self._wrong(terminal, f"'{point}' is already driven by another terminal")
         self._taken.add(point)
+
+    def _wrong(self, terminal: str, message: str) -> None:
+        self._errors.append(TruthError((*self._path, terminal), message))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,8 +143,14 @@ class PeerSetup:
         Raises:
             TruthError: with everything that is wrong.
         """
-        self.truth.finish()
-        self.connections.finish()
+        errors: list[TruthError] = []
+        for finish in (self.truth.finish, self.connections.finish):
+            try:
+                finish()
+            except TruthError as error:
+                errors += (error, *error.others)
+        if errors:
+            raise together(errors)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -41,7 +41,7 @@ class OtherType(Fault):
 
     name = "identity"
 
-    value: Annotated[str, matching("(0x)?[0-9A-Fa-f]{1,4}")]
+    value: Annotated[str, matching("(0x)?[0-9A-Fa-f]{1,4}", "a hexadecimal number such as 0x3C")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

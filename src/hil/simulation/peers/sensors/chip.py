@@ -28,7 +28,7 @@ class OtherIdentity(Fault):
 
     name = "identity"
 
-    value: Annotated[str, matching("0x[0-9A-Fa-f]{1,4}")]
+    value: Annotated[str, matching("0x[0-9A-Fa-f]{1,4}", "a hexadecimal number such as 0x3C")]
 
     @property
     def number(self) -> int:

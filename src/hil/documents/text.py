@@ -1,0 +1,107 @@
+"""Text that people can trust: how a file is decoded, and what hides in a text or would drive a terminal."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from hil.documents.findings import Findings
+from hil.documents.node import Place
+from hil.model.errors import Refused
+
+__all__ = ["MOST_BYTES", "decoded", "hidden_character", "read_bytes", "require_name", "visible"]
+
+MOST_BYTES = 5_000_000
+"""The largest file that is read."""
+
+_LONGEST_NAME = 200
+_BYTE_ORDER_MARK = "\ufeff"
+_REORDERING = "\u061c\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff"
+"""Marks that reorder or hide text, and separators that only some readers take for the end of a line."""
+
+_HIDDEN = re.compile(
+    "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f"  # controls; NEL is a line end to some readers and none to others
+    f"{_REORDERING}\ud800-\udfff]"
+)
+_UNSAFE = re.compile(f"[\x00-\x08\x0b-\x1f\x7f-\x9f{_REORDERING}]")
+
+
+def hidden_character(text: str) -> re.Match[str] | None:
+    """Return the first control, bidirectional or invisible character of `text`, or None."""
+    return _HIDDEN.search(text)
+
+
+def visible(text: str) -> str:
+    r"""Return a text that no terminal obeys: what would move its cursor or reorder its text becomes an escape.
+
+    The escape of ESC is `\u001b`, which means the same inside a JSON string. Tabs and line feeds stay.
+    """
+    if text.isascii() and text.isprintable():
+        return text
+    return _UNSAFE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def require_name(option: str, name: str) -> None:
+    """Refuse what cannot be the name of a person or a thing in evidence.
+
+    Raises:
+        Refused: for a blank name, a very long one, and one with characters that nobody sees.
+    """
+    if not name.strip():
+        raise Refused(f"{option} is empty", "give a name")
+    if len(name) > _LONGEST_NAME:
+        raise Refused(f"{option} has {len(name)} characters, and may have {_LONGEST_NAME}", "shorten it")
+    if any("\ud800" <= character <= "\udfff" for character in name):
+        raise Refused(f"{option} is not text in the encoding of this terminal", "type it again")
+    if found := re.search(r"[\t\r\n]", name) or hidden_character(name):
+        raise Refused(f"{option} contains the character U+{ord(found[0]):04X}", "type it again without it")
+
+
+def read_bytes(file: Path, shown: str, findings: Findings) -> bytes | None:
+    """Return the contents of a file, one byte too many of one that is too large; None if it cannot be read.
+
+    Args:
+        file: where it is.
+        shown: its path as shown to a person, relative to the workspace.
+        findings: where the reason is noted.
+    """
+    try:
+        if not file.is_file():
+            findings.add(Place(path=shown), "the file is missing" if not file.exists() else "this is not a file")
+            return None
+        with file.open("rb") as stream:
+            return stream.read(MOST_BYTES + 1)
+    except OSError as error:
+        findings.add(Place(path=shown), f"cannot be read: {error.strerror}")
+        return None
+
+
+def decoded(data: bytes, shown: str, findings: Findings) -> str | None:
+    """Return the text of `data` without byte order mark and with plain line ends.
+
+    Anything that cannot be read safely becomes a finding, and the text is None.
+    """
+    if len(data) > MOST_BYTES:
+        findings.add(Place(path=shown), f"the file is larger than {MOST_BYTES} bytes")
+        return None
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        findings.add(
+            _place_of_byte(data, error.start, shown), f"not UTF-8 at byte {error.start}, save the file as UTF-8"
+        )
+        return None
+    text = text.removeprefix(_BYTE_ORDER_MARK).replace("\r\n", "\n").replace("\r", "\n")
+    before = len(findings)
+    for number, line in enumerate(text.split("\n"), 1):
+        match = hidden_character(line)
+        if match:
+            place = Place(path=shown, line=number, column=match.start() + 1)
+            findings.add(place, f"character U+{ord(match[0]):04X} is not allowed, remove it")
+    return text if len(findings) == before else None
+
+
+def _place_of_byte(data: bytes, offset: int, shown: str) -> Place:
+    line_start = data.rfind(b"\n", 0, offset) + 1
+    column = len(data[line_start:offset].decode("utf-8", errors="replace")) + 1
+    return Place(path=shown, line=data.count(b"\n", 0, offset) + 1, column=column)
