@@ -319,7 +319,7 @@ class BenchHead:
     title: Text
     place: AnyText = ""
     dew_point: Number | None = None
-    acknowledge: Annotated[str, matching("anyone|owner")] = "anyone"
+    acknowledge: Annotated[str, one_of("anyone", "owner", blank="anyone")] = "anyone"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
