@@ -13,11 +13,11 @@ import serial
 from serial.rs485 import RS485Settings
 
 from hil.clock import wall
-from hil.guardian.ports.opening import must_have_taken
+from hil.guardian.ports.opening import keep_alone, must_have_taken, notice_its_end
 from hil.model.errors import NoReply, Refused
 from hil.model.serial_line import Rs485, SerialLine
 from hil.wire.obstacles import obstacle
-from hil.wire.opening import NETWORK, url_of_resource, why_not_opened
+from hil.wire.opening import url_of_resource, why_not_opened
 from hil.wire.tap import LONGEST_TRANSACTION
 
 __all__ = ["LiveStream"]
@@ -33,7 +33,7 @@ class LiveStream:
         url: a path, a URL of pyserial, or a VISA resource name.
         baud: of a serial line, 9600 where it is 0.
         line: how a serial line is set.
-        alone: whether no other process may have it open.
+        alone: whether no other process may have it open. Of serial devices the system sees to that, root excepted.
 
     Raises:
         NoReply: if it cannot be opened.
@@ -45,7 +45,7 @@ class LiveStream:
     ) -> None:
         where = url_of_resource(url)
         scheme, is_url, _ = where.partition("://")
-        if is_url and scheme not in NETWORK:
+        if is_url and scheme != "socket":
             why = why_not_opened(url) or f"{url} leads to nothing outside this process"
             raise Refused(f"{device}: {why}", "correct its port in the bench file")
         options: dict[str, Any] = {} if "://" in where else {"exclusive": alone, **_settings(line or SerialLine())}
@@ -53,6 +53,10 @@ class LiveStream:
             self._serial = serial.serial_for_url(
                 where, baudrate=baud or 9600, timeout=0.0, write_timeout=LONGEST_TRANSACTION, **options
             )
+            if is_url:
+                notice_its_end(self.fileno())
+            elif alone:
+                keep_alone(self.fileno())
             if line is not None and not is_url:
                 self._must_be_set(line)
         except (serial.SerialException, termios.error, OSError, ValueError) as error:
@@ -94,7 +98,11 @@ class LiveStream:
 
     def closed(self) -> None:
         """Close it."""
+        # A connection that has ended cannot be shut down, and pyserial then leaves it open.
+        connection = getattr(self._serial, "_socket", None)
         self._serial.close()
+        if connection is not None:
+            connection.close()
 
     def dtr_rose(self) -> None:
         """Let DTR fall and rise: the caller has already waited, but the fall has not been reported."""

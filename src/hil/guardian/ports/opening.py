@@ -9,6 +9,7 @@ import socket
 import struct
 import termios
 import time
+from contextlib import suppress
 from threading import Event
 
 from hil.guardian.ports.line import Line
@@ -16,7 +17,7 @@ from hil.guardian.ports.telnet import TelnetLine
 from hil.model.safing import GuardedPort
 from hil.model.serial_line import Rs485, SerialLine
 
-__all__ = ["line_on", "must_have_taken", "opened"]
+__all__ = ["keep_alone", "let_others_open", "line_on", "must_have_taken", "notice_its_end", "opened"]
 
 _CONNECT_S = 0.5
 _AGREE_S = 2.0
@@ -31,6 +32,11 @@ _PARITY = {
 _DATA_BITS = {5: termios.CS5, 6: termios.CS6, 7: termios.CS7, 8: termios.CS8}
 _FRAME = termios.CSIZE | termios.PARENB | termios.PARODD | _STICKY_PARITY | termios.CSTOPB | termios.CRTSCTS
 _NOT_TAKEN = "it does not take the settings of serial_line"
+_QUIET_S = 1
+_ASKED_EVERY_S = 1
+_ASKED_TIMES = 3
+_UNANSWERED_MS = 4000
+_PSEUDO_TERMINALS = range(136, 144)  # majors of their far sides, Documentation/admin-guide/devices.txt of Linux
 _SET_RS485 = 0x542F  # TIOCSRS485 of asm-generic/ioctls.h
 
 
@@ -58,6 +64,7 @@ def opened(port: GuardedPort, interrupt: Event | None = None) -> Line:
         return line
     descriptor = os.open(port.url, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
+        keep_alone(descriptor)
         _make_raw(descriptor, port)
         return Line(descriptor, port.baud, interrupt)
     except BaseException:
@@ -69,8 +76,42 @@ def _connected(url: str) -> int:
     """Connect to `scheme://host:port` and return the descriptor."""
     host, _, number = url.partition("://")[2].rpartition(":")
     connected = socket.create_connection((host.strip("[]"), int(number)), _CONNECT_S)
-    connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    notice_its_end(connected.fileno())
     return connected.detach()
+
+
+def notice_its_end(descriptor: int) -> None:
+    """Let a connection send without delay, and end within some five seconds once nothing answers at its other end.
+
+    Without that an instrument that lost its power, or a pulled cable, looks like one that has nothing to say: the
+    system asks after two hours at first. The options belong to the connection, whoever has its descriptor.
+    """
+    with socket.socket(fileno=os.dup(descriptor)) as connection:
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        for option, value in (
+            ("TCP_KEEPIDLE", _QUIET_S),
+            ("TCP_KEEPINTVL", _ASKED_EVERY_S),
+            ("TCP_KEEPCNT", _ASKED_TIMES),
+            ("TCP_USER_TIMEOUT", _UNANSWERED_MS),
+        ):
+            if (number := getattr(socket, option, None)) is not None:  # not every system knows all of them
+                connection.setsockopt(socket.IPPROTO_TCP, number, value)
+
+
+def keep_alone(descriptor: int) -> None:
+    """Let no other program open a serial device, root's excepted, as long as anybody has it open (TIOCEXCL).
+
+    A pseudo-terminal is left as it is: behind it nothing real is driven.
+    """
+    if os.major(os.fstat(descriptor).st_rdev) not in _PSEUDO_TERMINALS:
+        fcntl.ioctl(descriptor, termios.TIOCEXCL)
+
+
+def let_others_open(descriptor: int) -> None:
+    """Take `keep_alone` back, so that a device can be opened anew while another process has the lost one open."""
+    with suppress(OSError):
+        fcntl.ioctl(descriptor, termios.TIOCNXCL)
 
 
 def _make_raw(descriptor: int, port: GuardedPort) -> None:

@@ -12,7 +12,7 @@ from threading import Event
 from hil.guardian.ports.dialogue import Dialogue, Patience
 from hil.guardian.ports.identity import Identity, identity_of, require
 from hil.guardian.ports.line import Gone, Interrupted
-from hil.guardian.ports.opening import line_on, opened
+from hil.guardian.ports.opening import let_others_open, line_on, opened
 from hil.model.safing import GuardedPort, SafeBytes
 
 __all__ = ["Outcome", "PortWorker"]
@@ -126,6 +126,7 @@ class PortWorker:
         self._why_gone = why
         if self._talk is not None:
             with suppress(OSError):
+                let_others_open(self._talk.line.descriptor)
                 self._talk.line.close()
             self._talk = None
 
