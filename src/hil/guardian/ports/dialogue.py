@@ -100,7 +100,7 @@ class Dialogue:
     def _settled(self, owed_s: float) -> str:
         """Let everything come that may be owed; return why nobody can tell whether it has, if so."""
         give_up = self.line.now() + LONGEST_SETTLING * owed_s
-        while self._owes and (until := self._since + owed_s) > self.line.now():
+        while owed_s and self._owes and (until := self._since + owed_s) > self.line.now():
             if self.line.now() >= give_up:
                 return f"is never silent for {owed_s:g} s, so that no reply can be matched with its question"
             self._hear(until)
