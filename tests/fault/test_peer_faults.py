@@ -124,7 +124,7 @@ def test_dead_magnetometer_does_not_acknowledge():
     assert twin.register(0x0F) == 0x3D
     twin.clock.sleep(1)
     for action in (lambda: twin.register(0x0F), lambda: twin.write(0x20, 0)):
-        with pytest.raises(OSError, match="acknowledge"):
+        with pytest.raises(OSError, match="Remote I/O error"):
             action()
 
 

@@ -132,7 +132,7 @@ def test_what_a_case_raises_is_an_error(judged, statement, reason):
 @pytest.mark.parametrize(
     ("call", "reason"),
     [
-        ('check("T-010", "ratio", None)', "T-010 ratio: None (NoneType) is neither a number nor a word"),
+        ('check("T-010", "ratio", None)', "T-010 ratio: expected a number in 1, found None (NoneType)"),
         ('check("T-010", "ratio", Figure(value=1.0, unit="V"))', "'V' does not convert to '1'"),
         ('check.require("T-010", "rat" + "i", 1.0)', "T-010 has no parameter 'rati'"),
         ("supply.coil.configure(7.0, 0.01)", "voltage 7 V is outside its clamp"),
