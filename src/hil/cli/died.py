@@ -13,11 +13,12 @@ from hil.clock import wall
 from hil.evidence.folder import JOURNAL
 from hil.model.errors import HilError
 
-__all__ = ["tell_of_death", "ways_on", "why_not_resumed"]
+__all__ = ["not_proven", "tell_of_death", "ways_on", "why_not_resumed"]
 
 _GUARDIAN_S = 10.0
 _COMMAND_S = 10.0
 _LOOK_S = 0.1
+_LOOKS = 2  # the guardian may be writing a latch at the moment of one
 _TAIL = 1 << 20
 """Bytes at a journal's end in which its last events stand, if it has come to them."""
 
@@ -39,6 +40,29 @@ def tell_of_death(
     except (HilError, OSError, ValueError) as error:
         with suppress(OSError, ValueError, AttributeError):
             sys.stderr.write(f"hil: nobody was notified of 'died': {error}\n")
+
+
+def not_proven(folder: Path, *, guardian_s: float = _GUARDIAN_S) -> tuple[str, ...]:
+    """Return the outputs that nobody has proven safe since the process of a run died; nothing if all are.
+
+    A bench is latched with all of its outputs while it is armed, and with those that are not proven safe by its
+    guardian, which is waited for while it is at work.
+
+    Args:
+        folder: the run's folder.
+        guardian_s: how long a guardian at work is waited for [s].
+    """
+    from hil.bench.lease import holds_a_lease, latches_of  # noqa: PLC0415 - only after a run that died
+
+    began, clean = wall.monotonic(), 0
+    while clean < _LOOKS:
+        at_work = holds_a_lease(folder.name)
+        left = dict.fromkeys(output for latch in latches_of(folder.name).values() for output in latch.outputs)
+        if left and not (at_work and wall.monotonic() - began < guardian_s):
+            return tuple(left)
+        clean = 0 if left else clean + 1
+        wall.pause(_LOOK_S / _LOOKS)
+    return ()
 
 
 def _tell(folder: Path, how: str, ways: list[str], guardian_s: float, command_s: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import os
 import signal
 import sys
@@ -22,8 +23,11 @@ _ASKS = frozenset(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHU
 _SI_KERNEL = 0x80  # the sender was the terminal, which tells the whole group
 _PR_SET_PDEATHSIG = 1
 _INTERNAL = 3
+_UNSAFE = 7
 _PIPE = 1 << 16
 _AGAIN_S = 0.02
+_LONGEST_S = 1e6
+_STANDARD_ERROR = 2
 
 
 class Word:
@@ -76,6 +80,16 @@ class Word:
     def sealed(self, code: int) -> None:
         """Tell that the package is sealed, and the exit code; from here on nothing changes them."""
         self._tell("sealed", code)
+
+    def expect(self, seconds: float | None) -> None:
+        """Let this process end, saying where it is, unless it is called again within so many seconds; None ends that.
+
+        Nothing of Python has to run for that: it is the last resort for a case that does not return from a call into C.
+        """
+        if seconds is None:
+            faulthandler.cancel_dump_traceback_later()
+        elif os.getpid() == self._process:
+            faulthandler.dump_traceback_later(min(seconds, _LONGEST_S), exit=True, file=_STANDARD_ERROR)
 
     def leave(self, code: int) -> NoReturn:
         """Tell that the process ends by itself, and end it, whatever threads and exit handlers are left."""
@@ -179,7 +193,7 @@ def _believed(status: int, words: Mapping[str, tuple[int, str]]) -> int:
     if "ended" in words:
         code = words["ended"][0]
         if code == _INTERNAL and "begun" in words and "sealed" not in words:  # it has said itself what went wrong
-            _notify(Path(words["begun"][1]), how)
+            return _died(Path(words["begun"][1]), how, lambda _: None)
         return code
     _begin_line()
     if "sealed" in words:
@@ -188,20 +202,23 @@ def _believed(status: int, words: Mapping[str, tuple[int, str]]) -> int:
         return code
     _say(f"hil: the process of the run {how} before the run was sealed")
     if "begun" in words:
-        _notify(Path(words["begun"][1]), how, _say)
-    else:
-        _say("     no case had begun and nothing was driven; hil runs shows whether it left a folder")
+        return _died(Path(words["begun"][1]), how, _say)
+    _say("     no case had begun and nothing was driven; hil runs shows whether it left a folder")
     return _INTERNAL
 
 
-def _notify(run: Path, how: str, say: Callable[[str], None] = lambda _: None) -> None:
-    """Say what a person does next, and run the notification of a run that died."""
-    from hil.cli.died import tell_of_death, ways_on  # noqa: PLC0415 - only after a run that was interrupted
+def _died(run: Path, how: str, say: Callable[[str], None]) -> int:
+    """Say what a person does next, run the notification of a run that died, and return its exit code."""
+    from hil.cli.died import not_proven, tell_of_death, ways_on  # noqa: PLC0415 - only after a run that was interrupted
 
+    left = not_proven(run)
+    if left:
+        _say(f"     NOT PROVEN SAFE: {', '.join(left)}; go to the bench and switch them off by hand")
     ways = list(ways_on(run))
     for line in ways:
         say(f"     {line}")
     tell_of_death(run, how, ways)
+    return _UNSAFE if left else _INTERNAL
 
 
 def _manner(code: int) -> str:

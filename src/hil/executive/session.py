@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Protocol
 
 from hil.bench.bound import BoundBench
-from hil.clock.live import LiveClock
 from hil.evidence import events
 from hil.evidence.folder import ATTACHMENTS
 from hil.evidence.package.sealing import ReportWriter
@@ -21,7 +20,7 @@ from hil.executive.cases.facade import Facade, RoleSet, facades
 from hil.executive.cases.operator import Operator
 from hil.executive.cases.recorder import Recorder
 from hil.executive.cases.steps import Steps
-from hil.executive.ending.signals import LOOK_S, handle_signals
+from hil.executive.ending.signals import handle_signals
 from hil.executive.ending.stop import Astray, StopFlags, Stopped, Turn
 from hil.executive.journaling.events import Caller, Unheard
 from hil.executive.journaling.record import Record
@@ -29,11 +28,11 @@ from hil.executive.people.answers import Answering
 from hil.executive.resuming.beginnings import Entering, NewRun
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import PlannedCase
+from hil.executive.watching.attending import Attendant, Lookout
 from hil.executive.watching.holding import Holding
 from hil.executive.watching.keeper import BenchKeeper
 from hil.executive.watching.machine import LiveMachine, live_machine
 from hil.executive.watching.ports import Machine, NoMachine
-from hil.executive.watching.scheduler import Scheduler
 from hil.executive.watching.timeline import timeline_of
 from hil.model.identity import Source
 from hil.model.verdict import Verdict
@@ -173,7 +172,9 @@ class Session:
             record.events.serve(self)  # any other run is where its events are
         self.flags.govern(self)
         if bench.live is not None and self.machine is not None:
-            alarm.keep(_Attendant(self.machine, bench.live, self.keeper.scheduler, self.keeper.holding))
+            alarm.keep(Attendant(bench, self.machine, bench.live, self.keeper.scheduler, self.keeper.holding))
+        else:
+            alarm.keep(Lookout(bench, self.keeper.scheduler, self.keeper.holding, self._caller.expect))
         self._answers = answers(bench, self.keeper.scheduler.idle, record.upkeep.elsewhere)
 
     def before_event(self) -> None:
@@ -252,6 +253,7 @@ class Session:
             run.raised(Stopped(self.flags.reason))  # whatever the case made of it
         run.close()
         self.keeper.scheduler.end_case()
+        self._caller.expect(None)
         outcome = run.outcome()
         ended = events.CaseEnd(
             case=run.planned.id,
@@ -352,38 +354,3 @@ class Session:
         if run.bench_fault:
             return f"bench fault: {run.bench_fault}"
         return self.keeper.rest()
-
-
-class _Attendant:
-    """Looks after a bench outside this process while a case's own code runs, unless a record stands in for it.
-
-    Args:
-        machine: lets the guardian hear of the run.
-        clock: the bench's clock.
-        scheduler: gives monitors and turns their time.
-        holding: knows what the case has driven.
-    """
-
-    def __init__(self, machine: LiveMachine, clock: LiveClock, scheduler: Scheduler, holding: Holding) -> None:
-        self._machine = machine
-        self._clock = clock
-        self._scheduler = scheduler
-        self._holding = holding
-
-    def between(self) -> None:
-        """Let the guardian hear of the run."""
-        self._machine.between()
-
-    def amid(self, alone_s: float) -> None:
-        """Look after the bench where the case's own code may be disturbed.
-
-        Args:
-            alone_s: for how long that ran since the last look; one that came in time was `LOOK_S` after it.
-        """
-        if not self._clock.began:
-            return
-        self._clock.pulse()
-        if self._scheduler.watching:
-            if self._holding.drives():
-                self._scheduler.busy(alone_s - LOOK_S)
-            self._scheduler.idle()

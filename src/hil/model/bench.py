@@ -308,11 +308,12 @@ class SimulatedBench:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchHead:
-    """What a bench is called, where it stands, and who may acknowledge what happened to it.
+    """What a bench is called, where it stands, and what holds of all of it.
 
     Attributes:
         dew_point: of its air in degC, None if nobody knows it.
         acknowledge: `anyone`, or `owner`: only the user whose run it was, and root.
+        longest_computation_s: how long a case's own code may come to no scheduling point with outputs on [s].
     """
 
     name: Annotated[str, slug("-")]
@@ -320,6 +321,9 @@ class BenchHead:
     place: AnyText = ""
     dew_point: Number | None = None
     acknowledge: Annotated[str, one_of("anyone", "owner", blank="anyone")] = "anyone"
+    longest_computation_s: Annotated[float, seconds(0.5)] = field(
+        default=10.0, metadata={"alias": "longest_computation"}
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

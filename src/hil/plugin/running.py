@@ -57,6 +57,10 @@ class Word(Protocol):
         """Hear that the package is sealed, and the exit code."""
         ...
 
+    def expect(self, seconds: float | None) -> None:
+        """Hear that the run is well for so many seconds, after which the process is to end; None ends that."""
+        ...
+
     def leave(self, code: int) -> NoReturn:
         """End the process at once."""
         ...
@@ -70,6 +74,9 @@ class _Unheard:
 
     def sealed(self, code: int) -> None:
         """Say nothing."""
+
+    def expect(self, seconds: float | None) -> None:
+        """Expect nothing."""
 
     def leave(self, code: int) -> NoReturn:
         """End the process at once."""
@@ -187,6 +194,10 @@ class _RunProcess:
             told = f"hil: {self._session.folder.name} was stopped before it resumed"
             _complain(told, "     it is unchanged; hil resume starts again")
             self._word.leave(EXIT_INTERRUPTED)
+
+    def expect(self, seconds: float | None) -> None:
+        """Let the process end if a case does not come back from a call within so many seconds."""
+        self._word.expect(seconds)
 
     def given_up(self) -> None:
         """Seal the run, and end the process in the middle of a case that nothing else ends."""

@@ -6,13 +6,16 @@ import json
 import os
 import signal
 import sys
+import threading
 import time
 
 import pytest
 
+from hil.bench.lease import Lease, latch_bench
 from hil.cli import supervision
-from hil.cli.died import tell_of_death
+from hil.cli.died import not_proven, tell_of_death
 from hil.evidence.folder import GUARDIAN, create, hold
+from hil.guardian.latch import Latch
 
 KEEPING = """
 import json, os, signal, sys
@@ -128,3 +131,48 @@ def test_a_command_that_fails_is_said_and_holds_nothing_up(place, capsys, settin
     assert time.monotonic() - began < 10.0
     assert said in capsys.readouterr().err
     assert not (place / "told.json").exists()
+
+
+@pytest.fixture
+def latches(tmp_path, monkeypatch):
+    """Return a folder of latches, and one of leases, of this test's own."""
+    monkeypatch.setattr("hil.bench.lease.FOLDER", tmp_path / "latches")
+    monkeypatch.setattr("hil.bench.lease._FOLDER", tmp_path / "leases")
+    return tmp_path / "latches"
+
+
+def latch_of(run, *outputs):
+    """Return the latch of a run's bench."""
+    return Latch(bench="b", run=str(run), why="armed", since="2026-01-01T00:00:00Z", outputs=outputs)
+
+
+def test_what_nobody_proved_safe_is_an_unsafe_end(place, latches, capsys):
+    """The guardian was killed, too: the outputs are named, and the exit code is that of an unsafe end."""
+    folder = run_of(place)
+    latch_bench(["psu1", "psu2"], latch_of(folder, "supply.charge", "cycler"), latches)
+    assert supervision._believed(signal.SIGKILL, {"begun": (0, str(folder))}) == 7
+    assert "NOT PROVEN SAFE: supply.charge, cycler; go to the bench" in capsys.readouterr().err
+    assert supervision._believed(0, {"begun": (0, str(folder)), "ended": (3, str(folder))}) == 7
+    assert supervision._believed(0, {"begun": (0, str(folder)), "ended": (1, str(folder))}) == 1
+
+
+def test_a_guardian_that_proved_everything_leaves_an_interrupted_run(place, latches):
+    """It is latched, and nothing is on."""
+    folder = run_of(place)
+    latch_bench(["psu1"], latch_of(folder), latches)
+    assert not_proven(folder) == ()
+    assert supervision._believed(signal.SIGKILL, {"begun": (0, str(folder))}) == 3
+
+
+def test_a_guardian_at_work_is_waited_for(place, latches):
+    """What it proves meanwhile counts; what it does not prove in time is told."""
+    folder = run_of(place)
+    latch_bench(["psu1"], latch_of(folder, "supply"), latches)
+    lease = Lease(["psu1"], "a run")
+    lease.name(folder.name)
+    assert not_proven(folder, guardian_s=0.1) == ("supply",)
+    proven = threading.Timer(0.2, lambda: latch_bench(["psu1"], latch_of(folder), latches))
+    proven.start()
+    assert not_proven(folder, guardian_s=20.0) == ()
+    proven.join()
+    lease.release()

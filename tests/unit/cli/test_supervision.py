@@ -71,3 +71,27 @@ def test_other_lost_errors_are_told():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout == "went on\n"
     assert "ZeroDivisionError" in done.stderr
+
+
+STUCK = """
+import collections, itertools, os, signal
+from hil.cli.supervision import Word
+
+signal.pthread_sigmask(signal.SIG_BLOCK, range(1, signal.NSIG))
+word = Word(os.open(os.devnull, os.O_WRONLY))
+word.expect(0.05)
+word.expect({last})
+collections.deque(itertools.repeat(0, {times}), maxlen=0)
+print("came back")
+"""
+
+
+@pytest.mark.parametrize(
+    ("last", "times", "code", "said"), [("0.2", "10**12", 1, ""), ("None", "10**7", 0, "came back\n")]
+)
+def test_a_process_that_does_not_return_from_a_call_ends_itself(last, times, code, said):
+    """No signal and no line of Python is needed for that, and where it was is printed."""
+    program = STUCK.format(last=last, times=times)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout) == (code, said)
+    assert ("Timeout" in done.stderr and 'File "<string>", line 9' in done.stderr) == (code == 1)

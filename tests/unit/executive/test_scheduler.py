@@ -127,6 +127,65 @@ def test_a_case_past_its_deadline_ends():
         scheduled.point()
 
 
+@pytest.fixture
+def seconds(monkeypatch):
+    """Return the seconds of the wall, as the only entry of a list."""
+    now = [100.0]
+    monkeypatch.setattr("hil.clock.wall.monotonic", lambda: now[0])
+    return now
+
+
+ATTEMPTS = {
+    "a point": lambda scheduled: scheduled.point(),
+    "a wait of nothing": lambda scheduled: scheduled.sleep(0.0),
+    "its own code": lambda scheduled: scheduled.look(),
+}
+
+
+@pytest.mark.parametrize("attempt", ATTEMPTS)
+def test_a_case_that_lets_no_bench_time_pass_is_ended_by_the_wall(seconds, attempt):
+    """Bench time stands still, so seconds of the wall count, and the bench is safe before the case learns of it."""
+    _, scheduled, watch = watched()
+    scheduled.begin_case(SimpleNamespace(), 60_000_000_000)
+    for _ in range(60):
+        seconds[0] += 1.0
+        ATTEMPTS[attempt](scheduled)
+    seconds[0] += 1.0
+    with pytest.raises(CaseTimeout, match="ran for 61 s without letting any bench time pass"):
+        ATTEMPTS[attempt](scheduled)
+    assert watch.told == ["safe"]
+    with pytest.raises(CaseTimeout):
+        scheduled.point()
+    scheduled.end_case()
+    scheduled.begin_case(SimpleNamespace(), 1_000_000_000)
+    seconds[0] += 4.5  # a slow machine
+    scheduled.point()
+
+
+def test_bench_time_that_passes_is_all_that_counts(seconds):
+    """However long a simulation of weeks takes."""
+    _, scheduled, _ = watched()
+    scheduled.begin_case(SimpleNamespace(), 60_000_000_000)
+    for _ in range(50):
+        seconds[0] += 59.0
+        scheduled.sleep(1.0)
+
+
+def test_a_person_may_take_any_time(seconds):
+    """Bench time stands still while a question waits, and that is nobody's fault."""
+    _, scheduled, _ = watched()
+    scheduled.begin_case(SimpleNamespace(), 60_000_000_000)
+    for _ in range(100):
+        seconds[0] += 50.0
+        scheduled.idle()
+    scheduled.deadline_ns = None  # as while the bench is held
+    for _ in range(100):
+        seconds[0] += 50.0
+        scheduled.point()
+    scheduled.deadline_ns = 60_000_000_000
+    scheduled.point()
+
+
 def test_a_stop_is_found_in_a_wait_and_at_a_point():
     """A request ends the wait before more time passes."""
     flags = StopFlags()

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from hil.executive.ending.signals import handle_signals
+from hil.executive.ending.signals import SUPERVISOR_ENDED, handle_signals
 from hil.executive.ending.stop import Astray, StopFlags, Stopped
 
 
@@ -118,6 +118,40 @@ def test_one_hang_up_told_twice_is_one_request():
         signal.raise_signal(signal.SIGHUP)
         signal.raise_signal(signal.SIGHUP)
     assert (flags.reason, flags.urgent) == ("SIGHUP", False)
+
+
+def test_a_supervisor_that_was_killed_is_named(monkeypatch):
+    """The SIGTERM that the operating system sends for it is nobody's; anybody else's keeps its name."""
+    for parent, reason in ((1, SUPERVISOR_ENDED), (os.getppid(), "SIGTERM")):
+        flags = StopFlags()
+        with handle_signals(flags), monkeypatch.context() as patched:
+            patched.setattr(os, "getppid", lambda parent=parent: parent)
+            signal.raise_signal(signal.SIGTERM)
+        assert flags.reason == reason
+
+
+def test_a_look_is_no_scheduling_point_of_the_case(monkeypatch):
+    """How long its own code ran alone counts from the last look, how long it was silent from its own last call."""
+    now, told = [10.0], []
+    monkeypatch.setattr("hil.clock.wall.monotonic", lambda: now[0])
+    flags = StopFlags()
+
+    def amid(alone_s, silent_s):
+        told.append((alone_s, silent_s))
+        with flags.undisturbed():
+            now[0] += 0.5
+
+    with flags.case_code():
+        for _ in range(3):
+            now[0] += 1.0
+            flags.interlude(amid)
+        with flags.undisturbed():
+            pass
+        now[0] += 1.0
+        flags.interlude(amid)
+        with flags.undisturbed():
+            flags.interlude(amid)
+    assert told == [(1.0, 1.0), (1.0, 2.5), (1.0, 4.0), (1.0, 1.0)]
 
 
 @pytest.mark.parametrize("service", ["undisturbed", "check"])

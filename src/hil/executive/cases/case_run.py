@@ -111,7 +111,7 @@ class CaseRun:
         elif self.scheduler.lost:
             return  # whatever follows from that the resumed case comes to by itself, if it does
         elif isinstance(error, CaseTimeout):
-            self._took_too_long()
+            self._took_too_long(str(error))
         elif isinstance(error, Diverged) or str(error) in {*self._bench_faults, *self._dut_faults}:
             return
         elif isinstance(error, Implausible):
@@ -135,6 +135,8 @@ class CaseRun:
         deadline_ns = self.scheduler.deadline_ns
         if deadline_ns is not None and self.scheduler.now_ns() > deadline_ns and not self.scheduler.lost:
             self._took_too_long()
+        if self.scheduler.overdue:
+            self._took_too_long(self.scheduler.overdue)
         if not self._aborted:
             self.effects.end()
 
@@ -176,8 +178,10 @@ class CaseRun:
             )
         )
 
-    def _took_too_long(self) -> None:
-        self._problems.append(f"the case took longer than its {self.planned.max_duration_s:g} s of bench time")
+    def _took_too_long(self, why: str = "") -> None:
+        told = why or f"the case took longer than its {self.planned.max_duration_s:g} s of bench time"
+        if told not in self._problems:
+            self._problems.append(told)
 
     def _requirement(self, requirement: Requirement, ended: Verdict | None) -> Verdict:
         return rule(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,7 +13,10 @@ from typing import Protocol
 from hil.clock import wall
 from hil.executive.ending.stop import StopFlags
 
-__all__ = ["LOOK_S", "Alarm", "Attends", "handle_signals"]
+__all__ = ["LOOK_S", "SUPERVISOR_ENDED", "Alarm", "Attends", "handle_signals"]
+
+SUPERVISOR_ENDED = "the end of the process that waited for it"
+"""Who asked for an end where the operating system did, which sends a SIGTERM for a supervisor that is gone."""
 
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
@@ -24,7 +28,7 @@ _PATIENCE_S = 5.0
 _AGAIN_S = 0.3
 
 LOOK_S = 0.2
-"""How often the executive looks after a bench outside this process while a case's own code runs."""
+"""How often the executive looks after the bench, and the case, while a case's own code runs."""
 
 _SLACK_S = 0.01
 
@@ -39,9 +43,12 @@ def handle_signals(flags: StopFlags) -> Iterator[Alarm]:
     a program's signal is cut as by a second one, and is cut again for as long as it continues.
     """
     alarm = Alarm(flags)
+    parent = os.getppid()
 
     def handler(number: int, _frame: FrameType | None) -> None:
         name = signal.Signals(number).name
+        if number == signal.SIGTERM and os.getppid() != parent:
+            name = SUPERVISOR_ENDED
         if not flags.reason == name == "SIGHUP":  # the terminal, the shell and the supervisor report one hang-up each
             flags.request(name)
         if flags.urgent or number in _UNATTENDED:
@@ -59,10 +66,10 @@ def handle_signals(flags: StopFlags) -> Iterator[Alarm]:
 
 
 class Attends(Protocol):
-    """Looks after a bench outside this process."""
+    """Looks after the bench and the case."""
 
-    def amid(self, alone_s: float) -> None:
-        """Look after it where the case's own code may be disturbed, which ran alone for so many seconds."""
+    def amid(self, alone_s: float, silent_s: float) -> None:
+        """Look after them where the case's own code may be disturbed; see `StopFlags.interlude`."""
         ...
 
     def between(self) -> None:
@@ -71,7 +78,7 @@ class Attends(Protocol):
 
 
 class Alarm:
-    """Rings in the case's own code: to look after a bench outside this process, and to cut what does not end.
+    """Rings in the case's own code: to look after the bench, to end a case in time, and to cut what does not end.
 
     Args:
         flags: know whether a case's own code runs, and what is to be done in the middle of it.

@@ -62,7 +62,7 @@ class StopFlags:
         self._in_case = 0
         self._undisturbed = 0
         self._shielded = 0
-        self._alone_since = 0.0
+        self._alone_since = self._served_since = 0.0
         self.cuts = 0
         self.turns = 0
         self.reason = ""
@@ -127,15 +127,17 @@ class StopFlags:
                 self.give_up()
             raise Stopped(self.reason)
 
-    def interlude(self, amid: Callable[[float], None]) -> None:
+    def interlude(self, amid: Callable[[float, float], None]) -> None:
         """Do something if a case's own code is at nothing that must not be disturbed.
 
         Args:
-            in the middle of: is told for how many seconds of the wall that code ran since the executive had a look.
+            amid: is told for how many seconds of the wall that code ran since the executive had a look, and since it
+                came to a scheduling point itself.
         """
         if self._in_case and not self._undisturbed and not self._shielded:
-            amid(wall.monotonic() - self._alone_since)
-            self._alone_since = wall.monotonic()
+            now, served = wall.monotonic(), self._served_since
+            amid(now - self._alone_since, now - served)
+            self._alone_since, self._served_since = wall.monotonic(), served
 
     @contextmanager
     def case_code(self) -> Iterator[None]:
@@ -144,7 +146,7 @@ class StopFlags:
         A copy of the process that the case forked ends where the case's code does.
         """
         self._in_case += 1
-        self._alone_since = wall.monotonic()
+        self._alone_since = self._served_since = wall.monotonic()
         try:
             yield
         finally:
@@ -161,7 +163,7 @@ class StopFlags:
             yield
         finally:
             self._undisturbed -= 1
-            self._alone_since = wall.monotonic()
+            self._alone_since = self._served_since = wall.monotonic()
 
     @contextmanager
     def shielded(self) -> Iterator[None]:

@@ -76,6 +76,10 @@ class Caller(Protocol):
         """Hear that a resumed run is to stop before it has replayed its past: it cannot."""
         ...
 
+    def expect(self, seconds: float | None) -> None:
+        """Expect to be called again within so many seconds, and end the process if not; None ends that."""
+        ...
+
     def given_up(self) -> None:
         """Seal and end the process, for a case that never ends; nothing of the run is left then."""
         ...
@@ -89,6 +93,9 @@ class Unheard:
 
     def stopped_early(self) -> None:
         """Do nothing: the stop is raised at the next scheduling point."""
+
+    def expect(self, seconds: float | None) -> None:
+        """Expect nothing: a person waits for it."""
 
     def given_up(self) -> None:
         """End the process without a seal."""

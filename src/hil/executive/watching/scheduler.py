@@ -32,12 +32,18 @@ _TICK_S = 0.2
 _SWALLOWED = 10
 """After so many refusals a case has swallowed a stop, and the bench does not wait for its end any more."""
 
+_LEAST_STANDING_S = 5.0
+"""A slow machine may take so long for a computation, however short a case's `max_duration` is."""
+
 _MOST_REFUSALS = 100
 """After so many it is never going to end."""
 
 
 class CaseTimeout(BaseException):
-    """The case is past its `max_duration`. Not an Exception, for the reason of `Stopped`."""
+    """The case is past its time, with a sentence if that is not its `max_duration` of bench time.
+
+    Not an Exception, for the reason of `Stopped`.
+    """
 
 
 class Scheduler:
@@ -60,6 +66,7 @@ class Scheduler:
         clock: the bench's clock.
         deadline_ns: the instant at which the present case has taken too long.
         lost: what was lost that the bench cannot be driven without, if anything was.
+        overdue: why the present case has taken too long although bench time says otherwise, empty if it has not.
         refused: how often the current case was asked to end.
         monitoring: runs the monitors.
         feeds: judge the rows of streams.
@@ -79,7 +86,10 @@ class Scheduler:
         self.flags = flags
         self._reports = reports
         self.timeline = timeline
-        self._ticked = wall.monotonic()
+        self._ticked = self._stood_since = wall.monotonic()
+        self._stood_at_ns = 0
+        self._longest_standing_s = 0.0
+        self.overdue = ""
         self._trip: Trip | None = None
         self.lost: Distress | None = None
         self._watching = False
@@ -111,6 +121,11 @@ class Scheduler:
         """Begin to run the monitors."""
         self.monitoring.restart()
         self._watching = True
+
+    @property
+    def patience_s(self) -> float | None:
+        """Seconds of the wall after which nothing but a call that does not return keeps a case going, None without."""
+        return None if self.deadline_ns is None else self._longest_standing_s + _LEAST_STANDING_S
 
     def rest(self) -> None:
         """Stop running the monitors."""
@@ -209,6 +224,19 @@ class Scheduler:
         if (held_up := self.timeline.busy(seconds)) is not None:
             self._blame(held_up)
 
+    def overrun(self, why: str) -> None:
+        """End the present case here, and wherever it comes again."""
+        self.overdue = self.overdue or why
+
+    def look(self) -> None:
+        """Be a scheduling point for a case's own code on a bench of this process: no monitor is due there.
+
+        Raises:
+            Stopped, CaseTimeout, Tripped: see there.
+        """
+        with self.flags.undisturbed():
+            self._look()
+
     def go_on(self) -> None:
         """Let a resumed bench continue by itself from here."""
         self._bench.go_on()
@@ -223,6 +251,8 @@ class Scheduler:
     def begin_case(self, case: CaseAtWork, lasts_ns: int) -> None:
         """Give a case its turn at the bench, which takes `lasts_ns` at most."""
         self.deadline_ns = self.clock.now_ns() + lasts_ns
+        self._longest_standing_s = max(_LEAST_STANDING_S, lasts_ns / NANOSECONDS)
+        self._stood_since, self.overdue = wall.monotonic(), ""
         self.refused = 0
         self.monitoring.case = case
         if not self._watching:  # the bench was made safe under the case before
@@ -257,6 +287,7 @@ class Scheduler:
 
     def idle(self) -> None:
         """Be a scheduling point while a person is awaited; monitors take their turn as in any other wait."""
+        self._stood_since = wall.monotonic()
         self.point()
 
     def _take_turns(self, until_ns: int, done: Callable[[], bool] | None) -> bool:
@@ -299,11 +330,23 @@ class Scheduler:
         if now - self._ticked >= _TICK_S:
             self._ticked = now
             self._reports.tick()
+            self._see_time_pass(now)
         try:
             self._end_if_due()
         except (Stopped, Tripped, CaseTimeout) as ending:
             self._refuse(ending)
             raise
+
+    def _see_time_pass(self, now: float) -> None:
+        """Let seconds of the wall count where bench time stands still: it would let a case go on for ever.
+
+        It is allowed to stand while a person is asked, and while the bench is held.
+        """
+        at_ns = self.clock.now_ns()
+        if self.deadline_ns is None or at_ns != self._stood_at_ns:
+            self._stood_at_ns, self._stood_since = at_ns, now
+        elif now - self._stood_since > self._longest_standing_s:
+            self.overrun(f"the case ran for {now - self._stood_since:.0f} s without letting any bench time pass")
 
     def _end_if_due(self) -> None:
         self.flags.check()
@@ -316,6 +359,8 @@ class Scheduler:
             self._trip_once(Trip(_BENCH, None, "", distress.text))
         if self.deadline_ns is not None and self.clock.now_ns() > self.deadline_ns:
             raise CaseTimeout
+        if self.overdue:
+            raise CaseTimeout(self.overdue)
 
     def _refuse(self, ending: BaseException) -> None:
         """Make safe what the case is not to drive any more, before it learns why; end a run that it does not let end.
