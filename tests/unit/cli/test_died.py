@@ -136,7 +136,7 @@ def test_a_command_that_fails_is_said_and_holds_nothing_up(place, capsys, settin
 @pytest.fixture
 def latches(tmp_path, monkeypatch):
     """Return a folder of latches, and one of leases, of this test's own."""
-    monkeypatch.setattr("hil.bench.lease.FOLDER", tmp_path / "latches")
+    monkeypatch.setattr("hil.guardian.latch.PLACES", (tmp_path / "latches",))
     monkeypatch.setattr("hil.bench.lease._FOLDER", tmp_path / "leases")
     return tmp_path / "latches"
 
