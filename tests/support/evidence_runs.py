@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from pathlib import Path
 
+import msgspec
 from typed_events import event_of
 
 from hil.clock.wall import WallStamp
@@ -17,7 +18,7 @@ from hil.evidence.package.bag import inventory
 from hil.evidence.package.contents import Package
 from hil.evidence.package.sealing import seal
 from hil.evidence.recordings.rows import Rows
-from hil.evidence.results.facts import entries_of, freeze_calibration, freeze_catalogue
+from hil.evidence.results.facts import FrozenCalibration, entries_of, freeze_calibration, freeze_catalogue
 from hil.model.figure import Figure
 from hil.requirements.decision import judge
 from hil.requirements.requirement import Kind, Limit, Requirement
@@ -44,8 +45,8 @@ REQUIREMENTS = (
     Requirement(id="GYR-030", rev=1, text="The error shall be small.", kind=Kind.LIMIT, limits=(LIMIT,), source="s 30"),
     Requirement(id="GYR-010", rev=1, text="The rest shall be recorded.", kind=Kind.RECORD),
 )
-CATALOGUE = digest({"format": 1, "requirements": entries_of(REQUIREMENTS)})
-CALIBRATION = {"psu1": {"certificate": "C-1", "due": "2026-12-31", "dut": False}}
+CATALOGUE = digest({"format": 1, "requirements": msgspec.to_builtins(entries_of(REQUIREMENTS))})
+CALIBRATION = {"psu1": FrozenCalibration(certificate="C-1", due="2026-12-31")}
 OF_ALL_RUNS = {
     "data/bench/bench.yaml": b"schema: hil/bench/1\n",
     "data/bench/certificates/psu1.txt": b"Certificate C-1\n",
@@ -72,7 +73,7 @@ def run_fields(**changes):
         "format": 1, "bench": "flight", "source": "hardware", "purpose": "qualification", "dut": dut, "operator": "Ada",
         "plans": ["gyro"], "seed": "7", "catalogue": CATALOGUE,
         "parameters": digest({"format": 1, "plans": {}}),
-        "calibration": digest({"format": 1, "instruments": CALIBRATION}),
+        "calibration": digest({"format": 1, "instruments": msgspec.to_builtins(CALIBRATION)}),
         "sources": "0" * 64, "version": "0.1.0", "deviations": [],
     }  # fmt: skip
     return fields | changes

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from typed_events import event_of
 
@@ -14,7 +15,7 @@ from hil.clock.wall import WallStamp
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.sealing import seal
 from hil.evidence.recordings.rows import Rows
-from hil.evidence.results.facts import freeze_calibration, freeze_catalogue
+from hil.evidence.results.facts import FrozenCalibration, FrozenRequirement, freeze_calibration, freeze_catalogue
 from hil.report.write import write_reports
 
 NAME = "20261121T053012Z-flatsat-GYR-007-3fa9c1"
@@ -141,8 +142,8 @@ def begin(folder: Path) -> Journal:
     """Make the folder with what is frozen before the first step, and return its journal."""
     for inner in ("data/recordings", "data/catalogue/gyroscope", "data/bench", "data/attachments", "inbox"):
         (folder / inner).mkdir(parents=True)
-    freeze_catalogue(folder, REQUIREMENTS)
-    freeze_calibration(folder, {"psu1": {"certificate": "K-2026-0418", "due": "2027-04-18", "dut": False}})
+    freeze_catalogue(folder, msgspec.convert(REQUIREMENTS, dict[str, FrozenRequirement]))
+    freeze_calibration(folder, {"psu1": FrozenCalibration(certificate="K-2026-0418", due="2027-04-18")})
     (folder / "data/bench/bench.yaml").write_text(BENCH, encoding="utf-8")
     (folder / "data/catalogue/gyroscope/parameters.yaml").write_text(PARAMETERS, encoding="utf-8")
     (folder / "data/catalogue/gyroscope/requirements.yaml").write_text(PLAN, encoding="utf-8")

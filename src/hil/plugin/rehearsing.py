@@ -10,20 +10,22 @@ from functools import partial
 from pathlib import Path
 
 from hil.bench.binding import bind_replayed
+from hil.evidence.folder import TRANSCRIPT
 from hil.evidence.package.contents import Package
 from hil.executive.people.answers import Nobody
 from hil.executive.resuming.beginnings import ReplayedRun
-from hil.executive.resuming.replaying import STOPPED, differences, replay_request, unpack
+from hil.executive.resuming.replaying import STOPPED, as_packed, differences, replay_request, unpack
 from hil.executive.session import Session
 from hil.executive.setup.configuration import Configuration, Request, configure
 from hil.executive.setup.head import PlannedCase
-from hil.model.errors import Refused
+from hil.model.errors import ConfigurationError, Finding, Refused
 from hil.model.verdict import Verdict
 from hil.plugin.campaign import Opener
 from hil.plugin.launch import launch
 from hil.plugin.opening import open_new
 from hil.report.material import Material, requirement_entries
 from hil.report.procedure import procedure_lines
+from hil.wire.transcript import damaged_lines
 
 __all__ = ["Replayed", "procedure", "replay"]
 
@@ -60,16 +62,25 @@ def procedure(request: Request) -> list[str]:
 
 
 def replay(package: Package) -> Replayed:
-    """Run the cases of a package again on its recorded bytes, and compare."""
+    """Run the cases of a package again on its recorded bytes, and compare.
+
+    Raises:
+        ConfigurationError: for files of the package with which nothing can be replayed, by their paths in it.
+    """
+    if damaged := tuple(damaged_lines(package.transcript_path)):
+        raise ConfigurationError(tuple(Finding(TRANSCRIPT, line, 1, message) for line, message in damaged))
     with tempfile.TemporaryDirectory(prefix="hil-replay-") as folder:
         root, output = Path(folder) / "workspace", Path(folder) / "reports"
         root.mkdir()
         unpack(package, root.resolve())
-        configuration = configure(replay_request(package, root.resolve(), output))
+        try:
+            configuration = configure(replay_request(package, root.resolve(), output))
+        except ConfigurationError as error:
+            raise as_packed(package, error) from error
         again = _rehearsed(configuration, partial(_open_replayed, package=package))
         results = package.outcome()
         found, following = differences(package, Package(again.folder))
-        if not following and again.bench.playback and not again.bench.playback.exhausted and not results.interrupted:
+        if not following and again.bench.playback and not again.bench.playback.exhausted and not package.cut_short:
             found += ("the record holds more operations than the cases asked for",)
         verdicts = Counter(case.verdict for case in results.cases)
         compared = [case for case in results.cases if case.verdict not in STOPPED]

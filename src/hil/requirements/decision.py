@@ -38,7 +38,8 @@ class Judgement:
         expanded: U95, None if the uncertainty is unknown.
         margin: distance from the value to the nearest acceptance limit, positive inside; None if
             there is none.
-        tur: test uncertainty ratio (maximum - minimum) / (2 U95) of a limit with two sides, else None.
+        tur: test uncertainty ratio (maximum - minimum) / (2 U95) of a limit with two sides, else None; None as well
+            where the value is not a finite number: nothing is known of how well that was measured.
         reason: why the verdict is what it is; empty for a plain pass.
     """
 
@@ -141,7 +142,7 @@ def _known(value: float, uncertainty: float | None, dof: float, limit: Limit) ->
     margin = tur = None
     if limit.bounded and math.isfinite(value) and guard is not None:
         margin = min(value - (low + guard), (high - guard) - value)
-    if limit.minimum is not None and limit.maximum is not None and expanded:
+    if limit.minimum is not None and limit.maximum is not None and expanded and math.isfinite(value):
         tur = _finite((high - low) / (2 * expanded))
     return _Known(value, low, high, expanded, guard, margin, tur)
 

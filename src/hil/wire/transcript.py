@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import FileIO
@@ -10,7 +11,16 @@ from pathlib import Path
 
 from hil.model.errors import Diverged, EvidenceError
 
-__all__ = ["HEADER", "Operation", "Transcript", "count_operations", "format_of", "past_lines", "read_transcript"]
+__all__ = [
+    "HEADER",
+    "Operation",
+    "Transcript",
+    "count_operations",
+    "damaged_lines",
+    "format_of",
+    "past_lines",
+    "read_transcript",
+]
 
 _COLUMNS = "sequence\tdevice\toperation\tstart_ns\tend_ns\tsent\treceived\terror\n"
 HEADER = f"hil/transcript/5 {_COLUMNS}"
@@ -28,6 +38,9 @@ stream did not wait for their limits. Format 2 gave a monitor's turn at a point 
 a header with one field more."""
 
 _FIELDS = 8
+_NUMBERS = frozenset({"sequence", "start_ns", "end_ns"})
+_BYTES = frozenset({"sent", "received"})
+_HEX = re.compile("(?:[0-9a-fA-F]{2})*")
 _SHOWN = 120
 
 
@@ -179,6 +192,36 @@ def count_operations(path: Path) -> int:
         EvidenceError: as `read_transcript`.
     """
     return sum(line.endswith("\n") for line in _lines(path)) - 1
+
+
+def damaged_lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield number and message of every line of a transcript that cannot be read; a torn last one is left out.
+
+    Raises:
+        EvidenceError: if the file is missing.
+    """
+    if not path.is_file():
+        raise EvidenceError(f"{path} is missing", "without its transcript a run cannot be replayed")
+    with path.open(encoding="ascii", errors="surrogateescape", newline="\n") as lines:
+        if next(lines, "") not in _FORMATS:
+            yield 1, "the line is damaged: it must be the header of a transcript of format 1 to 5"
+        for number, line in enumerate(lines, start=2):
+            fields = line[:-1].split("\t", _FIELDS - 1)
+            if line.endswith("\n") and (wrong := _wrong(fields, number - 2)):
+                yield number, f"the line is damaged: {wrong}"
+
+
+def _wrong(fields: list[str], sequence: int) -> str:
+    """Return what is wrong with the fields of a line, empty where nothing is."""
+    names = _COLUMNS.split()
+    if len(fields) != _FIELDS:
+        return f"it has {len(fields)} fields, and {_FIELDS} are due: {', '.join(names)}"
+    for name, text in zip(names, fields, strict=True):
+        if name in _NUMBERS and not text.isdecimal():
+            return f"field '{name}' must be a whole number, found {text[:_SHOWN]!r}"
+        if name in _BYTES and not _HEX.fullmatch(text):
+            return f"field '{name}' must be bytes in hexadecimal digits, found {text[:_SHOWN]!r}"
+    return "" if int(fields[0]) == sequence else f"field 'sequence' is {fields[0]}, and {sequence} is due"
 
 
 def read_transcript(path: Path) -> Iterator[Operation]:

@@ -11,7 +11,7 @@ from hil.documents.canonical import canonical
 from hil.evidence.folder import JOURNAL
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.results.derived import derive, results_of
-from hil.evidence.results.facts import Facts, entries_of, facts_of, limit_of
+from hil.evidence.results.facts import DamagedFile, Facts, FrozenCalibration, entries_of, facts_of
 from hil.model.errors import EvidenceError
 
 
@@ -230,7 +230,9 @@ def test_calibration_counts_until_its_last_day(tmp_path, calibration, reason):
     with begin(tmp_path) as journal:
         whole_case(tmp_path, journal)
     reading = read_journal(tmp_path / JOURNAL)
-    facts = Facts(catalogue=entries_of(REQUIREMENTS), calibration={"psu1": calibration}, date="2026-11-21")
+    facts = Facts(
+        catalogue=entries_of(REQUIREMENTS), calibration={"psu1": FrozenCalibration(**calibration)}, date="2026-11-21"
+    )
     results = results_as_json(derive(reading.events, facts, content_digest=""))
     assert [item["reasons"] for item in results["requirements"]] == 2 * [[reason] if reason else []]
 
@@ -260,7 +262,7 @@ def test_the_frozen_catalogue_is_read_as_it_was(tmp_path):
     begin(tmp_path).close()
     facts = facts_of(tmp_path, read_journal(tmp_path / JOURNAL))
     assert facts.catalogue == entries_of(REQUIREMENTS)
-    assert limit_of(facts.catalogue["GYR-030"]["limits"][0]) == LIMIT
+    assert facts.catalogue["GYR-030"].limits[0].limit == LIMIT
     assert facts.date == "2026-11-21"
 
 
@@ -270,6 +272,20 @@ def test_a_frozen_file_that_cannot_be_read_is_named(tmp_path):
     (tmp_path / "data/catalogue/catalogue.json").write_text('{"requirements": [NaN]}')
     with pytest.raises(EvidenceError, match=r"catalogue\.json"):
         facts_of(tmp_path, read_journal(tmp_path / JOURNAL))
+
+
+def test_every_wrong_field_of_a_frozen_requirement_is_named(tmp_path):
+    """With its requirement; nothing is read as empty that says something else."""
+    begin(tmp_path).close()
+    (tmp_path / "data/catalogue/catalogue.json").write_text(
+        '{"requirements":{"A-1":{"rev":"one","limits":[{"of":[7],"parameter":"p"}]}}}'
+    )
+    with pytest.raises(DamagedFile) as refused:
+        facts_of(tmp_path, read_journal(tmp_path / JOURNAL))
+    assert str(refused.value.finding) == (
+        "data/catalogue/catalogue.json: requirements.A-1: field 'rev' must be a whole number or null, found text;"
+        " field 'limits[0].of[0]' must be text, found a whole number"
+    )
 
 
 def test_results_are_derived_in_the_format_that_they_were_sealed_in():

@@ -121,8 +121,7 @@ def test_a_package_reads_a_run_that_goes_on(tmp_path):
         assert [event["kind"] for event in bodies(package, "gate", "armed")] == ["gate", "armed"]
         assert len(package.recording("001-rest")) == 5
         assert results_as_json(package)["verdict"] == "ERROR"
-        assert package.catalogue()["GYR-030"]["rev"] == 1
-        assert package.calibration()["psu1"]["due"] == "2026-12-31"
+        assert package.calibration()["psu1"].due == "2026-12-31"
         assert package.transcript_path == tmp_path / "data/transcript.tsv"
 
 

@@ -15,6 +15,7 @@ def package(detail, *gates):
     passed = [event_of("gate", name=name, ok=ok, detail=said) for name, ok, said in gates]
     return SimpleNamespace(
         outcome=lambda: SimpleNamespace(cases=(), interrupted=False),
+        cut_short=False,
         events=[*passed, event_of("safe", output="supply.coil", ok=True, detail=detail)],
         state=SimpleNamespace(ended={}),
     )

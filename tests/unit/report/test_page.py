@@ -19,7 +19,7 @@ from hil.model.verdict import Verdict
 from hil.report.drawing.checks import bounds_by_case, charts
 from hil.report.drawing.recordings import recording_graphics
 from hil.report.material import Material
-from hil.report.page.as_run import attributed, fed_limits, recording_rows, watched_rows
+from hil.report.page.as_run import attributed, check_row, fed_limits, recording_rows, watched_rows
 from hil.report.write import HTML, JUNIT, TEMPLATES, make_reports
 
 VOID = {"meta", "path", "circle", "br", "use", "link", "img"}
@@ -653,3 +653,17 @@ def test_a_run_that_is_not_sealed_has_a_marked_report(folder, tmp_path):
     page = make_reports(copy)[HTML].decode()
     assert "NOT SEALED" in re.search('<div class="running".*?</div>', page, re.DOTALL)[0]
     assert "this is what was recorded so far, and is no evidence" in Page(page).words
+
+
+@pytest.mark.parametrize(
+    ("value", "tur", "shown"), [(None, 51.0, "not known"), (None, None, "not known"), (1.0, 51.0, "51")]
+)
+def test_a_value_that_is_not_a_number_has_no_known_ratio(value, tur, shown):
+    """Whatever an earlier version wrote down of it."""
+    limit = {"min": "-1", "max": "1", "equals": None}
+    check = event_of("check", value=value, tur=tur, limit=limit, limit_unit="A", unit="A", decision="guarded")
+    assert check_row(check).tur == shown
+    assert check_row(msgspec.structs.replace(check, limit=event_of("check", limit={"max": "1"}).limit)).tur in {
+        "",
+        "51",
+    }

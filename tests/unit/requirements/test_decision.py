@@ -72,7 +72,7 @@ def test_what_is_no_finite_number_shows_nothing(value, limit):
     judgement = judge(volts(value), limit)
     assert judgement.verdict is Verdict.INCONCLUSIVE
     assert "not a finite number" in judgement.reason
-    assert judgement.margin is None
+    assert (judgement.margin, judgement.tur) == (None, None)
 
 
 def test_a_guarded_decision_needs_an_uncertainty():

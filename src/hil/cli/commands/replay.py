@@ -34,6 +34,8 @@ def command(run: str) -> int:
     state = verify(folder).state
     if state is State.DAMAGED:
         click.echo(f"{folder.name} is DAMAGED, so its replay proves nothing; hil verify shows what is wrong", err=True)
+    elif state is not State.SEALED:
+        click.echo(f"{folder.name} is {state}: only cases that had ended are compared", err=True)
     found = replay(package)
     for difference in found.differences:
         click.echo(difference, err=True)

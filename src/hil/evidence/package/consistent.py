@@ -19,7 +19,7 @@ from hil.evidence.package.listing import shown
 from hil.evidence.package.sealing import info_of
 from hil.evidence.recordings.hdf5 import hashes_of
 from hil.evidence.results.derived import results_of
-from hil.evidence.results.facts import Entries, facts_of
+from hil.evidence.results.facts import Catalogue, DamagedFile, facts_of
 from hil.evidence.results.outcome import FORMAT, write_outcome
 from hil.evidence.state import fold
 from hil.model.errors import EvidenceError, Finding, HilError
@@ -70,6 +70,8 @@ def guarded(look: Callable[[], Iterator[Finding]], path: str = "data") -> Iterat
     """Turn whatever hostile content makes of a look into a finding, at the path of what is looked at."""
     try:
         yield from look()
+    except DamagedFile as error:
+        yield error.finding
     except Exception as error:  # noqa: BLE001 - the content decides what goes wrong in reading it
         what = error.message if isinstance(error, HilError) else f"{type(error).__name__}: {error}"
         yield Finding(path, 0, 0, f"cannot be checked: {what}")
@@ -104,7 +106,9 @@ def _info_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterator
     for number, (line, right) in enumerate(zip_longest(text.split("\n"), due.split("\n"), fillvalue=""), 1):
         if line != right:
             name = (right or line).partition(":")[0]
-            yield Finding(INFO, number, 1, f"field '{shown(name)}' is not what journal and files give: {shown(right)}")
+            values = (shown(each.partition(": ")[2]) or "missing" for each in (line, right))
+            text = "field '{}' is {}, and journal and files give {}".format(shown(name), *values)
+            yield Finding(INFO, number, 1, text)
 
 
 def _file_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
@@ -270,6 +274,6 @@ def _check_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterato
             yield from guarded(partial(_of_check, line.number, line.event, catalogue), f"{JOURNAL}:{line.number}")
 
 
-def _of_check(line: int, check: Check, catalogue: Entries) -> Iterator[Finding]:
+def _of_check(line: int, check: Check, catalogue: Catalogue) -> Iterator[Finding]:
     for message in judge_again(check, catalogue):
         yield Finding(JOURNAL, line, 1, message)

@@ -14,7 +14,7 @@ from hil.evidence.journal.reader import JournalLine, JournalReading, read_journa
 from hil.evidence.package.bag import MANIFEST, digest_of_manifest, evidence_digest
 from hil.evidence.recordings.hdf5 import Recorded, read_recording
 from hil.evidence.results.derived import results_of
-from hil.evidence.results.facts import Entries, facts_of, read_json
+from hil.evidence.results.facts import Calibration, facts_of, read_json
 from hil.evidence.results.outcome import Outcome, read_outcome
 from hil.evidence.state import RunState, fold, standing
 from hil.model.errors import EvidenceError
@@ -79,6 +79,11 @@ class Package:
         """What the events that stand tell."""
         return fold(self.events)
 
+    @property
+    def cut_short(self) -> bool:
+        """Whether the run did not come to its own end: it was interrupted, or there are no results of it yet."""
+        return self.state.interrupted or self.state.results is None
+
     def lines(self) -> tuple[JournalLine, ...]:
         """Return the journal's lines, with wall stamps."""
         return self._reading.lines
@@ -101,11 +106,7 @@ class Package:
         except JsonError as error:
             raise EvidenceError(f"{path}: not a results file: {error.message}", "see hil verify") from error
 
-    def catalogue(self) -> Entries:
-        """Return the requirements as they were frozen, by id."""
-        return facts_of(self.folder, self._reading).catalogue
-
-    def calibration(self) -> Entries:
+    def calibration(self) -> Calibration:
         """Return the instruments' calibration records as they were frozen, by instrument."""
         return facts_of(self.folder, self._reading).calibration
 

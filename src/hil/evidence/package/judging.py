@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 from hil.evidence.events import Check
-from hil.evidence.results.facts import Entries, limit_of
+from hil.evidence.results.facts import Catalogue, FrozenRequirement
 from hil.model.figure import Figure, FigureStatus
 from hil.model.verdict import Verdict
 from hil.requirements.decision import Judgement, judge
@@ -19,7 +18,7 @@ __all__ = ["judge_again"]
 _LAST_DIGITS = 1e-9
 
 
-def judge_again(check: Check, catalogue: Entries) -> Iterator[str]:
+def judge_again(check: Check, catalogue: Catalogue) -> Iterator[str]:
     """Give a sentence for everything in a check's event that does not follow from value, uncertainty and catalogue.
 
     A good verdict must follow exactly. One that is not good may also come from what the event does not tell: a device
@@ -31,7 +30,7 @@ def judge_again(check: Check, catalogue: Entries) -> Iterator[str]:
         catalogue: the frozen requirements, with their limits.
     """
     name = f"{check.requirement} {check.parameter}"
-    entry = catalogue.get(check.requirement, {})
+    entry = catalogue.get(check.requirement, FrozenRequirement())
     frozen = _frozen_limit(check, entry)
     written = _written_limit(check)
     if check.requirement not in catalogue:
@@ -42,7 +41,7 @@ def judge_again(check: Check, catalogue: Entries) -> Iterator[str]:
         yield from (f"{name}: {sentence}" for sentence in unfit)
         return
     again = _judge(check, frozen or written)
-    due = Verdict.RECORDED if entry.get("kind") == Kind.RECORD and again.verdict is Verdict.PASS else again.verdict
+    due = Verdict.RECORDED if entry.kind == Kind.RECORD and again.verdict is Verdict.PASS else again.verdict
     if check.doubts:
         due = Verdict.INCONCLUSIVE
     verdict = check.verdict
@@ -50,6 +49,8 @@ def judge_again(check: Check, catalogue: Entries) -> Iterator[str]:
         yield f"{name}: field 'verdict' is {verdict}, and its value gives {due} {again.reason}".rstrip()
     tolerance = _tolerance(check, again)
     for field in ("expanded", "margin", "tur"):
+        if field == "tur" and check.value is None:
+            continue  # earlier versions gave one of a value that is not a number
         if not _same(getattr(check, field), getattr(again, field), 0.0 if field == "tur" else tolerance):
             yield f"{name}: field '{field}' is {getattr(check, field)}, and its value gives {getattr(again, field)}"
 
@@ -116,9 +117,8 @@ def _written_limit(check: Check) -> Limit:
     )
 
 
-def _frozen_limit(check: Check, entry: Mapping[str, Any]) -> Limit | None:
-    limits = entry.get("limits") or []
-    return next((limit_of(item) for item in limits if item["parameter"] == check.parameter), None)
+def _frozen_limit(check: Check, entry: FrozenRequirement) -> Limit | None:
+    return next((each.limit for each in entry.limits if each.parameter == check.parameter), None)
 
 
 _OF_LIMIT = {

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
 from hil.evidence.events import Event
 from hil.evidence.journal.reader import JournalReading
-from hil.evidence.results.facts import Facts, facts_of
+from hil.evidence.results.facts import Facts, FrozenCalibration, FrozenRequirement, facts_of
 from hil.evidence.results.outcome import (
     FORMAT,
     AttemptOutcome,
@@ -31,6 +30,10 @@ __all__ = ["BY_CASES", "derive", "reasons_against", "results_of"]
 
 BY_CASES = frozenset({"test", "inspection"})
 """The methods whose requirements are verified by cases."""
+
+
+_NOTHING = FrozenRequirement()
+_NO_RECORD = FrozenCalibration()
 
 
 def results_of(folder: Path, reading: JournalReading, form: int = FORMAT) -> Outcome:
@@ -117,8 +120,8 @@ def _within(identifier: str, case: CaseState, facts: Facts) -> Verdict:
     """Return what one case says of one requirement: the worst of its checks, of the case's word, and of its end."""
     own = case.own_verdict
     checks = [check for check in case.checks if check.requirement == identifier]
-    limits = facts.catalogue.get(identifier, {}).get("limits") or []
-    due = {(limit["parameter"], of) for limit in limits for of in limit.get("of") or [None]}
+    limits = facts.catalogue.get(identifier, _NOTHING).limits
+    due = {(limit.parameter, of) for limit in limits for of in limit.of or (None,)}
     found = [*case.earlier.get(identifier, ()), *(check.verdict for check in checks)]
     if not case.all_begun:
         found.append(Verdict.NOT_RUN)
@@ -127,7 +130,7 @@ def _within(identifier: str, case: CaseState, facts: Facts) -> Verdict:
     return rule(
         found,
         missing=not checks or not due <= {(check.parameter, check.of) for check in checks},
-        silent=silence(limit["parameter"] for limit in limits) if case.dut_fault else None,
+        silent=silence(limit.parameter for limit in limits) if case.dut_fault else None,
         taken_out=own is Verdict.NOT_RUN,
         ended=own,
     )
@@ -136,17 +139,17 @@ def _within(identifier: str, case: CaseState, facts: Facts) -> Verdict:
 def _requirement(
     identifier: str, all_cases: Sequence[CaseOutcome], state: RunState, facts: Facts
 ) -> RequirementOutcome:
-    entry: Mapping[str, Any] = facts.catalogue.get(identifier, {})
+    entry = facts.catalogue.get(identifier, _NOTHING)
     cases = [case for case in all_cases if identifier in case.requirements]
     verdict = worst(case.requirements[identifier] for case in cases) if cases else Verdict.NOT_RUN
     reasons = reasons_against(identifier, verdict, cases, state, facts)
     return RequirementOutcome(
         id=identifier,
-        rev=entry.get("rev"),
-        text=entry.get("text"),
-        kind=entry.get("kind"),
-        method=entry.get("method"),
-        source=entry.get("source"),
+        rev=entry.rev,
+        text=entry.text,
+        kind=entry.kind,
+        method=entry.method,
+        source=entry.source,
         verdict=verdict,
         cases=tuple(CaseVerdict(case=case.case, verdict=case.requirements[identifier]) for case in cases),
         checks=sum(check.requirement == identifier for case in cases for check in case.checks),
@@ -160,7 +163,7 @@ def _due(facts: Facts) -> set[str]:
     return {
         identifier
         for identifier, entry in facts.catalogue.items()
-        if entry.get("method") in BY_CASES and entry.get("kind") != "parent" and not entry.get("withdrawn")
+        if entry.method in BY_CASES and entry.kind != "parent" and not entry.withdrawn
     }
 
 
@@ -197,7 +200,7 @@ def reasons_against(
     reasons.extend(_against_run(state))
     reasons.extend(_against_dut(state))
     names = {name for check in checks for name in check.instruments} | _recorded_by(cases, state)
-    names |= {name for name in used if facts.calibration.get(name, {}).get("due")}
+    names |= {name for name in used if facts.calibration.get(name, _NO_RECORD).due}
     reasons.extend(_against_calibration(sorted(names), facts))
     return reasons
 
@@ -240,11 +243,10 @@ def _against_dut(state: RunState) -> Iterator[str]:
 
 def _against_calibration(instruments: Sequence[str], facts: Facts) -> Iterator[str]:
     for name in instruments:
-        record = facts.calibration.get(name, {})
-        if record.get("dut"):
+        record = facts.calibration.get(name, _NO_RECORD)
+        if record.dut:
             continue
-        due = record.get("due")
-        if not due:
+        if not record.due:
             yield f"{name} has no calibration record"
-        elif facts.date > due:
-            yield f"{name} was out of calibration: due {due}, used {facts.date}"
+        elif facts.date > record.due:
+            yield f"{name} was out of calibration: due {record.due}, used {facts.date}"

@@ -7,28 +7,99 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from itertools import takewhile
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+import msgspec
 
 from hil.documents.canonical import JsonError, canonical, parse_strict
 from hil.evidence.durable import read_plain, write_whole
 from hil.evidence.events import Results
+from hil.evidence.events.codec import convert
 from hil.evidence.folder import CALIBRATION, CATALOGUE
 from hil.evidence.journal.reader import JournalReading
-from hil.model.errors import EvidenceError
+from hil.model.errors import EvidenceError, Finding
 from hil.requirements.requirement import Decision, Limit, Requirement
 
 __all__ = [
-    "Entries",
+    "Calibration",
+    "Catalogue",
+    "DamagedFile",
     "Facts",
+    "FrozenCalibration",
+    "FrozenLimit",
+    "FrozenRequirement",
     "entries_of",
     "facts_of",
     "freeze_calibration",
     "freeze_catalogue",
-    "limit_of",
     "read_json",
 ]
 
-Entries = Mapping[str, Mapping[str, Any]]
+
+class FrozenLimit(msgspec.Struct, frozen=True, kw_only=True):
+    """A limit as it was frozen; its fields are those of `Limit`."""
+
+    parameter: str
+    of: tuple[str, ...] = ()
+    unit: str = ""
+    minimum: str | None = msgspec.field(default=None, name="min")
+    maximum: str | None = msgspec.field(default=None, name="max")
+    equals: str | None = None
+    decision: Decision = Decision.GUARDED
+    min_tur: str | None = None
+
+    @property
+    def limit(self) -> Limit:
+        """The limit that values are judged by."""
+        return Limit(**msgspec.structs.asdict(self))
+
+
+class FrozenRequirement(msgspec.Struct, frozen=True, kw_only=True):
+    """A requirement as it was frozen; what is None is not recorded."""
+
+    rev: int | None = None
+    text: str | None = None
+    kind: str | None = None
+    method: str | None = None
+    source: str | None = None
+    plan: str = ""
+    parents: tuple[str, ...] = ()
+    level: str = ""
+    stage: str = ""
+    over: Mapping[str, tuple[str, ...]] = {}
+    fingerprint: str = ""
+    withdrawn: bool = False
+    records: Mapping[str, Any] | None = None
+    limits: tuple[FrozenLimit, ...] = ()
+
+
+class FrozenCalibration(msgspec.Struct, frozen=True, kw_only=True):
+    """The calibration record of one instrument as it was frozen.
+
+    Attributes:
+        certificate: its certificate, empty without one.
+        due: the last day on which it counts, ISO 8601, empty if unknown.
+        dut: whether the instrument is a device under test.
+    """
+
+    certificate: str = ""
+    due: str = ""
+    dut: bool = False
+
+
+Catalogue = Mapping[str, FrozenRequirement]
+"""The frozen requirements by id."""
+
+Calibration = Mapping[str, FrozenCalibration]
+"""The frozen calibration records by instrument."""
+
+
+class DamagedFile(EvidenceError):
+    """A file of the package that does not say what it must; `finding` has its path in the package."""
+
+    def __init__(self, path: Path, finding: Finding) -> None:
+        super().__init__(f"{path}: {finding.message}", "see hil verify")
+        self.finding = finding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,22 +107,22 @@ class Facts:
     """What results are derived from, in addition to the events.
 
     Attributes:
-        catalogue: per requirement id: rev, text, kind, method, source, and its limits where it has some.
-        calibration: per instrument: certificate, due (ISO 8601, empty if unknown), dut.
+        catalogue: the frozen requirements.
+        calibration: the frozen calibration records.
         date: the day on which calibrations must still count, ISO 8601; the run's last one.
     """
 
-    catalogue: Entries
-    calibration: Entries = field(default_factory=dict)
+    catalogue: Catalogue
+    calibration: Calibration = field(default_factory=dict)
     date: str = ""
 
 
-def entries_of(requirements: Iterable[Requirement]) -> Entries:
+def entries_of(requirements: Iterable[Requirement]) -> dict[str, FrozenRequirement]:
     """Return requirements as `freeze_catalogue` takes them."""
-    return {item.id: {**_entry(item), "limits": [_limit(limit) for limit in item.limits]} for item in requirements}
+    return {item.id: _entry(item) for item in requirements}
 
 
-def freeze_catalogue(folder: Path, requirements: Entries) -> str:
+def freeze_catalogue(folder: Path, requirements: Catalogue) -> str:
     """Write the requirements as they stand into the package; return the SHA-256 that the `run` event names.
 
     Args:
@@ -61,8 +132,8 @@ def freeze_catalogue(folder: Path, requirements: Entries) -> str:
     return _freeze(folder / CATALOGUE, {"format": 1, "requirements": requirements})
 
 
-def freeze_calibration(folder: Path, instruments: Entries) -> str:
-    """Write every instrument's calibration record (certificate, due, dut) into the package; return the SHA-256."""
+def freeze_calibration(folder: Path, instruments: Calibration) -> str:
+    """Write every instrument's calibration record into the package; return the SHA-256."""
     return _freeze(folder / CALIBRATION, {"format": 1, "instruments": instruments})
 
 
@@ -72,12 +143,12 @@ def facts_of(folder: Path, reading: JournalReading) -> Facts:
     A run that ended before something was frozen has nothing there, and nothing in it can close a requirement.
 
     Raises:
-        EvidenceError: if a frozen file cannot be read.
+        DamagedFile: if a frozen file cannot be read.
     """
     before = takewhile(lambda line: not isinstance(line.event, Results), reading.lines)
     return Facts(
-        catalogue=_frozen(folder / CATALOGUE, "requirements"),
-        calibration=_frozen(folder / CALIBRATION, "instruments"),
+        catalogue=_frozen(folder, CATALOGUE, "requirements", FrozenRequirement),
+        calibration=_frozen(folder, CALIBRATION, "instruments", FrozenCalibration),
         date=max((str(line.wall.get("utc", ""))[:10] for line in before), default=""),
     )
 
@@ -96,63 +167,52 @@ def read_json(path: Path) -> Any:  # noqa: ANN401 - JSON holds what it holds
         raise EvidenceError(f"{path}: {error.message}", "see hil verify") from error
 
 
-def limit_of(item: Mapping[str, Any]) -> Limit:
-    """Return a limit from its frozen form."""
-    return Limit(
-        parameter=item["parameter"],
-        of=tuple(item["of"]),
-        unit=item["unit"],
-        minimum=item["min"],
-        maximum=item["max"],
-        equals=item["equals"],
-        decision=Decision(item["decision"]),
-        min_tur=item["min_tur"],
+def _entry(item: Requirement) -> FrozenRequirement:
+    return FrozenRequirement(
+        rev=item.rev,
+        text=item.text,
+        kind=item.kind,
+        method=item.method,
+        source=item.source,
+        plan=item.plan,
+        parents=item.parents,
+        level=item.level,
+        stage=item.stage,
+        over=item.over,
+        fingerprint=item.fingerprint,
+        withdrawn=item.withdrawn,
+        records=None if item.records is None else asdict(item.records),
+        limits=tuple(FrozenLimit(**asdict(limit)) for limit in item.limits),
     )
-
-
-def _entry(item: Requirement) -> dict[str, Any]:
-    return {
-        "rev": item.rev,
-        "text": item.text,
-        "kind": item.kind,
-        "method": item.method,
-        "source": item.source,
-        "plan": item.plan,
-        "parents": list(item.parents),
-        "level": item.level,
-        "stage": item.stage,
-        "over": {key: list(values) for key, values in item.over.items()},
-        "fingerprint": item.fingerprint,
-        "withdrawn": item.withdrawn,
-        "records": None if item.records is None else asdict(item.records),
-    }
-
-
-def _limit(limit: Limit) -> dict[str, Any]:
-    return {
-        "parameter": limit.parameter,
-        "of": list(limit.of),
-        "unit": limit.unit,
-        "min": limit.minimum,
-        "max": limit.maximum,
-        "equals": limit.equals,
-        "decision": limit.decision,
-        "min_tur": limit.min_tur,
-    }
 
 
 def _freeze(path: Path, value: Mapping[str, Any]) -> str:
     path.parent.mkdir(parents=True, exist_ok=True)
-    data = canonical(value)
+    data = canonical(msgspec.to_builtins(value))
     write_whole(path, data)
     return hashlib.sha256(data).hexdigest()
 
 
-def _frozen(path: Path, key: str) -> Entries:
-    if not path.exists():
-        return {}
-    value = read_json(path)
+def _objects(value: object, key: str) -> dict[str, dict[str, Any]]:
     entries = value.get(key) if isinstance(value, dict) else None
     if not isinstance(entries, dict) or not all(isinstance(entry, dict) for entry in entries.values()):
-        raise EvidenceError(f"{path}: {key} are missing", "see hil verify")
+        raise JsonError(f"field '{key}' must be an object of objects")
     return entries
+
+
+_Entry = TypeVar("_Entry", bound=msgspec.Struct)
+
+
+def _frozen(folder: Path, file: str, key: str, kind: type[_Entry]) -> dict[str, _Entry]:
+    path = folder / file
+    if not path.exists():
+        return {}
+    try:
+        return {
+            name: convert(fields, kind, f"{key}.{name}")
+            for name, fields in _objects(parse_strict(read_plain(path)), key).items()
+        }
+    except JsonError as error:
+        raise DamagedFile(path, Finding(file, error.line, error.column, error.bare)) from error
+    except OSError as error:
+        raise DamagedFile(path, Finding(file, 0, 0, f"it cannot be read: {error.strerror}")) from error

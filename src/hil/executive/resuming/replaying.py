@@ -6,18 +6,19 @@ import json
 import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import zip_longest
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from hil.evidence import events
 from hil.evidence.package.contents import Package
 from hil.executive.setup.configuration import Request
 from hil.executive.setup.head import DESELECTED, ENDED_BEFORE
-from hil.model.errors import Diverged, EvidenceError
+from hil.model.errors import ConfigurationError, Diverged, EvidenceError, Finding
 from hil.model.identity import Source
 from hil.model.verdict import Verdict
 
-__all__ = ["STOPPED", "differences", "replay_request", "unpack"]
+__all__ = ["STOPPED", "as_packed", "differences", "replay_request", "unpack"]
 
 STOPPED = frozenset({Verdict.ABORTED, Verdict.NOT_RUN})
 """The verdicts of cases that did not come to an end of their own."""
@@ -51,6 +52,25 @@ def unpack(package: Package, root: Path) -> None:
     shutil.copy(data / "bench/duts.yaml", fixtures / "duts.yaml")
     lines = (f"{name} = {json.dumps(layout[name], ensure_ascii=False)}\n" for name in _LAYOUT)
     (root / "hil.toml").write_text("".join(lines), encoding="utf-8")
+
+
+def as_packed(package: Package, error: ConfigurationError) -> ConfigurationError:
+    """Return an error in the files of a replay with the paths that these have in the package."""
+    run, layout = package.state.run, _layout(package)
+    testplans, fixtures = (PurePosixPath(layout[name]) for name in _LAYOUT)
+    bench = fixtures / "benches" / (run.bench if run else "")
+    data = package.folder / "data"
+    places = ((bench, "bench"), (fixtures / "duts.yaml", "bench/duts.yaml"), (testplans, "catalogue"))
+
+    def packed(finding: Finding) -> Finding:
+        path = PurePosixPath(finding.path)
+        for place, inside in places:
+            if path.is_relative_to(place) and (data / inside / path.relative_to(place)).exists():
+                found = PurePosixPath("data", inside, path.relative_to(place))
+                return replace(finding, path=str(found))
+        return replace(finding, path=f"data/sources/{path}")
+
+    return ConfigurationError(tuple(map(packed, error.findings)))
 
 
 def _layout(package: Package) -> Mapping[str, str]:
@@ -98,8 +118,8 @@ def differences(recorded: Package, replayed: Package) -> tuple[tuple[str, ...], 
     """Return a sentence for every verdict, value and recording that came out otherwise, and how many more follow.
 
     Where a case left the record, that is the last sentence: nothing after it finds the bytes that it needs, so that
-    what else came out otherwise is counted only. A person's stop is not replayed: of an interrupted run the cases
-    count that had ended before.
+    what else came out otherwise is counted only. Neither a person's stop nor the end of a process is replayed: of a
+    run that was cut short the cases count that had ended before.
     """
     found = tuple(_differences(recorded, replayed))
     for place, (_, cause) in enumerate(found, 1):
@@ -110,10 +130,10 @@ def differences(recorded: Package, replayed: Package) -> tuple[tuple[str, ...], 
 
 def _differences(recorded: Package, replayed: Package) -> Iterator[tuple[str, bool]]:
     """Yield sentences, each with whether it is why others follow."""
-    outcome = recorded.outcome()
+    outcome, cut_short = recorded.outcome(), recorded.cut_short
     before, after = ({case.case: case for case in found.cases} for found in (outcome, replayed.outcome()))
     for case, was in before.items():
-        if outcome.interrupted and was.verdict in STOPPED:
+        if cut_short and was.verdict in STOPPED:
             continue
         now = after.get(case)
         if now is None:
@@ -126,7 +146,7 @@ def _differences(recorded: Package, replayed: Package) -> Iterator[tuple[str, bo
             why = "; ".join(now.reasons)
             yield f"{case}: {was.verdict} in the record, {now.verdict} replayed: {why}", False
         yield from ((sentence, False) for sentence in _check_differences(case, was.checks, now.checks))
-    if not outcome.interrupted:
+    if not cut_short:
         yield from ((sentence, False) for sentence in _bench_differences(recorded, replayed))
         yield from ((sentence, False) for sentence in _row_differences(recorded, replayed))
 

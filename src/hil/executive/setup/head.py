@@ -16,7 +16,7 @@ from hil.evidence.events import EventSink
 from hil.evidence.folder import TRANSCRIPT
 from hil.evidence.package.bag import inventory
 from hil.evidence.package.listing import shown
-from hil.evidence.results.facts import entries_of, freeze_calibration, freeze_catalogue
+from hil.evidence.results.facts import FrozenCalibration, entries_of, freeze_calibration, freeze_catalogue
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.software import software_identity, version
 from hil.model.bench import BenchSpec
@@ -212,13 +212,13 @@ def _bench(configuration: Configuration, folder: Path) -> str:
     return whole.hexdigest()
 
 
-def _calibration(bench: BenchSpec) -> dict[str, dict[str, object]]:
+def _calibration(bench: BenchSpec) -> dict[str, FrozenCalibration]:
     return {
-        item.name: {
-            "certificate": item.calibration.certificate if item.calibration else "",
-            "due": item.calibration.due if item.calibration else "",
-            "dut": item.dut,
-        }
+        item.name: FrozenCalibration(
+            certificate=item.calibration.certificate if item.calibration else "",
+            due=item.calibration.due if item.calibration else "",
+            dut=item.dut,
+        )
         for item in bench.instruments
     }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from hil.documents.suggest import did_you_mean
@@ -12,6 +12,7 @@ from hil.evidence.events.codec import plain
 from hil.evidence.package.contents import Package
 from hil.evidence.package.listing import shown
 from hil.evidence.package.verification import Verification
+from hil.evidence.results.facts import Calibration
 from hil.model.errors import EvidenceError, Refused
 from hil.model.identity import Source
 from hil.report.material import Material
@@ -119,15 +120,15 @@ def _mark(sources: set[Source]) -> str:
     return next((word.upper() for word in (Source.SIMULATED, Source.REPLAYED) if word in sources), "")
 
 
-def _channel(channel: Channel, calibration: Mapping[str, Mapping[str, Any]]) -> Facts:
-    record = calibration.get(channel.instrument, {})
+def _channel(channel: Channel, calibration: Calibration) -> Facts:
+    record = calibration.get(channel.instrument)
     return {
         "name": channel.name,
         "unit": channel.unit,
         "instrument": channel.instrument,
         "uncertainty": channel.uncertainty,
-        "calibration": channel.calibration or record.get("certificate"),
-        "calibration_due": record.get("due"),
+        "calibration": channel.calibration or (record.certificate if record else None),
+        "calibration_due": record.due if record else None,
     }
 
 

@@ -124,12 +124,19 @@ def check_row(check: Check, named: CaseName | None = None, attempt: str = "") ->
         coverage=_coverage(check),
         limit=limit,
         margin=_signed(check.margin, check.limit_unit),
-        tur="" if check.tur is None else number(check.tur, 2),
+        tur=_ratio(check),
         decision=check.decision if limit else "",
         verdict=check.verdict,
         reason=check.reason,
         instruments=", ".join(check.instruments),
     )
+
+
+def _ratio(check: Check) -> str:
+    """Return the test uncertainty ratio; of a value that is not a number it is not known, whatever was written down."""
+    if check.value is None:
+        return "not known" if check.limit.min is not None and check.limit.max is not None else ""
+    return "" if check.tur is None else number(check.tur, 2)
 
 
 def limit_of(check: Check) -> str:

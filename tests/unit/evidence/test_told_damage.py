@@ -1,0 +1,164 @@
+"""Every damage is told, with file, line and field, also where somebody computed all the hashes anew."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+
+import pytest
+from evidence_runs import begin, check, sealed_run, write_report
+
+from hil.documents.canonical import canonical, parse_strict
+from hil.evidence.folder import CATALOGUE, JOURNAL, RESULTS, create
+from hil.evidence.package.bag import inventory, write_manifests
+from hil.evidence.package.sealing import seal
+from hil.evidence.package.verification import State, verify
+
+
+@pytest.fixture
+def package(tmp_path):
+    """Return a sealed package that may be changed."""
+    folder = create(tmp_path / "reports", bench="flight", dut="SN1")
+    sealed_run(folder)
+    for path in (folder, *folder.rglob("*")):
+        path.chmod(0o755)
+    return folder
+
+
+def rehash(folder, change):
+    """Change the bodies of a journal, and compute chain, hashes of files and manifests anew, as a forger would."""
+    lines, previous = [], "0" * 64
+    for raw in (folder / JOURNAL).read_bytes().splitlines():
+        line = parse_strict(raw)
+        change(line["body"])
+        if line["body"]["kind"] == "results" and (folder / RESULTS).exists():
+            line["body"]["sha256"] = hashlib.sha256((folder / RESULTS).read_bytes()).hexdigest()
+        if line["body"]["kind"] == "end":
+            line["wall"]["files"] = inventory(folder)
+        lines.append(canonical({**line, "prev": previous}))
+        previous = hashlib.sha256(lines[-1]).hexdigest()
+    (folder / JOURNAL).write_bytes(b"\n".join([*lines, b""]))
+    write_manifests(folder, (folder / "bag-info.txt").read_bytes())
+
+
+def told(folder):
+    """Return what verification finds, a line each."""
+    found = verify(folder)
+    assert (found.state, found.verdict, found.evidence_digest) == (State.DAMAGED, "", "")
+    lines = [str(finding) for finding in found.findings]
+    assert not [line for line in lines if "Error" in line or "Errno" in line or str(folder) in line]
+    return lines
+
+
+def of_kind(kind, **fields):
+    """Return a change of every event of one kind."""
+    return lambda body: body.update(fields) if body["kind"] == kind else None
+
+
+def number_of(folder, kind):
+    """Return the numbers of the lines with events of a kind."""
+    lines = (folder / JOURNAL).read_bytes().splitlines()
+    return [number for number, raw in enumerate(lines, 1) if f'"kind":"{kind}"'.encode() in raw]
+
+
+@pytest.mark.parametrize(
+    ("fields", "sentence"),
+    [
+        ({"unit": "m"}, "field 'unit' is 'm', and the limit is in deg/s"),
+        ({"unit": "furlong"}, "field 'unit' is 'furlong', and the limit is in deg/s"),
+        ({"uncertainty": -0.01}, "field 'uncertainty' is -0.01, and must not be negative"),
+        ({"dof": 0}, "field 'dof' is 0.0, and must be above zero"),
+        ({"status": "guessed"}, "field 'status' is 'guessed', and must be one of measured, upper limit"),
+        ({"limit": {"min": "low", "max": "0.5", "equals": None}}, "field 'limit.min' is low, and the catalogue has"),
+    ],
+)
+def test_what_cannot_be_judged_is_told_by_line_and_field_for_every_check(package, fields, sentence):
+    """One check that cannot be judged does not keep the others from being judged."""
+    rehash(package, lambda body: body.update(fields) if body.get("parameter") == "rate_error" else None)
+    found = told(package)
+    for line in number_of(package, "check")[:2]:
+        named = [each for each in found if each.startswith(f"data/journal.jsonl:{line}:1: GYR-030 rate_error: ")]
+        assert any(sentence in each for each in named), found
+
+
+def test_two_wrong_fields_of_one_check_are_two_findings(package):
+    """Not only the first."""
+    wrong = {"unit": "m", "uncertainty": -1.0}
+    rehash(package, lambda body: body.update(wrong) if body.get("of") == "x" else None)
+    line = number_of(package, "check")[0]
+    found = [each for each in told(package) if each.startswith(f"data/journal.jsonl:{line}:")]
+    assert len(found) == 2
+
+
+def test_every_field_of_a_line_that_is_no_event_is_told(package):
+    """Missing, unknown and mistyped ones, of every damaged line."""
+
+    def change(body):
+        if body["kind"] == "case-end":
+            body.update(attempt="first", verdict="SPLENDID", more=1)
+            del body["reasons"]
+        of_kind("gate", ok=1)(body)
+
+    rehash(package, change)
+    found = told(package)
+    (end,), (gate,) = number_of(package, "case-end"), number_of(package, "gate")
+    assert (
+        f"data/journal.jsonl:{end}:1: case-end: unknown field 'more'; field 'attempt' must be a whole number,"
+        " found text; field 'verdict' has the unknown value 'SPLENDID'; field 'reasons' is missing"
+    ) in found
+    assert f"data/journal.jsonl:{gate}:1: gate: field 'ok' must be true or false, found a whole number" in found
+
+
+@pytest.mark.parametrize("fresh", [False, True])
+def test_missing_results_are_told_and_the_rest_is_still_looked_at(package, fresh):
+    """A wrong check elsewhere is found as well, and no error of the machine is printed."""
+    (package / RESULTS).unlink()
+    if fresh:
+        rehash(package, lambda body: body.update(unit="m") if body.get("of") == "x" else None)
+    found = told(package)
+    assert any(line.startswith("data/results.json: ") and "missing" in line for line in found) or fresh
+    assert any("field 'unit' is 'm'" in line for line in found) is fresh
+
+
+def test_every_field_of_the_results_that_was_changed_is_told(package):
+    """Values, missing and further fields, and lists of another length, with what the journal gives."""
+    results = json.loads((package / RESULTS).read_bytes())
+    results["verdict"] = "RECORDED"
+    results["cases"][0]["checks"][1]["value"] = 0.25
+    results["requirements"][1]["reasons"] = ["none"]
+    results["more"] = {"a": 1}
+    del results["safe"]
+    (package / RESULTS).write_bytes(canonical(results))
+    rehash(package, of_kind("note"))
+    found = [line.removeprefix("data/results.json:1:1: ") for line in told(package) if "results.json:1:1" in line]
+    assert 'field \'verdict\' is "RECORDED", and the journal gives "PASS"' in found
+    assert "field 'cases[0].checks[1].value' is 0.25, and the journal gives -0.2" in found
+    assert "field 'requirements[1].reasons' has 1 entries, and the journal gives 0" in found
+    assert "field 'safe' is missing" in found
+    assert "field 'more' is not what the journal gives: none" in found
+
+
+def test_results_that_are_no_json_are_told_by_their_place(package):
+    """Line and column where reading ended."""
+    data = (package / RESULTS).read_bytes()
+    (package / RESULTS).write_bytes(data[:-1])
+    assert any(line.startswith(f"data/results.json:1:{len(data)}: not JSON: ") for line in told(package))
+
+
+def test_a_damaged_catalogue_does_not_keep_recordings_from_being_compared(package):
+    """What is derived from it cannot be; everything else is."""
+    (package / CATALOGUE).write_bytes(b'{"format":1,"requirements":{"GYR-030":{"limits":[{"of":7}]}}}')
+    path = package / "data/recordings/001-rest.h5"
+    path.write_bytes(path.read_bytes()[:-1])
+    found = told(package)
+    assert any("catalogue.json: requirements.GYR-030: field 'limits[0].of' must be a list" in line for line in found)
+    assert any("001-rest.h5" in line for line in found)
+
+
+def test_a_value_that_is_not_a_number_may_have_the_ratio_that_earlier_versions_wrote(tmp_path):
+    """Their packages verify as they did."""
+    folder = create(tmp_path / "reports", bench="flight", dut="SN1")
+    journal = begin(folder)
+    check(journal, None, tur=51.0)
+    seal(folder, journal, exit_code=1, write_reports=write_report)
+    assert verify(folder).findings == ()
