@@ -160,8 +160,8 @@ def bind_live_again(
 
 
 def _open(spec: BenchSpec, reach: Reach, brake: Brake, *, by_force: bool = False) -> dict[str, Any]:
+    from hil.wire.line_stream import LineStream, port_of  # noqa: PLC0415 - same
     from hil.wire.live_stream import LiveStream  # noqa: PLC0415 - what it imports exists on Linux only
-    from hil.wire.telnet_stream import TelnetStream  # noqa: PLC0415 - same
 
     strangers = _strangers(spec) if reach.source is Source.HARDWARE else {}
     if strangers and not by_force:
@@ -182,10 +182,10 @@ def _open(spec: BenchSpec, reach: Reach, brake: Brake, *, by_force: bool = False
         for name, url in reach.ports.items():
             item = spec.instrument(name)
             line = item.serial_line if reach.source is Source.HARDWARE else None  # a pseudo-terminal has no such thing
-            if kind_of(url) is PortKind.RFC2217:
-                opened = end(name, partial(TelnetStream, name, url, item.baud, line))
-            else:
+            if kind_of(url) in {PortKind.SERIAL, PortKind.SOCKET}:
                 opened = end(name, partial(LiveStream, name, url, item.baud, line, alone=not by_force))
+            else:
+                opened = end(name, partial(LineStream, port_of(name, url, item.baud, line)))
             ends[name] = opened if isinstance(opened, Unreachable) else Braked(opened, brake)
         for name, path in reach.buses.items():
             ends[name] = end(name, partial(hardware_bus, name, path))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from hil.model.serial_line import SerialLine
 
@@ -54,18 +55,19 @@ class GuardedPort:
 
     Attributes:
         device: the instrument's name.
-        url: a path of a serial device, `socket://host:port` or `rfc2217://host:port`; empty if it must not be reopened,
-            such as that of a board which a rising DTR resets.
+        url: a path of a device, `socket://host:port`, `rfc2217://host:port`, `hislip://host:port/name`,
+            `vxi11://host/name` or `usbtmc://vendor:product:serial`; empty if it must not be reopened, such as that of
+            a board which a rising DTR resets.
         baud: of a serial device.
         line: how a serial device is set.
-        telnet: whether its bytes go through Telnet, as at `rfc2217://`.
+        speaks: what its bytes are wrapped in: Telnet at `rfc2217://`, or one of three ways to carry messages.
     """
 
     device: str
     url: str = ""
     baud: int = 0
     line: SerialLine = field(default_factory=SerialLine)
-    telnet: bool = False
+    speaks: Literal["", "telnet", "usbtmc", "hislip", "vxi11"] = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

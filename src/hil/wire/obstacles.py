@@ -28,7 +28,7 @@ def obstacle(path: str, error: Exception, processes: Path = Path("/proc")) -> tu
     """
     number = getattr(error, "errno", None)
     if not path.startswith("/"):
-        return str(error), _ELSE
+        return str(getattr(error, "strerror", None) or error), _ELSE
     if number == errno.EACCES:
         return _no_permission(path)
     if number in {errno.EBUSY, errno.EWOULDBLOCK}:

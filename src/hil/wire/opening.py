@@ -18,7 +18,10 @@ from hil.wire.tap import LONGEST_TRANSACTION, TappedBus, TappedPort
 from hil.wire.transcript import Transcript
 
 __all__ = [
+    "MESSAGES",
     "NETWORK",
+    "VISA_LAN",
+    "VISA_USB",
     "PortKind",
     "hardware_bus",
     "kind_of",
@@ -35,9 +38,13 @@ _PROTOCOLS = "hil.wire.protocols"
 _NETWORK_PLACE = re.compile(r"(\[[0-9A-Fa-f:.]+(%\w+)?\]|[^\s:/?#@\[\]]+):\d{1,5}")
 _VISA_SERIAL = re.compile(r"^ASRL(?P<port>.+?)(::INSTR)?$", re.IGNORECASE)
 _VISA_SOCKET = re.compile(r"^TCPIP\d*::(?P<host>\[[^]]+\]|[^:]+)::(?P<port>\d+)::SOCKET$", re.IGNORECASE)
-_VISA_USB = re.compile(r"^USB\d*::", re.IGNORECASE)
-_VISA_HISLIP = re.compile(r"^TCPIP\d*::[^:]+::hislip\d*(,\d+)?(::INSTR)?$", re.IGNORECASE)
-_VISA_VXI11 = re.compile(r"^TCPIP\d*::[^:]+(::(?!hislip|\d)[^:]+)?(::INSTR)?$", re.IGNORECASE)
+VISA_USB = re.compile(
+    r"^USB\d*::(?P<vendor>\w+)::(?P<product>\w+)::(?P<serial>[^:]+)(::\d+)?(::INSTR)?$", re.IGNORECASE
+)
+"""The VISA name of an instrument at USB."""
+
+VISA_LAN = re.compile(r"^TCPIP\d*::(?P<host>\[[^]]+\]|[^:]+)(::(?P<name>[a-z][^:]*))??(::INSTR)?$", re.IGNORECASE)
+"""The VISA name of an instrument that speaks VXI-11 or HiSLIP, and what it is called there."""
 
 
 class PortKind(StrEnum):
@@ -52,6 +59,10 @@ class PortKind(StrEnum):
     OTHER = "other"
 
 
+MESSAGES = (PortKind.USBTMC, PortKind.HISLIP, PortKind.VXI11)
+"""Kinds of ports that carry whole messages, as SCPI instruments take them."""
+
+
 def kind_of(port: str) -> PortKind:
     """Return the kind of a port, by its path, URL or VISA resource name.
 
@@ -62,12 +73,10 @@ def kind_of(port: str) -> PortKind:
     scheme, separator, _ = where.partition("://")
     if separator:
         return {"socket": PortKind.SOCKET, "rfc2217": PortKind.RFC2217}.get(scheme.lower(), PortKind.OTHER)
-    if where.startswith("/dev/usbtmc") or _VISA_USB.match(where):
+    if where.startswith("/dev/usbtmc") or VISA_USB.match(where):
         return PortKind.USBTMC
-    if _VISA_HISLIP.match(where):
-        return PortKind.HISLIP
-    if _VISA_VXI11.match(where):
-        return PortKind.VXI11
+    if match := VISA_LAN.match(where):
+        return PortKind.HISLIP if (match["name"] or "").lower().startswith("hislip") else PortKind.VXI11
     return PortKind.SERIAL if where.startswith("/") else PortKind.OTHER
 
 
@@ -87,7 +96,7 @@ def url_of_resource(name: str) -> str:
 
 
 _SCHEMES = (*NETWORK, "sim", "replay")
-_WRITE = "write a device below /dev, socket://HOST:PORT, rfc2217://HOST:PORT, or a VISA name of one of these"
+_WRITE = "write a device below /dev, socket://HOST:PORT, rfc2217://HOST:PORT, or a VISA name"
 
 
 def why_not_opened(port: str) -> str:
@@ -98,6 +107,12 @@ def why_not_opened(port: str) -> str:
     """
     url = url_of_resource(port)
     scheme, is_url, place = url.partition("://")
+    if not is_url and kind_of(port) in MESSAGES:
+        return ""
+    if not is_url and "::" in port:
+        return (
+            f"'{port}' is no VISA name that is opened; USB and TCPIP are, and GPIB by a gateway: TCPIP::HOST::gpib0,5"
+        )
     if not is_url:
         inside = posixpath.normpath(url).startswith("/dev/")
         return "" if inside else f"'{port}' is no serial device below /dev; {_WRITE}"

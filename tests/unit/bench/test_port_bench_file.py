@@ -55,6 +55,25 @@ MISTAKES = [
         '{device: "00:00"',
         "psu1: only a serial device of this computer is on board",
     ),
+    (
+        {
+            PSU1: "port: TCPIP::192.168.10.22::INSTR",
+            "manufacturer: RIGOL TECHNOLOGIES, model: DP832, serial": "firmware",
+        },
+        "TCPIP::192.168.10.22::INSTR",
+        "psu1 is on a network, where anything may answer: give it an identity with model or serial",
+    ),
+    (
+        {PSU1: "port: /dev/usbtmc0", "manufacturer: RIGOL TECHNOLOGIES, model: DP832, serial": "firmware"},
+        "/dev/usbtmc0",
+        "psu1 is at USB, where anything may answer",
+    ),
+    ({PSU1: "port: GPIB0::5::INSTR"}, "GPIB0::5::INSTR", "USB and TCPIP are, and GPIB by a gateway"),
+    (
+        {PSU1: "port: USB0::0x1AB1::0x0E11::DP8C::INSTR", "driver: rigol-dp832": "driver: korad-ka3005p"},
+        "USB0::0x1AB1::0x0E11::DP8C::INSTR",
+        "korad-ka3005p does not talk in messages, as a port of kind usbtmc takes them",
+    ),
     (of_tec('onboard: {device: "00:00"}'), '{device: "00:00"', "tec1 is either a USB device or on board, not both"),
     (
         {"usb: {serial: A50285BK}": 'onboard: {device: "00:00"}', PSU2: 'onboard: {device: "00:00"}'},

@@ -15,7 +15,7 @@ from hil.instruments.registry import DRIVERS, ROLES
 from hil.model.bench import BenchSpec, Bus, InstrumentSpec, Wire
 from hil.model.notation import Path
 from hil.wire.keys import keys_of
-from hil.wire.opening import NETWORK, url_of_resource, why_not_opened
+from hil.wire.opening import MESSAGES, NETWORK, PortKind, kind_of, url_of_resource, why_not_opened
 
 __all__ = ["check_bench"]
 
@@ -86,15 +86,19 @@ def _ports(spec: BenchSpec) -> Complaints:
             yield (
                 at,
                 (
-                    f"{item.name} is on a network, where anything may answer: give it an identity with model or serial,"
-                    " which is compared before anything is driven"
+                    f"{item.name} is {_where(item)}, where anything may answer: give it an identity with model or"
+                    " serial, which is compared before anything is driven"
                 ),
             )
 
 
+def _where(item: InstrumentSpec) -> str:
+    return "at USB" if kind_of(item.port) is PortKind.USBTMC else "on a network"
+
+
 def _is_on_network(item: InstrumentSpec) -> bool:
     scheme, is_url, _ = url_of_resource(item.port).partition("://")
-    return bool(is_url) and scheme in NETWORK
+    return (bool(is_url) and scheme in NETWORK) or kind_of(item.port) in MESSAGES
 
 
 def _buses(spec: BenchSpec) -> Complaints:

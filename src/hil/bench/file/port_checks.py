@@ -9,7 +9,7 @@ from hil.instruments.driver import ANY_BYTE, TERMINATED, offers
 from hil.instruments.registry import DRIVERS
 from hil.model.bench import BenchSpec, InstrumentSpec
 from hil.model.notation import Path
-from hil.wire.opening import PortKind, kind_of
+from hil.wire.opening import MESSAGES, PortKind, kind_of
 from hil.wire.tap import LONGEST_TRANSACTION
 
 __all__ = ["identities", "settings"]
@@ -68,6 +68,11 @@ def _fixed(path: Path, item: InstrumentSpec) -> Complaints:
         return
     if item.terminator and not item.bus and not offers(driver, TERMINATED):
         yield (*path, "terminator"), f"the protocol of {item.driver} fixes what ends a message: leave terminator out"
+    if item.port and kind_of(item.port) in MESSAGES and not offers(driver, TERMINATED):
+        yield (
+            (*path, "port"),
+            f"{item.driver} does not talk in messages, as a port of kind {kind_of(item.port)} takes them",
+        )
     if line is None:
         return
     at = (*path, "serial_line")

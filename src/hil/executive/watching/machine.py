@@ -5,6 +5,7 @@ from __future__ import annotations
 import select
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Protocol
@@ -30,8 +31,7 @@ from hil.model.bench import BenchSpec, InstrumentSpec, SafeStep
 from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
 from hil.model.safing import GuardedOutput, GuardedPort, GuardPlan
-from hil.model.serial_line import SerialLine
-from hil.wire.opening import PortKind, kind_of, url_of_resource
+from hil.wire.line_stream import port_of
 
 __all__ = ["ArmingPeople", "Guarding", "LiveMachine", "Tenant", "live_machine", "plan_of"]
 
@@ -231,10 +231,9 @@ def _output(bench: BoundBench, step: SafeStep) -> GuardedOutput:
 def _port(bench: BoundBench, instrument: InstrumentSpec) -> GuardedPort:
     """Return how the guardian may open a port again: not one that resets its device."""
     resets = getattr(bench.drivers[instrument.name], "resets_on_open", False)
-    url = "" if resets else url_of_resource(bench.where[instrument.name])
     line = instrument.serial_line if bench.source is Source.HARDWARE else None
-    telnet = kind_of(bench.where[instrument.name]) is PortKind.RFC2217
-    return GuardedPort(device=instrument.name, url=url, baud=instrument.baud, line=line or SerialLine(), telnet=telnet)
+    port = port_of(instrument.name, bench.where[instrument.name], instrument.baud, line)
+    return replace(port, url="") if resets else port
 
 
 def _longest_safing_s(spec: BenchSpec) -> float:

@@ -12,8 +12,12 @@ import time
 from contextlib import suppress
 from threading import Event
 
+from hil.guardian.ports.hislip import HISLIP_PORT, HiSlip
 from hil.guardian.ports.line import Line
+from hil.guardian.ports.messages import MessageLine, Messenger
 from hil.guardian.ports.telnet import TelnetLine
+from hil.guardian.ports.usbtmc import UsbTmc
+from hil.guardian.ports.vxi11 import Vxi11
 from hil.model.safing import GuardedPort
 from hil.model.serial_line import Rs485, SerialLine
 
@@ -41,8 +45,17 @@ _SET_RS485 = 0x542F  # TIOCSRS485 of asm-generic/ioctls.h
 
 
 def line_on(descriptor: int, port: GuardedPort, interrupt: Event | None = None) -> Line:
-    """Return a port whose descriptor is open."""
-    kind = TelnetLine if port.telnet else Line
+    """Return a port whose descriptor is open.
+
+    Raises:
+        OSError, ValueError: if a session of its own is needed, and cannot be had.
+    """
+    if port.speaks == "usbtmc":
+        return MessageLine(UsbTmc(descriptor))
+    if port.speaks in {"hislip", "vxi11"}:  # a session has numbers that others do not know
+        os.close(descriptor)
+        return opened(port, interrupt)
+    kind = TelnetLine if port.speaks == "telnet" else Line
     return kind(descriptor, port.baud, interrupt)
 
 
@@ -54,7 +67,9 @@ def opened(port: GuardedPort, interrupt: Event | None = None) -> Line:
     """
     if port.url.startswith("socket://"):
         return Line(_connected(port.url), 0, interrupt)
-    if port.telnet:
+    if port.speaks in {"usbtmc", "hislip", "vxi11"}:
+        return MessageLine(_messenger(port))
+    if port.speaks == "telnet":
         line = TelnetLine(_connected(port.url), port.baud, interrupt)
         try:
             line.begin(port.line, time.monotonic() + _AGREE_S)
@@ -70,6 +85,19 @@ def opened(port: GuardedPort, interrupt: Event | None = None) -> Line:
     except BaseException:
         os.close(descriptor)
         raise
+
+
+def _messenger(port: GuardedPort) -> Messenger:
+    if port.speaks == "usbtmc":
+        return UsbTmc.opened(port.url)
+    place, _, name = port.url.partition("://")[2].partition("/")
+    host, separator, number = place.rpartition(":")
+    if not separator or "]" in number:
+        host, number = place, ""
+    host = host.strip("[]")
+    if port.speaks == "hislip":
+        return HiSlip(host, int(number or HISLIP_PORT), name)
+    return Vxi11(host, name, int(number or 0))
 
 
 def _connected(url: str) -> int:

@@ -157,7 +157,7 @@ class TelnetLine(Line):
 
     def __init__(self, descriptor: int, baud: int = 0, interrupt: Event | None = None) -> None:
         super().__init__(descriptor, baud, interrupt)
-        self.baud = baud
+        self.baud = baud or 9600
         self.telnet = Telnet()
         self._rest = b""
 

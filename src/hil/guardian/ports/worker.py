@@ -109,7 +109,7 @@ class PortWorker:
     def _begin(self, code: SafeBytes, patience: Patience, *, anew: bool) -> str:
         if self._talk is None and anew and self.port.url:
             try:
-                if self._identity is not None:
+                if self._identity is not None and "://" not in self.port.url:
                     require(self._identity, self.port.url)
                 self._talk = Dialogue(opened(self.port, self._interrupt))
             except (OSError, ValueError) as error:

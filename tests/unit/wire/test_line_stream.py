@@ -20,7 +20,7 @@ from hil.guardian.ports.worker import PortWorker
 from hil.model.errors import NoReply
 from hil.model.safing import Exchange, GuardedPort, SafeBytes
 from hil.model.serial_line import SerialLine
-from hil.wire.telnet_stream import TelnetStream
+from hil.wire.line_stream import LineStream, port_of
 
 EVERY_BYTE = bytes(range(256))
 LINE = SerialLine(parity="even", data_bits=7, stop_bits="2", flow="rts/cts")
@@ -36,14 +36,14 @@ def server():
 @pytest.fixture
 def stream(server):
     """Return the executive's stream to it."""
-    made = TelnetStream("psu", server.url, 19200)
+    made = LineStream(port_of("psu", server.url, 19200))
     yield made
     made.closed()
 
 
-def port_of(server, **more):
+def known(server, **more):
     """Return the port as the guardian knows it."""
-    return GuardedPort(device="psu", url=server.url, baud=19200, telnet=True, **more)
+    return GuardedPort(device="psu", url=server.url, baud=19200, speaks="telnet", **more)
 
 
 def all_of(line, size):
@@ -58,9 +58,9 @@ def all_of(line, size):
 def test_the_server_is_told_how_the_line_is_set(server, by):
     """Both sides set all of it, and wait until the server has said that it is done."""
     if by == "executive":
-        TelnetStream("psu", server.url, 19200, LINE).closed()
+        LineStream(port_of("psu", server.url, 19200, LINE)).closed()
     else:
-        opened(port_of(server, line=LINE)).close()
+        opened(known(server, line=LINE)).close()
     line = server.line
     assert (line.baudrate, line.parity, line.bytesize, line.stopbits, line.rtscts) == (19200, "E", 7, 2, True)
 
@@ -83,7 +83,7 @@ def test_an_exchange_waits_and_what_is_there_can_be_discarded(stream):
 
 def test_the_guardian_talks_on_the_executives_connection(server, stream):
     """Nobody else reads there; what the executive was in the middle of is discarded."""
-    line = line_on(os.dup(stream.fileno()), port_of(server))
+    line = line_on(os.dup(stream.fileno()), known(server))
     assert isinstance(line, TelnetLine)
     line.say(EVERY_BYTE, time.monotonic() + 5.0)
     assert all_of(line, 256) == EVERY_BYTE
@@ -98,7 +98,7 @@ def test_the_guardian_opens_a_lost_line_anew_and_proves(server, stream):
         off=(Exchange(send=b"\x01\x05\x00\x00\xff\x00", expect=rb"\x01\x05\x00\x00\xff\x00", within_s=2.0),),
         proof=(Exchange(send=b"\xff?", expect=rb"\xff\?", within_s=2.0),),
     )
-    worker = PortWorker(port_of(server, line=LINE), os.dup(stream.fileno()))
+    worker = PortWorker(known(server, line=LINE), os.dup(stream.fileno()))
     server.drop()
     server.line.baudrate = 1200
     while not worker.begin(proof, Patience(), anew=True).result(5.0).ok:
@@ -152,13 +152,13 @@ def test_a_server_that_does_not_set_the_line_is_not_used(monkeypatch, answers, w
     """At another speed nothing, or something else, would be understood."""
     monkeypatch.setattr("hil.guardian.ports.opening._AGREE_S", 0.1)
     with pytest.raises(NoReply, match=f"psu: rfc2217://.* cannot be opened: .*{why}"):
-        TelnetStream("psu", answering(*answers), 19200)
+        LineStream(port_of("psu", answering(*answers), 19200))
 
 
 def test_a_server_that_is_not_there_is_told():
     """With where it was looked for."""
     with pytest.raises(NoReply, match="rfc2217://127.0.0.1:1 cannot be opened: Connection refused"):
-        TelnetStream("psu", "rfc2217://127.0.0.1:1")
+        LineStream(port_of("psu", "rfc2217://127.0.0.1:1"))
 
 
 def test_a_connection_that_ended_is_an_error(server, stream):

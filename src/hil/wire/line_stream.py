@@ -1,10 +1,10 @@
-"""The end of a serial line that a server on the network owns, reached by RFC 2217."""
+"""The end of a port that is not a plain stream: a serial line of a server, or an instrument that takes messages."""
 
 from __future__ import annotations
 
 import errno
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from hil.clock import wall
 from hil.guardian.ports.line import Gone
@@ -13,42 +13,48 @@ from hil.guardian.ports.telnet import TelnetLine
 from hil.model.errors import NoReply
 from hil.model.safing import GuardedPort
 from hil.model.serial_line import SerialLine
+from hil.wire.obstacles import obstacle
+from hil.wire.opening import VISA_LAN, VISA_USB, PortKind, kind_of, url_of_resource
 from hil.wire.tap import LONGEST_TRANSACTION
 
-__all__ = ["TelnetStream"]
+__all__ = ["LineStream", "port_of"]
 
 _DTR_LOW_S = 0.1
+_SPEAKS: dict[PortKind, Literal["", "telnet", "usbtmc", "hislip", "vxi11"]] = {
+    PortKind.SERIAL: "",
+    PortKind.SOCKET: "",
+    PortKind.OTHER: "",
+    PortKind.RFC2217: "telnet",
+    PortKind.USBTMC: "usbtmc",
+    PortKind.HISLIP: "hislip",
+    PortKind.VXI11: "vxi11",
+}
 _Result = TypeVar("_Result")
 
 
-class TelnetStream:
-    """An open line of a server such as ser2net. See `hil.wire.exchange.FarEnd`.
+class LineStream:
+    """An open port, by the same code as the guardian's. See `hil.wire.exchange.FarEnd`.
 
-    It reads in the thread of its caller only: pyserial's client has a thread that reads all the time, and would take
-    the replies that the guardian waits for on the same connection.
+    It reads in the thread of its caller only. pyserial's client of RFC 2217 has a thread that reads all the time, and
+    would take the replies that the guardian waits for on the same connection.
 
     Args:
-        device: the instrument's name.
-        url: `rfc2217://host:port`.
-        baud: 9600 where it is 0.
-        line: how the line is set.
+        port: as the guardian would open it.
 
     Raises:
-        NoReply: if there is no such server, or it does not set the line.
+        NoReply: if it cannot be opened.
     """
 
-    def __init__(self, device: str, url: str, baud: int = 0, line: SerialLine | None = None) -> None:
-        port = GuardedPort(device=device, url=url, baud=baud or 9600, line=line or SerialLine(), telnet=True)
+    def __init__(self, port: GuardedPort) -> None:
         self._ahead = b""
         try:
             self._line = opened(port)
         except (OSError, ValueError) as error:
-            why = getattr(error, "strerror", None) or error
-            hint = "check the server, its network, and who else has the line"
-            raise NoReply(device, f"{url} cannot be opened: {why}", hint) from error
+            why, hint = obstacle(getattr(error, "filename", None) or port.url, error)
+            raise NoReply(port.device, f"{port.url} cannot be opened: {why}", hint) from error
 
     def fileno(self) -> int:
-        """Return the descriptor of the connection; who gets a copy of it has to speak Telnet, too."""
+        """Return the descriptor; who gets a copy of it has to speak what this speaks."""
         return self._line.descriptor
 
     def opened(self) -> None:
@@ -59,7 +65,7 @@ class TelnetStream:
         self._line.close()
 
     def dtr_rose(self) -> None:
-        """Let DTR fall and rise at the server."""
+        """Let DTR fall and rise at the server; what takes messages has none."""
         if isinstance(self._line, TelnetLine):
             self._line.pull_dtr(up=False)
             wall.pause(_DTR_LOW_S)
@@ -69,7 +75,7 @@ class TelnetStream:
         """Write all bytes."""
         taken = _alive(lambda: self._line.say(data, wall.monotonic() + LONGEST_TRANSACTION))
         if taken < len(data):
-            raise OSError(errno.ETIMEDOUT, "the server takes no bytes")
+            raise OSError(errno.ETIMEDOUT, "it takes no bytes")
 
     def exchange(self, data: bytes, timeout: float) -> bytes:
         """Write all bytes, and give what is there once a byte has come, within `timeout` seconds of the wall."""
@@ -99,6 +105,24 @@ class TelnetStream:
         """Throw received bytes away."""
         self.waiting()
         self._ahead = b""
+
+
+def port_of(device: str, port: str, baud: int = 0, line: SerialLine | None = None) -> GuardedPort:
+    """Return how a port of a bench file is opened without a driver.
+
+    Args:
+        device: the instrument's name.
+        port: a path, a URL, or a VISA resource name.
+        baud: of a serial line.
+        line: how a serial line is set.
+    """
+    speaks, url = _SPEAKS[kind_of(port)], url_of_resource(port)
+    if match := VISA_USB.match(port):
+        url = f"usbtmc://{match['vendor']}:{match['product']}:{match['serial']}"
+    elif match := VISA_LAN.match(port):
+        name, _, number = (match["name"] or "inst0").partition("," if speaks == "hislip" else "\0")
+        url = f"{speaks}://{match['host']}{f':{number}' if number else ''}/{name}"
+    return GuardedPort(device=device, url=url, baud=baud, line=line or SerialLine(), speaks=speaks)
 
 
 def _alive(operation: Callable[[], _Result]) -> _Result:

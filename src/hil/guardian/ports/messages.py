@@ -1,0 +1,90 @@
+"""Ports that carry messages (USBTMC, HiSLIP, VXI-11), as lines: a reply is fetched where a question was sent."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Protocol, TypeVar
+
+from hil.guardian.ports.line import Gone, Line
+
+__all__ = ["MessageLine", "Messenger"]
+
+_LEAST_S = 0.05
+_Result = TypeVar("_Result")
+
+
+class Messenger(Protocol):
+    """One way to pass whole messages. What fails for good is an OSError.
+
+    Attributes:
+        descriptor: of the file or connection that shows whether the port is there.
+    """
+
+    descriptor: int
+
+    def send(self, message: bytes, seconds: float) -> None:
+        """Send a message."""
+        ...
+
+    def receive(self, seconds: float) -> bytes:
+        """Fetch the reply, empty if none comes in that time."""
+        ...
+
+    def clear(self, seconds: float) -> None:
+        """Let the instrument forget what it has received, and what it was going to say."""
+        ...
+
+    def close(self) -> None:
+        """Close it."""
+        ...
+
+
+class MessageLine(Line):
+    """A port that carries messages, with the interface of a line.
+
+    An instrument may be read only after a question; reading it otherwise is an error of its own, which some do not
+    survive. So silence is heard without asking. A reply that did not come in time is never taken for that of the next
+    question: the instrument is cleared first, and so it is before the first message, because another process may have
+    been in the middle of something.
+    """
+
+    def __init__(self, messenger: Messenger) -> None:  # nothing of a line of bytes is needed
+        self.descriptor = messenger.descriptor
+        self.busy_until = time.monotonic()
+        self._messenger = messenger
+        self._owes = False
+        self._stale = True
+
+    def hear(self, until: float) -> bytes:
+        """Return the reply to the question that was sent, empty if none comes by the deadline. See `Line.hear`."""
+        left = until - time.monotonic()
+        if left <= 0:
+            return b""
+        if not self._owes:
+            time.sleep(left)
+            return b""
+        data = self._tried(lambda: self._messenger.receive(left))
+        if data:
+            self._owes, self.busy_until = False, time.monotonic()
+        return data
+
+    def say(self, data: bytes, until: float) -> int:
+        """Send a message; return its size. See `Line.say`."""
+        if self._owes or self._stale:
+            self._tried(lambda: self._messenger.clear(max(until - time.monotonic(), _LEAST_S)))
+        self._stale = False
+        self._tried(lambda: self._messenger.send(data, max(until - time.monotonic(), _LEAST_S)))
+        self._owes, self.busy_until = b"?" in data, time.monotonic()
+        return len(data)
+
+    def close(self) -> None:
+        """Close the port."""
+        self._messenger.close()
+
+    @staticmethod
+    def _tried(operation: Callable[[], _Result]) -> _Result:
+        try:
+            return operation()
+        except OSError as error:
+            raise Gone(error.strerror or str(error)) from error
