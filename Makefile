@@ -3,15 +3,15 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.set-up
-# A file's tests begin on one core, for what they share; who has nothing left to do takes some of another's.
+# The tests of a file start on one core, because they share fixtures; an idle core takes over tests of another.
 SHARED := --numprocesses auto --dist worksteal
 
-# Byte code is kept, also where the environment says otherwise: without it a third of `make test` is compiling.
+# Keep byte code even if the environment says otherwise: without it a third of `make test` is compiling.
 export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: setup run test check system soak
 
-# Byte code lies ready, so that the first start is no slower than the next; what has not changed is not compiled again.
+# Compile byte code now, so that the first start is as fast as the next; unchanged files are not compiled again.
 setup: $(STAMP)
 	@$(BIN)/python -m compileall -q src
 
@@ -26,17 +26,16 @@ $(STAMP): pyproject.toml requirements.lock
 run: setup
 	$(BIN)/hil run testplans/magnetorquer --bench adcs --source simulated --dut SIM-ADCS-1
 
-# Every rule once, in two minutes on two cores; of what is swept or drawn by lot a sample.
+# Every rule once, in two minutes on two cores. Sweeps and random tests run a sample.
 test: setup
 	$(BIN)/python -m pytest -m "not system" $(SHARED)
 
-# Whole campaigns, and runs in processes of their own: a sample of them. Those that hold live runs to their seconds go
-# one by one, after all others.
+# A sample of whole campaigns and of runs in processes of their own. Tests of live timing run last, one at a time.
 system: setup
 	$(BIN)/python -m pytest -m "system and not alone" $(SHARED)
 	$(BIN)/python -m pytest -m "system and alone"
 
-# Everything there is, and whole: hours. Before a release.
+# Everything, every sweep in full: takes hours. Run it before a release.
 soak: setup
 	$(BIN)/python -m pytest --soak -m "not alone" $(SHARED)
 	$(BIN)/python -m pytest --soak -m "alone"

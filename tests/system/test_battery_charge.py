@@ -147,8 +147,8 @@ def test_nothing_declared_is_no_pass(tmp_path):
     assert found(ran)["EPS-BAT-009"] == "INCONCLUSIVE"
     for event in bodies(ran.package, "check"):
         if event["requirement"] == "EPS-BAT-009":
-            assert "capacity_ratio: cannot be told" in event["reason"]
-            assert "energy_ratio: cannot be told" in event["reason"]
+            assert "capacity_ratio: not judged" in event["reason"]
+            assert "energy_ratio: not judged" in event["reason"]
 
 
 def test_without_a_rest_there_is_no_rest_voltage(tmp_path):

@@ -47,9 +47,9 @@ class _Trial:
 
 
 def cut_path_gates(bench: BoundBench) -> Iterator[Gate]:
-    """Try every cut path that can be tried at a reduced level, and say of every other one that it was not.
+    """Try every cut path that can be tried at a reduced level, and say which ones were not tried.
 
-    Everything is off when a gate is given, or the gate does not hold.
+    Everything is off when a gate is given, or the gate fails.
     """
     for path in bench.spec.cut_paths:
         name = f"cut path of {path.output}: {path.means}"
@@ -59,7 +59,7 @@ def cut_path_gates(bench: BoundBench) -> Iterator[Gate]:
         trial = _trial_of(bench, path)
         if trial is None:
             proven = f"{path.by} was proven {path.state}" if path.by else f"within {path.within_s:g} s"
-            yield Gate(name, ok=True, detail=f"{proven}; not tried: nothing that is measured at low energy shows it")
+            yield Gate(name, ok=True, detail=f"{proven}; not tried: no measurement at low energy would show it")
             continue
         yield _tried(bench, path, trial, name)
 
@@ -113,7 +113,7 @@ def _cannot(bench: BoundBench, cycler: Wire, charger: Wire) -> str:
         return "a device of level 1 runs whole tests only"
     volts, level = role.voltage().value, cast("ReducedLevel", charger.reduced).voltage
     if volts > level - _HEADROOM_V:
-        return f"the cell has {volts:.3f} V, nothing flows into it at {level:g} V"
+        return f"the cell has {volts:.3f} V, so no current flows into it at {level:g} V"
     return ""
 
 
@@ -133,7 +133,7 @@ def _flow_and_cut(bench: BoundBench, path: CutPath, trial: _Trial, name: str) ->
     least = level.current * _FLOWING_SHARE if trial.cycler else level.lowest_current
     before = _current(bench, trial.supply, _FLOWS_WITHIN_S, lambda amperes: amperes >= least)
     if before < least:
-        detail = f"{prefixed(before, 'A')} flow before it is taken, {least:g} A at least expected: load or contacts?"
+        detail = f"{prefixed(before, 'A')} before the cut, expected at least {least:g} A: check load and contacts"
         return Gate(name, ok=False, detail=detail)
     start_ns = bench.clock.now_ns()
     taken = [step for step in bench.spec.safe_off if step.output == path.by]  # a watchdog only has to be left alone
@@ -143,9 +143,13 @@ def _flow_and_cut(bench: BoundBench, path: CutPath, trial: _Trial, name: str) ->
     left_s = path.within_s - (bench.clock.now_ns() - start_ns) / NANOSECONDS
     after = _current(bench, trial.supply, left_s, lambda amperes: abs(amperes) <= most)
     seconds = (bench.clock.now_ns() - start_ns) / NANOSECONDS
-    detail = f"{prefixed(before, 'A')} before it was taken, {prefixed(after, 'A')} after it, {seconds:.2g} s later"
+    detail = f"{prefixed(before, 'A')} before the cut, {prefixed(after, 'A')} after {seconds:.2g} s"
     if not abs(after) <= most:
-        return Gate(name, ok=False, detail=f"{detail}: it does not cut {path.output} off, welded contact or wiring?")
+        return Gate(
+            name,
+            ok=False,
+            detail=f"{detail}: it does not cut {path.output} off; check for a welded contact and the wiring",
+        )
     if seconds > path.within_s:
         return Gate(name, ok=False, detail=f"{detail}, {path.within_s:g} s allowed")
     return Gate(name, ok=True, detail=detail)

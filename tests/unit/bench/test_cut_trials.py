@@ -49,7 +49,7 @@ def test_what_can_be_tried_is_tried():
             assert is_off(bench), gate
         found = tried(bench)
     for name in (CHARGE, CYCLER):
-        assert found[name].detail.startswith("0.02 A before it was taken, ")
+        assert found[name].detail.startswith("0.02 A before the cut, ")
         assert "not tried" not in found[name].detail
 
 
@@ -63,7 +63,7 @@ def test_what_cannot_be_tried_is_said():
     hardware = "cut path of thermal: thermal cut-out opens the coolers' feed at 70 degC"
     assert found[hardware].detail == "within 300 s; not tried: no software is part of it"
     assert found["cut path of thermal: supply.tec off"].detail == (
-        "supply.tec was proven off; not tried: nothing that is measured at low energy shows it"
+        "supply.tec was proven off; not tried: no measurement at low energy would show it"
     )
 
 
@@ -76,8 +76,8 @@ def test_coils_that_keep_their_power_are_told():
         found = tried(bench)
         assert found[CHARGE].ok
         assert not found[CYCLER].ok
-        assert "0.02 A after it" in found[CYCLER].detail
-        assert found[CYCLER].detail.endswith("it does not cut cycler off, welded contact or wiring?")
+        assert "0.02 A after " in found[CYCLER].detail
+        assert found[CYCLER].detail.endswith("it does not cut cycler off; check for a welded contact and the wiring")
         assert is_off(bench)
 
 
@@ -98,7 +98,7 @@ def test_a_relay_that_welds_is_told():
     with bound(with_peer(spec, "cycler1", faults=(fault,))) as bench:
         gate = tried(bench)[CHARGE]
         assert not gate.ok
-        assert "cycler current 0.02 A" in gate.detail or gate.detail.endswith("welded contact or wiring?")
+        assert "cycler current 0.02 A" in gate.detail or gate.detail.endswith("check for a welded contact and the wiring")
 
 
 def test_a_relay_that_never_closes_is_told():
@@ -107,7 +107,7 @@ def test_a_relay_that_never_closes_is_told():
     with bound(with_peer(battery(), "cycler1", faults=(fault,))) as bench:
         gate = tried(bench)[CHARGE]
         assert not gate.ok
-        assert gate.detail.endswith("flow before it is taken, 0.01 A at least expected: load or contacts?")
+        assert gate.detail.endswith("before the cut, expected at least 0.01 A: check load and contacts")
         assert is_off(bench)
 
 
@@ -115,7 +115,7 @@ def test_a_full_cell_takes_nothing():
     """That is said, and is no fault; so a run may go on after a stop at the end of a charge."""
     with bound(battery(charge="1.0")) as bench:
         gate = tried(bench)[CHARGE]
-        assert (gate.ok, gate.detail) == (True, "not tried: the cell has 4.199 V, nothing flows into it at 4.2 V")
+        assert (gate.ok, gate.detail) == (True, "not tried: the cell has 4.199 V, so no current flows into it at 4.2 V")
 
 
 def test_a_tester_that_refuses_is_told():
@@ -177,7 +177,7 @@ def test_relays_between_supply_and_load_are_tried():
     with bound(with_relay()) as bench:
         gate = tried(bench)["cut path of supply.charge: relays released"]
         assert gate.ok, gate
-        assert gate.detail.startswith("0.02 A before it was taken, ")
+        assert gate.detail.startswith("0.02 A before the cut, ")
         assert is_off(bench)
 
 
@@ -186,7 +186,7 @@ def test_a_welded_relay_is_no_cut_path():
     with bound(with_relay(faults=({"kind": "welded", "contact": "1"},))) as bench:
         gate = tried(bench)["cut path of supply.charge: relays released"]
         assert not gate.ok
-        assert gate.detail.endswith("it does not cut supply.charge off, welded contact or wiring?")
+        assert gate.detail.endswith("it does not cut supply.charge off; check for a welded contact and the wiring")
 
 
 def test_nothing_more_is_tried_behind_a_path_that_does_not_cut():

@@ -63,7 +63,7 @@ def test_a_forgotten_time_unit_is_doubted(table):
     """Hours read as seconds: a cell emptied in ten seconds, and samples each few milliseconds, cannot be."""
     wrong = run(table, *COLUMNS, "--discharge-positive").stdout
     assert "DOUBT    time_unit: samples each 0.00833 s; a charge or discharge in" in wrong
-    assert "this cannot be; is the unit of the time right (--time-unit)?" in wrong
+    assert "implausible; check the unit of the time (--time-unit)" in wrong
     right = run(table, *COLUMNS, "--discharge-positive", "--time-unit", "h").stdout
     assert "good     time_unit: samples each 30 s; a charge or discharge in" in right
 

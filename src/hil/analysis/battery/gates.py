@@ -156,7 +156,7 @@ def _gates(numbers: Told, declared: Declared) -> Iterator[Gate]:
 
 def _between(name: str, unit: str, value: float, span: tuple[float, float], advice: str) -> Gate:
     if math.isnan(value):
-        return Gate(name=name, channel="", ok=None, reason="cannot be told: a number that it needs is missing")
+        return Gate(name=name, channel="", ok=None, reason="not judged: a number that it needs is missing")
     suffix = "" if unit == "1" else f" {unit}"
     ok = span[0] <= value <= span[1]
     found = f"{value:.4g}{suffix}, expected {span[0]:g} to {span[1]:g}{suffix}"
@@ -167,24 +167,29 @@ def _sign(numbers: Told) -> Gate:
     """Return whether a charge lies above a discharge, as it must where current flows through a resistance."""
     taken, given = _over(numbers.energy_in, numbers.charge_in), _over(numbers.energy_out, numbers.charge_out)
     if math.isnan(taken) or math.isnan(given):
-        return Gate(name="current_sign", channel="", ok=None, reason="cannot be told without charge and discharge")
+        return Gate(name="current_sign", channel="", ok=None, reason="not judged: it needs a charge and a discharge")
     found = f"mean voltage {taken:.4g} V of the charge, {given:.4g} V of the discharge"
-    advice = ": a charge lies above a discharge; is the sign of the current right (--discharge-positive)?"
+    advice = ": the charge must be the higher one; check the sign of the current (--discharge-positive)"
     return Gate(name="current_sign", channel="", ok=taken >= given, reason=found if taken >= given else found + advice)
 
 
 def _elapsed(numbers: Told, declared: Declared) -> Gate:
     expected = _over(numbers.elapsed, numbers.duration)
     if math.isnan(expected) or math.isnan(numbers.count):
-        return Gate(name="elapsed_time", channel="", ok=None, reason="cannot be told without count and elapsed time")
+        return Gate(
+            name="elapsed_time",
+            channel="",
+            ok=None,
+            reason="not judged: it needs a count of cycles and the elapsed time",
+        )
     ok = abs(numbers.count / expected - 1.0) <= declared.elapsed
     hours = numbers.elapsed / SECONDS_PER_HOUR
     found = f"{hours:.4g} h hold {expected:.4g} cycles of {numbers.duration / SECONDS_PER_HOUR:.3g} h"
-    return Gate(name="elapsed_time", channel="", ok=ok, reason=f"{found}, {numbers.count:g} are told")
+    return Gate(name="elapsed_time", channel="", ok=ok, reason=f"{found}, {numbers.count:g} were counted")
 
 
 def _time_unit(numbers: Told) -> Gate:
-    """Return whether the times may be seconds at all: who reads hours as seconds sees a cell emptied in a moment."""
+    """Return whether the times may be seconds at all: hours read as seconds would empty a cell in a moment."""
     found, doubt = [], False
     for value, span, what in (
         (numbers.interval, _INTERVAL, f"samples each {numbers.interval:.3g} s"),
@@ -194,8 +199,8 @@ def _time_unit(numbers: Told) -> Gate:
             found.append(what)
             doubt |= not span[0] <= value <= span[1]
     if not found:
-        return Gate(name="time_unit", channel="", ok=None, reason="cannot be told without samples")
-    advice = ": this cannot be; is the unit of the time right (--time-unit)?" if doubt else ""
+        return Gate(name="time_unit", channel="", ok=None, reason="not judged: there are no samples")
+    advice = ": implausible; check the unit of the time (--time-unit)" if doubt else ""
     return Gate(name="time_unit", channel="", ok=not doubt, reason="; ".join(found) + advice)
 
 
@@ -210,7 +215,7 @@ def _swing(halves: Sequence[HalfCycle]) -> float:
 
 def _limit(name: str, value: float, limit: float | None, slack: float) -> Gate:
     if limit is None or math.isnan(value):
-        return Gate(name=name, channel="", ok=None, reason="cannot be told without a limit and samples")
+        return Gate(name=name, channel="", ok=None, reason="not judged: it needs a limit and samples")
     ok = value <= limit + slack if slack >= 0 else value >= limit + slack
     found = f"{value:.4g} V, limit {limit:g} V"
     advice = "stop such a test, and find out what drove the cell beyond it"

@@ -44,7 +44,7 @@ def _rows(data: Series, steps: Sequence[Step], made: Sequence[Cycle], capacity: 
     yield _stray_rows(data, steps, made)
     usual = _usual(data)
     if capacity is not None:
-        yield _gate("current_unit", None, "is told by capacity_ratio")
+        yield _gate("current_unit", None, "judged by capacity_ratio")
         return
     advice = "" if usual <= _MOST else ": currents are taken as A; convert mA first, or give --capacity"
     yield _gate("current_unit", usual <= _MOST, f"{usual:.3g} A, expected at most {_MOST:g} A{advice}")
@@ -52,19 +52,19 @@ def _rows(data: Series, steps: Sequence[Step], made: Sequence[Cycle], capacity: 
 
 def _one_stretch(data: Series) -> Gate:
     if data.stretch is None:
-        return _gate("one_stretch", None, "cannot be told: the log does not tell when it began anew")
+        return _gate("one_stretch", None, "not judged: the log does not show where it starts again")
     breaks = int(data.broken.sum())
     if not breaks:
-        return _gate("one_stretch", True, "the log goes on from beginning to end")
+        return _gate("one_stretch", True, "the log has no break")
     places = "1 place" if breaks == 1 else f"{breaks} places"
-    found = f"at {places} the log begins anew after a time that is not known"
-    return _gate("one_stretch", False, f"{found}: the fade takes what lay there as nothing")
+    found = f"the log starts again at {places}, after an unknown time"
+    return _gate("one_stretch", False, f"{found}: the fade counts no time there")
 
 
 def _coulombic(made: Sequence[Cycle]) -> Gate:
     whole = [each for each in made if each.complete]
     if not whole:
-        return _gate("single_coulombic_efficiency", None, "cannot be told without a whole cycle")
+        return _gate("single_coulombic_efficiency", None, "not judged: there is no complete cycle")
     low, high = _COULOMBIC
     bad = [each for each in whole if not low <= each.coulombic_efficiency <= high]
     named = _named([f"cycle {each.number} {each.coulombic_efficiency:.4g}" for each in bad])
@@ -81,7 +81,7 @@ def _own_energy(made: Sequence[Cycle]) -> Gate:
         if half is not None and np.isfinite(half.own_energy)
     ]
     if not halves:
-        return _gate("own_energy", None, "cannot be told: the instrument did not count energy itself")
+        return _gate("own_energy", None, "not judged: the instrument did not count energy itself")
     least = _SMALL * max(half.energy for *_, half in halves)
     bad = [each for each in halves if each[-1].energy > least and abs(_apart(each[-1])) > _OWN]
     found = f"trapezoid and the instrument's own energy of each half-cycle expected within {_OWN:.0%}"
@@ -97,7 +97,7 @@ def _apart(half: HalfCycle) -> float:
 
 def _warmth(data: Series, made: Sequence[Cycle]) -> Gate:
     if data.temperature is None:
-        return _gate("temperature", None, "cannot be told: none was recorded")
+        return _gate("temperature", None, "not judged: no temperature was recorded")
     false = np.isfinite(data.temperature) & ~can_be_warm(data.temperature)
     if not false.any():
         return _gate("temperature", True, "all between -60 and 120 degC")
