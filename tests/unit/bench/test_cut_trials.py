@@ -98,7 +98,9 @@ def test_a_relay_that_welds_is_told():
     with bound(with_peer(spec, "cycler1", faults=(fault,))) as bench:
         gate = tried(bench)[CHARGE]
         assert not gate.ok
-        assert "cycler current 0.02 A" in gate.detail or gate.detail.endswith("check for a welded contact and the wiring")
+        assert "cycler current 0.02 A" in gate.detail or gate.detail.endswith(
+            "check for a welded contact and the wiring"
+        )
 
 
 def test_a_relay_that_never_closes_is_told():

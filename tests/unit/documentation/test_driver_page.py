@@ -8,7 +8,9 @@ import runpy
 from pathlib import Path
 
 import pytest
+from other_packages import install, uninstall
 
+from hil.cli.main import main
 from hil.instruments.driver import Clamps, Connection
 from hil.instruments.registry import DRIVERS, ROLES
 from hil.instruments.role import Argument, problem_with
@@ -113,3 +115,37 @@ def test_the_page_names_the_entry_points_of_its_parts():
     page = PAGE.read_text(encoding="utf-8")
     for offers in (DRIVERS, ROLES, PEERS, PLANTS, FAULTS):
         assert f'[project.entry-points."{offers.group}"]' in page
+
+
+@pytest.fixture
+def acme(tmp_path):
+    """Install the package that the page describes, made of what stands on it."""
+    text = PAGE.read_text(encoding="utf-8")
+    sources = tmp_path / "acme/src/acme_hil"
+    sources.mkdir(parents=True)
+    (sources / "__init__.py").touch()
+    for name, code in re.findall(r"`src/acme_hil/(\w+\.py)`:\n\n```python\n(.*?)```", text, re.DOTALL):
+        (sources / name).write_text(code, encoding="utf-8")
+    project = tmp_path / "acme"
+    (project / "pyproject.toml").write_text("\n".join(re.findall(r"```toml\n(.*?)```", text, re.DOTALL)), "utf-8")
+    install(project, tmp_path / "site")
+    yield text
+    uninstall(project, tmp_path / "site")
+
+
+def test_the_pages_bench_is_checked_as_it_says(acme, tmp_path, monkeypatch, capsys):
+    """Followed to the letter: its bench file is whole, its commands print what stands there, its fault is seen."""
+    section = acme.partition("## 5. ")[2]
+    bench, peer = re.findall(r"```yaml\n(.*?)```", section, re.DOTALL)
+    (tmp_path / "lab/fixtures/benches/desk").mkdir(parents=True)
+    (tmp_path / "lab/hil.toml").touch()
+    monkeypatch.chdir(tmp_path / "lab")
+    faulty = re.sub(r"^ +mag1: \{truth.*\n", peer, bench, flags=re.MULTILINE)
+    for text, said, ready in zip(
+        (bench, faulty), re.findall(r"```console\n(.*?)```", section, re.DOTALL), (0, 1), strict=True
+    ):
+        Path("fixtures/benches/desk/bench.yaml").write_text(text, encoding="utf-8")
+        command, _, expected = said.partition("\n")
+        with pytest.raises(SystemExit) as left:
+            main(command.removeprefix("$ hil ").split())
+        assert (left.value.code, capsys.readouterr().out) == (ready, expected)
