@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import pytest
+from by_bytes import BY_BYTES, rig
 from rotation import WIRE, plant, table
 
 from hil.instruments.driver import Outlet
@@ -188,3 +189,44 @@ def test_the_plant_is_not_disturbed_by_being_read():
     quiet.command(rate_command=10.0, acceleration=20.0)
     quiet.advance(3_000_000_000)
     assert quiet.observe("angle") == pytest.approx(10 * 3 - 10 * 10 / 40, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("truth", "identity"),
+    [
+        ({"controller": "ESP301-3N", "firmware": "3.1.2 8/2/12"}, ("ESP301-3N", "SN0001", "3.1.2 8/2/12")),
+        ({"controller": "ESP300", "firmware": "3.08 09/09/02"}, ("ESP300", "SN0001", "3.08 09/09/02")),
+        ({"controller": "ESP300", "firmware": "3.03"}, ("ESP300", "SN0001", "3.03")),
+        ({"identifies": "unknown"}, ("ESP301", "", "3.0.1 6/1/99")),
+        ({"identifies": "empty"}, ("ESP301", "", "3.0.1 6/1/99")),
+        ({"identifies": "not"}, ("ESP301", "", "3.0.1 6/1/99")),
+    ],
+)
+def test_controllers_and_stages_identify_themselves_as_they_can(truth, identity):
+    """A stage without data has no serial number; nothing else of the table differs, nor do the bytes that stop it."""
+    kind = BY_BYTES["newport-esp301"]
+    with rig(kind, truth=truth) as found:
+        model, serial, firmware = identity
+        assert found.driver.identify() == Identity(model=model, serial=serial, firmware=firmware)
+        kind.drive(found)
+        assert not found.proven(found.code(kind.proof))
+        assert found.make_safe(found.code(kind.proof))
+        assert not found.on()
+
+
+@pytest.mark.parametrize("axes", [1, 2, 3])
+def test_a_controller_has_the_axes_that_it_has(axes):
+    """An axis out of its range is no outlet, and leaves no error that the next command would be told of."""
+    with table(truth={"axes": f"{axes}"}) as (role, _, _, driver):
+        assert driver.outlets() == tuple(Outlet(axis, on=False) for axis in range(1, axes + 1))
+        role.set_rate(10.0)
+        assert [outlet.on for outlet in driver.outlets()] == [True, False, False][:axes]
+        role.stop()
+
+
+def test_an_axis_of_a_wire_that_is_not_there_is_told():
+    """Nobody takes a table that should turn for one that there is not."""
+    with table(truth={"axes": "1"}) as (_, _, _, driver):
+        driver.role(dataclasses.replace(WIRE, channel=2))
+        with pytest.raises(Rejected, match="AXIS NUMBER OUT OF RANGE"):
+            driver.outlets()

@@ -18,7 +18,7 @@ from hil.instruments import settings
 from hil.instruments.driver import Clamps, Connection, Outlet
 from hil.instruments.marks import drives, reads
 from hil.instruments.newport_esp301_encoder import Encoder, Reading, stopped
-from hil.instruments.newport_esp301_session import EspSession, as_code, as_decimal, as_flag, as_words
+from hil.instruments.newport_esp301_session import EspRefused, EspSession, as_code, as_decimal, as_flag, as_words
 from hil.instruments.roles import ROTATION_TABLE, RotationTable
 from hil.instruments.safing import must_be_state, own_bounds
 from hil.model.bench import Proof, Wire
@@ -32,7 +32,8 @@ __all__ = ["Motion", "NewportEsp301", "Table", "TableSettings"]
 
 _AXES = (1, 2, 3)
 _STAGE_AXIS = 1
-_VERSION = re.compile(r"(ESP\d+)\s+Version\s+(.+)", re.ASCII)
+_VERSION = re.compile(r"(ESP\d+[-\w]*)\s+Version\s+(.+)", re.ASCII | re.IGNORECASE)
+_NO_SUCH_AXIS, _NOT_CONNECTED = 9, 8  # the latter after the number of the axis
 _TURN = 360.0
 _DEGREE = 7
 _DECIMALS = 4
@@ -69,23 +70,33 @@ class NewportEsp301:
         if connection.port is None:
             raise Refused(f"{connection.device}: a newport-esp301 is reached by a port", "give it `port:`")
         self._connection = connection
+        self._wired: set[int] = set()
         self._session = EspSession(connection.device, connection.port, connection.clock, timeout=connection.timeout)
 
     def identify(self) -> Identity:
-        """Ask the controller for its version, and the first axis for its stage, whose serial number counts."""
+        """Ask the controller for its version, and the first axis for its stage, whose serial number counts.
+
+        A stage without data of its own says nothing, or `Unknown`; then there is no serial number.
+        """
         model, firmware = self._session.query("VE?", _as_version)
-        _, serial = self._session.query(f"{_STAGE_AXIS}ID?", _as_stage)
+        try:
+            serial = self._session.query(f"{_STAGE_AXIS}ID?", _as_serial)
+        except EspRefused as refused:
+            if refused.codes != (100 * _STAGE_AXIS + _NOT_CONNECTED,):
+                raise
+            serial = ""
         return Identity(model=model, serial=serial, firmware=firmware)
 
     def outlets(self) -> Sequence[Outlet]:
-        """Ask every axis whether its motor is on or it moves."""
-        return tuple(Outlet(axis, self._on(axis)) for axis in _AXES)
+        """Ask every axis that the controller has whether its motor is on or it moves."""
+        return tuple(Outlet(axis, on) for axis in _AXES if (on := self._on(axis)) is not None)
 
     def role(self, wire: Wire) -> RotationTable:
         """Return the table on the axis that the wire names."""
         settings.fits(wire, "newport-esp301", self.roles, _AXES)
         own = settings.read(wire, TableSettings)
         connection = self._connection
+        self._wired.add(wire.channel)
         return Table(
             name=wire.name,
             device=connection.device,
@@ -97,9 +108,16 @@ class NewportEsp301:
             motion=Motion(own.acceleration, own.tolerance),
         )
 
-    def _on(self, axis: int) -> bool:
-        powered = self._session.query(f"{axis}MO?", as_flag)
-        return powered or not self._session.query(f"{axis}MD?", as_flag)
+    def _on(self, axis: int) -> bool | None:
+        """Return whether an axis is on, None where there is none: not one of a wire, and refused twice."""
+        for _ in range(2):
+            try:
+                powered = self._session.query(f"{axis}MO?", as_flag)
+                return powered or not self._session.query(f"{axis}MD?", as_flag)
+            except EspRefused as refused:
+                if axis in self._wired or refused.codes != (_NO_SUCH_AXIS,):
+                    raise
+        return None
 
 
 def _as_version(reply: str) -> tuple[str, str]:
@@ -109,11 +127,13 @@ def _as_version(reply: str) -> tuple[str, str]:
     return match[1], match[2].strip()
 
 
-def _as_stage(reply: str) -> tuple[str, str]:
-    model, separator, serial = as_words(reply).partition(",")
+def _as_serial(reply: str) -> str:
+    model, separator, serial = (as_words(reply) if reply else "Unknown").partition(",")
+    if model.strip().lower() == "unknown" and not separator:
+        return ""
     if not separator or not model.strip() or not serial.strip():
-        raise ValueError("a stage's model and serial number")
-    return model.strip(), serial.strip()
+        raise ValueError("a stage's model and serial number, or Unknown")
+    return serial.strip()
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ _GAP_S = 0.03
 _BETWEEN = 16
 _ALL_S = 0.3
 """What so many questions and replies take on the line at 9600 baud."""
-_VERSION = rb"(?:\A|\n)ESP\d+ +Version [^\r\n]*\r\n"
+_VERSION = rb"(?:\A|\n)ESP\d+[-\w]* +(?i:Version) [^\r\n]*\r\n"
 _END = rb" *\r\n"
 
 

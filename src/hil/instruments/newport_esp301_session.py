@@ -19,7 +19,7 @@ from hil.instruments.safing import LONGEST_REPLY_S
 from hil.model.errors import DeviceFault, Garbled, NoReply, Rejected
 from hil.wire.port import Port
 
-__all__ = ["EspSession", "Exchange", "as_code", "as_decimal", "as_flag", "as_words"]
+__all__ = ["EspRefused", "EspSession", "Exchange", "as_code", "as_decimal", "as_flag", "as_words"]
 
 _ATTEMPTS = 3
 _QUIET_S = 0.05
@@ -51,6 +51,12 @@ class _Status:
     code: int
     ticks: int
     text: str
+
+
+class EspRefused(Rejected):
+    """The controller refused a command; `codes` are the numbers of its errors, oldest first."""
+
+    codes: tuple[int, ...] = ()
 
 
 class EspSession:
@@ -163,11 +169,13 @@ class EspSession:
         status = self._status(text if refused else self._line("TB?"), sent)
         if status.code:
             told = (_told(status), *self.errors())
-            raise Rejected(
+            error = EspRefused(
                 self._device,
                 f"`{command}` was answered with {'; '.join(told)}",
                 "compare it with the stage's ratings and the controller's manual",
             )
+            error.codes = tuple(int(each.partition(" ")[0]) for each in told)
+            raise error
         if refused:
             raise self._garbled(command, "a reply before that of `TB?`", text)
         return text, times

@@ -94,6 +94,7 @@ class StageTruth:
     Attributes:
         model: what it says of itself.
         serial: what it says of itself.
+        identifies: how it does: as `model, serial`, as `unknown`, as an `empty` line, or `not` at all.
         unit: code of the displacement unit; 7 is the degree.
         resolution: of its encoder [deg].
         maximum_velocity: [deg/s].
@@ -104,12 +105,19 @@ class StageTruth:
 
     model: Text = field(default="URS75BPP", metadata={"alias": "stage"})
     serial: Text = "SN0001"
+    identifies: Annotated[str, one_of("model, serial", "unknown", "empty", "not")] = "model, serial"
     unit: Annotated[int, whole(0, 11)] = 7
     resolution: Positive = 0.0002
     maximum_velocity: Positive = 100.0
     maximum_acceleration: Positive = 200.0
     friction: Positive = 60.0
     limits: Annotated[tuple[float, float], vector(2)] = (-360_000.0, 360_000.0)
+
+    def told(self, axis: int) -> str:
+        """Return what it says of itself on that axis."""
+        if self.identifies == "not":
+            raise EspError(_AXIS * axis + 8)
+        return {"unknown": "Unknown", "empty": ""}.get(self.identifies, f"{self.model}, {self.serial}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,7 +13,6 @@ __all__ = ["CommandSet"]
 
 _COMMAND = re.compile(r"(\d*)([A-Z]{2})(\?|[^?]*)", re.ASCII)
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:E[+-]?\d{1,2})?", re.ASCII)
-_AXES = 3
 _TICK_NS = 400_000
 _LONGEST_LINE = 80
 _UNITS = 12
@@ -25,20 +24,22 @@ _Set = Callable[[Axis, str], None]
 
 
 class CommandSet(Stateful):
-    """Executes command lines on the axis that has a stage; the other two have none.
+    """Executes command lines on the axis that has a stage; others have none.
 
     Args:
         version: what `VE?` answers.
         axis: the first axis.
+        axes: how many axes the controller has.
         faults: what goes wrong.
     """
 
     errors: Kept[ErrorBuffer]
 
-    def __init__(self, version: str, axis: Axis, faults: Faults) -> None:
+    def __init__(self, version: str, axis: Axis, axes: int, faults: Faults) -> None:
         self.errors = ErrorBuffer()
         self._version = version
         self._axis = axis
+        self._axes = axes
         self._faults = faults
         self._now_ns = 0
         self._asks = self._questions()
@@ -91,7 +92,7 @@ class CommandSet(Stateful):
         """Return the axis, None for one without a stage."""
         if not number:
             raise EspError(_AXIS_MISSING)
-        if not 1 <= int(number) <= _AXES:
+        if not 1 <= int(number) <= self._axes:
             raise EspError(_NO_SUCH_AXIS)
         return self._axis if int(number) == self._axis.number else None
 
@@ -106,7 +107,7 @@ class CommandSet(Stateful):
             "AG": lambda axis: _decimal(axis.deceleration),
             "AU": lambda axis: _decimal(axis.stage.maximum_acceleration),
             "DV": lambda axis: _decimal(axis.commanded_velocity(self._now_ns)),
-            "ID": lambda axis: f"{axis.stage.model}, {axis.stage.serial}",
+            "ID": lambda axis: axis.stage.told(axis.number),
             "MD": lambda axis: f"{axis.done(self._now_ns):d}",
             "MO": lambda axis: f"{axis.powered:d}",
             "MV": lambda axis: f"{axis.done(self._now_ns):d}",

@@ -14,9 +14,10 @@ watched; `TV?` gives what the controller commands.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from hil.clock.port import NANOSECONDS
-from hil.model.notation import AnyText, NotNegative
+from hil.model.notation import AnyText, NotNegative, whole
 from hil.simulation.faults import Identity
 from hil.simulation.peers.esp301.axis import Axis, Drive, NoStop, Slipping, StageTruth, Stalled
 from hil.simulation.peers.esp301.commands import CommandSet
@@ -32,9 +33,11 @@ _LONGEST_INBOX = 1024
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerTruth:
-    """One controller: its version, and how long a command takes [s]."""
+    """One controller: its name, its version, its axes, and how long a command takes [s]."""
 
+    controller: AnyText = "ESP301"
     firmware: AnyText = "3.0.1 6/1/99"
+    axes: Annotated[int, whole(1, 3)] = 3
     command_time: NotNegative = 1e-3
 
 
@@ -110,7 +113,7 @@ def build(setup: PeerSetup) -> Esp301:
         truth.wrong("connects", "slipping and stalled need the terminal 'grip'")
     setup.finish()
     axis = Axis(1, stage, drive, setup.faults)
-    commands = CommandSet(f"ESP301 Version {own.firmware}", axis, setup.faults)
+    commands = CommandSet(f"{own.controller} Version {own.firmware}", axis, own.axes, setup.faults)
     return Esp301(commands, axis, round(own.command_time * NANOSECONDS))
 
 
