@@ -18,6 +18,7 @@ from hil.instruments.keysight_e36300 import KeysightE36300
 from hil.instruments.keysight_single import KeysightE3632a, KeysightE36100
 from hil.instruments.korad_ka3005p import KoradKa3005p
 from hil.instruments.newport_esp301 import NewportEsp301
+from hil.instruments.omron_e5cc import OmronE5cc
 from hil.instruments.rigol_dp832 import RigolDp832
 from hil.instruments.rohde_schwarz_hmp import RohdeSchwarzHmp
 from hil.instruments.safing import LONGEST_REPLY_S
@@ -30,6 +31,7 @@ from hil.simulation.peers.eurotherm.controller import MODEL as EUROTHERM
 from hil.simulation.peers.keysight_e36312a import MODEL as KEYSIGHT
 from hil.simulation.peers.keysight_single import E3632A, E36103B
 from hil.simulation.peers.korad_ka3005p import MODEL as KORAD
+from hil.simulation.peers.omron_e5cc import MODEL as OMRON
 from hil.simulation.peers.rigol_dp832 import MODEL as RIGOL
 from hil.simulation.peers.rohde_schwarz_hmp import MODEL as ROHDE_SCHWARZ
 from hil.simulation.peers.siglent_spd3303x import MODEL as SIGLENT
@@ -287,6 +289,19 @@ BY_BYTES = {
     "eurotherm-3216": Kind(
         model=EUROTHERM,
         driver=Eurotherm3216,
+        wire=Wire(role="thermal", instance="", instrument="device"),
+        state="standby",
+        drive=_drive_thermal,
+        on=lambda rig: {"tec"} if rig.plant.inputs["tec"] else set(),
+        proof=_proof("thermal", "output", "%", 0.05),
+        baud=9600,
+        truth={"sensor_noise": "0"},
+        connects={"sensor": "chamber.plate", "drive": "chamber.tec", "ambient": "chamber.ambient"},
+        make_plant=chamber,
+    ),
+    "omron-e5cc": Kind(
+        model=OMRON,
+        driver=OmronE5cc,
         wire=Wire(role="thermal", instance="", instrument="device"),
         state="standby",
         drive=_drive_thermal,

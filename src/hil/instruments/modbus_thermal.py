@@ -1,0 +1,219 @@
+"""The thermal role over Modbus: what temperature controllers have in common, whatever their registers."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated
+
+from hil.clock.port import Clock
+from hil.instruments.driver import Clamps
+from hil.instruments.marks import drives, reads
+from hil.instruments.modbus_session import ModbusSession
+from hil.model.errors import DeviceFault, Garbled, NoReply, Refused, Rejected
+from hil.model.figure import Figure
+from hil.model.notation import whole
+
+__all__ = ["MOST_DECIMALS", "ModbusThermal", "ThermalSettings", "signed"]
+
+MOST_DECIMALS = 2
+"""Of a display; more would leave no room for temperatures in a register."""
+
+_QUIET_S = 0.02
+_OUTPUT_GONE_S = 2.0
+"""The control loop needs a turn before its output shows the mode."""
+_PAUSE_S = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThermalSettings:
+    """What a wire may set: decimals of the display."""
+
+    decimals: Annotated[int, whole(0, MOST_DECIMALS)] = 1
+
+
+class ModbusThermal(ABC):
+    """One loop of a temperature controller on Modbus; fills the role `thermal`. Makes of controllers derive from it.
+
+    Args:
+        name: the wire's dotted name.
+        device: the instrument's name, for messages.
+        session: its session.
+        clock: the bench's clock.
+        clamps: how far its setpoint may be set; the quantity is `temperature`.
+        channel: of the wire, by which clamps are found.
+        decimals: how many the display shows; everything about temperature is wrong by powers of ten otherwise.
+    """
+
+    def __init__(
+        self,
+        *,
+        name: str,
+        device: str,
+        session: ModbusSession,
+        clock: Clock,
+        clamps: Clamps,
+        channel: int,
+        decimals: int,
+    ) -> None:
+        self._name = name
+        self._device = device
+        self._session = session
+        self._clock = clock
+        self._clamps = clamps
+        self._channel = channel
+        self._decimals = decimals
+        self._agreed = False
+
+    @drives
+    def hold(self, temperature: float) -> None:
+        """Regulate to a setpoint [degC]: setpoint first, then whatever lets it regulate; all are read back.
+
+        Raises:
+            ClampExceeded: the setpoint is not permitted; nothing was sent.
+            Rejected: the display is not as the wiring says, or something reads back otherwise.
+        """
+        self._clamps.permit(self._channel, "temperature", temperature)
+        scaled = temperature * 10**self._decimals
+        if not -0x8000 <= scaled < 0x7FFF:
+            raise Refused(
+                f"{self._name}: {temperature:g} degC does not fit in a register", "ask for another temperature"
+            )
+        self._agreed = False
+        self._agree_once()
+        self._regulate(round(scaled) & 0xFFFF)
+
+    @drives
+    def standby(self) -> None:
+        """Stop regulating, by which control outputs are off, and wait until the output reads 0 %.
+
+        Raises:
+            Rejected: it continues, or says that its output is still on.
+        """
+        self._halt()
+        deadline = self._clock.now() + _OUTPUT_GONE_S
+        while self._power():
+            if self._clock.now() >= deadline:
+                raise Rejected(
+                    self._device, f"{self._name} is in standby and its output is on", "cut the power of the cooler"
+                )
+            self._clock.sleep(_PAUSE_S)
+
+    @reads
+    def temperature(self) -> Figure:
+        """Return the process value in degC; NaN where the controller says that its sensor is broken or over range."""
+        self._agree_once()
+        raw = self._process_value()
+        return Figure(value=math.nan if self._sensor_fails() else self._scaled(raw), unit="degC")
+
+    @reads
+    def setpoint(self) -> Figure:
+        """Return the working setpoint in degC."""
+        self._agree_once()
+        return Figure(value=self._scaled(self._working_setpoint()), unit="degC")
+
+    @reads
+    def output(self) -> Figure:
+        """Return the working output in %, negative while it cools."""
+        return Figure(value=self._power() / 10, unit="%")
+
+    @abstractmethod
+    def _agree(self) -> None:
+        """Compare the display with the wiring; Rejected if every temperature would be another one."""
+
+    @abstractmethod
+    def _regulate(self, setpoint: int) -> None:
+        """Set the setpoint, as a register has it, and regulate to it."""
+
+    @abstractmethod
+    def _halt(self) -> None:
+        """Stop regulating."""
+
+    @abstractmethod
+    def _process_value(self) -> int:
+        """Read the register of the process value."""
+
+    @abstractmethod
+    def _working_setpoint(self) -> int:
+        """Read the register of the setpoint that counts."""
+
+    @abstractmethod
+    def _sensor_fails(self) -> bool:
+        """Read whether the sensor is broken or over range."""
+
+    @abstractmethod
+    def _power(self) -> int:
+        """Read the working output in tenths of a percent, negative while it cools."""
+
+    def _agree_once(self) -> None:
+        """Compare the display with the wiring, once and before every setpoint."""
+        if not self._agreed:
+            self._agree()
+            self._agreed = True
+
+    def _set(self, register: int, value: int, what: str) -> None:
+        """Write a register where it differs, and read it back. See `_prove`."""
+
+        def differs(found: int) -> str:
+            return "" if found == value else f"was set to {signed(value)} and reads back {signed(found)}"
+
+        self._prove(
+            what, lambda: self._session.write_holding(register, value), lambda: differs(self._register(register))
+        )
+
+    def _prove(self, what: str, write: Callable[[], None], differs: Callable[[], str]) -> None:
+        """Write where something differs, and read it back, with silence after that: no stale frame was read.
+
+        Args:
+            what: is set, for the message.
+            write: writes it.
+            differs: reads it, and says what is wrong with it; empty if it is as it should be.
+
+        Raises:
+            NoReply: nothing came, or the echo was lost and it is otherwise.
+            Garbled: the same with nonsense, or something came that nobody had asked for.
+            Rejected: the instrument refused, or reads back otherwise.
+        """
+        stray = self._stray()
+        fault: DeviceFault | None = None
+        if self._may_differ(differs):
+            try:
+                write()
+            except (NoReply, Garbled) as error:
+                fault = error
+        wrong = differs()
+        self._session.must_be_quiet(_QUIET_S)
+        if stray:
+            raise stray
+        if wrong:
+            raise fault or Rejected(
+                self._device, f"{self._name}: {what} {wrong}", "check its setpoint limits and its access level"
+            )
+
+    def _may_differ(self, differs: Callable[[], str]) -> bool:
+        """Return whether a write is due; where nobody can tell, it is, because it may be what makes the bench safe."""
+        try:
+            return bool(differs())
+        except (NoReply, Garbled):
+            return True
+
+    def _stray(self) -> DeviceFault | None:
+        """Return what is wrong before a write; it leaves all the same."""
+        try:
+            self._session.must_be_quiet()
+        except DeviceFault as fault:
+            return fault
+        return None
+
+    def _register(self, address: int) -> int:
+        return self._session.read_holding(address, 1)[0]
+
+    def _scaled(self, raw: int) -> float:
+        return signed(raw) / float(10**self._decimals)
+
+
+def signed(raw: int) -> int:
+    """Return a register as a signed number."""
+    return raw - 0x10000 if raw & 0x8000 else raw
