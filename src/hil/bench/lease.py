@@ -50,6 +50,7 @@ class Lease:
     def __init__(self, keys: Sequence[str], holder: str, folder: Path | None = None) -> None:
         self._folder = folder or _FOLDER
         self._held: list[int] = []
+        self._notes: set[Path] = set()
         self._keys = sorted(set(keys))
         self._note = {"holder": holder, "pid": os.getpid(), "since": wall.utc_now(), "run": ""}
         try:
@@ -74,6 +75,9 @@ class Lease:
 
     def release(self) -> None:
         """Release everything; releasing twice is harmless."""
+        while self._notes:  # first, as the next holder writes its own as soon as it has the lease
+            with suppress(OSError):
+                self._notes.pop().unlink()
         while self._held:
             os.close(self._held.pop())
 
@@ -93,7 +97,9 @@ class Lease:
             _share(self._folder)
         for key in self._keys:
             with suppress(OSError):
-                write_whole(_note_of(key, self._folder), json.dumps(self._note).encode(), 0o644)
+                path = _note_of(key, self._folder)
+                write_whole(path, json.dumps(self._note).encode(), 0o644, lasting=False)
+                self._notes.add(path)
 
 
 def holds_a_lease(run: str, folder: Path | None = None) -> bool:

@@ -126,13 +126,14 @@ def write(path: Path, latch: Latch, *, alone: bool = False) -> None:
     _sync(path.parent)
 
 
-def write_whole(path: Path, data: bytes, mode: int) -> None:
-    """Write a file that is this user's in a folder for all, on disk before this returns; a link is not followed.
+def write_whole(path: Path, data: bytes, mode: int, *, lasting: bool = True) -> None:
+    """Write a file that is this user's in a folder for all; a link is not followed.
 
     Args:
         path: where it is.
         data: all that is in it then.
         mode: of a file that is new, or was empty; the sticky bit is added, so that it does not age.
+        lasting: whether it is on disk before this returns.
 
     Raises:
         OSError: if it cannot be written.
@@ -146,7 +147,8 @@ def write_whole(path: Path, data: bytes, mode: int) -> None:
             os.fchmod(file, mode | stat.S_ISVTX)
         os.pwrite(file, data, 0)
         os.ftruncate(file, len(data))  # after the write, so that the file is never empty
-        os.fsync(file)
+        if lasting:
+            os.fsync(file)
     finally:
         os.close(file)
 

@@ -13,7 +13,7 @@ import subprocess
 import sys
 
 import pytest
-from tmpfiles import NOBODY, another_user, as_root, clean, folder_for_all, make_old
+from tmpfiles import NOBODY, another_user, as_root, clean, folder_for_all, has_tmpfiles, make_old, really_clean
 
 from hil.bench.lease import Lease, holds_a_lease
 from hil.model.errors import Refused
@@ -26,6 +26,11 @@ lease = Lease(["psu1"], "a run of jig", Path(sys.argv[1]))
 print("held", flush=True)
 sys.stdin.read()
 """
+
+
+def note_of(key, folder):
+    """Return where this user notes that it holds a key."""
+    return folder / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}-{os.geteuid()}.note"
 
 
 def test_second_holder_is_told_who_the_first_is(tmp_path):
@@ -47,6 +52,7 @@ def test_released_lease_can_be_taken_again(tmp_path):
     first = Lease(["psu1"], "a run with a very long name", tmp_path)
     first.release()
     first.release()
+    assert list(tmp_path.iterdir()) == []
     second = Lease(["psu1"], "short", tmp_path)
     with pytest.raises(Refused, match=r"held by short \(process"):
         Lease(["psu1"], "third", tmp_path)
@@ -113,10 +119,8 @@ def test_a_lease_needs_no_note(tmp_path, kind):
     if kind == "a file":
         folder.write_text("", encoding="utf-8")
     else:
-        Lease(["psu1"], "a run", folder).release()
-        (file,) = folder.iterdir()
-        file.unlink()
-        file.symlink_to(victim)
+        folder.mkdir()
+        note_of("psu1", folder).symlink_to(victim)
     lease = Lease(["psu1"], "a run", folder)
     with pytest.raises(Refused, match=rf"psu1 is held by another run \(process {os.getpid()} of user"):
         Lease(["psu1"], "another", folder)
@@ -139,13 +143,14 @@ def test_no_removed_file_gives_a_lease_away(tmp_path):
     Lease(["psu1"], "another", folder).release()
 
 
-def test_ageing_takes_no_lease_of_a_living_run(tmp_path):
+@pytest.mark.parametrize("cleaned", [clean, pytest.param(really_clean, marks=has_tmpfiles)], ids=["rules", "systemd"])
+def test_ageing_takes_no_lease_of_a_living_run(tmp_path, cleaned):
     """After 35 days the second run is refused, and who holds the bench is still told."""
     folder = tmp_path / "leases"
     lease = Lease(["psu1"], "a run of cycles", folder)
     (folder / "other").touch()
     make_old(tmp_path, days=35)
-    clean(tmp_path, days=10)
+    cleaned(tmp_path, 10)
     assert not (folder / "other").exists()
     with pytest.raises(Refused, match="psu1 is held by a run of cycles"):
         Lease(["psu1"], "another", folder)
@@ -206,9 +211,8 @@ def test_nobody_speaks_for_another_user():
     """What is not the holder's own file is not told as its note, and is not written to."""
     with folder_for_all() as place:
         folder = place / "leases"
-        Lease(["psu1"], "a run", folder).release()
-        (note,) = folder.iterdir()
-        note.unlink()
+        folder.mkdir(mode=0o755)
+        note = note_of("psu1", folder)
         note.write_text(json.dumps({"holder": "ask me first", "pid": os.getpid(), "since": "", "run": ""}))
         os.chown(note, NOBODY, NOBODY)
         note.chmod(0o666)

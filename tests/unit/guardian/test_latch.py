@@ -8,7 +8,7 @@ import stat
 from pathlib import Path
 
 import pytest
-from tmpfiles import NOBODY, another_user, as_root, clean, folder_for_all, make_old
+from tmpfiles import NOBODY, another_user, as_root, clean, folder_for_all, has_tmpfiles, make_old, really_clean
 
 from hil.guardian import latch
 from hil.guardian.latch import Latch
@@ -136,12 +136,13 @@ def test_a_latch_of_another_user_is_emptied_where_it_cannot_be_removed(path, mon
     assert path.exists()
 
 
-def test_ageing_takes_no_latch(path):
+@pytest.mark.parametrize("cleaned", [clean, pytest.param(really_clean, marks=has_tmpfiles)], ids=["rules", "systemd"])
+def test_ageing_takes_no_latch(path, cleaned):
     """Not after ninety days in a folder where 30 are allowed, whether or not its run lives."""
     latch.write(path, ONE)
     (path.parent / "other").touch()
     make_old(path.parent.parent, days=90)
-    clean(path.parent.parent, days=30)
+    cleaned(path.parent.parent, 30)
     assert not (path.parent / "other").exists()
     assert latch.read(path) == ONE
 
