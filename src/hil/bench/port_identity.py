@@ -1,18 +1,30 @@
-"""Which device a serial port is, by what the operating system says: before the port is opened, without a byte."""
+"""Who is at a port: of a device, what the operating system says before it is opened; on a network, who answers."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from typing import Protocol
 
+from hil.bench.bound import BoundBench
 from hil.bench.gate import Gate
 from hil.bench.onboard import Uart, difference, uart_at
 from hil.model.bench import BenchSpec, InstrumentSpec, OnboardPort, UsbPort
 from hil.model.errors import Refused
+from hil.model.identity import Identity
 from hil.wire.opening import PortKind, kind_of, url_of_resource
 
-__all__ = ["ListedPort", "WrongPort", "check_port", "is_serial_device", "listed_ports", "port_gates"]
+__all__ = [
+    "ListedPort",
+    "WrongPort",
+    "check_port",
+    "difference_of",
+    "is_serial_device",
+    "listed_ports",
+    "port_gates",
+    "strangers_on_network",
+]
 
 _BY_PATH = "/dev/serial/by-path"
 
@@ -134,3 +146,25 @@ def _plug(port: ListedPort) -> str:
 
 def _spoken(port: ListedPort) -> str:
     return f"{port.product or 'no USB device'}, {f'serial {port.serial_number}' if port.serial_number else 'no serial'}"
+
+
+def strangers_on_network(bench: BoundBench) -> dict[str, str]:
+    """Return, by instrument, what else answers at its port on a network; nothing is driven, and silence is no stranger.
+
+    A serial device is compared with its USB identity before it is opened; an address on a network may be anyone's.
+    """
+    found: dict[str, str] = {}
+    for instrument in bench.spec.instruments:
+        if kind_of(instrument.port) in {PortKind.SOCKET, PortKind.RFC2217}:
+            with suppress(Exception):  # what a driver makes of nonsense is no other instrument's identity
+                found[instrument.name] = difference_of(instrument.identity, bench.drivers[instrument.name].identify())
+    return {name: detail for name, detail in found.items() if detail}
+
+
+def difference_of(expected: Identity, found: Identity) -> str:
+    """Return in what an instrument is another than the bench file expects, nothing if it is the one."""
+    for what in ("manufacturer", "model", "serial", "firmware"):
+        wanted, got = getattr(expected, what), getattr(found, what)
+        if wanted and wanted != got:
+            return f"expected {what} '{wanted}', found '{got}'"
+    return ""

@@ -10,6 +10,7 @@ from hil.bench.bound import BoundBench
 from hil.bench.connections import stays_on
 from hil.bench.cut_trials import cut_path_gates
 from hil.bench.gate import Gate
+from hil.bench.port_identity import difference_of
 from hil.bench.safe_off import left_on
 from hil.bench.self_test import self_test
 from hil.instruments.cycler_role import Cycler
@@ -17,7 +18,7 @@ from hil.instruments.roles import Relays, Supply, Watched
 from hil.model.bench import InstrumentSpec, Position, ReducedLevel, Wire
 from hil.model.cutting import CutPath
 from hil.model.errors import HilError
-from hil.model.identity import Dut, Identity
+from hil.model.identity import Dut
 from hil.model.prefixed import prefixed
 
 __all__ = ["energised_gates", "unpowered_gates"]
@@ -90,7 +91,7 @@ def _identity(bench: BoundBench, instrument: InstrumentSpec, dut: Dut | None) ->
     name = f"identity of {instrument.name}"
     try:
         found = bench.drivers[instrument.name].identify()
-        difference = _difference(instrument.identity, found)
+        difference = difference_of(instrument.identity, found)
     except _TOLD as error:
         return Gate(name, ok=False, detail=_said(error))
     if difference:
@@ -103,14 +104,6 @@ def _identity(bench: BoundBench, instrument: InstrumentSpec, dut: Dut | None) ->
 
 def _said(error: Exception) -> str:
     return str(error) if isinstance(error, HilError) else f"{type(error).__name__} in the driver: {error}"
-
-
-def _difference(expected: Identity, found: Identity) -> str:
-    for what in ("manufacturer", "model", "serial", "firmware"):
-        wanted, got = getattr(expected, what), getattr(found, what)
-        if wanted and wanted != got:
-            return f"expected {what} '{wanted}', found '{got}'"
-    return ""
 
 
 def _watchdog(bench: BoundBench, path: CutPath) -> Gate:

@@ -15,7 +15,7 @@ from hil.bench.file.reading import load_bench
 from hil.bench.gate import Gate
 from hil.bench.lease import Lease, refuse_latched
 from hil.bench.live import bind_live
-from hil.bench.port_identity import WrongPort
+from hil.bench.port_identity import WrongPort, strangers_on_network
 from hil.bench.safe_off import SafeResult, make_safe
 from hil.bench.serving import ServedEnds, served
 from hil.clock import wall
@@ -152,12 +152,18 @@ def safe_bench(
 ) -> list[SafeResult]:
     """Execute every line of a bench's safe-off and return the outcome of each; see `check_bench`.
 
-    Anyone who holds the bench does not keep anybody from making it safe, nor does an instrument that cannot be reached:
-    its lines are not proven. Who holds the bench is told.
+    Anyone who holds the bench does not keep anybody from making it safe, nor does an instrument that cannot be reached,
+    or in whose place another one answers: its lines are not proven. Who holds the bench is told.
     """
     results: list[SafeResult] = []
     with handle_signals(StopFlags()), _visit(start, name, source, served, by_force=tell) as visit:  # to its end
-        make_safe(visit.bench.spec.safe_off, visit.bench.roles, visit.bench.clock, results.append)
+        bench, strangers = visit.bench, strangers_on_network(visit.bench)
+        for step in bench.spec.safe_off:
+            if (name := bench.spec.wire(step.output).instrument) in strangers:
+                detail = f"not driven: another instrument answers at the port of {name}: {strangers[name]}"
+                results.append(SafeResult(step.output, step.state, ok=False, detail=detail, seconds=0.0))
+            else:
+                make_safe([step], bench.roles, bench.clock, results.append)
     return results
 
 

@@ -9,9 +9,10 @@ import pytest
 from workspaces import make
 
 from hil.bench.live import Reach
+from hil.bench.safe_off import make_safe
 from hil.cli.commands.bench import command
 from hil.executive import bench_visit
-from hil.executive.bench_visit import Checked, check_bench
+from hil.executive.bench_visit import Checked, check_bench, safe_bench
 from hil.model.identity import Source
 
 
@@ -106,6 +107,32 @@ def test_an_output_that_cannot_be_reached_any_more_is_told_at_the_end(tmp_path, 
     assert checked == Checked(ready=False, safe=False)
     assert (gates[-1].name, gates[-1].ok) == ("safe at the end", False)
     assert "is not off" in gates[-1].detail
+
+
+@pytest.mark.parametrize("serial", ["MY59002391", "MY00000000"])
+@pytest.mark.usefixtures("bench")
+def test_safe_drives_no_other_instrument_that_answers_on_the_network(tmp_path, monkeypatch, serial):
+    """An address may be another supply's by now: it is asked, and left alone; the rest is made safe."""
+    file = tmp_path / "workspace/fixtures/benches/adcs/bench.yaml"
+    file.write_text(file.read_text().replace("model: E36312A, serial: MY59002391", f"model: E36312A, serial: {serial}"))
+    driven = []
+
+    def made_safe(steps, *given):
+        driven.extend(step.output for step in steps)
+        return make_safe(steps, *given)
+
+    monkeypatch.setattr(bench_visit, "make_safe", made_safe)
+    results = safe_bench(tmp_path / "workspace", "adcs", Source.SIMULATED, tell=lambda _: None)
+    ours = serial == "MY59002391"
+    assert [(each.output, each.ok) for each in results] == [
+        ("supply.coil", ours),
+        ("relays", True),
+        ("supply.sensor", ours),
+    ]
+    if not ours:
+        other = "another instrument answers at the port of psu1: expected serial 'MY00000000', found 'MY59002391'"
+        assert results[0].detail == f"not driven: {other}"
+    assert driven == [each.output for each in results if each.ok]
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,10 @@ import socket
 import pytest
 from served import NetworkClient, SerialClient, bench_of, serving
 
+from hil.bench.lease import Lease
 from hil.model.errors import Refused
 from hil.simulation.served.folder import CONTROL, ServedFolder, ask
+from hil.wire.keys import keys_of, keys_of_served
 
 RELAYS = bytes.fromhex("01 01 00 00 00 08 3D CC")
 
@@ -38,6 +40,19 @@ def test_instruments_are_opened_by_link_and_by_port(folder):
         assert relays.until(server, b"\x01\x01\x01\x00\x51\x88") == b"\x01\x01\x01\x00\x51\x88"
         supply.close()
         relays.close()
+
+
+def test_a_served_bench_is_one_also_for_who_reaches_it_through_loopback(folder, tmp_path):
+    """A run by its folder and one by the port of an instrument exclude each other; nothing of it stays afterwards."""
+    with serving(folder) as server:
+        by_port = keys_of(server.ends["psu1"].url.replace("127.0.0.1", "localhost"))
+        for first, second in ((keys_of_served(folder), by_port), (by_port, keys_of_served(folder))):
+            held = Lease(first, "a run of one", tmp_path / "leases")
+            with pytest.raises(Refused, match="served bench .* is held by a run of one"):
+                Lease(second, "a run of another", tmp_path / "leases")
+            held.release()
+        url = server.ends["psu1"].url
+    assert not set(keys_of(url)) & set(keys_of_served(folder))
 
 
 def test_a_terminal_is_raw_also_for_a_client_that_sets_nothing(folder):
