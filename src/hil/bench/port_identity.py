@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from typing import Protocol
 
@@ -100,7 +100,7 @@ def check_port(
     ports = list(listed_ports() if ports is None else ports)
     found = next((port for port in ports if real_path(port.device) == device), None)
     if found is None:
-        return Gate(name, ok=False, detail=f"{instrument.port} is not there{_elsewhere(instrument.usb, ports)}")
+        return Gate(name, ok=False, detail=f"{instrument.port} is not there{_instead(instrument.usb, ports)}")
     if instrument.usb is None:
         own = f"serial: {found.serial_number}" if found.serial_number else f"path: its name in {_BY_PATH}"
         detail = f"{device} is {_spoken(found)}; write 'usb: {{{own}}}' so that it is never taken for another"
@@ -137,6 +137,12 @@ def _difference(usb: UsbPort, found: ListedPort, ports: Iterable[ListedPort], re
 def _elsewhere(usb: UsbPort | None, ports: Iterable[ListedPort]) -> str:
     there = [port.device for port in ports if usb and usb.serial and port.serial_number == usb.serial]
     return f"; that one is {' and '.join(there)}" if there else ""
+
+
+def _instead(usb: UsbPort | None, ports: Sequence[ListedPort]) -> str:
+    """Return what is there in place of a port: the device that it must be, or else whatever is."""
+    there = [f"{port.device}: {_spoken(port)}" for port in ports if port.serial_number]
+    return _elsewhere(usb, ports) or (f"; there is {'; '.join(there)}" if there else "")
 
 
 def _plug(port: ListedPort) -> str:

@@ -13,7 +13,8 @@ import serial
 from serial.rs485 import RS485Settings
 
 from hil.clock import wall
-from hil.guardian.ports.opening import keep_alone, must_have_taken, notice_its_end
+from hil.guardian.ports.connection import notice_its_end
+from hil.guardian.ports.opening import keep_alone, must_have_taken
 from hil.model.errors import NoReply, Refused
 from hil.model.serial_line import Rs485, SerialLine
 from hil.wire.obstacles import obstacle

@@ -64,7 +64,7 @@ def test_a_link_that_leads_to_another_board_is_told():
 @pytest.mark.parametrize(
     ("usb", "ports", "detail"),
     [
-        (None, (OTHER,), f"{BY_ID} is not there"),
+        (None, (OTHER,), f"{BY_ID} is not there; there is /dev/ttyUSB1: FT232R USB UART, serial A50285BK"),
         (UsbPort(serial="A50285BI"), (), f"{BY_ID} is not there"),
         (UsbPort(serial="A50285BK"), (OTHER,), f"{BY_ID} is not there; that one is /dev/ttyUSB1"),
         (

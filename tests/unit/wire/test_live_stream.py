@@ -95,7 +95,7 @@ def both_ways(url):
 @pytest.mark.parametrize("way", [0, 1], ids=["executive", "guardian"])
 def test_a_connection_that_takes_no_bytes_any_more_ends(monkeypatch, way):
     """Nothing waits in it for others to come along, and what nobody acknowledges is its end."""
-    monkeypatch.setattr("hil.guardian.ports.opening._UNANSWERED_MS", 300)
+    monkeypatch.setattr("hil.guardian.ports.connection._UNANSWERED_MS", 300)
     with connected() as (url, accepted):
         ways = both_ways(url)
         with accepted() as first, accepted() as second, socket.socket(fileno=os.dup(ways[way][0])) as own:

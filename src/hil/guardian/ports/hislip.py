@@ -7,6 +7,8 @@ import socket
 import struct
 import time
 
+from hil.guardian.ports.connection import connected
+
 __all__ = ["HISLIP_PORT", "HiSlip"]
 
 HISLIP_PORT = 4880
@@ -37,13 +39,13 @@ class HiSlip:
     """
 
     def __init__(self, host: str, port: int = HISLIP_PORT, name: str = "hislip0", seconds: float = 0.5) -> None:
-        self._sync = _connected(host, port, seconds)
+        self._sync = connected(host, port, seconds)
         self._async: socket.socket | None = None
         try:
             until = time.monotonic() + seconds
             _send(self._sync, _INITIALIZE, 0, _VERSION_1 << 16 | _VENDOR, name.encode("ascii"))
             _, parameter, _ = _expected(self._sync, _INITIALIZED, until)
-            self._async = _connected(host, port, seconds)
+            self._async = connected(host, port, seconds)
             _send(self._async, _ASYNC_INITIALIZE, 0, parameter & 0xFFFF)
             _expected(self._async, _ASYNC_INITIALIZED, until)
             _send(self._async, _MOST_SIZE, 0, 0, struct.pack(">Q", _OURS))
@@ -96,13 +98,6 @@ class HiSlip:
         for each in (self._sync, self._async):
             if each is not None:
                 each.close()
-
-
-def _connected(host: str, port: int, seconds: float) -> socket.socket:
-    made = socket.create_connection((host, port), seconds)
-    made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    made.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-    return made
 
 
 def _send(connection: socket.socket, kind: int, control: int, parameter: int, payload: bytes = b"") -> None:

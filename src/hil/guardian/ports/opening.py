@@ -5,13 +5,13 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
-import socket
 import struct
 import termios
 import time
 from contextlib import suppress
 from threading import Event
 
+from hil.guardian.ports.connection import connected
 from hil.guardian.ports.hislip import HISLIP_PORT, HiSlip
 from hil.guardian.ports.line import Line
 from hil.guardian.ports.messages import MessageLine, Messenger
@@ -21,7 +21,7 @@ from hil.guardian.ports.vxi11 import Vxi11
 from hil.model.safing import GuardedPort
 from hil.model.serial_line import Rs485, SerialLine
 
-__all__ = ["keep_alone", "let_others_open", "line_on", "must_have_taken", "notice_its_end", "opened"]
+__all__ = ["keep_alone", "let_others_open", "line_on", "must_have_taken", "opened"]
 
 _CONNECT_S = 0.5
 _AGREE_S = 2.0
@@ -36,10 +36,6 @@ _PARITY = {
 _DATA_BITS = {5: termios.CS5, 6: termios.CS6, 7: termios.CS7, 8: termios.CS8}
 _FRAME = termios.CSIZE | termios.PARENB | termios.PARODD | _STICKY_PARITY | termios.CSTOPB | termios.CRTSCTS
 _NOT_TAKEN = "it does not take the settings of serial_line"
-_QUIET_S = 1
-_ASKED_EVERY_S = 1
-_ASKED_TIMES = 3
-_UNANSWERED_MS = 4000
 _PSEUDO_TERMINALS = range(136, 144)  # majors of their far sides, Documentation/admin-guide/devices.txt of Linux
 _SET_RS485 = 0x542F  # TIOCSRS485 of asm-generic/ioctls.h
 
@@ -94,7 +90,6 @@ def _messenger(port: GuardedPort) -> Messenger:
     host, separator, number = place.rpartition(":")
     if not separator or "]" in number:
         host, number = place, ""
-    host = host.strip("[]")
     if port.speaks == "hislip":
         return HiSlip(host, int(number or HISLIP_PORT), name)
     return Vxi11(host, name, int(number or 0))
@@ -103,28 +98,7 @@ def _messenger(port: GuardedPort) -> Messenger:
 def _connected(url: str) -> int:
     """Connect to `scheme://host:port` and return the descriptor."""
     host, _, number = url.partition("://")[2].rpartition(":")
-    connected = socket.create_connection((host.strip("[]"), int(number)), _CONNECT_S)
-    notice_its_end(connected.fileno())
-    return connected.detach()
-
-
-def notice_its_end(descriptor: int) -> None:
-    """Let a connection send without delay, and end within some five seconds once nothing answers at its other end.
-
-    Without that an instrument that lost its power, or a pulled cable, looks like one that has nothing to say: the
-    system asks after two hours at first. The options belong to the connection, whoever has its descriptor.
-    """
-    with socket.socket(fileno=os.dup(descriptor)) as connection:
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        for option, value in (
-            ("TCP_KEEPIDLE", _QUIET_S),
-            ("TCP_KEEPINTVL", _ASKED_EVERY_S),
-            ("TCP_KEEPCNT", _ASKED_TIMES),
-            ("TCP_USER_TIMEOUT", _UNANSWERED_MS),
-        ):
-            if (number := getattr(socket, option, None)) is not None:  # not every system knows all of them
-                connection.setsockopt(socket.IPPROTO_TCP, number, value)
+    return connected(host, int(number), _CONNECT_S).detach()
 
 
 def keep_alone(descriptor: int) -> None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import errno
-import socket
 import struct
 import time
 from contextlib import suppress
 from typing import Self
+
+from hil.guardian.ports.connection import connected
 
 __all__ = ["Vxi11"]
 
@@ -117,9 +118,7 @@ class _Calls:
     """Remote calls over one connection, one at a time."""
 
     def __init__(self, host: str, port: int, seconds: float) -> None:
-        self._connection = socket.create_connection((host, port), seconds)
-        self._connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        self._connection = connected(host, port, seconds)
         self.descriptor = self._connection.fileno()
         self._number = 0
 
