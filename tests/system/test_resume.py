@@ -249,3 +249,42 @@ def test_a_recording_that_continues_is_not_made_again(tmp_path):
     assert int(kept[2]) > 1500
     assert verify(folder).findings == ()
     assert workspace.hil("replay", str(folder), timeout=300).code == 0
+
+
+FAILING = """
+import os
+from pathlib import Path
+
+
+@pytest.mark.requirement("T-010")
+@pytest.mark.max_duration(1e9)
+def test_turns(clock, check, iterations):
+    for turn in iterations("turn", 3):
+        again = Path(os.environ["SEEN"]).exists()
+        check("T-010", "ratio", 9.0 if turn == 2 and not again else 1.0)
+        while turn == 2 and not again:
+            Path(os.environ["SEEN"]).touch()
+            clock.sleep(1.0)
+"""
+
+
+def test_a_check_that_failed_is_not_undone_by_a_pause(tmp_path):
+    """Its turn is made again, and passes then; the requirement has failed all the same, and everything agrees on it."""
+    workspace = made(tmp_path / "workspace", FAILING)
+    workspace.environment["SEEN"] = str(tmp_path / "seen")
+    folder = begun(workspace)
+    while not (tmp_path / "seen").exists():
+        time.sleep(0.02)
+    assert workspace.hil("stop", folder.name, "--to-resume", "--by", "Ada").code == 0
+    STARTED[-1].wait(60)
+    resumed = workspace.hil("resume", folder.name)
+    assert resumed.code == 1, resumed.err
+    package = Package(folder)
+    assert verify(folder).findings == ()
+    (case,) = package.outcome().cases
+    assert case.requirements == {"T-010": "FAIL"}
+    assert [each.verdict for each in case.checks] == ["PASS"] * 3
+    (entry,) = [event["entry"] for event in bodies(package, "resumed")]
+    assert [failed["requirement"] for failed in entry["failed"]] == ["T-010"]
+    assert "before the run was interrupted" in package.text("data/report/report.html")
+    assert workspace.hil("replay", folder.name).code == 0

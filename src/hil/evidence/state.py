@@ -61,7 +61,7 @@ class CaseState:
     """What the events tell of one planned case; checks and steps are those of the last attempt.
 
     Nothing declares a retry, so that no attempt replaces another: `earlier` keeps what the attempts before the last
-    one came to, and `times` how often the case was planned.
+    one came to, and what had failed before the run was interrupted; `times` is how often the case was planned.
     """
 
     planned: PlannedCase
@@ -237,6 +237,8 @@ class RunState:
                 self.recovered = True
             case Resumed():
                 self.resumptions.append(event)
+                for failed in event.entry.failed if event.entry else ():
+                    self._case(failed.case).earlier.setdefault(failed.requirement, []).append(Verdict.FAIL)
             case Results():
                 self.results = event
             case End():

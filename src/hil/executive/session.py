@@ -190,7 +190,10 @@ class Session:
 
     def after_event(self, course: int) -> None:
         """Enter a resumed run, if this event is where."""
-        self._entering.after(course)
+        try:
+            self._entering.after(course)
+        finally:
+            self._keep_failed()
 
     @property
     def folder(self) -> Path:
@@ -233,8 +236,14 @@ class Session:
             source=self.bench.source,
             used=used,
         )
+        self._keep_failed()
         scheduler.begin_case(self.current, round(planned.max_duration_s * 1e9))
         return self.current
+
+    def _keep_failed(self) -> None:
+        """Let what failed in the present case before the run was interrupted count."""
+        if self.current is not None:
+            self.current.check.keep(self._entering.take_failed(self.current.planned.id))
 
     def end(self, run: CaseRun) -> Verdict:
         """End a case: write its verdict down, and bring the bench to rest."""

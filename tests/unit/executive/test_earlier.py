@@ -9,7 +9,7 @@ import pytest
 from told_as_json import bodies
 from typed_events import event_of
 
-from hil.evidence.events import Entry, Voided
+from hil.evidence.events import Entry, Failed, Voided
 from hil.evidence.journal.past import entries
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.journal.writer import Journal
@@ -180,3 +180,28 @@ def test_a_run_that_was_killed_is_not_said_to_have_been_stopped(tmp_path, monkey
     events = bodies(read_journal(folder / "data/journal.jsonl"))
     told = [event["text"].partition(",")[0] for event in events if event["kind"] == "resumed"]
     assert told == ["stopped by weekend", "interrupted"]
+
+
+def check(verdict, reason=""):
+    """Return a check of case a."""
+    told = {"case": "a", "requirement": "A-1", "parameter": "x", "of": None, "verdict": verdict, "reason": reason}
+    return [("check", told)]
+
+
+LOST = [("lost", {"what": "port", "device": "psu1", "text": "psu1: its port is gone"})]
+
+
+@pytest.mark.parametrize("ending", [STOP, LOST + STOP], ids=["stopped", "lost"])
+def test_what_failed_before_the_end_is_not_undone_by_a_pause(tmp_path, ending):
+    """It counts although its turn is made again; what came of a bench that was lost does not."""
+    failed = [*check("FAIL", "too high"), *check("PASS")]
+    earlier = find_earlier(
+        folder_of(tmp_path, TURN, failed, ending[:1], check("FAIL", "no reply"), ABORTED, ending[1:])
+    )
+    assert earlier.boundary.sequence == 7
+    assert earlier.failed == (Failed(case="a", requirement="A-1", parameter="x", of=None, reason="too high"),)
+
+
+def test_what_failed_before_the_point_of_entry_comes_again(tmp_path):
+    """Nobody has to remember it."""
+    assert find_earlier(folder_of(tmp_path, CASE, check("FAIL"), TURN[4:], STOP)).failed == ()

@@ -10,6 +10,7 @@ import pytest
 from case_parts import Case, Watch
 
 from hil.clock.live import LiveClock
+from hil.evidence.events import Failed
 from hil.executive.ending.stop import StopFlags, Stopped
 from hil.executive.watching.machine import LiveMachine
 from hil.executive.watching.ports import Distress, NoMachine
@@ -40,7 +41,7 @@ class Leaving(Watch):
 @pytest.fixture
 def case(tmp_path):
     """A case on a bench outside this process, which has begun."""
-    made = Case(tmp_path, "C-020")
+    made = Case(tmp_path, "T-010")
     made.watch = made.scheduler._reports = Leaving(made.flags)
     made.scheduler._bench.live = LiveClock("2026-01-01T00:00:00Z")
     made.flags.turns = 1
@@ -77,7 +78,7 @@ def test_nonsense_of_a_port_that_is_there_is_not(case, fault):
 
 def test_silence_of_the_device_under_test_is_its_own(tmp_path):
     """It is what the case is about."""
-    case = Case(tmp_path, "C-020", dut=True)
+    case = Case(tmp_path, "T-010", dut=True)
     case.scheduler._bench.live = LiveClock("2026-01-01T00:00:00Z")
     case.supply.fault = GONE
     with pytest.raises(NoReply):
@@ -87,7 +88,7 @@ def test_silence_of_the_device_under_test_is_its_own(tmp_path):
 
 def test_silence_of_a_bench_in_this_process_is_not_a_loss(tmp_path):
     """Nobody has pulled a cable there."""
-    case = Case(tmp_path, "C-020")
+    case = Case(tmp_path, "T-010")
     case.supply.fault = GONE
     with pytest.raises(NoReply):
         case.coil.disable()
@@ -147,3 +148,12 @@ def test_whose_port_hung_up(dut, what):
     found = machine.distress()
     os.close(far)
     assert (found.what, found.text) == (what, "the port of psu1 is gone")
+
+
+def test_what_failed_before_the_run_was_interrupted_counts(tmp_path):
+    """However often it is repeated after that."""
+    case = Case(tmp_path, "T-010")
+    case.run.check.keep([Failed(case="c", requirement="T-010", parameter="ratio", of=None, reason="0.4 is above 0.3")])
+    outcome = case.run.outcome()
+    assert outcome.requirements == {"T-010": Verdict.FAIL}
+    assert "T-010 ratio is FAIL: before the run was interrupted, 0.4 is above 0.3" in outcome.reasons

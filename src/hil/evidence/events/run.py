@@ -15,6 +15,7 @@ __all__ = [
     "DutFacts",
     "End",
     "Entry",
+    "Failed",
     "Frozen",
     "Live",
     "Notified",
@@ -209,6 +210,24 @@ class Voided(Part, frozen=True, kw_only=True):
     end: int
 
 
+class Failed(Part, frozen=True, kw_only=True):
+    """A check that failed before the run was interrupted; it counts, although its part of the run is void.
+
+    Attributes:
+        case: its case.
+        requirement: the requirement.
+        parameter: the parameter of its limit.
+        of: which member of the limit's denominator, null without one.
+        reason: why, empty if it is plain.
+    """
+
+    case: str
+    requirement: str
+    parameter: str
+    of: str | None
+    reason: str
+
+
 class Entry(Part, frozen=True, kw_only=True):
     """Where a stopped run was resumed.
 
@@ -221,6 +240,7 @@ class Entry(Part, frozen=True, kw_only=True):
         rows: the void rows of every recording that continued.
         kept: the recording at whose beginning the run was resumed and whose rows stand; empty without one.
         over: whether every case had ended, so that only the safe-off was left.
+        failed: the void checks that had failed.
     """
 
     place: int
@@ -231,6 +251,7 @@ class Entry(Part, frozen=True, kw_only=True):
     rows: tuple[Voided, ...]
     kept: str
     over: bool | None = None
+    failed: tuple[Failed, ...] = ()
 
 
 class Resumed(Event, frozen=True, kw_only=True):

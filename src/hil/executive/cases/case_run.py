@@ -185,7 +185,7 @@ class CaseRun:
 
     def _requirement(self, requirement: Requirement, ended: Verdict | None) -> Verdict:
         return rule(
-            [item.verdict for item in self.check.evaluated if item.requirement == requirement.id],
+            [item.verdict for item in (*self.check.kept, *self.check.evaluated) if item.requirement == requirement.id],
             missing=bool(self._missing(requirement)),
             silent=silence(limit.parameter for limit in requirement.limits) if self._dut_faults else None,
             taken_out=bool(self._skipped),
@@ -205,7 +205,7 @@ class CaseRun:
     def _check_reasons(self) -> tuple[str, ...]:
         reasons = [
             f"{item.requirement} {item.parameter}{f' of {item.of}' if item.of else ''} is {item.verdict}: {item.reason}"
-            for item in self.check.evaluated
+            for item in (*self.check.kept, *self.check.evaluated)
             if not item.verdict.good
         ]
         for requirement in () if self._skipped else self.requirements.values():

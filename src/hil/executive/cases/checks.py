@@ -60,12 +60,31 @@ class Checks:
         self._journal = journal
         self._used = used
         self._evaluated: list[Evaluated] = []
+        self._kept: list[Evaluated] = []
         self.refused: list[HilError] = []
 
     @property
     def evaluated(self) -> tuple[Evaluated, ...]:
         """Every check so far, also where the same criterion was evaluated several times: the worst counts."""
         return tuple(self._evaluated)
+
+    @property
+    def kept(self) -> tuple[Evaluated, ...]:
+        """Those that had failed before the run was interrupted, in a part of it that is void; they count."""
+        return tuple(self._kept)
+
+    def keep(self, failed: Sequence[events.Failed]) -> None:
+        """Let checks count that had failed before the run was interrupted: what is repeated does not undo them."""
+        self._kept += [
+            Evaluated(
+                requirement=each.requirement,
+                parameter=each.parameter,
+                of=each.of,
+                verdict=Verdict.FAIL,
+                reason=f"before the run was interrupted{each.reason and f', {each.reason}'}",
+            )
+            for each in failed
+        ]
 
     def __call__(
         self,

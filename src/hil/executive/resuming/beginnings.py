@@ -231,6 +231,7 @@ class Entering:
         for entry, t in beginning.entries:
             self._places.setdefault(entry.place, []).append((entry, t))
         self._void_rows = beginning.void_rows
+        self._failed: list[events.Failed] = []
         self._earlier = beginning.earlier
         self._boundary = beginning.earlier.boundary if beginning.earlier else None
 
@@ -247,10 +248,18 @@ class Entering:
         with self._keeper.scheduler.flags.undisturbed():  # nothing looks after a bench that is being armed
             self._enter(place, entries, anew=anew)
 
+    def take_failed(self, case: str) -> list[events.Failed]:
+        """Return what had failed in a case before the run was interrupted, once."""
+        found = [failed for failed in self._failed if failed.case == case]
+        self._failed = [failed for failed in self._failed if failed.case != case]
+        return found
+
     def _enter(self, place: int, entries: list[tuple[events.Entry, float]], *, anew: bool) -> None:
         for entry, _ in entries if anew else entries[:-1]:  # entered here again: what came after it is void, too
             self._record.store.note_void(entry)
+        self._failed += [failed for entry, _ in entries for failed in entry.failed]
         entry = self._anew(place) if anew else self._as_recorded(*entries[-1])
+        self._failed += entry.failed if anew else ()
         if self._bench.outside:
             self._bench.opened_anew()
         self._keeper.over = bool(entry.over)
@@ -311,6 +320,7 @@ class Entering:
             rows=tuple(self._record.store.held(boundary.kept, earlier.begun_behind)),
             kept=boundary.kept,
             over=boundary.over,
+            failed=earlier.failed,
         )
 
     def _pass_over(self, entry: events.Entry) -> None:

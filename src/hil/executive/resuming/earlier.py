@@ -101,6 +101,29 @@ class Earlier:
         return not_opened(line.event for line in self.lines)
 
     @property
+    def failed(self) -> tuple[events.Failed, ...]:
+        """The checks that failed after the point of entry, and before what interrupted the run: no pause mends them.
+
+        What was evaluated after that came from a bench that was lost, or being made safe.
+        """
+        found: list[events.Failed] = []
+        heard = True
+        for event in standing(line.event for line in self.lines):
+            match event:
+                case events.Lost() | events.Stop():
+                    heard = False
+                case events.Resumed():
+                    heard = True
+                case events.Check(verdict=Verdict.FAIL) if (
+                    heard and self.boundary and event.seq > self.boundary.sequence
+                ):
+                    names = {
+                        name: getattr(event, name) for name in ("case", "requirement", "parameter", "of", "reason")
+                    }
+                    found.append(events.Failed(**names))
+        return tuple(found)
+
+    @property
     def next_recording(self) -> int:
         """A number that no recording has yet."""
         return max((int(name[:3]) for name in self.state.recordings if name[:3].isdigit()), default=0) + 1
