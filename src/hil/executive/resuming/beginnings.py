@@ -245,8 +245,12 @@ class Entering:
         entries, anew = self._places.pop(place, []), self._boundary is not None and place == self._boundary.place
         if not entries and not anew:
             return
-        with self._keeper.scheduler.flags.undisturbed():  # nothing looks after a bench that is being armed
-            self._enter(place, entries, anew=anew)
+        scheduler, before_ns = self._keeper.scheduler, self._bench.clock.now_ns()
+        try:
+            with scheduler.flags.undisturbed():  # nothing looks after a bench that is being armed
+                self._enter(place, entries, anew=anew)
+        finally:
+            scheduler.put_off(self._bench.clock.now_ns() - before_ns)
 
     def take_failed(self, case: str) -> list[events.Failed]:
         """Return what had failed in a case before the run was interrupted, once."""

@@ -258,6 +258,11 @@ class Scheduler:
         if not self._watching:  # the bench was made safe under the case before
             self.watch_from_now()
 
+    def put_off(self, passed_ns: int) -> None:
+        """Give the present case that much more time: its run was interrupted, and no pause makes a case too long."""
+        if self.deadline_ns is not None:
+            self.deadline_ns += passed_ns
+
     def end_case(self) -> None:
         """End the turn of the present case."""
         self.deadline_ns = self.monitoring.case = None
