@@ -14,7 +14,7 @@ from hil.evidence.events import Failed
 from hil.executive.ending.stop import StopFlags, Stopped
 from hil.executive.watching.machine import LiveMachine
 from hil.executive.watching.ports import Distress, NoMachine
-from hil.executive.watching.scheduler import Scheduler
+from hil.executive.watching.scheduler import CaseTimeout, Scheduler
 from hil.executive.watching.timeline import OnLiveBench
 from hil.model.errors import Garbled, NoReply, Rejected, Tripped
 from hil.model.identity import Source
@@ -157,3 +157,14 @@ def test_what_failed_before_the_run_was_interrupted_counts(tmp_path):
     outcome = case.run.outcome()
     assert outcome.requirements == {"T-010": Verdict.FAIL}
     assert "T-010 ratio is FAIL: before the run was interrupted, 0.4 is above 0.3" in outcome.reasons
+
+
+def test_an_interruption_makes_no_case_too_long(case):
+    """Two weeks in which nobody resumed a run are not two weeks of its case."""
+    case.scheduler.begin_case(case.run, 60 * 10**9)
+    case.scheduler.put_off(14 * 86400 * 10**9)
+    case.clock.sleep(14 * 86400.0 + 59.0)
+    case.scheduler.point()
+    case.clock.sleep(2.0)
+    with pytest.raises(CaseTimeout):
+        case.scheduler.point()

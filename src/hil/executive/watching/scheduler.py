@@ -270,16 +270,13 @@ class Scheduler:
     def hear(self, instrument: InstrumentSpec, fault: DeviceFault) -> None:
         """Hear of a fault of the bench; silence of a bench outside this process is a loss, see `lose`.
 
-        What a port says that is there is not: nonsense and refusals are what a case is judged by. Nor is silence of a
-        bench that lives in this process, or of a record: nobody has pulled a cable there.
+        Nonsense of a port that is there is none, nor is silence in this process or in a record: no cable is pulled.
 
         Raises:
             Stopped: it is a loss; the case is resumed, and not judged.
         """
-        silent = isinstance(fault, NoReply) and not instrument.dut
-        if silent and self._bench.live is not None and not self.timeline.retraces:
-            gone = isinstance(fault, NoReply) and fault.gone
-            distress = Distress(fault.message, "port" if gone else "reply", instrument.name)
+        if isinstance(fault, NoReply) and not instrument.dut and self._bench.live and not self.timeline.retraces:
+            distress = Distress(fault.message, "port" if fault.gone else "reply", instrument.name)
             self.lose(distress)
             raise Stopped(distress.reason)
 
