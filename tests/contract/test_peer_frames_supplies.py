@@ -151,3 +151,22 @@ def test_a_fuse_that_tripped_deselects_its_channel():
     assert line(supply, "FUSE:TRIP?;:OUTP:SEL?;:INST OUT2;OUTP:SEL?") == "1;0;1"
     line(supply, "INST OUT1;OUTP:SEL ON")
     assert line(supply, "SYST:ERR?").startswith("-221,")
+
+
+@pytest.mark.parametrize(
+    ("model", "lines"),
+    [
+        (ROHDE_SCHWARZ, ("INST OUT2;VOLT 5;CURR 0.2;FUSE ON;OUTP:SEL ON;:OUTP:GEN ON", "INST OUT3;OUTP:SEL ON", "FOO")),
+        (SIGLENT, ("CH2:VOLT 5", "OUTP CH2,ON", "OUTP:TRACK 2", "INST CH2", "FOO")),
+    ],
+)
+def test_it_goes_on_after_a_restore(model, lines):
+    """Selection, switches, coupling, fuses and errors come back."""
+    first, second = talk(model), talk(model)
+    for text in lines:
+        line(first, text)
+    second.clock.wait_until(first.clock.now_ns())
+    second.peer.restore(first.peer.state())
+    assert second.peer.state() == first.peer.state()
+    for text in ("INST?", "SYST:ERR?", "SYST:STAT?", "INST:NSEL 1;:OUTP:SEL?;:OUTP:GEN?", "MEAS:VOLT? CH2"):
+        assert line(second, text) == line(first, text)

@@ -9,12 +9,19 @@ from facing import facing
 
 from hil.instruments.korad_ka3005p import KoradKa3005p
 from hil.instruments.rigol_dp832 import RigolDp832
+from hil.instruments.rohde_schwarz_hmp import RohdeSchwarzHmp
+from hil.instruments.siglent_spd3303x import SiglentSpd3303x
 from hil.model.bench import Wire
 from hil.model.errors import HilError
-from hil.simulation.peers import korad_ka3005p, rigol_dp832
+from hil.simulation.peers import korad_ka3005p, rigol_dp832, rohde_schwarz_hmp, siglent_spd3303x
 
 NANO = 1_000_000_000
-SUPPLIES = {"rigol": (rigol_dp832.MODEL, RigolDp832, 0), "korad": (korad_ka3005p.MODEL, KoradKa3005p, 9600)}
+SUPPLIES = {
+    "rigol": (rigol_dp832.MODEL, RigolDp832, 0),
+    "korad": (korad_ka3005p.MODEL, KoradKa3005p, 9600),
+    "rohde-schwarz": (rohde_schwarz_hmp.MODEL, RohdeSchwarzHmp, 0),
+    "siglent": (siglent_spd3303x.MODEL, SiglentSpd3303x, 0),
+}
 FAULTS = {
     "dead": [{"kind": "dead"}],
     "late": [{"kind": "late", "by": "700 ms"}],
@@ -24,6 +31,7 @@ FAULTS = {
     "partial": [{"kind": "partial", "bytes": "3"}],
     "chatty": [{"kind": "chatty", "every": "7 ms", "text": "OFF\n"}],
     "chatty at times": [{"kind": "chatty", "every": "190 ms", "text": "0"}],
+    "chatty like a status": [{"kind": "chatty", "every": "31 ms", "text": "0x4\n"}],
     "chatty in lines": [{"kind": "chatty", "every": "130 ms", "text": "0.0000\n"}],
     "refuses off": [{"kind": "refuse-off", "says": "on"}],
     "refuses off among chatter": [

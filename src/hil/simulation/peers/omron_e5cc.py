@@ -16,22 +16,14 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from hil.clock.port import NANOSECONDS
-from hil.model.notation import Flag, SomeNanoseconds, number, one_of, whole
-from hil.simulation.faults import Faults, Stuck
-from hil.simulation.peers.eurotherm.controller import Runaway
-from hil.simulation.peers.eurotherm.loop import Regulation, SensorDetached, SensorInput, SensorOpen, SensorTruth, Tuning
-from hil.simulation.peers.eurotherm.memory import NoSuchParameter, Requests
-from hil.simulation.peers.modbus_rtu import FrameReader, checked, seal
-from hil.simulation.peers.model import PeerModel, PeerSetup
-from hil.simulation.peers.timing import Alarm
-from hil.simulation.plants.terminal import InputPoint, Power
-from hil.wire.checkpoint import Kept, Stateful
-from hil.wire.peer import Line, PeerClock
+from hil.model.notation import Flag, SomeNanoseconds, whole
+from hil.simulation.peers.thermal.controller import LoopEnds, LoopTruth, ThermalController, model_of
+from hil.simulation.peers.thermal.loop import Tuning
+from hil.simulation.peers.thermal.requests import NoSuchParameter, Requests
+from hil.wire.checkpoint import Kept
 
-__all__ = ["MODEL", "OmronE5cc", "OmronTruth", "build"]
+__all__ = ["MODEL", "OmronE5cc", "OmronTruth"]
 
-_REPLY_NS = 8_000_000
-_USUAL_BAUD = 9600
 _ALL = 100.0
 _WRITES, _REFUSED, _EXCEPTION = {0x06, 0x10}, 4, 0x80
 _PV, _STATUS, _INTERNAL_SP, _HEATING, _COOLING = 0x2000, 0x2001, 0x2002, 0x2004, 0x2005
@@ -50,41 +42,20 @@ _COMMANDS = {0x00: _WRITING, 0x01: _STOPPED, 0x04: _RAM, 0x09: _BY_HAND}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OmronTruth:
-    """One controller, and how somebody left it. See `hil.simulation.peers.eurotherm.controller.ControllerTruth`.
-
-    Attributes:
-        communications_writing: whether the line may write.
-    """
+class OmronTruth(LoopTruth):
+    """One controller, and how somebody left it: whether the line may write besides."""
 
     address: Annotated[int | None, whole(1, 99)] = None
     period_ns: SomeNanoseconds = field(default=NANOSECONDS // 20, metadata={"alias": "period"})
-    decimals: Annotated[int, whole(0, 2)] = 1
-    range_high: Annotated[float, number(0, 3000)] = 300.0
-    setpoint: Annotated[float, number(-200, 1000)] = 22.0
-    setpoint_high: Annotated[float, number(-200, 1000)] = 60.0
-    setpoint_low: Annotated[float, number(-200, 1000)] = -30.0
-    proportional_band: Annotated[float, number(0.1, 3000)] = 10.0
-    integral_time: Annotated[int, whole(0, 9999)] = 60
-    derivative_time: Annotated[int, whole(0, 9999)] = 0
-    cool_gain: Annotated[float, number(0.1, 10)] = 2.0
-    mode: Annotated[str, one_of("operating", "standby")] = "standby"
     communications_writing: Flag = False
 
 
-class OmronE5cc(Stateful):
-    """One loop that takes its turns on the bench's time.
-
-    Faults are those of the Eurotherm: `stuck` lets nothing reach the cooler, `runaway` all that there is.
+class OmronE5cc(ThermalController):
+    """The controller. See `ThermalController`.
 
     Args:
         truth: what it is.
-        address: of the unit.
-        baud: of its line.
-        sensor: its input.
-        drive: the plant's input at its output, -1 to 1.
-        power: of the amplifier between output and cooler.
-        faults: what goes wrong.
+        ends: what it is connected to.
 
     Attributes:
         memory_writes: how often the non-volatile memory was written.
@@ -93,28 +64,10 @@ class OmronE5cc(Stateful):
     memory_writes: Kept[int]
     _values: Kept[dict[int, int]]
     _bits: Kept[int]
-    _regulation: Kept[Regulation]
-    _reader: Kept[FrameReader]
-    _next_turn: Kept[Alarm]
-    _asked: Kept[float]
 
-    def __init__(
-        self,
-        truth: OmronTruth,
-        *,
-        address: int,
-        baud: int,
-        sensor: SensorInput,
-        drive: InputPoint | None,
-        power: Power,
-        faults: Faults,
-    ) -> None:
+    def __init__(self, truth: OmronTruth, ends: LoopEnds) -> None:
+        super().__init__(ends, truth.period_ns)
         self._truth = truth
-        self._address = address
-        self._sensor = sensor
-        self._drive = drive
-        self._power = power
-        self._faults = faults
         self._tuning = Tuning(
             band=truth.proportional_band,
             integral=truth.integral_time,
@@ -125,75 +78,36 @@ class OmronE5cc(Stateful):
         )
         self.memory_writes = 0
         self._values = dict.fromkeys((_PV, _HEATING, _COOLING, _ALARM_UPPER, _ALARM_LOWER), 0)
-        self._values |= {_SP: self._word(truth.setpoint), _DECIMALS: truth.decimals}
+        self._values |= {_SP: truth.word(truth.setpoint), _DECIMALS: truth.decimals}
         self._bits = _STOPPED * (truth.mode == "standby") | _WRITING * truth.communications_writing
-        self._regulation = Regulation()
-        self._asked = 0.0
         self._requests = Requests(self._read, self._write)
-        self._reader = FrameReader(baud, self._frame)
-        self._line: Line
-        self._clock: PeerClock
 
-    def attach(self, line: Line, clock: PeerClock) -> None:
-        """Connect the line; the first turn is taken at once."""
-        self._line = line
-        self._clock = clock
-        self._reader.attach(clock)
-        self._next_turn = Alarm(clock, self._turn)
-        self._next_turn.set(clock.now_ns())
-        self._power.listen(self._amplify)
-
-    def receive(self, data: bytes) -> None:
-        """Take bytes of the line."""
-        self._reader.receive(data)
-
-    def _word(self, value: float) -> int:
-        return int(min(max(round(value * 10**self._truth.decimals), -0x8000), 0x7FFF))
-
-    def _turn(self) -> None:
-        """Convert, regulate, drive the output, and show all of it."""
-        now_ns, period_ns = self._clock.now_ns(), self._truth.period_ns
-        place = now_ns // period_ns
-        reading = self._sensor.convert(now_ns, place)
-        self._values[_PV] = self._word(self._truth.range_high if reading is None else reading)
+    def _turn(self, now_ns: int, reading: float | None) -> float:
+        """Regulate, and show all of it; by hand the output stays as it is."""
+        del now_ns
+        truth = self._truth
+        self._values[_PV] = truth.word(truth.range_high if reading is None else reading)
         self._bits = self._bits & ~_INPUT_ERROR | _INPUT_ERROR * (reading is None)
         if self._bits & _BY_HAND:
-            self._give((self._values[_HEATING] - self._values[_COOLING]) / 10)
-        elif reading is None or self._bits & _STOPPED:
-            self._give_nothing()
-        else:
-            setpoint = self._values[_SP] / 10**self._truth.decimals
-            self._give(round(self._regulation.output(setpoint, reading, self._tuning, period_ns / NANOSECONDS), 1))
-        self._next_turn.set((place + 1) * period_ns)
+            return (self._values[_HEATING] - self._values[_COOLING]) / 10
+        if reading is None or self._bits & _STOPPED:
+            return self._nothing()
+        setpoint, seconds = self._values[_SP] / 10**truth.decimals, self._period_ns / NANOSECONDS
+        return self._shown(round(self._regulation.output(setpoint, reading, self._tuning, seconds), 1))
 
-    def _give_nothing(self) -> None:
+    def _nothing(self) -> float:
         self._regulation.clear()
-        self._give(0.0)
+        return self._shown(0.0)
 
-    def _give(self, output: float) -> None:
+    def _shown(self, output: float) -> float:
         self._values |= {_HEATING: round(10 * max(output, 0.0)), _COOLING: round(10 * max(-output, 0.0))}
-        if self._faults.now(Stuck, self._clock.now_ns()):
-            output = 0.0
-        elif self._faults.now(Runaway, self._clock.now_ns()):
-            output = _ALL
-        self._asked = output
-        self._amplify()
+        return output
 
-    def _amplify(self) -> None:
-        if self._drive is not None:
-            self._drive.command(self._asked / _ALL if self._power.there else 0.0)
-
-    def _frame(self, frame: bytes) -> None:
-        body = checked(frame)
-        if body is None or body[0] not in {0, self._address}:
-            return
-        permits = body[1:5] == b"\x06\x00\x00\x00" or self._bits & _WRITING
-        if body[1] in _WRITES and not permits:
-            reply = bytes((body[1] | _EXCEPTION, _REFUSED))
-        else:
-            reply = self._requests.answer(body[1], body[2:])
-        if body[0]:
-            self._line.send(seal(body[:1] + reply), _REPLY_NS)
+    def _answer(self, function: int, data: bytes) -> bytes:
+        permitted = data[:3] == bytes(3) or self._bits & _WRITING
+        if function in _WRITES and not permitted:
+            return bytes((function | _EXCEPTION, _REFUSED))
+        return self._requests.answer(function, data)
 
     def _read(self, address: int) -> int:
         """Return one word; of an element of four bytes the upper one is at the even address."""
@@ -213,7 +127,7 @@ class OmronE5cc(Stateful):
         if address == 0:
             self._operate(value >> 8, value & 0xFF)
         elif address == _SP:
-            if not self._word(self._truth.setpoint_low) <= value <= self._word(self._truth.setpoint_high):
+            if not self._truth.word(self._truth.setpoint_low) <= value <= self._truth.word(self._truth.setpoint_high):
                 raise ValueError(value)
             self._keep(address, value)
         elif address in {_ALARM_UPPER, _ALARM_LOWER}:
@@ -232,36 +146,8 @@ class OmronE5cc(Stateful):
         bit = _COMMANDS[command]
         self._bits = self._bits & ~bit | bit * information
         if self._bits & _STOPPED and not self._bits & _BY_HAND:
-            self._give_nothing()
+            self._drive_at(self._nothing(), self._clock.now_ns())
 
 
-def build(setup: PeerSetup) -> OmronE5cc:
-    """Build the controller; terminals are `sensor`, `ambient` and `power`, signals, and `drive`, an input.
-
-    Raises:
-        TruthError: with everything that is wrong in its truth or terminals.
-    """
-    truth, connections = setup.truth, setup.connections
-    own = truth.part(OmronTruth)
-    sensor = SensorInput(
-        truth=truth.part(SensorTruth),
-        place=connections.signal("sensor"),
-        room=connections.signal("ambient"),
-        faults=setup.faults,
-        noise=setup.stream("sensor"),
-    )
-    drive, power = connections.input("drive"), Power(connections.signal("power"))
-    setup.finish()
-    return OmronE5cc(
-        own,
-        address=own.address or setup.instrument.address or 1,
-        baud=setup.instrument.baud or _USUAL_BAUD,
-        sensor=sensor,
-        drive=drive,
-        power=power,
-        faults=setup.faults,
-    )
-
-
-MODEL = PeerModel(link="serial", fault_kinds=(Runaway, SensorDetached, SensorOpen, Stuck), build=build)
+MODEL = model_of(OmronTruth, OmronE5cc)
 """The model for the driver `omron-e5cc`."""

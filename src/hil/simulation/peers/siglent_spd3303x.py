@@ -50,7 +50,7 @@ class _SiglentManner(Manner):
 class _Output(SupplyOutput):
     """One output, and how it is coupled with the other one."""
 
-    coupled: Kept[int] = 0
+    coupled: Kept[float] = 0.0
 
 
 def _status(outputs: Mapping[int, SupplyOutput], now_ns: int) -> str:

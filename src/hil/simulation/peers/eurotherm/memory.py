@@ -1,4 +1,4 @@
-"""Parameters of the controller by Modbus address, and the requests that read and write them.
+"""Parameters of the controller by Modbus address.
 
 HA028651 issue 7, section 15.5: values are whole numbers; temperatures have the decimals of the display, powers and the
 proportional band one. A setpoint beyond its limits is clipped, an address that is not listed is refused (assumed).
@@ -6,8 +6,9 @@ proportional band one. A setpoint beyond its limits is clipped, an address that 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
+from hil.simulation.peers.thermal.requests import NoSuchParameter
 from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = [
@@ -44,8 +45,6 @@ __all__ = [
     "WORKING_OUTPUT",
     "WORKING_SETPOINT",
     "Memory",
-    "NoSuchParameter",
-    "Requests",
 ]
 
 PROCESS_VALUE, TARGET_SETPOINT, MANUAL_OUTPUT, WORKING_OUTPUT, WORKING_SETPOINT = range(1, 6)
@@ -77,10 +76,6 @@ _WRITABLE = {
     OUTPUT_LOW,
     SAFE_OUTPUT,
 }
-
-
-class NoSuchParameter(Exception):
-    """The address is not listed, or cannot be written."""
 
 
 class Memory(Stateful):
@@ -133,79 +128,3 @@ class Memory(Stateful):
 
     def _real(self, address: int) -> int:
         return SETPOINTS[self._values[SETPOINT_SELECT]] if address == TARGET_SETPOINT else address
-
-
-_MOST_REGISTERS = 125
-_UNKNOWN_FUNCTION, _UNKNOWN_ADDRESS, _BAD_VALUE = 1, 2, 3
-_EXCEPTION = 0x80
-
-
-class _Bad(ValueError):
-    """The request's data is not what its function needs."""
-
-
-class Requests:
-    """Answers frames without address and checksum.
-
-    Args:
-        read: returns the signed value of an address.
-        write: takes address and signed value.
-    """
-
-    def __init__(self, read: Callable[[int], int], write: Callable[[int, int], None]) -> None:
-        self._read = read
-        self._write = write
-        self._known: Mapping[int, Callable[[bytes], bytes]] = {
-            0x03: self._read_many,
-            0x04: self._read_many,
-            0x06: self._write_one,
-            0x08: self._loop_back,
-            0x10: self._write_many,
-        }
-
-    def answer(self, function: int, data: bytes) -> bytes:
-        """Return function and data of the reply, an exception included."""
-        action = self._known.get(function)
-        if action is None:
-            return bytes((function | _EXCEPTION, _UNKNOWN_FUNCTION))
-        try:
-            return bytes((function,)) + action(data)
-        except NoSuchParameter:
-            return bytes((function | _EXCEPTION, _UNKNOWN_ADDRESS))
-        except ValueError:
-            return bytes((function | _EXCEPTION, _BAD_VALUE))
-
-    def _read_many(self, data: bytes) -> bytes:
-        start, count = _words(data, 2)
-        if not 1 <= count <= _MOST_REGISTERS:
-            raise _Bad(count)
-        words = b"".join((self._read(start + place) & 0xFFFF).to_bytes(2, "big") for place in range(count))
-        return bytes((len(words),)) + words
-
-    def _write_one(self, data: bytes) -> bytes:
-        address, value = _words(data, 2)
-        self._write(address, _signed(value))
-        return data
-
-    def _write_many(self, data: bytes) -> bytes:
-        start, count = _words(data[:4], 2)
-        if not 1 <= count < _MOST_REGISTERS or data[4:5] != bytes((2 * count,)):
-            raise _Bad(count)
-        for place, value in enumerate(_words(data[5:], count)):
-            self._write(start + place, _signed(value))
-        return data[:4]
-
-    def _loop_back(self, data: bytes) -> bytes:
-        if _words(data, 2)[0] != 0:
-            raise _Bad(data)
-        return data
-
-
-def _words(data: bytes, count: int) -> tuple[int, ...]:
-    if len(data) != 2 * count:
-        raise _Bad(data)
-    return tuple(int.from_bytes(data[place : place + 2], "big") for place in range(0, len(data), 2))
-
-
-def _signed(word: int) -> int:
-    return int.from_bytes(word.to_bytes(2, "big"), "big", signed=True)

@@ -1,0 +1,1 @@
+"""What simulated temperature controllers have in common, whatever their registers."""
