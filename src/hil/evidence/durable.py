@@ -1,4 +1,4 @@
-"""Files that are on the disk once a function returns, and plain files only that are read."""
+"""Files that are on the disk once a function returns, and regular files, the only ones that are read."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def sync_folder(path: Path) -> None:
 
 
 def open_plain(path: Path) -> BufferedReader:
-    """Open a plain file for reading; a link, a pipe or a device is never read, and nobody waits for it.
+    """Open a regular file for reading; a link, a pipe or a device is never read, and nobody waits for it.
 
     Raises:
         OSError: if it is not there, is something else, or must not be read.
@@ -61,12 +61,12 @@ def open_plain(path: Path) -> BufferedReader:
         raise OSError(errno.EINVAL, str(error)) from error
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
-        raise OSError(errno.EINVAL, "not a plain file")
+        raise OSError(errno.EINVAL, "expected a regular file, found something else")
     return os.fdopen(descriptor, "rb")
 
 
 def read_plain(path: Path, most: int = -1) -> bytes:
-    """Return a plain file's content, of `most` bytes if that is given.
+    """Return a regular file's content, of `most` bytes if that is given.
 
     Raises:
         OSError: if it cannot be opened, or is longer.
@@ -79,7 +79,7 @@ def read_plain(path: Path, most: int = -1) -> bytes:
 
 
 def sha256_of(path: Path) -> str:
-    """Return the SHA-256 of a plain file's content, as hexadecimal digits.
+    """Return the SHA-256 of a regular file's content, as hexadecimal digits.
 
     Raises:
         OSError: as `open_plain`.

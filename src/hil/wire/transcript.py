@@ -204,7 +204,7 @@ def damaged_lines(path: Path) -> Iterator[tuple[int, str]]:
         raise EvidenceError(f"{path} is missing", "without its transcript a run cannot be replayed")
     with path.open(encoding="ascii", errors="surrogateescape", newline="\n") as lines:
         if next(lines, "") not in _FORMATS:
-            yield 1, "the line is damaged: it must be the header of a transcript of format 1 to 5"
+            yield 1, "the line is damaged: expected the header of a transcript of format 1 to 5"
         for number, line in enumerate(lines, start=2):
             fields = line[:-1].split("\t", _FIELDS - 1)
             if line.endswith("\n") and (wrong := _wrong(fields, number - 2)):
@@ -215,13 +215,13 @@ def _wrong(fields: list[str], sequence: int) -> str:
     """Return what is wrong with the fields of a line, empty where nothing is."""
     names = _COLUMNS.split()
     if len(fields) != _FIELDS:
-        return f"it has {len(fields)} fields, and {_FIELDS} are due: {', '.join(names)}"
+        return f"expected {_FIELDS} fields ({', '.join(names)}), found {len(fields)}"
     for name, text in zip(names, fields, strict=True):
         if name in _NUMBERS and not text.isdecimal():
             return f"field '{name}' must be a whole number, found {text[:_SHOWN]!r}"
         if name in _BYTES and not _HEX.fullmatch(text):
             return f"field '{name}' must be bytes in hexadecimal digits, found {text[:_SHOWN]!r}"
-    return "" if int(fields[0]) == sequence else f"field 'sequence' is {fields[0]}, and {sequence} is due"
+    return "" if int(fields[0]) == sequence else f"field 'sequence': expected {sequence}, found {fields[0]}"
 
 
 def read_transcript(path: Path) -> Iterator[Operation]:

@@ -86,7 +86,7 @@ SEEN = {
     "empty journal": (emptied(JOURNAL), "journal.jsonl"),
     "cut journal": (halved(JOURNAL), "journal.jsonl"),
     "changed journal": (flipped(JOURNAL), "journal.jsonl"),
-    "journal that ends twice": (ended_twice, "ends with results and end, each once"),
+    "journal that ends twice": (ended_twice, "results and end last, each once"),
     "no manifest": (without("manifest-sha256.txt"), "manifest-sha256.txt: this file is missing"),
     "changed manifest": (flipped("manifest-sha256.txt"), "manifest-sha256.txt"),
     "no tag manifest": (without("tagmanifest-sha256.txt"), "tagmanifest-sha256.txt: this file is missing"),

@@ -185,29 +185,32 @@ def test_late_messages_are_in_the_package(folder, tmp_path):
         (lambda f: (f / "data/stray.txt").write_text("x"), "does not name it"),
         (lambda f: (f / "stray.txt").write_text("x"), "no manifest names this file"),
         (lambda f: (f / "data/results.json").unlink(), "it is missing"),
-        (lambda f: (f / "data/report/report.html").write_text("better"), "not the file that was sealed"),
+        (lambda f: (f / "data/report/report.html").write_text("better"), "changed after the seal"),
         (lambda f: (f / "tagmanifest-sha256.txt").unlink(), "tagmanifest-sha256.txt: this file is missing"),
         (lambda f: (f / "manifest-sha256.txt").unlink(), "manifest-sha256.txt: this file is missing"),
-        (lambda f: (f / "data/link").symlink_to("/etc/passwd"), "only plain files"),
-        (lambda f: (f / "data/linked").symlink_to("/etc"), "only plain files"),
-        (lambda f: os.mkfifo(f / "data/pipe"), "this is a named pipe"),
-        (lambda f: (f / "data/loop").symlink_to("loop"), "this is a link"),
-        (lambda f: in_place_of(f / "data/journal.jsonl").symlink_to("/dev/zero"), "journal.jsonl: only plain files"),
-        (lambda f: os.mkfifo(in_place_of(f / "data/results.json")), "results.json: only plain files"),
-        (lambda f: in_place_of(f / "bagit.txt").symlink_to("/dev/zero"), "bagit.txt: only plain files"),
-        (lambda f: in_place_of(f / "bagit.txt").mkdir(), "bagit.txt: an empty folder"),
-        (lambda f: (f / "data/a\n\x1b[2J").symlink_to("/"), r"data/a\n\x1b[2J: only plain files"),
-        (lambda f: (f / "data/nothing/at all").mkdir(parents=True), "nothing/at all: an empty folder"),
+        (lambda f: (f / "data/link").symlink_to("/etc/passwd"), "expected a regular file"),
+        (lambda f: (f / "data/linked").symlink_to("/etc"), "expected a regular file"),
+        (lambda f: os.mkfifo(f / "data/pipe"), "found a named pipe"),
+        (lambda f: (f / "data/loop").symlink_to("loop"), "found a link"),
+        (
+            lambda f: in_place_of(f / "data/journal.jsonl").symlink_to("/dev/zero"),
+            "journal.jsonl: expected a regular file",
+        ),
+        (lambda f: os.mkfifo(in_place_of(f / "data/results.json")), "results.json: expected a regular file"),
+        (lambda f: in_place_of(f / "bagit.txt").symlink_to("/dev/zero"), "bagit.txt: expected a regular file"),
+        (lambda f: in_place_of(f / "bagit.txt").mkdir(), "bagit.txt: empty folder"),
+        (lambda f: (f / "data/a\n\x1b[2J").symlink_to("/"), r"data/a\n\x1b[2J: expected a regular file"),
+        (lambda f: (f / "data/nothing/at all").mkdir(parents=True), "nothing/at all: empty folder"),
         (lambda f: (f / "data/of\udcffbytes").write_text("x"), r"of\udcffbytes: manifest-sha256.txt does not name it"),
         (lambda f: (f / "data/RESULTS.json").write_text("{}"), "by case only"),
         (lambda f: (f / "data/journal.jsonl").unlink(), "the journal cannot be read"),
-        (lambda f: (f / "data/journal.jsonl").write_bytes(b""), "begins with run"),
+        (lambda f: (f / "data/journal.jsonl").write_bytes(b""), "expected the event run first"),
         (
             lambda f: (f / "data/recordings/001-rest.h5").write_bytes(b"x"),
             "001-rest.h5: it is not the file that the journal names",
         ),
         (lambda f: (f / "data/recordings/001-rest.h5").unlink(), "the recording is missing"),
-        (lambda f: (f / "bagit.txt").write_text("BagIt-Version: 0.97\n"), "not the declaration"),
+        (lambda f: (f / "bagit.txt").write_text("BagIt-Version: 0.97\n"), "expected the BagIt declaration"),
     ],
 )
 def test_damage_is_found_and_named(writable, damage, found):
@@ -221,13 +224,13 @@ def test_damage_is_found_and_named(writable, damage, found):
     [
         (lambda lines: lines[:-1], "does not name it"),
         (lambda lines: [*lines, lines[0]], "named twice"),
-        (lambda lines: [*lines[:-1], "0" * 64 + lines[-1][64:]], "not the file that was sealed"),
+        (lambda lines: [*lines[:-1], "0" * 64 + lines[-1][64:]], "changed after the seal"),
         (lambda lines: [*lines, "0" * 64 + "  ../../etc/passwd\n"], "leads out of the package"),
         (lambda lines: [*lines, "0" * 64 + "  /etc/passwd\n"], "leads out of the package"),
         (lambda lines: [*lines, "0" * 64 + "  data/nobody\n"], "it is missing"),
         (lambda lines: [*lines, "hello\n"], "a SHA-256, two spaces and a path"),
         (lambda lines: [*lines[:-1], lines[-1].rstrip()], "cut off"),
-        (lambda lines: lines[::-1], "not the one that is written at a seal"),
+        (lambda lines: lines[::-1], "order or spacing is not as a seal writes them"),
         (lambda lines: [lines[0].upper(), *lines[1:]], "a SHA-256, two spaces and a path"),
     ],
 )
@@ -337,14 +340,14 @@ def test_a_socket_in_a_package_is_found(monkeypatch, writable):
     monkeypatch.chdir(writable / "data")
     with socket.socket(socket.AF_UNIX) as server:
         server.bind("s")
-    assert "data/s: only plain files belong in a package, this is a socket" in messages(writable)
+    assert "data/s: expected a regular file, found a socket" in messages(writable)
 
 
 def test_nothing_is_read_through_a_link(tmp_path, writable):
     """A folder that is a link to the true one is a finding, and nothing else is looked at."""
     (writable / "data").rename(tmp_path / "elsewhere")
     (writable / "data").symlink_to(tmp_path / "elsewhere")
-    assert messages(writable) == "data: only plain files belong in a package, this is a link"
+    assert messages(writable) == "data: expected a regular file, found a link"
 
 
 def test_each_finding_is_told_once_and_by_a_path_in_the_package(writable):
@@ -360,7 +363,7 @@ def test_an_empty_journal_is_told_in_sentences(writable):
     """Nothing follows from no events; no finding is an error of the program."""
     (writable / JOURNAL).write_bytes(b"")
     found = messages(writable)
-    assert "a sealed journal begins with run, and ends with results and end, each once" in found
+    assert "expected the event run first, and results and end last, each once" in found
     assert "bag-info.txt: cannot be checked: the journal has no events" in found
     assert "Error" not in found
 

@@ -628,14 +628,14 @@ def damaged(folder, tmp_path):
 
 def test_a_damaged_package_has_a_marked_report_without_a_verdict(damaged, html):
     """DAMAGED stands on every page and in the title; there is no verdict, no digest, and nothing that it can close."""
-    finding = Finding("data/dut.json", 0, 0, "it is not the file that was sealed")
+    finding = Finding("data/dut.json", 0, 0, "changed after the seal")
     found = make_reports(damaged, found_of(damaged, State.DAMAGED, finding))
     page, words = found[HTML].decode(), Page(found[HTML].decode()).words
     title = re.search("<title>(.*)</title>", page)[1]
     assert title.startswith("- · ")
     assert "DAMAGED" in title
     assert "DAMAGED" in re.search('<div class="running".*?</div>', page, re.DOTALL)[0]
-    assert "data/dut.json: it is not the file that was sealed" in words
+    assert "data/dut.json: changed after the seal" in words
     assert "A damaged package closes nothing." in words
     assert "no evidence digest" in words
     assert Package(damaged).evidence_digest in html

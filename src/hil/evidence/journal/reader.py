@@ -301,9 +301,9 @@ def _shared(fields: Mapping[str, Any]) -> dict[str, Any]:
 
 def _out_of_place(line: JournalLine, named: str, previous: str) -> Iterator[Finding]:
     if named != previous:
-        yield _finding(line.number, "the chain is broken: this line, or the one before it, is not the one written")
+        yield _finding(line.number, "the chain is broken: this line or the one before it was changed")
     if line.event.seq != line.number - 1:
-        yield _finding(line.number, f"sequence number {line.event.seq} where {line.number - 1} is expected")
+        yield _finding(line.number, f"field 'seq': expected {line.number - 1}, found {line.event.seq}")
 
 
 def _finding(line: int, message: str, column: int = 0) -> Finding:

@@ -51,7 +51,7 @@ def payload_of(files: Iterable[str]) -> tuple[str, ...]:
 
 
 def hash_payload(folder: Path) -> dict[str, str]:
-    """Return path and SHA-256 of every plain file below `data`, sorted as manifests are.
+    """Return path and SHA-256 of every regular file below `data`, sorted as manifests are.
 
     Raises:
         OSError: if one cannot be read.
@@ -172,7 +172,7 @@ def read_manifest(folder: Path, name: str) -> tuple[dict[str, str], list[Finding
         match = _LINE.fullmatch(line)
         path = _decode(match[2]) if match else ""
         if not match:
-            findings.append(_finding(name, "a line is a SHA-256, two spaces and a path", number))
+            findings.append(_finding(name, "expected a SHA-256, two spaces and a path", number))
         elif _leaves(path):
             findings.append(_finding(name, f"{shown(path)} leads out of the package", number))
         elif path in entries:

@@ -83,14 +83,14 @@ def _shape_findings(_: Path, reading: JournalReading, __: Hashes) -> Iterator[Fi
         yield Finding(JOURNAL, 0, 0, "the last line is incomplete")
     kinds = [type(event) for event in reading.events]
     if kinds[:1] != [Run] or kinds[-2:] != [Results, End] or kinds.count(Results) != 1:
-        yield Finding(JOURNAL, 0, 0, "a sealed journal begins with run, and ends with results and end, each once")
+        yield Finding(JOURNAL, 0, 0, "expected the event run first, and results and end last, each once")
 
 
 def _journal_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
     yield from _shape_findings(folder, reading, hashes)
     for line in reading.lines:
         if not line.canonical:
-            yield Finding(JOURNAL, line.number, 1, "this is not canonical JSON")
+            yield Finding(JOURNAL, line.number, 1, "not canonical JSON")
 
 
 def _info_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterator[Finding]:
@@ -191,7 +191,7 @@ def _results_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> 
         yield Finding(RESULTS, error.line, error.column, error.bare)
         return
     told = list(_differences(found, parse_strict(due)))
-    for sentence in told[:_MOST_FIELDS] or ["this is not canonical JSON"]:
+    for sentence in told[:_MOST_FIELDS] or ["not canonical JSON"]:
         yield Finding(RESULTS, 1, 1, sentence)
     if more := told[_MOST_FIELDS:]:
         yield Finding(RESULTS, 1, 1, f"{len(more)} more fields are not what the journal gives")

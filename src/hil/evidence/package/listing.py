@@ -1,4 +1,4 @@
-"""What is in a run's folder: plain files, folders, and everything that a package must not have."""
+"""What is in a run's folder: regular files, folders, and everything that a package must not have."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Listing:
     """Everything below a folder; paths are relative to it, with slashes, sorted by their bytes.
 
     Attributes:
-        files: plain files.
+        files: regular files.
         empty: folders with no file below them.
         odd: a finding for everything that is neither file nor folder, or cannot be looked at.
     """
@@ -40,7 +40,7 @@ class Listing:
         """Give a finding for everything that a sealed package must not have."""
         yield from self.odd
         for path in self.empty:
-            yield Finding(shown(path), 0, 0, "an empty folder is in no package")
+            yield Finding(shown(path), 0, 0, "empty folder: a package has none")
         seen: dict[str, str] = {}
         for path in self.files:
             twin = seen.setdefault(unicodedata.normalize("NFC", path).casefold(), path)
@@ -69,7 +69,7 @@ def list_folder(folder: Path) -> Listing:
                 files.append(path)
             else:
                 what = _SPECIAL.get(kind, "something special")
-                odd.append(Finding(shown(path), 0, 0, f"only plain files belong in a package, this is {what}"))
+                odd.append(Finding(shown(path), 0, 0, f"expected a regular file, found {what}"))
     holding = {path[:cut] for path in files for cut, letter in enumerate(path) if letter == "/"}
     return Listing(
         files=tuple(sorted(files, key=os.fsencode)),

@@ -207,9 +207,9 @@ def bag_findings(folder: Path, listing: Listing, hashes: Mapping[str, str]) -> I
             yield Finding(shown(name), 0, 0, "no manifest names this file")
     missing = sorted(_TAG_FILES - {*listing.files})
     for name in missing:
-        yield Finding(name, 0, 0, "this file is missing, and every package has it")
+        yield Finding(name, 0, 0, "this file is missing: every package has it")
     if SEAL not in missing and read_plain(folder / SEAL) != DECLARATION:
-        yield Finding(SEAL, 0, 0, "this is not the declaration of a sealed package")
+        yield Finding(SEAL, 0, 0, "expected the BagIt declaration of a sealed package, found something else")
     if MANIFEST not in missing:
         yield from _compare(folder, MANIFEST, hashes, manifest_text(hashes))
     if not missing:
@@ -225,8 +225,8 @@ def _compare(folder: Path, manifest: str, hashes: Mapping[str, str], due: bytes)
         if path not in named:
             findings.append(Finding(shown(path), 0, 0, f"{manifest} does not name it"))
         elif named[path] != digest:
-            what = f"it is not the file that was sealed: {manifest} has another hash"
+            what = f"changed after the seal: {manifest} has another hash"
             findings.append(Finding(shown(path), 0, 0, what))
     yield from findings
     if not findings and read_plain(folder / manifest) != due:
-        yield Finding(manifest, 0, 0, "its text is not the one that is written at a seal")
+        yield Finding(manifest, 0, 0, "the entries are right, but order or spacing is not as a seal writes them")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -44,6 +45,10 @@ def _command(value: object) -> tuple[str, ...]:
 
 _FileName = Annotated[str, Notation(_file_name, "")]
 _Command = Annotated[tuple[str, ...], Notation(_command, ())]
+
+
+_NAMES = frozenset({"name", "testplans", "fixtures", "reports"})
+"""The settings that are names of files."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -216,8 +221,9 @@ def _workspace(root: Path, settings: dict[str, Any], file: _Toml, table: Keys, f
 
 
 def _declared(settings: dict[str, Any], file: _Toml, table: Keys) -> _Settings:
-    if not settings:
-        return _Settings()  # most workspaces: every command reads this, and none of them has to wait for the reader
+    with suppress(Complaint):
+        if settings.keys() <= _NAMES:  # most workspaces: every command reads this, and none has to wait for the reader
+            return _Settings(**{key: _file_name(value) for key, value in settings.items()})
     from hil.documents.declared import Invalid, validated  # noqa: PLC0415 - see above
 
     try:

@@ -85,8 +85,8 @@ def _verified(folder: Path) -> Verification:
         return found
     name, hint = shown(folder.name), _HINTS[found.state]
     if found.state is State.DAMAGED:
-        raise EvidenceError(f"{name} is DAMAGED, and nothing is exported from it: {found.findings[0]}", hint)
-    raise Refused(f"{name} is {found.state}: only a sealed package that this version can read is exported", hint)
+        raise EvidenceError(f"cannot export {name}: it is DAMAGED: {found.problem}", hint)
+    raise Refused(f"cannot export {name}: it is {found.state}, not SEALED", hint)
 
 
 def _names(facts: Mapping[str, Any], request: ExportRequest) -> list[str]:
