@@ -249,5 +249,5 @@ def test_no_command_gives_a_damaged_package_a_verdict(capsys, inside):
     (listed,) = [line for line in said(capsys, "runs")[1].splitlines() if line.startswith(FIRST)]
     assert listed.split()[1:4] == ["DAMAGED", "-", "-"]
     code, out, _ = said(capsys, "status", FIRST, "--json")
-    assert json.loads(out)["verdict"] == ""
+    assert (code, json.loads(out)["verdict"]) == (1, "")
     assert "DAMAGED" in said(capsys, "status", FIRST, "--follow")[1]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 
 from hil.executive.setup.workspace import find_workspace
@@ -146,3 +149,13 @@ def test_settings_that_can_name_no_folder_are_told(tmp_path, text):
     (tmp_path / "hil.toml").write_text(text)
     with pytest.raises(ConfigurationError, match="must be a (text|name)"):
         find_workspace(tmp_path)
+
+
+def test_names_of_folders_are_read_without_the_reader_of_documents(tmp_path):
+    """Every command that names a run reads them, and none of them waits for a library that it does not need."""
+    (tmp_path / "hil.toml").write_text('name = "Ours"\nreports = "evidence"\n')
+    code = (
+        "import sys\nfrom pathlib import Path\nfrom hil.executive.setup.workspace import find_workspace\n"
+        "found = find_workspace(Path.cwd())\nsys.exit('pydantic' in sys.modules or found.reports.name != 'evidence')\n"
+    )
+    assert subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=False).returncode == 0

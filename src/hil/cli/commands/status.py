@@ -115,7 +115,10 @@ def _added(event: Note | Attachment | Anomaly) -> str:
 def _machine(folder: Path, *, follow: bool) -> int:
     from hil.cli.following import documents  # noqa: PLC0415 - heavy
     from hil.documents.canonical import canonical  # noqa: PLC0415 - heavy
+    from hil.evidence.package.verification import State  # noqa: PLC0415 - heavy
 
+    state = ""
     for document in documents(folder, follow=follow):
+        state = document["state"]
         click.echo(canonical(document).decode())
-    return 0
+    return 1 if state == State.DAMAGED else 0

@@ -223,7 +223,8 @@ def _workspace(root: Path, settings: dict[str, Any], file: _Toml, table: Keys, f
 def _declared(settings: dict[str, Any], file: _Toml, table: Keys) -> _Settings:
     with suppress(Complaint):
         if settings.keys() <= _NAMES:  # most workspaces: every command reads this, and none has to wait for the reader
-            return _Settings(**{key: _file_name(value) for key, value in settings.items()})
+            names: dict[str, Any] = {key: _file_name(value) for key, value in settings.items()}
+            return _Settings(**names)
     from hil.documents.declared import Invalid, validated  # noqa: PLC0415 - see above
 
     try:
