@@ -16,7 +16,7 @@ from workspaces import command_line
 
 from hil.bench.file.reading import load_bench
 from hil.bench.live import bind_live, reach_of_served
-from hil.executive.watching.machine import plan_of
+from hil.executive.watching.coverage import plan_of
 from hil.guardian import latch
 from hil.simulation.served.folder import ask
 from hil.wire.transcript import Transcript

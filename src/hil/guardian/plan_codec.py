@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from hil.model.safing import Exchange, GuardedOutput, GuardedPort, GuardPlan, SafeBytes
+from hil.model.safing import CutOutput, Exchange, GuardedOutput, GuardedPort, GuardPlan, SafeBytes
 from hil.model.serial_line import Rs485, SerialLine
 
 __all__ = ["LONGEST_SETTLING", "every_exchange", "read_plan", "seconds_of", "written_plan"]
@@ -35,11 +35,15 @@ def read_plan(data: bytes) -> GuardPlan:
         run=told["run"],
         ports=tuple(_port(port) for port in told["ports"]),
         outputs=tuple(_output(output) for output in told["outputs"]),
+        cut=tuple(CutOutput(**{**cut, "cut_by": tuple(cut["cut_by"])}) for cut in told["cut"]),
         hang_s=told["hang_s"],
         latches=tuple(told["latches"]),
         journal=told["journal"],
     )
-    devices = {port.device for port in plan.ports}
+    devices, proven = {port.device for port in plan.ports}, {output.output for output in plan.outputs}
+    for each in plan.cut:
+        if not each.cut_by or not proven.issuperset(each.cut_by):
+            raise ValueError(f"{each.output} is cut off by nothing that is guarded")
     for output in plan.outputs:
         if output.device not in devices:
             raise ValueError(f"{output.output} belongs to {output.device}, which has no port")
@@ -66,7 +70,7 @@ def _port(told: Mapping[str, Any]) -> GuardedPort:
 
 def _output(told: Mapping[str, Any]) -> GuardedOutput:
     code = {part: tuple(_exchange(each) for each in told["code"][part]) for part in ("resync", "off", "proof")}
-    safe = SafeBytes(**code, owed_s=told["code"]["owed_s"])
+    safe = SafeBytes(**code, owed_s=told["code"]["owed_s"], talks=told["code"]["talks"])
     return GuardedOutput(**{**told, "code": safe, "cut_by": tuple(told["cut_by"])})
 
 

@@ -7,7 +7,7 @@ from typing import Literal
 
 from hil.model.serial_line import SerialLine
 
-__all__ = ["Exchange", "GuardPlan", "GuardedOutput", "GuardedPort", "SafeBytes"]
+__all__ = ["CutOutput", "Exchange", "GuardPlan", "GuardedOutput", "GuardedPort", "SafeBytes"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,12 +41,15 @@ class SafeBytes:
         proof: asks whether it is safe; sends nothing that changes anything. Its questions go out one at a time.
         owed_s: how long a reply may be on its way [s], the instrument's limit. Nobody knows what was asked before, so
             a proof begins once the line has been silent for so long; 0 where no reply can be taken for another's.
+        talks: whether the instrument talks unasked, so that its silence cannot be waited for; then `owed_s` counts from
+            the last question.
     """
 
     resync: tuple[Exchange, ...] = ()
     off: tuple[Exchange, ...]
     proof: tuple[Exchange, ...]
     owed_s: float = 0.5
+    talks: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,6 +95,21 @@ class GuardedOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CutOutput:
+    """An output to which no bytes lead: it is safe while another one, which cuts it off, is proven safe.
+
+    Attributes:
+        output: dotted name of the role instance.
+        cut_by: outputs of the plan whose safe state cuts it off.
+        why: why there are no bytes, such as `gives no safe_bytes`.
+    """
+
+    output: str
+    cut_by: tuple[str, ...]
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class GuardPlan:
     """All that the guardian of one run knows.
 
@@ -100,6 +118,7 @@ class GuardPlan:
         run: the run's folder.
         ports: in any order; the descriptors are passed beside.
         outputs: in the order of the safe-off.
+        cut: outputs to which no bytes lead.
         hang_s: how long the heartbeat may be silent [s].
         latches: files that latch the bench, one per instrument that the run leased.
         journal: the file in which the guardian writes down what it did.
@@ -109,6 +128,12 @@ class GuardPlan:
     run: str
     ports: tuple[GuardedPort, ...]
     outputs: tuple[GuardedOutput, ...]
+    cut: tuple[CutOutput, ...] = ()
     hang_s: float = 1.0
     latches: tuple[str, ...] = ()
     journal: str
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of all outputs."""
+        return (*(each.output for each in self.outputs), *(each.output for each in self.cut))

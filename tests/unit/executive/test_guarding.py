@@ -17,6 +17,7 @@ class Watchful:
 
     def __init__(self):
         self.told = []
+        self.stays_for = ()
 
     def drill(self):
         """Find nothing wrong."""
@@ -40,8 +41,8 @@ class Watchful:
 def test_a_guardian_that_watches_hears_of_the_run_also_where_no_latch_can_be_written(tmp_path, monkeypatch):
     """The bench is not armed then; but silence would let the guardian end the run amid its way to the safe state."""
     guardian, clock = Watchful(), SimpleNamespace(pulse=lambda: None, boot_s_of=float)
-    spec = SimpleNamespace(head=BenchHead(name="battery", title="Cells"), safe_off=(), rest=(), hold=())
-    plan = SimpleNamespace(bench="battery", outputs=(), hang_s=1.0)
+    spec = SimpleNamespace(head=BenchHead(name="battery", title="Cells"), safe_off=(), rest=(), hold=(), wiring=())
+    plan = SimpleNamespace(bench="battery", names=(), hang_s=1.0)
     monkeypatch.setattr(guarding, "plan_of", lambda *_: plan)
     monkeypatch.setattr(guarding.Guardian, "start", lambda *_: guardian)
 
@@ -65,8 +66,8 @@ def test_a_guardian_that_watches_hears_of_the_run_also_where_no_latch_can_be_wri
 def test_the_latches_of_an_armed_bench_are_renewed_now_and_then(tmp_path, monkeypatch):
     """Every ten minutes, with the heartbeat; not any more once the run lets go of the bench."""
     guardian, clock = Watchful(), SimpleNamespace(pulse=lambda: None, boot_s_of=float)
-    spec = SimpleNamespace(head=BenchHead(name="battery", title="Cells"), safe_off=(), rest=(), hold=())
-    plan = SimpleNamespace(bench="battery", outputs=(), hang_s=1.0)
+    spec = SimpleNamespace(head=BenchHead(name="battery", title="Cells"), safe_off=(), rest=(), hold=(), wiring=())
+    plan = SimpleNamespace(bench="battery", names=(), hang_s=1.0)
     monkeypatch.setattr(guarding, "plan_of", lambda *_: plan)
     monkeypatch.setattr(guarding.Guardian, "start", lambda *_: guardian)
     monkeypatch.setattr("hil.guardian.latch.PLACES", (tmp_path / "latches",))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import select
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Protocol
@@ -21,19 +20,18 @@ from hil.evidence.events import EventSink
 from hil.evidence.safed import guardian_lines
 from hil.executive.ending.signals import LOOK_S
 from hil.executive.ending.stop import StopFlags
+from hil.executive.watching.coverage import harmless, plan_of
 from hil.executive.watching.inhibitor import Inhibitor
 from hil.executive.watching.ports import Distress, Freshness
 from hil.guardian.channel import DrillResult
 from hil.guardian.client import Guardian
-from hil.guardian.latch import Latch, path_of
-from hil.instruments.roles import SafeByBytes
-from hil.model.bench import BenchSpec, InstrumentSpec, SafeStep
+from hil.guardian.latch import Latch
+from hil.model.bench import BenchSpec
 from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
-from hil.model.safing import GuardedOutput, GuardedPort, GuardPlan
-from hil.wire.line_stream import port_of
+from hil.model.safing import GuardPlan
 
-__all__ = ["ArmingPeople", "Guarding", "LiveMachine", "Tenant", "live_machine", "plan_of"]
+__all__ = ["ArmingPeople", "Guarding", "LiveMachine", "Tenant", "live_machine"]
 
 _BEAT_S = 0.1
 _BETWEEN_S = 10.0
@@ -43,7 +41,6 @@ _ARMING_S = 120.0
 _SPARE_S = 30.0
 _GRACE_S = 1.0
 _RENEWED_S = 600.0
-_JOURNAL = "data/guardian.jsonl"
 
 
 class Guarding:
@@ -113,7 +110,17 @@ class Guarding:
         except (HilError, OSError) as error:
             yield Gate("guardian", ok=False, detail=str(error))
             return
-        yield Gate("guardian", ok=True, detail=f"watches, and acts after {plan.hang_s:g} s without a heartbeat")
+        yield Gate(
+            "guardian",
+            ok=True,
+            detail=f"watches, and acts after {plan.hang_s:g} s without a heartbeat{self._left(plan)}",
+        )
+
+    def _left(self, plan: GuardPlan) -> str:
+        """Return what the guardian does not look after."""
+        nothing = "" if plan.names else "; it guards no output, so it proves nothing"
+        others = ", ".join(harmless(self._bench.spec))
+        return nothing + (f"; not guarded, because they do no harm by their roles: {others}" if others else "")
 
     def pulse(self) -> None:
         """Tell the guardian that the run lives, and up to when what it knows of the bench is good; often is cheap."""
@@ -167,6 +174,8 @@ class Guarding:
             return self._unlatched() if proven else [str(error)]
         guardian.close()  # one that has not found everything safe acts now, and latches the bench
         wrong = [_told(each) for each in found if not each.ok]
+        if stays := guardian.stays_for:
+            wrong.append(f"the guardian keeps trying to make {', '.join(stays)} safe, until then or until hil ack")
         last = guardian_lines(self._folder)[before:][-1:]
         self.proven = any(line.get("event") == "done" and line.get("unproven") == [] for line in last)
         return wrong or self._unlatched()
@@ -182,8 +191,7 @@ class Guarding:
     def _armed(self, plan: GuardPlan) -> Latch:
         """Return what latches the bench as long as it is armed: run and guardian may end in one instant."""
         why = "it was armed, and neither its run nor the guardian has said since that it is safe"
-        outputs = tuple(output.output for output in plan.outputs)
-        return Latch(bench=plan.bench, run=str(self._folder), why=why, since=wall.utc_now(), outputs=outputs)
+        return Latch(bench=plan.bench, run=str(self._folder), why=why, since=wall.utc_now(), outputs=plan.names)
 
     def _good_until(self) -> float:
         """Return the boot time in s up to which nobody needs to look after the bench again."""
@@ -193,47 +201,6 @@ class Guarding:
             return self._until
         self._until = 0.0
         return self._clock.boot_s_of(fresh_ns) + _GRACE_S
-
-
-def plan_of(bench: BoundBench, folder: Path, leases: Sequence[str]) -> GuardPlan:
-    """Return what the guardian of a run on this bench knows.
-
-    Raises:
-        Refused: for a line of the safe-off to which no bytes lead.
-    """
-    spec = bench.spec
-    outputs = tuple(_output(bench, step) for step in spec.safe_off if isinstance(bench.roles[step.output], SafeByBytes))
-    devices = {output.device for output in outputs}
-    return GuardPlan(
-        bench=spec.name,
-        run=str(folder),
-        ports=tuple(_port(bench, item) for item in spec.instruments if item.name in devices),
-        outputs=outputs,
-        latches=tuple(str(path_of(lease)) for lease in leases),
-        journal=str(folder / _JOURNAL),
-    )
-
-
-def _output(bench: BoundBench, step: SafeStep) -> GuardedOutput:
-    role = bench.roles[step.output]
-    if not isinstance(role, SafeByBytes):
-        raise TypeError(f"{step.output} has no bytes of its own")
-    return GuardedOutput(
-        output=step.output,
-        state=step.state,
-        device=bench.spec.wire(step.output).instrument,
-        within_s=step.within_s,
-        code=role.safe_bytes(step.state, step.proof),
-        cut_by=tuple(path.by for path in bench.spec.cut_paths if path.output == step.output and path.by),
-    )
-
-
-def _port(bench: BoundBench, instrument: InstrumentSpec) -> GuardedPort:
-    """Return how the guardian may open a port again: not one that resets its device."""
-    resets = getattr(bench.drivers[instrument.name], "resets_on_open", False)
-    line = instrument.serial_line if bench.source is Source.HARDWARE else None
-    port = port_of(instrument.name, bench.where[instrument.name], instrument.baud, line)
-    return replace(port, url="") if resets else port
 
 
 def _longest_safing_s(spec: BenchSpec) -> float:
