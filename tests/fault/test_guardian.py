@@ -13,6 +13,7 @@ from guarded import Executive, Instrument, NetworkInstrument, lines_of, output_o
 
 from hil.guardian import latch
 from hil.guardian.latch import Latch
+from hil.model.safing import CutOutput
 
 SLOW_MACHINE_S = 1.0  # what a busy machine may add to any of the times
 
@@ -281,8 +282,85 @@ def test_an_unproven_bench_is_not_disarmed(tmp_path, stack, instruments, what):
     assert ("on 1 yes" if what == "on" else "its port is gone") in result["detail"]
     assert executive.ask("close") == {"ok": True}
     assert latched(plan).outputs == (() if what == "on" else ("one",))
+    if what == "pulled":
+        assert not until(executive.watched, 0.0)
+        latch.clear(Path(plan.latches[0]))
     executive.wait_for_guardian()
     assert executive.process.poll() is None
+
+
+def test_a_port_that_returns_after_everything_was_said_is_made_safe(tmp_path, stack, instruments):
+    """A hub was away for longer than any limit: what returns is off within 2 s, then all is proven."""
+    pulled, again = instruments(), instruments()
+    link = tmp_path / "psu"
+    link.symlink_to(pulled.url)
+    plan = plan_of(tmp_path, output_of("supply", "psu"), urls={"psu": str(link)})
+    executive = started(stack, plan, psu=pulled)
+    executive.arm()
+    pulled.close()
+    link.unlink()
+    executive.process.kill()
+    said = executive.wait_for_words()
+    assert "NOT PROVEN SAFE: supply; it keeps trying until they are, or until 'hil ack' ends it" in said
+    assert latched(plan).outputs == ("supply",)
+    assert executive.process.stderr.read() == b""  # who waits for the end of its words is not kept waiting
+    assert events(plan, "trying")[0]["unproven"] == ["supply"]
+    assert events(plan, "trying")[0]["pid"] == executive.guardian
+    began = time.monotonic()
+    link.symlink_to(again.url)
+    again.wait(lambda: not again.on)
+    assert time.monotonic() - began < 2.0 + SLOW_MACHINE_S
+    executive.wait_for_guardian()
+    assert latched(plan).outputs == ()
+    assert (events(plan, "done")[0]["unproven"], events(plan, "done")[0]["proven"]) == ([], ["supply"])
+
+
+def test_a_guardian_leaves_once_a_person_has_acknowledged(tmp_path, stack, instruments):
+    """It writes nothing more down: an acknowledgement holds for its journal as it was."""
+    psu = instruments()
+    psu.refuses = True
+    plan = plan_of(tmp_path, output_of("supply", "psu"))
+    executive = started(stack, plan, psu=psu)
+    executive.arm()
+    executive.process.kill()
+    executive.wait_for_words()
+    assert not until(executive.watched, 1.0)
+    before = Path(plan.journal).read_bytes()
+    latch.clear(Path(plan.latches[0]))
+    executive.wait_for_guardian()
+    assert Path(plan.journal).read_bytes() == before
+    assert latch.read(plan.latches[0]) is None
+
+
+def test_what_only_another_output_can_cut_off_is_as_safe_as_that_one(tmp_path, stack, instruments):
+    """An output without bytes of its own is drilled, disarmed and proven by the one that cuts it off."""
+    relay = instruments()
+    cut = (CutOutput(output="foreign", cut_by=("relay",), why="gives no safe_bytes"),)
+    plan = plan_of(tmp_path, output_of("relay", "board"), cut=cut, hang_s=0.3)
+    executive = started(stack, plan, board=relay)
+    _, foreign, _ = executive.ask("drill")["results"]
+    assert (foreign["output"], foreign["ok"]) == ("foreign", True)
+    executive.arm()
+    relay.refuses = True
+    executive.ask("write", device="board", text="ON 1\n")
+    assert [each["ok"] for each in executive.ask("disarm")["results"]] == [False, False]
+    executive.process.kill()
+    executive.wait_for_words()
+    assert latched(plan).outputs == ("relay", "foreign")
+    relay.refuses = False
+    executive.wait_for_guardian()
+    assert latched(plan).outputs == ()
+
+
+def test_a_plan_without_outputs_proves_nothing_and_says_so(tmp_path, stack):
+    """Nothing was asked, so nothing is called safe."""
+    plan = plan_of(tmp_path)
+    executive = started(stack, plan)
+    executive.arm()
+    executive.process.kill()
+    assert "it guards no output, so nothing was proven" in executive.wait_for_words()
+    executive.wait_for_guardian()
+    assert (events(plan, "done")[0]["proven"], events(plan, "done")[0]["unproven"]) == ([], [])
 
 
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])

@@ -64,7 +64,7 @@ def require_acknowledged(run):
     """Require that nobody drives the bench before a named person has looked at it."""
     refused = run.workspace.hil(*run.command)
     assert refused.code == 4
-    assert re.search(f"is latched since .* by .*{run.folder.name}", refused.err)
+    assert re.search(f"is (latched since .* by|held by) .*{run.folder.name}", refused.err)
     assert run.workspace.hil("ack", run.folder.name, "--by", "Ada", "--text", "everything is off").code == 0
 
 
@@ -174,8 +174,13 @@ def test_a_port_that_is_pulled(tmp_path, bench):
         assert ended.code == 7
         assert "stopped by a lost port: psu1: its port is gone" in ended.out
         shown = run.workspace.hil("status", run.folder.name).out
-        assert re.search(rf"state +SAFED\n(.*\n)*next +hil ack .*, then hil resume {run.folder.name}\n", shown)
+        assert re.search(r"state +INTERRUPTED\n(.*\n)*guardian +trying since .*; NOT PROVEN SAFE: .*apparatus", shown)
+        assert re.search(rf"next +hil ack .*, then hil resume {run.folder.name}\n", shown)
         bench.ask(plug="psu1")
+        seconds_until(lambda: not bench.on(), LIMIT_S, lambda: f"safe, {bench.on()} still on")
+        journal = run.folder / "data/guardian.jsonl"
+        seconds_until(lambda: '"event": "done"' in journal.read_text(), 30.0, "the guardian's proof")
+        assert re.search(r"state +SAFED\n", run.workspace.hil("status", run.folder.name).out)
         require_acknowledged(run)
         assert run.workspace.hil("seal", run.folder.name).code == 0
         replayed = run.workspace.hil("replay", run.folder.name)

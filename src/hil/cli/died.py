@@ -105,17 +105,18 @@ def _bench(folder: Path, limit_s: float) -> Iterator[str]:
     """Yield what the guardian wrote down of the bench, once it is done or the time is over; nothing without one."""
     from hil.bench.lease import holds_a_lease  # noqa: PLC0415 - only behind a run that died
     from hil.evidence.folder import is_held  # noqa: PLC0415 - as above
-    from hil.evidence.safed import guardian_lines  # noqa: PLC0415 - as above
+    from hil.evidence.safed import guardian_lines, last_act  # noqa: PLC0415 - as above
     from hil.executive.ending.acknowledging import waits_for_ack  # noqa: PLC0415 - as above
     from hil.report.page.incidents import sentences  # noqa: PLC0415 - as above
 
     began = wall.monotonic()
     while at_work := is_held(folder) or holds_a_lease(folder.name):
-        if wall.monotonic() - began > limit_s:
+        act = last_act(guardian_lines(folder))
+        if wall.monotonic() - began > limit_s or (act is not None and act.trying):
             break
         wall.pause(_LOOK_S)
     lines = guardian_lines(folder)
-    done = [line for line in lines if line.get("event") == "done"]
+    done = [line for line in lines if line.get("event") in {"done", "trying"}]
     if done:
         yield from (sentence.text for sentence in sentences(done[-1:]))
     elif lines or at_work:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,67 @@ from hil.evidence.inbox import peek
 from hil.evidence.journal.reader import read_journal
 from hil.model.errors import EvidenceError
 
-__all__ = ["guardian_hash", "guardian_lines", "is_acknowledged", "was_safed"]
+__all__ = ["LastAct", "guardian_hash", "guardian_lines", "is_acknowledged", "last_act", "was_safed"]
 
 _LARGEST = 20_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class LastAct:
+    """What the guardian's journal says of the last time that it acted.
+
+    Attributes:
+        since: when it began, UTC.
+        unproven: the outputs that were not proven safe when it was last asked; None where that is not on record.
+        proves: whether it guarded any output.
+        finished: whether it had finished, and was not trying any more.
+        trying: whether it had told that it goes on trying.
+        pid: its process, 0 where that is not on record.
+    """
+
+    since: str
+    unproven: tuple[str, ...] | None
+    proves: bool
+    finished: bool
+    trying: bool
+    pid: int
+
+    @property
+    def safe(self) -> bool:
+        """Whether every output was proven safe in the end."""
+        return self.finished and self.proves and self.unproven == ()
+
+
+def last_act(lines: Sequence[dict[str, Any]]) -> LastAct | None:
+    """Return the last act in the guardian's journal, None if it never acted.
+
+    Args:
+        lines: as `guardian_lines` returns them.
+    """
+    starts = [place for place, line in enumerate(lines) if line.get("event") == "acting"]
+    if not starts:
+        return None
+    act = lines[starts[-1] :]
+    by_event = {str(line.get("event")): line for line in act}
+    done, trying = by_event.get("done"), by_event.get("trying")
+    concluded = done or trying
+    unproven = None if concluded is None else _unproven(act[act.index(concluded) :])
+    return LastAct(
+        since=str(act[0].get("utc", "")),
+        unproven=unproven,
+        proves=done is None or bool(done.get("proven", any(line.get("event") == "proof" for line in act))),
+        finished=done is not None,
+        trying=trying is not None,
+        pid=trying["pid"] if trying and isinstance(trying.get("pid"), int) else 0,
+    )
+
+
+def _unproven(lines: Sequence[dict[str, Any]]) -> tuple[str, ...]:
+    """Return the outputs that a line names, as the proofs after it leave them."""
+    named = lines[0].get("unproven")
+    states = dict.fromkeys(map(str, named), False) if isinstance(named, list) else {}
+    states |= {str(line.get("output")): line.get("ok") is True for line in lines if line.get("event") == "proof"}
+    return tuple(output for output, ok in states.items() if not ok)
 
 
 def guardian_hash(folder: Path) -> str:
@@ -38,12 +97,17 @@ def guardian_lines(folder: Path) -> tuple[dict[str, Any], ...]:
 
 
 def was_safed(folder: Path, events: Sequence[Event]) -> bool:
-    """Return whether the guardian ended a run that is not sealed, and nobody has resumed it since.
+    """Return whether the guardian ended a run that is not sealed, proved it safe, and nobody has resumed it since.
+
+    One of which an output was not proven is no more than interrupted.
 
     Its journal holds then no acknowledgement of the guardian's as that stands now: it is written down first of all
     when the run is resumed.
     """
     if not (seen := guardian_hash(folder)):
+        return False
+    act = last_act(guardian_lines(folder))
+    if act is None or not act.safe:
         return False
     return not any(isinstance(event, End) or _acknowledges(event, seen) for event in events)
 

@@ -40,6 +40,9 @@ class Guardian:
         end: this process's end of the channel.
         plan: what is guarded.
         look: see `start`.
+
+    Attributes:
+        stays_for: the outputs for which it stays after `close`, until they are proven safe or a person acknowledges.
     """
 
     def __init__(
@@ -61,6 +64,7 @@ class Guardian:
         self._disarmed = False
         self._closed = False
         self._lost = False
+        self.stays_for: tuple[str, ...] = ()
 
     @classmethod
     def start(
@@ -159,7 +163,8 @@ class Guardian:
     def close(self) -> None:
         """Leave, and wait for the guardian to exit. If it watches it makes the bench safe first, and kills nobody.
 
-        A guardian that is lost or does not exit is killed. Closing twice is harmless.
+        A guardian that cannot prove every output safe stays, and `stays_for` names them. One that is lost, or neither
+        exits nor says so, is killed. Closing twice is harmless.
         """
         if self._closed:
             return
@@ -167,9 +172,15 @@ class Guardian:
         acts = self._watched and not self._disarmed and not self._lost
         try:
             self._send("leave")
+            if acts:
+                self.stays_for = tuple(self._await("acted", self._acting_s())["unproven"])
         except GuardianLost:
-            acts = False
-        self._end_process(self._acting_s() if acts else _LEAVING_S)
+            pass
+        if self.stays_for:
+            self._end.close()
+            self._process.returncode = 0  # it is not waited for
+        else:
+            self._end_process(_LEAVING_S)
 
     def _acting_s(self) -> float:
         """Return the longest time that the guardian may take to act [s], when every exchange fails."""
@@ -193,11 +204,12 @@ class Guardian:
         self._unanswered.clear()
         return tuple(results)
 
-    def _await(self, kind: str, limit_s: float) -> None:
+    def _await(self, kind: str, limit_s: float) -> dict[str, Any]:
         until = time.monotonic() + limit_s
         while (told := self._next(until - time.monotonic()))["kind"] != kind:
             if told["kind"] == "refused":
                 raise GuardianLost(told["why"])
+        return told
 
     def _next(self, limit_s: float) -> dict[str, Any]:
         """Return the guardian's next message."""

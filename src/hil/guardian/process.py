@@ -30,6 +30,7 @@ _FOR_DEATH_MS = 50
 _FOR_A_PLAN_MS = 10_000
 _LATE_S = 1.0
 _MOST_AT_ONCE = 64
+_STANDARD_ERROR = 2
 
 
 class _Ended(Exception):
@@ -79,8 +80,15 @@ class Guard:
             why = f"the guardian itself failed: {error!r}" if self._watching else ""
         if not why:
             return True
-        response = Response(self._plan, self._outputs, self._record, self._executive)
+        response = Response(self._plan, self._outputs, self._record, self._executive, self._have_acted)
         return response.act(why, kill=kill)
+
+    def _have_acted(self, unproven: tuple[str, ...]) -> None:
+        """Tell the executive, if it is there; who stays says nothing more, for whoever reads that waits for its end."""
+        if unproven:
+            _fall_silent()
+        with suppress(HungUp):
+            self._tell("acted", unproven=unproven)
 
     def _turn(self) -> None:
         self._poll.poll((self._watchdog.next_s() if self._watching else _IDLE_S) * 1000)
@@ -118,7 +126,7 @@ class Guard:
 
     def _drill(self, _told: dict[str, Any]) -> None:
         self._outputs.begin(anew=False)
-        self._report(self._outputs.drill, self._plan.outputs)
+        self._report(self._outputs.drill)
         self._tell_result(self._drill_heartbeat())
         self._watchdog.restart()
         self._tell("done")
@@ -130,7 +138,7 @@ class Guard:
 
     def _disarm(self, _told: dict[str, Any]) -> None:
         self._outputs.begin(anew=True)
-        if self._report(self._outputs.prove, self._plan.outputs):
+        if self._report(self._outputs.prove):
             self._watching, self._disarmed = False, True
         self._watchdog.restart()
         self._tell("done")
@@ -154,10 +162,16 @@ class Guard:
         said = f"heard {heard} beats; would have acted after {silent_s:.2f} s of silence"
         return DrillResult(output="heartbeat", ok=ok, detail=said, seconds=silent_s)
 
-    def _report(self, ask: Callable[[GuardedOutput], DrillResult], outputs: Sequence[GuardedOutput]) -> bool:
+    def _report(self, ask: Callable[[GuardedOutput], DrillResult]) -> bool:
         results = []
-        for each in outputs:
+        for each in self._plan.outputs:
             results.append(ask(each))
+            self._tell_result(results[-1])
+        safe = {result.output for result in results if result.ok}
+        for cut in self._plan.cut:
+            by = [each for each in cut.cut_by if each in safe]
+            said = f"cut off by {by[0]}, which is proven safe" if by else f"not cut off by {', '.join(cut.cut_by)}"
+            results.append(DrillResult(output=cut.output, ok=bool(by), detail=said, seconds=0.0))
             self._tell_result(results[-1])
         return all(result.ok for result in results)
 
@@ -218,6 +232,12 @@ def _received(end: socket.socket) -> Guard:
     IncidentLog(plan).check()
     workers = {port.device: PortWorker(port, each) for port, each in zip(plan.ports, passed, strict=False)}
     return Guard(end, plan, executive, workers)  # the descriptors of leases stay open until the process ends
+
+
+def _fall_silent() -> None:
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, _STANDARD_ERROR)
+    os.close(nowhere)
 
 
 def _is_dead(process: int, wait_ms: int) -> bool:

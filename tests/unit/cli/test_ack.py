@@ -22,6 +22,8 @@ SAFED = "20261121T093100Z-battery-x-cd60b0"
 SEALED = "20261120T093100Z-battery-x-ab12cd"
 SINCE = "2026-11-21T10:00:07.2Z"
 ACTED = '{"event":"acting","utc":"2026-11-21T10:00:07.250000Z","why":"the executive died"}\n'
+TRYING = '{"event":"trying","utc":"2026-11-21T10:00:17.250000Z","unproven":["tec"],"pid":71}\n'
+PROVEN = '{"event":"done","utc":"2026-11-21T10:00:27.250000Z","unproven":[],"proven":["tec"]}\n'
 TEXT = "cell warm, fuse F2 replaced"
 
 
@@ -172,14 +174,35 @@ def test_a_latched_run_is_told_wherever_runs_are_told(capsys):
     """With its state, until it is acknowledged."""
     assert f"latched until hil ack {SAFED}" in said(capsys, "runs")[1]
     out = said(capsys, "status", SAFED)[1]
-    assert "state       SAFED" in out
+    assert "state       INTERRUPTED" in out
+    assert "guardian    no proof is on record" in out
     assert f"latch       latched until hil ack {SAFED}" in out
     assert json.loads(said(capsys, "status", SAFED, "--json")[1])["latched"] is True
     said(capsys, "ack", SAFED, "--by", "Ada", "--text", TEXT)
     out = said(capsys, "status", SAFED)[1]
-    assert "state       SAFED" in out
     assert "latch " not in out
     assert json.loads(said(capsys, "status", SAFED, "--json")[1])["latched"] is False
+
+
+def test_a_guardian_that_keeps_trying_is_told_and_can_be_acknowledged(reports, capsys):
+    """With its outputs, since when, and its process; then it is proven, and the run is safed."""
+    journal = reports / SAFED / GUARDIAN
+    journal.write_text(ACTED + TRYING)
+    lease = Lease(["/dev/psu"], "a run of battery")
+    lease.name(SAFED)
+    out = said(capsys, "status", SAFED)[1]
+    assert "state       INTERRUPTED" in out
+    assert "guardian    trying since 2026-11-21 10:00:07.250 UTC (process 71); NOT PROVEN SAFE: tec" in out
+    out = said(capsys, "ack", SAFED, "--by", "Ada", "--text", TEXT)[1]
+    assert "NOT PROVEN SAFE: tec; the guardian kept trying" in out
+    assert "proven safe\n" not in out
+    assert not latches_of(SAFED)
+    lease.release()
+    assert "guardian    NOT PROVEN SAFE: tec" in said(capsys, "status", SAFED)[1]
+    journal.write_text(ACTED + TRYING + PROVEN)
+    out = said(capsys, "status", SAFED)[1]
+    assert "state       SAFED" in out
+    assert "guardian " not in out
 
 
 def test_a_safed_run_is_not_resumed_before_it_is_acknowledged(reports):

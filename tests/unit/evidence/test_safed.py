@@ -16,12 +16,16 @@ from hil.evidence.package.contents import Package
 from hil.evidence.package.sealing import recover
 from hil.evidence.package.verification import State, verify
 from hil.evidence.runs import status
-from hil.evidence.safed import guardian_hash, guardian_lines, is_acknowledged
+from hil.evidence.safed import guardian_hash, guardian_lines, is_acknowledged, last_act
 from hil.report.material import Material
 from hil.report.page.as_run import attributed
 from hil.report.page.incidents import happenings
 
-ACTED = b'{"kind":"acted","why":"the executive died"}\n'
+ACTING = b'{"event":"acting","utc":"2026-11-21T10:00:07.250000Z","why":"the executive died"}\n'
+PROOF = b'{"event":"proof","output":"tec","ok":%b,"detail":"safe"}\n'
+DONE = b'{"event":"done","unproven":[],"proven":["tec"]}\n'
+TRYING = b'{"event":"trying","unproven":["tec"],"pid":71}\n'
+ACTED = ACTING + PROOF % b"true" + DONE
 
 
 @pytest.fixture
@@ -47,8 +51,31 @@ def test_a_run_that_the_guardian_ended_is_safed(folder):
 
 def test_what_the_guardian_wrote_is_read_whatever_it_is(folder):
     """A line that was torn is shown as it is."""
-    (folder / GUARDIAN).write_bytes(ACTED + b'{"kind":"pro')
-    assert guardian_lines(folder) == ({"kind": "acted", "why": "the executive died"}, {"text": '{"kind":"pro'})
+    (folder / GUARDIAN).write_bytes(DONE + b'{"kind":"pro')
+    done = {"event": "done", "unproven": [], "proven": ["tec"]}
+    assert guardian_lines(folder) == (done, {"text": '{"kind":"pro'})
+
+
+@pytest.mark.parametrize(
+    ("journal", "unproven", "trying"),
+    [
+        (ACTING, None, False),
+        (ACTING + PROOF % b"false", None, False),
+        (ACTING + PROOF % b"false" + TRYING, ("tec",), True),
+        (ACTING + PROOF % b"false" + TRYING + PROOF % b"true", (), True),
+        (ACTING + b'{"event":"done","unproven":["tec"]}\n', ("tec",), False),
+        (ACTING + b'{"event":"done","unproven":[]}\n', (), False),
+        (ACTING + b'{"event":"done","unproven":[],"proven":[]}\n', (), False),
+        (ACTED + ACTING, None, False),
+    ],
+)
+def test_what_was_not_proven_is_not_called_safe(folder, journal, unproven, trying):
+    """A guardian that still tries, was killed, gave up or guarded nothing has not made a run safe."""
+    (folder / GUARDIAN).write_bytes(journal)
+    assert status(folder).state is State.INTERRUPTED
+    assert verify(folder).state is State.INTERRUPTED
+    act = last_act(guardian_lines(folder))
+    assert (act.unproven, act.trying, act.safe) == (unproven, trying, False)
 
 
 def test_an_acknowledgement_holds_for_what_was_seen(folder):

@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from hil.guardian.ports.identity import identity_of, require
+from hil.guardian.ports.identity import found, identity_of
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def test_a_device_is_known_by_its_serial_number(tmp_path, terminal):
     near, path = terminal
     system = told(tmp_path, near, idVendor="0403", idProduct="6001", serial="A50285BK")
     assert identity_of(near, system) == identity_of(path, system) == ("0403", "6001", "A50285BK")
-    require(("0403", "6001", "A50285BK"), path, system)
+    assert found(("0403", "6001", "A50285BK"), path, (), system) == path
 
 
 def test_a_device_without_a_serial_number_is_known_by_its_socket(tmp_path, terminal):
@@ -57,7 +57,7 @@ def test_another_device_under_the_same_name_is_not_opened(tmp_path, terminal):
     near, path = terminal
     system = told(tmp_path, near, idVendor="2341", idProduct="0043", serial="X")
     with pytest.raises(OSError, match="is 2341 0043 X now, not 0403 6001 A"):
-        require(("0403", "6001", "A"), path, system)
+        found(("0403", "6001", "A"), path, (), system)
 
 
 def test_what_is_no_usb_device_has_no_identity(tmp_path, terminal):
@@ -70,6 +70,28 @@ def test_what_is_no_usb_device_has_no_identity(tmp_path, terminal):
     os.close(reader)
     os.close(writer)
     with pytest.raises(OSError, match="is no USB device now"):
-        require(("0403", "6001", "A"), path, tmp_path)
-    with pytest.raises(FileNotFoundError):
-        require(("0403", "6001", "A"), "/dev/no-such-port")
+        found(("0403", "6001", "A"), path, (), tmp_path)
+    with pytest.raises(OSError, match="/dev/no-such-port is no USB device now"):
+        found(("0403", "6001", "A"), "/dev/no-such-port", ())
+
+
+def test_a_device_that_has_another_name_now_is_found(tmp_path, terminal):
+    """Names are given in the order in which devices come; one that is at two places is at none."""
+    near, path = terminal
+    system = told(tmp_path, near, idVendor="0403", idProduct="6001", serial="A50285BK")
+    wanted = ("0403", "6001", "A50285BK")
+    assert found(wanted, "/dev/no-such-port", ["/dev/null", path], system) == path
+    with pytest.raises(OSError, match="6001 A50285BK is at"):
+        found(wanted, "/dev/no-such-port", [path, path], system)
+    with pytest.raises(OSError, match="is no USB device now"):
+        found((*wanted, "interface 01"), "/dev/no-such-port", [path], system)
+
+
+def test_each_port_of_one_adapter_is_known(tmp_path, terminal):
+    """By interface and number of the port: another instrument is behind each."""
+    near, _ = terminal
+    system = told(tmp_path, near, idVendor="0403", idProduct="6011", serial="X")
+    usb = tmp_path / "devices" / "1-1.4" / "1-1.4:1.0"
+    (usb / "bInterfaceNumber").write_text("00\n")
+    (usb / "ttyUSB0" / "port_number").write_text("1\n")
+    assert identity_of(near, system) == ("0403", "6011", "X", "port 1", "interface 00")

@@ -77,6 +77,7 @@ def status_lines(found: RunSummary) -> list[str]:
         ("last event", "" if found.age is None else f"{duration(found.age)} ago"),
         ("verdict", "-" if damaged else found.verdict),
         ("checked", found.checked),
+        ("guardian", _guardian(folder)),
         ("latch", latch_word(folder)),
         ("next", _next(found)),
         ("problem", found.problem),
@@ -101,6 +102,24 @@ def _next(found: RunSummary) -> str:
     if why_not_resumed(found.folder / JOURNAL):
         return f"hil seal {name}"
     return f"{ack_line(name)}, then hil resume {name}" if latch_word(found.folder) else f"hil resume {name}"
+
+
+def _guardian(folder: Path) -> str:
+    """Return what the guardian is still doing, or could not prove; nothing where it did not act or all is safe."""
+    from hil.bench.lease import holds_a_lease  # noqa: PLC0415 - heavy
+    from hil.cli.commands.ack import moment  # noqa: PLC0415 - only where it is used
+    from hil.evidence.safed import guardian_lines, last_act  # noqa: PLC0415 - heavy
+
+    act = last_act(guardian_lines(folder))
+    if act is None or act.safe:
+        return ""
+    if not act.proves:
+        return "it guarded no output, so nothing was proven safe"
+    what = "no proof is on record" if act.unproven is None else f"NOT PROVEN SAFE: {', '.join(act.unproven)}"
+    if act.finished or not holds_a_lease(folder.name):
+        return what
+    process = f" (process {act.pid})" if act.pid else ""
+    return f"trying since {moment(act.since)}{process}; {what}"
 
 
 def _added(event: Note | Attachment | Anomaly) -> str:

@@ -10,7 +10,7 @@ from hil.bench.lease import ack_line, clear_latches_of, holds_a_lease, latches_o
 from hil.evidence.folder import JOURNAL, is_held, is_run, is_sealed
 from hil.evidence.inbox import post
 from hil.evidence.ledger import ACKNOWLEDGEMENTS, enter
-from hil.evidence.safed import guardian_hash, is_acknowledged
+from hil.evidence.safed import guardian_hash, guardian_lines, is_acknowledged, last_act
 from hil.model.errors import Refused
 
 __all__ = ["Acknowledged", "acknowledge", "require_acknowledged", "waits_for_ack"]
@@ -80,8 +80,10 @@ def acknowledge(folder: Path, reports: Path, *, by: str, text: str) -> Acknowled
 
 
 def _require_over(folder: Path) -> None:
+    """Require that nobody but a guardian that keeps trying is at work: it leaves once its latch is taken back."""
     hint = "wait for its end, or stop it with hil stop"
     if is_run(folder) and is_held(folder):
         raise Refused(f"{folder.name}: the run, or its guardian, is still running", hint)
-    if holds_a_lease(folder.name):
+    act = last_act(guardian_lines(folder))
+    if (act is None or not act.trying) and holds_a_lease(folder.name):
         raise Refused(f"{folder.name}: its guardian still holds the bench", "wait some seconds until it is done")

@@ -49,7 +49,7 @@ class Dialogue:
         self._heard = b""
         self._in_step: tuple[Exchange, ...] | None = None
         self._owes = True
-        self._since = line.now()  # when something was last asked, or came, on a line that may owe a reply
+        self._asked = self._heard_at = line.now()  # whatever was asked before
         self._mute = ""
 
     def begin(self, code: SafeBytes, patience: Patience) -> None:
@@ -75,7 +75,7 @@ class Dialogue:
             return self._mute
         self._come_in_step(code, Patience())
         for each in code.proof:
-            if wrong := self._settled(code.owed_s) or self.make(each, Patience()):
+            if wrong := self._settled(code) or self.make(each, Patience()):
                 self._in_step = None
                 self._mute = wrong
                 return wrong
@@ -90,22 +90,25 @@ class Dialogue:
         for each in exchanges:
             self.make(each, patience)
         self._forget()
-        self._owes, self._since = True, max(self._since, self.line.busy_until)
+        self._owes, self._asked = True, max(self._asked, self.line.busy_until)
 
     def _come_in_step(self, code: SafeBytes, patience: Patience) -> None:
         if self._in_step != code.resync:
             self.resync(code.resync, patience)
             self._in_step = code.resync
 
-    def _settled(self, owed_s: float) -> str:
+    def _settled(self, code: SafeBytes) -> str:
         """Let everything come that may be owed; return why nobody can tell whether it has, if so."""
-        give_up = self.line.now() + LONGEST_SETTLING * owed_s
-        while owed_s and self._owes and (until := self._since + owed_s) > self.line.now():
+        give_up = self.line.now() + LONGEST_SETTLING * code.owed_s
+        while self._owes and (until := self._owed_since(code) + code.owed_s) > self.line.now():
             if self.line.now() >= give_up:
-                return f"is never silent for {owed_s:g} s, so that no reply can be matched with its question"
+                return f"is never silent for {code.owed_s:g} s, so that no reply can be matched with its question"
             self._hear(until)
         self._owes = False
         return ""
+
+    def _owed_since(self, code: SafeBytes) -> float:
+        return self._asked if code.talks else max(self._asked, self._heard_at)
 
     def make(self, exchange: Exchange, patience: Patience) -> str:
         """Make an exchange; return what went wrong, empty if nothing did.
@@ -125,7 +128,7 @@ class Dialogue:
                 return f"took {taken} of {len(exchange.send)} bytes"
         if not exchange.expect:
             return ""
-        self._since = max(self._since, self.line.busy_until)
+        self._asked = max(self._asked, self.line.busy_until)
         wrong = self._wait_for_reply(exchange, patience)
         self._owes = self._owes or bool(wrong)
         return wrong
@@ -164,7 +167,7 @@ class Dialogue:
         data = self.line.hear(until)
         if data:
             self.heard_anything = True
-            self._since = max(self._since, self.line.now())
+            self._heard_at = self.line.now()
             self._heard = (self._heard + data)[-_MOST_HEARD:]
         return bool(data)
 

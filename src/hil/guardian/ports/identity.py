@@ -5,20 +5,24 @@ from __future__ import annotations
 import errno
 import os
 import stat
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-__all__ = ["Identity", "identity_of", "require"]
+__all__ = ["Identity", "found", "identity_of"]
 
 Identity = tuple[str, ...]
 
+_PARTS = (("port", "port_number"), ("interface", "bInterfaceNumber"))
 _SYSTEM = Path("/sys/dev/char")
+_TERMINALS = Path("/sys/class/tty")
 
 
 def identity_of(what: int | str, system: Path = _SYSTEM) -> Identity | None:
     """Return vendor, product and serial number of the USB device behind a terminal; None where there is none.
 
-    A device without a serial number is identified by its USB socket.
+    A device without a serial number is identified by its USB socket. Of an adapter with several ports, the interface
+    and the number of the port belong to it.
 
     Args:
         what: a descriptor or a path; it is not opened.
@@ -31,23 +35,49 @@ def identity_of(what: int | str, system: Path = _SYSTEM) -> Identity | None:
     if not stat.S_ISCHR(status.st_mode):
         return None
     device = (system / f"{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}" / "device").resolve()
+    parts: list[str] = []
     for folder in (device, *device.parents):
         if (folder / "idVendor").exists():
             told = [_read(folder / name) for name in ("idVendor", "idProduct", "serial")]
-            return (*told[:2], told[2] or f"at {folder.name}")
+            return (*told[:2], told[2] or f"at {folder.name}", *parts)
+        parts += [f"{kind} {number}" for kind, name in _PARTS if (number := _read(folder / name))]
     return None
 
 
-def require(expected: Identity, path: str, system: Path = _SYSTEM) -> None:
-    """Compare the device that is at a path now with the one that was there.
+def found(expected: Identity, path: str, others: Iterable[str] | None = None, system: Path = _SYSTEM) -> str:
+    """Return where a device is now that was at a path: there, or under the one other name that is its own.
+
+    Args:
+        expected: its identity.
+        path: where it was.
+        others: paths where it may be; those of all terminals where None.
+        system: where the kernel lists its devices.
 
     Raises:
-        OSError: if it is another device, or there is none.
+        OSError: if it is nowhere, or at more than one place.
     """
-    found = identity_of(path, system)
-    if found != expected:
-        there = " ".join(found or ("no USB device",))
-        raise OSError(errno.ENODEV, f"{path} is {there} now, not {' '.join(expected)}")
+    if (there := _identity_at(path, system)) == expected:
+        return path
+    places = [each for each in (_terminals() if others is None else others) if _identity_at(each, system) == expected]
+    if len(places) == 1:
+        return places[0]
+    wanted = " ".join(expected)
+    if places:
+        raise OSError(errno.ENODEV, f"{wanted} is at {' and at '.join(places)}")
+    raise OSError(errno.ENODEV, f"{path} is {' '.join(there or ('no USB device',))} now, not {wanted}")
+
+
+def _identity_at(path: str, system: Path) -> Identity | None:
+    with suppress(OSError):
+        return identity_of(path, system)
+    return None
+
+
+def _terminals() -> list[str]:
+    """Return the paths of all terminals that belong to a device."""
+    with suppress(OSError):
+        return [f"/dev/{each.name}" for each in _TERMINALS.iterdir() if (each / "device").exists()]
+    return []
 
 
 def _read(file: Path) -> str:

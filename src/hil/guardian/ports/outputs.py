@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import CancelledError, Future
 
 from hil.guardian.channel import DrillResult
@@ -18,6 +18,8 @@ _HURRY_S = 0.25
 _MARGIN_S = 0.05
 _OPENING_S = 1.0
 _LOOK_S = 0.005
+_AGAIN_S = 0.3
+_PATIENT_S = 1.0
 _STILL_BUSY = Outcome(ok=False, detail="its port blocks", silent=True)
 
 
@@ -35,6 +37,8 @@ class Outputs:
         self._workers = workers
         self._look = look
         self._codes: dict[str, SafeBytes] = {}
+        self._asked: dict[str, dict[str, Future[Outcome]]] = {}
+        self._due: dict[str, float] = {}
         for each in reversed(plan.outputs):
             self._codes[each.device] = each.code  # the first output of a port says how to resynchronise it
 
@@ -88,6 +92,34 @@ class Outputs:
         asked = {each.output: self._workers[each.device].prove(each.code) for each in self._outputs}
         until = time.monotonic() + self._longest_s()
         return {name: _result(future, until) for name, future in asked.items()}
+
+    def turn(self, names: Collection[str]) -> dict[str, Outcome]:
+        """Try again where outputs are not safe, each port by itself, and return the proofs that have come since.
+
+        Nothing is waited for: it is to be called some ten times a second. A port that is gone is looked for about twice
+        a second, and what returns is switched off at once.
+
+        Args:
+            names: the outputs that are not safe.
+        """
+        proofs: dict[str, Outcome] = {}
+        for device, asked in list(self._asked.items()):
+            if all(future.done() for future in asked.values()):
+                proofs |= {name: _result(future, 0.0) for name, future in asked.items()}
+                del self._asked[device]
+                self._due[device] = time.monotonic() + _AGAIN_S
+        for device in {each.device for each in self._outputs if each.output in names} - set(self._asked):
+            if time.monotonic() >= self._due.get(device, 0.0):
+                self._asked[device] = self._try(device)
+        return proofs
+
+    def _try(self, device: str) -> dict[str, Future[Outcome]]:
+        worker, patience = self._workers[device], Patience(_PATIENT_S)
+        worker.begin(self._codes[device], patience, anew=True)
+        mine = [each for each in self._outputs if each.device == device]
+        for each in mine:
+            worker.off(each.code, patience)
+        return {each.output: worker.prove(each.code) for each in mine}
 
     def _off_in_order(self, patience: Mapping[str, Patience]) -> dict[str, Outcome]:
         done: dict[str, Outcome] = {}

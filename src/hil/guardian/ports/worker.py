@@ -6,11 +6,11 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from threading import Event
 
 from hil.guardian.ports.dialogue import Dialogue, Patience
-from hil.guardian.ports.identity import Identity, identity_of, require
+from hil.guardian.ports.identity import Identity, found, identity_of
 from hil.guardian.ports.line import Gone, Interrupted
 from hil.guardian.ports.opening import let_others_open, line_on, opened
 from hil.model.safing import GuardedPort, SafeBytes
@@ -109,9 +109,10 @@ class PortWorker:
     def _begin(self, code: SafeBytes, patience: Patience, *, anew: bool) -> str:
         if self._talk is None and anew and self.port.url:
             try:
-                if self._identity is not None and "://" not in self.port.url:
-                    require(self._identity, self.port.url)
-                self._talk = Dialogue(opened(self.port, self._interrupt))
+                port = self.port
+                if self._identity is not None and "://" not in port.url:
+                    port = replace(port, url=found(self._identity, port.url))
+                self._talk = Dialogue(opened(port, self._interrupt))
             except (OSError, ValueError) as error:
                 self._why_gone = str(error)
         self._there().begin(code, patience)

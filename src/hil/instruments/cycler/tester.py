@@ -47,8 +47,8 @@ def stopped(name: str, proof: Proof | None, within_s: float) -> SafeBytes:
     end, which a line feed would let begin a battery's charge. So what is sent first is a question without a line feed
     before it: after half a line the seal of both together is wrong, and the device throws them away.
 
-    It also talks unasked, so that nobody can wait for its silence. Nothing needs that: it answers in order, no other
-    sender has tag 0, and a late reply to the first question tells of an end only if there was one then.
+    It also talks unasked, so that nobody can wait for its silence: what may be owed is waited for from the last
+    question on. Replies have tags, but one that was used twice gets the same reply again; only tag 0 never does.
 
     Args:
         name: of the role instance.
@@ -68,7 +68,8 @@ def stopped(name: str, proof: Proof | None, within_s: float) -> SafeBytes:
         resync=(Exchange(send=question),),
         off=(Exchange(send=b"\n" + command, expect=done, within_s=within_s),),
         proof=(Exchange(send=b"\n" + question, expect=told, within_s=within_s, between=between),),
-        owed_s=0.0,
+        owed_s=within_s,
+        talks=True,
     )
 
 

@@ -169,7 +169,7 @@ def guarded(lines: Iterable[Body]) -> Iterator[Happening]:
             acts[-1].append(line)
     for act in acts:
         told = [sentence.text for sentence in sentences(act)]
-        if not any(text(line, "event") == "done" for line in act):
+        if not any(text(line, "event") in {"done", "trying"} for line in act):
             told.append("whether every output was proven safe is not on record")
         yield Happening(at=text(act[0], "utc"), kind="guardian", case=None, text="; ".join(told))
 
@@ -224,7 +224,16 @@ def _done(fact: Body, _: str) -> str:
     if not isinstance(unproven, list | tuple):
         raise TypeError
     proven = f"NOT PROVEN SAFE: {', '.join(map(str, unproven))}" if unproven else "every output is proven safe"
+    if fact.get("proven") == []:
+        proven = "it guarded no output, so nothing was proven safe"
     return f"the guardian finished: {proven}"
+
+
+def _trying(fact: Body, _: str) -> str:
+    unproven = fact["unproven"]
+    if not isinstance(unproven, list | tuple):
+        raise TypeError
+    return f"NOT PROVEN SAFE: {', '.join(map(str, unproven))}; the guardian kept trying"
 
 
 def _made_safe(fact: Body, outputs: str) -> str:
@@ -354,5 +363,6 @@ _SENTENCES: Mapping[str, Callable[[Body, str], str]] = {
     "safe": _made_safe,
     "stop": lambda fact, _: f"the run was stopped: {fact['reason']}",
     "trip": lambda fact, _: f"the run tripped: {fact['text']}",
+    "trying": _trying,
 }
 """Facts of the guardian and of a run that speak of its bench; the name of a fact is in one of the two only."""
