@@ -22,6 +22,7 @@ class Supply:
         delay_s: how long a reply takes.
         heard: every message.
         clears: how often it was cleared.
+        clearable: whether it can be.
     """
 
     def __init__(self):
@@ -29,6 +30,7 @@ class Supply:
         self.delay_s = 0.0
         self.heard = []
         self.clears = 0
+        self.clearable = True
 
     def reply(self, message):
         """Take a message, and return the reply, empty if none is due."""
@@ -184,9 +186,10 @@ class Vxi11Server(_Server):
             elif procedure == 12:
                 result, waiting = self._read(body, waiting)
             elif procedure == 15:
-                waiting = collected = b""
-                self.supply.clears += 1
-                result = struct.pack(">I", self.error)
+                if self.supply.clearable:
+                    waiting = collected = b""
+                    self.supply.clears += 1
+                result = struct.pack(">I", self.error if self.supply.clearable else 8)
             else:
                 result = struct.pack(">I", 0)
             reply = struct.pack(">6I", number, 1, 0, 0, 0, 0) + result
@@ -198,6 +201,6 @@ class Vxi11Server(_Server):
             time.sleep(limit_ms / 1000)
             return struct.pack(">3I", 15, 0, 0), waiting
         time.sleep(self.supply.delay_s)
-        piece, rest = waiting[: min(most, 5)], waiting[min(most, 5) :]
+        piece, rest = waiting[: min(most, 20)], waiting[min(most, 20) :]
         reason = 0 if rest else 4
         return struct.pack(">3I", self.error, reason, len(piece)) + piece + bytes(-len(piece) % 4), rest

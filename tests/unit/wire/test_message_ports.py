@@ -61,6 +61,8 @@ class UsbInstrument:
                 )
         elif request != 0x5B02:
             raise OSError(errno.ENOTTY, "Inappropriate ioctl for device")
+        elif not self.supply.clearable:
+            raise OSError(errno.EPIPE, "Broken pipe")
         else:
             self.supply.clears += 1
             with socket.socket(fileno=os.dup(descriptor)) as it:
@@ -135,6 +137,18 @@ def test_a_reply_that_comes_late_is_never_that_of_the_next_question(supply, stre
     stream.write(b"OUTP?\n")
     assert stream.read(2, 2.0) == b"1\n"
     assert supply.clears == before + 1
+
+
+@pytest.mark.parametrize("port", ["usbtmc", "vxi11"], indirect=True)
+def test_a_late_reply_of_an_instrument_that_cannot_be_cleared_is_fetched_and_thrown_away(supply, port):
+    """Some firmware refuses it; the port is no worse for that."""
+    supply.clearable, supply.delay_s = False, 0.2
+    line = opened(port)
+    line.say(b"*IDN?\n", time.monotonic() + 2.0)
+    assert line.hear(time.monotonic() + 0.1) == b""
+    line.say(b"OUTP?\n", time.monotonic() + 2.0)
+    assert line.hear(time.monotonic() + 2.0) == b"1\n"
+    line.close()
 
 
 class Clock:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import time
 from collections.abc import Callable
 from typing import Protocol, TypeVar
@@ -32,7 +33,11 @@ class Messenger(Protocol):
         ...
 
     def clear(self, seconds: float) -> None:
-        """Let the instrument forget what it has received, and what it was going to say."""
+        """Let the instrument forget what it has received, and what it was going to say.
+
+        Raises:
+            OSError: with EOPNOTSUPP if it cannot do that.
+        """
         ...
 
     def close(self) -> None:
@@ -72,11 +77,21 @@ class MessageLine(Line):
     def say(self, data: bytes, until: float) -> int:
         """Send a message; return its size. See `Line.say`."""
         if self._owes or self._stale:
-            self._tried(lambda: self._messenger.clear(max(until - time.monotonic(), _LEAST_S)))
+            self._tried(lambda: self._forget(max(until - time.monotonic(), _LEAST_S)))
         self._stale = False
         self._tried(lambda: self._messenger.send(data, max(until - time.monotonic(), _LEAST_S)))
         self._owes, self.busy_until = b"?" in data, time.monotonic()
         return len(data)
+
+    def _forget(self, seconds: float) -> None:
+        """Clear the instrument; from one that cannot be cleared a reply that it owes is fetched instead."""
+        try:
+            self._messenger.clear(seconds)
+        except OSError as error:
+            if error.errno != errno.EOPNOTSUPP:
+                raise
+            if self._owes:
+                self._messenger.receive(seconds)
 
     def close(self) -> None:
         """Close the port."""

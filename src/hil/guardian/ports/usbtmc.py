@@ -86,9 +86,18 @@ class UsbTmc:
             raise
 
     def clear(self, seconds: float) -> None:
-        """Clear the instrument's buffers; USBTMC 1.0, section 4.2.1.6."""
+        """Clear the instrument's buffers; USBTMC 1.0, section 4.2.1.6. Some firmware does not take that request.
+
+        Raises:
+            OSError: with EOPNOTSUPP if it does not, any other if it is gone.
+        """
         self._limit(seconds)
-        fcntl.ioctl(self.descriptor, _CLEAR)
+        try:
+            fcntl.ioctl(self.descriptor, _CLEAR)
+        except OSError as error:
+            if error.errno in {errno.EPIPE, errno.EPROTO, errno.ETIMEDOUT, errno.EPERM, errno.EINVAL}:
+                raise OSError(errno.EOPNOTSUPP, "it cannot be cleared") from error
+            raise
 
     def close(self) -> None:
         """Close it."""

@@ -17,7 +17,7 @@ _CORE = (0x0607AF, 1)  # VXI-11, appendix B
 _CREATE_LINK, _WRITE, _READ, _CLEAR, _DESTROY_LINK = 10, 11, 12, 15, 23
 _END = 1 << 3  # VXI-11, B.5.3: the last byte is sent with END
 _REASON_END = 1 << 2  # B.6.4: the last byte came with END
-_IO_TIMEOUT = 15
+_IO_TIMEOUT, _NOT_SUPPORTED = 15, 8
 _ERRORS = {
     0: "",
     1: "syntax error",
@@ -100,9 +100,16 @@ class Vxi11:
                 return b""
 
     def clear(self, seconds: float) -> None:
-        """Clear the instrument's buffers."""
+        """Clear the instrument's buffers.
+
+        Raises:
+            OSError: with EOPNOTSUPP if it cannot do that, any other if it is gone, or locked by another session.
+        """
         told = self._call(_CLEAR, struct.pack(">IIII", self._link, 0, 0, round(seconds * 1000)), seconds)
-        _must_be_fine(struct.unpack(">I", told[:4])[0])
+        (error,) = struct.unpack(">I", told[:4])
+        if error == _NOT_SUPPORTED:
+            raise OSError(errno.EOPNOTSUPP, _ERRORS[error])
+        _must_be_fine(error)
 
     def close(self) -> None:
         """Give the link back, and end the connection."""
