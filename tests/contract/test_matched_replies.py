@@ -10,7 +10,7 @@ import itertools
 from dataclasses import replace
 
 import pytest
-from by_bytes import BY_BYTES, rig
+from by_bytes import BY_BYTES, SCPI, rig
 from sweeps import sample
 
 from hil.guardian.ports.dialogue import Dialogue, Patience
@@ -27,6 +27,15 @@ SWEEP = pytest.mark.parametrize(
         for each in sample([*itertools.product([name], LATENCIES_S, [False]), (name, 0.45, True), (name, 0.1, True)], 3)
     ],
 )
+
+
+_OTHERWISE = {"line_end": "crlf", "switches": "words", "numbers": "unit", "no_error": "0 No Error"}
+FIRMWARE = [
+    *((name, _OTHERWISE) for name in SCPI),
+    *((name, {"echo": True, "line_end": "crlf"}) for name in ("keysight-e36300", "rigol-dp832")),
+    *(("korad-ka3005p", {"reply_end": end}) for end in ("lf", "crlf", "nul")),
+    ("newport-esp301", {"controller": "ESP301-3N", "axes": "1", "identifies": "empty"}),
+]
 
 
 class DelayedLine:
@@ -96,8 +105,19 @@ def proven(found, talk, code):
 @SWEEP
 def test_late_replies_are_matched_with_their_questions(name, latency_s, rises):
     """Drilled, switched on, and proven off; what ignores every command is never proven, whatever is in flight."""
-    kind = BY_BYTES[name]
-    with rig(kind) as found:
+    must_match(BY_BYTES[name], latency_s, rises=rises)
+
+
+@pytest.mark.parametrize("latency_s", sample([*LATENCIES_S], 2))
+@pytest.mark.parametrize(("name", "firmware"), FIRMWARE)
+def test_late_replies_are_matched_however_the_firmware_writes_them(name, firmware, latency_s):
+    """The same with ends of lines, words, units, echoes and names that differ from the manual's."""
+    must_match(BY_BYTES[name], latency_s, truth=firmware)
+
+
+def must_match(kind, latency_s, *, rises=False, truth=None):
+    """Drill, switch on, and prove off with late replies."""
+    with rig(kind, truth=truth) as found:
         found.driver.identify()
         code = found.code(kind.proof)
         line = DelayedLine(found.line, found.clock, 0.002 if rises else latency_s)
