@@ -19,7 +19,7 @@ from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
 from hil.wire.exchange import Brake, Braked, Unreachable, publish_bus, publish_stream
 from hil.wire.keys import keys_of, keys_of_served
-from hil.wire.opening import PortKind, hardware_bus, kind_of
+from hil.wire.opening import MESSAGES, PortKind, hardware_bus, kind_of
 from hil.wire.replay import Playback
 from hil.wire.transcript import Transcript
 
@@ -182,10 +182,10 @@ def _open(spec: BenchSpec, reach: Reach, brake: Brake, *, by_force: bool = False
         for name, url in reach.ports.items():
             item = spec.instrument(name)
             line = item.serial_line if reach.source is Source.HARDWARE else None  # a pseudo-terminal has no such thing
-            if kind_of(url) in {PortKind.SERIAL, PortKind.SOCKET}:
-                opened = end(name, partial(LiveStream, name, url, item.baud, line, alone=not by_force))
-            else:
+            if kind_of(url) in {PortKind.RFC2217, *MESSAGES}:
                 opened = end(name, partial(LineStream, port_of(name, url, item.baud, line)))
+            else:
+                opened = end(name, partial(LiveStream, name, url, item.baud, line, alone=not by_force))
             ends[name] = opened if isinstance(opened, Unreachable) else Braked(opened, brake)
         for name, path in reach.buses.items():
             ends[name] = end(name, partial(hardware_bus, name, path))

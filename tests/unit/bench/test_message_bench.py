@@ -15,7 +15,7 @@ from hil.bench.file.reading import load_bench
 from hil.bench.live import bind_live, reach_of_hardware
 from hil.executive.watching.machine import plan_of
 from hil.model.bench import InstrumentSpec, SafeStep, Wire
-from hil.model.errors import Diverged
+from hil.model.errors import Diverged, Refused
 from hil.model.serial_line import SerialLine
 from hil.wire.transcript import Transcript, read_transcript
 
@@ -66,3 +66,10 @@ def test_a_line_of_a_server_is_guarded_as_it_is_set(tmp_path):
             (port,) = plan_of(bench, tmp_path, ()).ports
         assert (port.speaks, port.url, port.baud, port.line) == ("telnet", server.url, 19200, line)
         assert (server.line.baudrate, server.line.parity) == (19200, "E")
+
+
+def test_what_is_never_opened_is_not_tried_in_another_way():
+    """A scheme that goes past every check of who is at a port."""
+    spec = bench_of("alt:///dev/null")
+    with pytest.raises(Refused, match="is never opened"):
+        bind_live(spec, reach_of_hardware(spec), EPOCH, Transcript(None))
