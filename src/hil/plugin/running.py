@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn, Protocol, TextIO
 
-from hil.bench.lease import ack_line
+from hil.bench.lease import ack_line, latches_of
 from hil.evidence.folder import JOURNAL, RESULTS, is_sealed
 from hil.executive.ending.acknowledging import require_acknowledged
 from hil.executive.journaling.events import DISK_FULL
@@ -351,14 +351,9 @@ def lost_lines(folder: Path, reason: str, *, unsafe: bool) -> list[str]:
         reason: what was lost.
         unsafe: whether an output is not proven safe, so that the bench is latched.
     """
-    resume = f"hil resume {folder.name}"
-    if not unsafe:
-        return [f"stopped by {reason}", f"the bench is safe; put that right, then resume the run with {resume}"]
-    return [
-        f"stopped by {reason}",
-        "the bench is NOT PROVEN SAFE: look at it, and switch off by hand what is on",
-        f"put that right, then: {ack_line(folder.name)}; then resume the run with {resume}",
-    ]
+    state = "NOT PROVEN SAFE: look at it, and switch off by hand what is on" if unsafe else "safe"
+    steps = ["put right what was lost", *([ack_line(folder.name)] if latches_of(folder.name) else [])]
+    return [f"stopped by {reason}", f"the bench is {state}", f"{', then '.join(steps)}, then hil resume {folder.name}"]
 
 
 def left_open_lines(folder: Path, reason: str) -> list[str]:
