@@ -11,7 +11,10 @@ import sweeps
 from told_as_json import bodies, results_as_json
 from workspaces import Ran, agreed, make, module, said_of
 
+from hil.documents import declared
+from hil.documents.strict_yaml import read_yaml
 from hil.evidence.journal.writer import Journal
+from hil.model.errors import ConfigurationError
 from hil.model.verdict import Verdict, worst
 
 
@@ -22,6 +25,32 @@ def _quick_disk():
         patched.setattr(os, "fsync", lambda _: None)
         patched.setitem(Journal.__init__.__kwdefaults__, "sync", lambda _: None)
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _equal_documents_are_read_once():
+    """Remember the trees of documents without findings: hundreds of workspaces here hold the same bench file."""
+    trees = {}
+
+    def remembered(file, shown, findings):
+        key = (file.read_bytes() if file.is_file() else None, shown)
+        before = len(findings)
+        tree = trees[key] if key in trees else read_yaml(file, shown, findings)
+        if tree is not None and len(findings) == before:
+            trees[key] = tree
+        return tree
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(declared, "read_yaml", remembered)
+        yield
+
+
+PARAMETERS = """\
+schema: hil/parameters/1
+parameters:
+- {name: current, value: "0.01", unit: A}
+- {name: length, value: "10", unit: cm}
+"""
 
 
 @dataclass(frozen=True)
@@ -78,6 +107,37 @@ def run_together(request, tmp_path_factory):
 
 def _is_shared(item):
     return item.get_closest_marker("together") is not None
+
+
+def _refused(folder, items):
+    """Return every finding with which a run is refused whose plan holds these tests' modules."""
+    workspace = make(folder / "workspace", parameters=PARAMETERS)
+    (workspace.plan / "test_small.py").unlink()
+    for number, item in enumerate(items):
+        (workspace.plan / f"test_{number:03}.py").write_text(module(_source(item)), encoding="utf-8")
+    with pytest.raises(ConfigurationError) as caught:
+        workspace.run()
+    assert workspace.folders() == []
+    return caught.value.findings
+
+
+@pytest.fixture(scope="module")
+def refused_together(request, tmp_path_factory):
+    """What is said of the modules of all tests of a test module that are refused together, and the place of each."""
+    items = [item for item in request.session.items if item.path == request.path and _is_shared(item)]
+    return _refused(tmp_path_factory.mktemp("refused"), items), [item.nodeid for item in items]
+
+
+@pytest.fixture
+def said(request, tmp_path):
+    """What is said of the module of this test, `line:column: message` each; in a soak in a run of its own."""
+    if sweeps.chosen(few=False, whole=True):
+        findings, place = _refused(tmp_path, [request.node]), 0
+    else:
+        findings, nodes = request.getfixturevalue("refused_together")
+        place = nodes.index(request.node.nodeid)
+    path = f"testplans/small/test_{place:03}.py"
+    return [f"{each.line}:{each.column}: {each.message}" for each in findings if each.path == path]
 
 
 @pytest.fixture

@@ -42,10 +42,10 @@ def refused(tmp_path, *cases, kind=ConfigurationError, prepare=None, **changes):
         ("max_duration(float('nan'))", "max_duration of test_one takes one number of seconds above zero"),
     ],
 )
-def test_a_marker_that_cannot_be_followed_is_refused(tmp_path, marker, message):
+@pytest.mark.together("@pytest.mark.{marker}\ndef test_one(check):\n    pass")
+def test_a_marker_that_cannot_be_followed_is_refused(said, marker, message):
     """The place and the nearest id are told."""
-    said = refused(tmp_path, f"@pytest.mark.{marker}\ndef test_one(check):\n    pass")
-    assert said == f"testplans/small/test_small.py:{FIRST}:1: {message}"
+    assert said == [f"{FIRST}:1: {message}"]
 
 
 def test_a_parameter_that_the_catalogue_does_not_hold_is_refused(tmp_path):
@@ -158,11 +158,11 @@ LOST = """
         ("if not math:", "test_ratio"),
     ],
 )
-def test_a_case_that_pytest_passes_by_is_refused(tmp_path, before, name):
+@pytest.mark.together(f"{GOOD}\n{LOST}")
+def test_a_case_that_pytest_passes_by_is_refused(said, before, name):
     """Whoever takes himself out of the collection, by whatever mistake, would be missed by nobody."""
-    said = refused(tmp_path, GOOD, LOST.format(before=before, name=name))
-    assert f"{name}' looks like a case, and pytest does not collect it" in said
-    assert "\n" not in said
+    (one,) = said
+    assert f"{name}' looks like a case, and pytest does not collect it" in one
 
 
 def test_a_case_in_a_misnamed_file_is_refused(tmp_path):
@@ -394,14 +394,19 @@ def test_a_misspelt_marker_is_told_with_its_line(tmp_path, marker, message):
 
 
 @pytest.mark.parametrize("scope", ["class", "module", "session"])
-def test_a_fixture_that_would_keep_a_role_for_other_cases_is_refused(tmp_path, scope):
+@pytest.mark.together("""
+@pytest.fixture(scope='{scope}')
+def coil(supply):
+    return supply.coil
+
+
+def test_one(coil):
+    pass
+""")
+def test_a_fixture_that_would_keep_a_role_for_other_cases_is_refused(said, scope):
     """What a case is handed is its own; it is told before anything is armed, and not by pytest."""
-    fixture = f"@pytest.fixture(scope='{scope}')\ndef coil(supply):\n    return supply.coil\n"
-    said = refused(tmp_path, fixture + "\n\ndef test_one(coil):\n    pass")
-    where = f"testplans/small/test_small.py:{FIRST}:1: "
-    assert (
-        said == f"{where}the fixture coil asks for 'supply', which each case has for itself: leave out scope='{scope}'"
-    )
+    what = f"the fixture coil asks for 'supply', which each case has for itself: leave out scope='{scope}'"
+    assert said == [f"{FIRST}:1: {what}"]
 
 
 def test_two_fixtures_of_one_name_are_refused(tmp_path):
@@ -422,22 +427,26 @@ def test_two_fixtures_of_one_name_are_refused(tmp_path):
     ]
 
 
-@pytest.mark.parametrize("kind", ["generator", "coroutine"])
-def test_a_case_that_would_never_run_is_refused(tmp_path, kind):
+@pytest.mark.parametrize(
+    "body",
+    ["@wrapped\ndef test_one():\n    yield 1", "async def test_one():\n    pass"],
+    ids=["generator", "coroutine"],
+)
+@pytest.mark.together("""
+import functools
+
+def wrapped(function):
+    @functools.wraps(function)
+    def inner(*arguments, **named):
+        return function(*arguments, **named)
+    return inner
+
+{body}
+""")
+def test_a_case_that_would_never_run_is_refused(said, body):
     """The body of a generator or coroutine is not run by calling it."""
-    wrapped = """
-    import functools
-
-    def wrapped(function):
-        @functools.wraps(function)
-        def inner(*arguments, **named):
-            return function(*arguments, **named)
-        return inner
-
-    """
-    body = "@wrapped\ndef test_one():\n    yield 1" if kind == "generator" else "async def test_one():\n    pass"
-    said = refused(tmp_path, textwrap.dedent(wrapped) + body)
-    assert said.endswith("test_one would be called and never run: a case neither yields nor awaits")
+    (one,) = said
+    assert one.endswith("test_one would be called and never run: a case neither yields nor awaits")
 
 
 NAMES = [
@@ -448,26 +457,23 @@ NAMES = [
     ("magnetometer.strat()", "magnetometer has no operation 'strat', did you mean 'start'?"),
     ("magnetometer.wake()", "magnetometer has no operation 'wake'; it has start, stop"),
 ]
-PARAMETERS = """
-schema: hil/parameters/1
-parameters:
-- {name: current, value: "0.01", unit: A}
-- {name: length, value: "10", unit: cm}
-"""
+NAMING = "def NAME(parameters, supply, magnetometer):\n    if magnetometer:\n        {expression}"
 
 
 @pytest.mark.parametrize(("expression", "message"), NAMES, ids=[each[0] for each in NAMES])
-@pytest.mark.parametrize("place", ["case", "fixture"])
-def test_a_misspelt_name_in_a_case_costs_no_arming(tmp_path, place, expression, message):
+@pytest.mark.together(NAMING.replace("NAME", "test_one"))
+def test_a_misspelt_name_in_a_case_costs_no_arming(said, expression, message):
     """Parameters, role instances and operations that code writes out are compared before anything runs."""
-    code = f"def {{}}(parameters, supply, magnetometer):\n    if magnetometer:\n        {expression}"
-    one, two = code.format("test_one"), f"@pytest.fixture\n{code.format('mine')}\n\ndef test_one(mine):\n    pass"
-    workspace = make(tmp_path / "workspace", two if place == "fixture" else one, parameters=PARAMETERS.lstrip())
-    with pytest.raises(ConfigurationError) as caught:
-        workspace.run()
-    line = FIRST + (3 if place == "fixture" else 2)
-    assert str(caught.value).startswith(f"testplans/small/test_small.py:{line}:9: {message}")
-    assert workspace.folders() == []
+    (one,) = said
+    assert one.startswith(f"{FIRST + 2}:9: {message}")
+
+
+@pytest.mark.parametrize(("expression", "message"), NAMES, ids=[each[0] for each in NAMES])
+@pytest.mark.together(f"@pytest.fixture\n{NAMING.replace('NAME', 'mine')}\n\ndef test_one(mine):\n    pass")
+def test_a_misspelt_name_in_a_fixture_costs_no_arming(said, expression, message):
+    """Those of the module's own fixtures likewise."""
+    (one,) = said
+    assert one.startswith(f"{FIRST + 3}:9: {message}")
 
 
 def test_a_misspelt_parameter_in_a_helper_is_told(tmp_path):
@@ -506,16 +512,19 @@ def test_names_that_mean_something_else_are_left_alone(tmp_path):
     assert make(tmp_path / "workspace", cases).run().verdicts() == {"test_one": "PASS"}
 
 
-@pytest.mark.parametrize("name", ["parameters", "check", "supply"])
-@pytest.mark.parametrize("way", ["fixture", "parametrize"])
-def test_nobody_takes_the_place_of_the_executives_fixtures(tmp_path, name, way):
+OWN = [
+    (name, f"{given}\ndef test_one({name}):\n    pass")
+    for name in ("parameters", "check", "supply")
+    for given in (f"@pytest.fixture\ndef {name}():\n    return None\n\n", f"@pytest.mark.parametrize('{name}', [None])")
+]
+
+
+@pytest.mark.parametrize(("name", "source"), OWN)
+@pytest.mark.together("{source}")
+def test_nobody_takes_the_place_of_the_executives_fixtures(said, name, source):
     """A fixture of its own in place of a role or the parameters would be a deviation that nobody notes."""
-    given = {
-        "fixture": f"@pytest.fixture\ndef {name}():\n    return None\n\n",
-        "parametrize": f"@pytest.mark.parametrize('{name}', [None])\n",
-    }
-    said = refused(tmp_path, f"{given[way]}def test_one({name}):\n    pass")
-    assert said.endswith(f"gets a '{name}' that is not the executive's: give that fixture another name")
+    (one,) = said
+    assert one.endswith(f"gets a '{name}' that is not the executive's: give that fixture another name")
 
 
 def test_a_fixture_that_asks_for_what_nothing_provides_is_named(tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
 
@@ -36,10 +37,16 @@ def refuse_sources(workspace: Workspace, plans: Sequence[Path]) -> None:
         raise ConfigurationError(tuple(findings))
 
 
+@lru_cache(maxsize=64)
+def _parsed(source: bytes) -> ast.Module:
+    """Return the tree of a file, which several checks walk through."""
+    return ast.parse(source)
+
+
 def hook_findings(path: Path, shown: str) -> Iterator[Finding]:
     """Yield every hook that a module of fixtures writes out; a file that Python cannot read has none."""
     try:
-        tree = ast.parse(path.read_bytes())
+        tree = _parsed(path.read_bytes())
     except (SyntaxError, ValueError):
         return
     yield from _hooks(tree, shown)
@@ -64,7 +71,7 @@ def _conftests(workspace: Workspace, plans: Sequence[Path]) -> Iterator[Finding]
 def _in_plan(plan: Path, workspace: Workspace) -> Iterator[Finding]:
     for path in sorted(set(plan.glob("*.py")) - {plan / _CONFTEST}):
         try:
-            tree = ast.parse(path.read_bytes())
+            tree = _parsed(path.read_bytes())
         except (SyntaxError, ValueError):  # importing it shows the error
             continue
         yield from _hooks(tree, workspace.shown(path))
@@ -101,7 +108,7 @@ def _fixtures_twice(paths: Sequence[Path], workspace: Workspace) -> Iterator[Fin
     first: dict[str, str] = {}
     for path in paths:
         try:
-            tree = ast.parse(path.read_bytes())
+            tree = _parsed(path.read_bytes())
         except (SyntaxError, ValueError):  # importing it shows the error
             continue
         shown = workspace.shown(path)
@@ -175,7 +182,7 @@ def lost_cases(items: Sequence[pytest.Item], configuration: Configuration) -> It
     collected = {place for item in items for place in _places(item)}
     for path in sorted(path for plan in configuration.plans for path in plan.glob("*.py")):
         try:
-            tree = ast.parse(path.read_bytes())
+            tree = _parsed(path.read_bytes())
         except (SyntaxError, ValueError):  # importing it shows the error, if anybody does
             continue
         for name, node in _candidates(tree.body):
