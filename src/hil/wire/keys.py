@@ -19,11 +19,12 @@ from threading import Thread
 from hil.wire.held_names import hold_name, names_held, short
 from hil.wire.opening import NETWORK, url_of_resource
 
-__all__ = ["announce_served", "keys_of", "keys_of_served"]
+__all__ = ["announce_served", "keys_of", "keys_of_served", "keys_of_this_port"]
 
 _RESOLVED_S = 2.0
 _SYSTEM = Path("/sys")
 _HERE = "localhost"
+_SERVED = "served bench "
 _SCPI_PORTS = (5024, 5025, 5555)
 _VISA_LAN = re.compile(r"TCPIP\d*::(?P<host>\[[^]]+\]|[^:]+)(::(?!\d+::SOCKET)[^:]+)*?(::INSTR)?", re.IGNORECASE)
 _VISA_USB = re.compile(
@@ -65,9 +66,14 @@ def keys_of(
     return tuple(dict.fromkeys([*found, port]))
 
 
+def keys_of_this_port(port: str) -> tuple[str, ...]:
+    """Return the keys of a port by itself: no host is looked up, and nobody is asked whose bench it belongs to."""
+    return tuple(key for key in keys_of(port, resolve=lambda _: ()) if not key.startswith(_SERVED))
+
+
 def keys_of_served(folder: Path) -> tuple[str, ...]:
     """Return the keys of a bench that is served in a folder; its network ports have them, too."""
-    return (f"served bench {folder.resolve()}", _served(short(str(folder.resolve()))))
+    return (f"{_SERVED}{folder.resolve()}", _served(short(str(folder.resolve()))))
 
 
 def announce_served(port: int, folder: Path) -> int:
@@ -80,7 +86,7 @@ def announce_served(port: int, folder: Path) -> int:
 
 
 def _served(digest: str) -> str:
-    return f"served bench {digest}"
+    return f"{_SERVED}{digest}"
 
 
 def _network(host: str, ports: Sequence[int], resolve: Callable[[str], Sequence[str]]) -> Iterator[str]:

@@ -298,6 +298,13 @@ def test_two_instruments_without_a_port_do_not_clash(tmp_path):
     ]
 
 
+def test_two_ways_to_write_one_port_clash(tmp_path):
+    """They are one instrument, and would be driven twice."""
+    relays = ("/dev/serial/by-id/usb-FTDI_FT232R_A50285BI-if00-port0", "socket://localhost:5025")
+    changed(tmp_path, ("TCPIP::192.168.10.21::5025::SOCKET", "TCPIP::127.0.0.1::5025::SOCKET"), relays)
+    assert any(line.endswith("relay1 and psu1 are both at port socket://localhost:5025") for line in found(tmp_path))
+
+
 def test_other_schema_is_refused(tmp_path):
     """A file of another version is not read on."""
     changed(tmp_path, ("hil/bench/1", "hil/bench/2"))

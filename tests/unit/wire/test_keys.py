@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from hil.wire import keys
-from hil.wire.keys import announce_served, keys_of, keys_of_served
+from hil.wire.keys import announce_served, keys_of, keys_of_served, keys_of_this_port
 
 HOSTS = {"psu1.lab": ["192.0.2.7"], "psu1": ["192.0.2.7", "2001:db8::7"], "here.lab": ["127.0.1.1"]}
 
@@ -168,6 +168,7 @@ def test_a_port_of_a_served_bench_is_that_bench(tmp_path):
         reached = of("TCPIP::127.0.0.1::49151::SOCKET")
         assert reached & set(keys_of_served(tmp_path))
         assert not reached & set(keys_of_served(tmp_path / "other"))
+        assert keys_of_this_port("socket://127.0.0.1:49151") == ("socket://localhost:49151", "socket://127.0.0.1:49151")
     finally:
         os.close(announced)
     assert not of("socket://127.0.0.1:49151") & set(keys_of_served(tmp_path))

@@ -14,7 +14,7 @@ from hil.instruments.driver import ServesBus
 from hil.instruments.registry import DRIVERS, ROLES
 from hil.model.bench import BenchSpec, Bus, InstrumentSpec, Wire
 from hil.model.notation import Path
-from hil.wire.keys import keys_of
+from hil.wire.keys import keys_of_this_port
 from hil.wire.opening import MESSAGES, NETWORK, PortKind, kind_of, url_of_resource, why_not_opened
 
 __all__ = ["check_bench"]
@@ -143,8 +143,7 @@ def _addresses(spec: BenchSpec) -> Complaints:
     seen: dict[str, InstrumentSpec] = {}
     for at, item in named(spec.instruments, "instruments"):
         place = f"bus {item.bus}, address 0x{item.address:02X}" if item.bus else f"port {url_of_resource(item.port)}"
-        # Names of hosts are not looked up: a bench file means the same without a network.
-        keys = [place] if item.bus else keys_of(item.port, resolve=lambda _: ()) if item.port else []
+        keys = [place] if item.bus else keys_of_this_port(item.port) if item.port else []
         if other := next((seen[key] for key in keys if key in seen), None):
             yield at, f"{item.name} and {other.name} are both at {place}"
         seen.update({key: item for key in keys if key not in seen})
