@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import signal
+
 from told_as_json import bodies
 from workspaces import agreed, make
+
+from hil.bench.lease import holds_a_lease
+from hil.evidence.folder import is_held
 
 CASE = """
 import os
@@ -66,3 +72,32 @@ def test_a_forked_copy_writes_nothing_and_ends_with_the_case(tmp_path):
     found = ran(tmp_path, "check('T-010', 'ratio', 9.0)", how.strip())
     agreed(found, {"test_one": "PASS"}, "PASS", 0)
     assert len(bodies(found.package, "check")) == 1
+
+
+def test_a_copy_that_outlives_the_run_does_not_hold_its_bench(tmp_path):
+    """The next run on the same bench begins, and the folder of the first is nobody's."""
+    copies = tmp_path / "copies"
+    copies.touch()
+    how = f"""
+    copy = os.fork()
+    if copy == 0:
+        os.setsid()
+        import signal
+        signal.alarm(60)
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.pause()
+    with open({str(copies)!r}, "a") as file:
+        file.write(f"{{{{copy}}}} ")
+"""
+    workspace = make(tmp_path / "workspace", CASE.format(body="pass", how=how.strip().format()))
+    try:
+        for _ in range(2):
+            found = workspace.run()
+            agreed(found, {"test_one": "PASS"}, "PASS", 0)
+            assert not is_held(found.package.folder)
+            assert not holds_a_lease(found.package.name)
+        assert len(copies.read_text().split()) == 2
+    finally:
+        for copy in map(int, copies.read_text().split()):
+            os.kill(copy, signal.SIGKILL)
+            os.waitpid(copy, 0)

@@ -136,8 +136,10 @@ def is_run(folder: Path) -> bool:
 
 
 @contextmanager
-def hold(folder: Path) -> Iterator[None]:
+def hold(folder: Path) -> Iterator[int]:
     """Hold a run's folder while this process lives, however it ends; nobody else can then seal it.
+
+    Given is the descriptor that holds it.
 
     The lock lies on the folder itself, so that nothing of it is left in a package.
 
@@ -164,7 +166,7 @@ def hold(folder: Path) -> Iterator[None]:
                     f"{folder}: this file system cannot hold a run: {error.strerror}",
                     "choose a folder on a disk of this machine with --output",
                 ) from error
-        yield
+        yield descriptor
     finally:
         os.close(descriptor)
 

@@ -20,6 +20,7 @@ from hil.executive.cases.facade import Facade, RoleSet, facades
 from hil.executive.cases.operator import Operator
 from hil.executive.cases.recorder import Recorder
 from hil.executive.cases.steps import Steps
+from hil.executive.ending.copies import kept_from_copies
 from hil.executive.ending.signals import handle_signals
 from hil.executive.ending.stop import Astray, StopFlags, Stopped, Turn
 from hil.executive.journaling.events import Caller, Unheard
@@ -171,11 +172,16 @@ class Session:
         if self._beginning.resumes or self.machine is not None or timeline.retraces:
             record.events.serve(self)  # any other run is where its events are
         self.flags.govern(self)
+        self._closing.enter_context(kept_from_copies(self._descriptors))
         if bench.live is not None and self.machine is not None:
             alarm.keep(Attendant(bench, self.machine, bench.live, self.keeper.scheduler, self.keeper.holding))
         else:
             alarm.keep(Lookout(bench, self.keeper.scheduler, self.keeper.holding, self._caller.expect))
         self._answers = answers(bench, self.keeper.scheduler.idle, record.upkeep.elsewhere)
+
+    def _descriptors(self) -> list[int]:
+        """Return what no copy of this process may keep."""
+        return [*self.record.descriptors, *(self.machine.descriptors if self.machine else ())]
 
     def before_event(self) -> None:
         """Come to where a resumed or replayed run is, before an event is stamped."""

@@ -106,6 +106,11 @@ class Guardian:
         return guardian
 
     @property
+    def descriptor(self) -> int:
+        """This process's end of the channel; -1 once it is closed."""
+        return self._end.fileno()
+
+    @property
     def pid(self) -> int:
         """Process id of the guardian."""
         return self._process.pid

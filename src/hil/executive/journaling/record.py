@@ -238,7 +238,7 @@ class Record:
         self._bench: BoundBench | None = None
         self._retraces = beginning.resumes
         self.folder = self._open_folder(leases, closing)
-        closing.enter_context(hold(self.folder))
+        self._hold = closing.enter_context(hold(self.folder))
         beginning.take_over(self.folder)
         self._journal = Journal(self.folder / JOURNAL, reserve=self.folder / RESERVE)
         self.events = Events(self._journal, flags, beginning.past(self._journal), caller)
@@ -250,6 +250,11 @@ class Record:
         self.transcript = Transcript(self._sink, past)
         self.transcript.at_divergence = caller.diverged
         self.upkeep = Upkeep(self.folder, self.events, self.store, self.transcript, flags, self)
+
+    @property
+    def descriptors(self) -> list[int]:
+        """What holds the run's folder and its leases, as long as any process has it open."""
+        return [self._hold, *self.lease.descriptors]
 
     def begin(self, planned: Sequence[PlannedCase]) -> None:
         """Write the head of a new run; that of an interrupted one stands there already, and is only shown."""

@@ -127,6 +127,12 @@ class Guarding:
         self._pulsed = wall.monotonic()
         self._beat(self._pulsed)
 
+    @property
+    def descriptors(self) -> list[int]:
+        """This process's end of what connects it with the guardian."""
+        end = -1 if self._guardian is None else self._guardian.descriptor
+        return [] if end < 0 else [end]
+
     def between(self) -> None:
         """Send it the same where the run reads no clock for a while; after some seconds the run has to do so itself.
 
@@ -278,6 +284,12 @@ class LiveMachine:
     def attend(self, people: ArmingPeople) -> None:
         """Arm only with these people."""
         self._people = people
+
+    @property
+    def descriptors(self) -> list[int]:
+        """What belongs to this process alone: its ports, the inhibitor, and the connection with the guardian."""
+        awake = self._inhibitor.descriptor
+        return [*self._bench.descriptors.values(), *self._guarding.descriptors, *([] if awake is None else [awake])]
 
     def between(self) -> None:
         """Let the guardian hear of the run while nothing reads the bench for some seconds."""
