@@ -211,7 +211,7 @@ class _Visit:
 
 @dataclass(frozen=True, slots=True)
 class _Tenant:
-    """See `hil.executive.watching.machine.Tenant`."""
+    """See `hil.executive.watching.ports.Tenant`."""
 
     folder: Path
     leases: Sequence[str]

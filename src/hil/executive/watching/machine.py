@@ -11,18 +11,17 @@ from typing import Protocol
 
 from hil.bench.bound import BoundBench
 from hil.bench.gate import Gate
-from hil.bench.lease import Lease, clear_latches_of, keep_latched, latch_bench, latch_unsafe_end
+from hil.bench.lease import clear_latches_of, keep_latched, latch_bench, latch_unsafe_end
 from hil.bench.port_identity import port_gates
 from hil.clock import wall
 from hil.clock.live import LiveClock
 from hil.evidence import events
-from hil.evidence.events import EventSink
 from hil.evidence.safed import guardian_lines
 from hil.executive.ending.signals import LOOK_S
 from hil.executive.ending.stop import StopFlags
 from hil.executive.watching.coverage import harmless, plan_of
 from hil.executive.watching.inhibitor import Inhibitor
-from hil.executive.watching.ports import Distress, Freshness
+from hil.executive.watching.ports import Distress, Freshness, Tenant
 from hil.guardian.channel import DrillResult
 from hil.guardian.client import Guardian
 from hil.guardian.latch import Latch
@@ -31,7 +30,7 @@ from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
 from hil.model.safing import GuardPlan
 
-__all__ = ["ArmingPeople", "Guarding", "LiveMachine", "Tenant", "live_machine"]
+__all__ = ["ArmingPeople", "Guarding", "LiveMachine", "live_machine"]
 
 _BEAT_S = 0.1
 _BETWEEN_S = 10.0
@@ -226,30 +225,6 @@ def _told(drilled: DrillResult) -> str:
 
 def _boot_s() -> float:
     return wall.stamp().boot
-
-
-class Tenant(Protocol):
-    """Whoever has a bench outside this process for itself: a run, or a visit."""
-
-    @property
-    def folder(self) -> Path:
-        """Where the guardian writes down what it did; its latches have this name."""
-        ...
-
-    @property
-    def leases(self) -> Sequence[str]:
-        """What is held alone."""
-        ...
-
-    @property
-    def lease(self) -> Lease:
-        """What holds it."""
-        ...
-
-    @property
-    def events(self) -> EventSink:
-        """Where it is written down what cannot be done."""
-        ...
 
 
 class ArmingPeople(Protocol):

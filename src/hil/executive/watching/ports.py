@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, Protocol
 
 from hil.bench.envelope import Trip
 from hil.bench.gate import Gate
+from hil.bench.lease import Lease
+from hil.evidence.events import EventSink
 from hil.model.bench import InstrumentSpec
 from hil.model.errors import DeviceFault
 from hil.model.figure import Figure
 
-__all__ = ["Beside", "CaseAtWork", "Distress", "Freshness", "Machine", "NoMachine", "Reports"]
+__all__ = ["Beside", "CaseAtWork", "Distress", "Freshness", "Machine", "NoMachine", "Reports", "Tenant"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +152,30 @@ class Machine(Protocol):
 
     def latch(self, why: str) -> None:
         """Latch a bench that was not proven safe, so that a named person checks it before anybody drives it."""
+        ...
+
+
+class Tenant(Protocol):
+    """Whoever has a bench outside this process for itself: a run, or a visit."""
+
+    @property
+    def folder(self) -> Path:
+        """Where the guardian writes down what it did; its latches have this name."""
+        ...
+
+    @property
+    def leases(self) -> Sequence[str]:
+        """What is held alone."""
+        ...
+
+    @property
+    def lease(self) -> Lease:
+        """What holds it."""
+        ...
+
+    @property
+    def events(self) -> EventSink:
+        """Where it is written down what cannot be done."""
         ...
 
 
