@@ -13,7 +13,7 @@ from hil.bench.onboard import Uart, difference, uart_at
 from hil.model.bench import BenchSpec, InstrumentSpec, OnboardPort, UsbPort
 from hil.model.errors import Refused
 from hil.model.identity import Identity
-from hil.wire.opening import PortKind, kind_of, url_of_resource
+from hil.wire.opening import MESSAGES, PortKind, kind_of, url_of_resource
 
 __all__ = [
     "ListedPort",
@@ -161,7 +161,7 @@ def strangers_on_network(bench: BoundBench) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     for instrument in bench.spec.instruments:
-        if kind_of(instrument.port) in {PortKind.SOCKET, PortKind.RFC2217}:
+        if kind_of(instrument.port) in {PortKind.SOCKET, PortKind.RFC2217, *MESSAGES}:
             with suppress(Exception):  # what a driver makes of nonsense is no other instrument's identity
                 found[instrument.name] = difference_of(instrument.identity, bench.drivers[instrument.name].identify())
     return {name: detail for name, detail in found.items() if detail}

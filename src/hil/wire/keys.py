@@ -17,7 +17,7 @@ from pathlib import Path
 from threading import Thread
 
 from hil.wire.held_names import hold_name, names_held, short
-from hil.wire.opening import NETWORK, url_of_resource
+from hil.wire.opening import NETWORK, VISA_LAN, VISA_USB, url_of_resource
 
 __all__ = ["announce_served", "keys_of", "keys_of_served", "keys_of_this_port"]
 
@@ -25,12 +25,9 @@ _RESOLVED_S = 2.0
 _SYSTEM = Path("/sys")
 _HERE = "localhost"
 _SERVED = "served bench "
-_SCPI_PORTS = (5024, 5025, 5555)
-_VISA_LAN = re.compile(r"TCPIP\d*::(?P<host>\[[^]]+\]|[^:]+)(::(?!\d+::SOCKET)[^:]+)*?(::INSTR)?", re.IGNORECASE)
-_VISA_USB = re.compile(
-    r"USB\d*::(?P<vendor>\w+)::(?P<product>\w+)::(?P<serial>[^:]+)(::(?P<interface>\d+))?(::(INSTR|RAW))?",
-    re.IGNORECASE,
-)
+_SCPI_PORTS = ("5024", "5025", "5555")
+_ONE_OF_ITS_HOST = re.compile(r"(inst0|hislip0(,\d+)?)?", re.IGNORECASE)
+"""What the only instrument of a host is called; a gateway, or a mainframe, has more of them."""
 
 
 def keys_of(
@@ -51,12 +48,14 @@ def keys_of(
     scheme, is_url, place = url.partition("://")
     if is_url and scheme.lower() in NETWORK:
         host, _, number = re.split(r"[/?#]", place)[0].rpartition(":")
-        found = _network(host, [int(number)] if number.isdecimal() else [], resolve or _addresses)
-    elif match := _VISA_USB.fullmatch(port):
+        found = _network(host, [str(int(number))] if number.isdecimal() else [], resolve or _addresses)
+    elif match := VISA_USB.match(port):
         found = iter([_usb(match["vendor"], match["product"], match["serial"], int(match["interface"] or 0))])
-    elif match := _VISA_LAN.fullmatch(port):
+    elif (match := VISA_LAN.match(port)) and _ONE_OF_ITS_HOST.fullmatch(match["name"] or ""):
         # Behind VXI-11 and HiSLIP is the same instrument as at its sockets.
         found = _network(match["host"], _SCPI_PORTS, resolve or _addresses)
+    elif match:
+        found = _network(match["host"], [match["name"].lower()], resolve or _addresses)
     elif "::" in port and not is_url:
         found = iter([port.upper()])
     elif is_url:
@@ -89,7 +88,7 @@ def _served(digest: str) -> str:
     return f"{_SERVED}{digest}"
 
 
-def _network(host: str, ports: Sequence[int], resolve: Callable[[str], Sequence[str]]) -> Iterator[str]:
+def _network(host: str, ports: Sequence[str], resolve: Callable[[str], Sequence[str]]) -> Iterator[str]:
     name = host.strip("[]").lower().rstrip(".")
     literal = _literal(name)
     if literal is not None:

@@ -39,7 +39,8 @@ _NETWORK_PLACE = re.compile(r"(\[[0-9A-Fa-f:.]+(%\w+)?\]|[^\s:/?#@\[\]]+):\d{1,5
 _VISA_SERIAL = re.compile(r"^ASRL(?P<port>.+?)(::INSTR)?$", re.IGNORECASE)
 _VISA_SOCKET = re.compile(r"^TCPIP\d*::(?P<host>\[[^]]+\]|[^:]+)::(?P<port>\d+)::SOCKET$", re.IGNORECASE)
 VISA_USB = re.compile(
-    r"^USB\d*::(?P<vendor>\w+)::(?P<product>\w+)::(?P<serial>[^:]+)(::\d+)?(::INSTR)?$", re.IGNORECASE
+    r"^USB\d*::(?P<vendor>\w+)::(?P<product>\w+)::(?P<serial>[^:]+)(::(?P<interface>\d+))?(::INSTR)?$",
+    re.IGNORECASE,
 )
 """The VISA name of an instrument at USB."""
 

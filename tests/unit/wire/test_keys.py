@@ -48,6 +48,7 @@ def of(port, **options):
         ("socket://[2001:DB8:0::7]:5025", "socket://[2001:db8::7]:5025", "socket://psu1:5025"),
         ("USB0::0x0957::0x1796::MY1::INSTR", "USB::2391::6038::MY1::0::INSTR", "usb0::0x957::0x1796::MY1"),
         ("GPIB0::5::INSTR", "gpib0::5::instr"),
+        ("TCPIP0::192.0.2.7::gpib0,5::INSTR", "tcpip::psu1::GPIB0,5"),
     ],
 )
 def test_one_instrument_is_one_however_it_is_written(names):
@@ -66,6 +67,8 @@ def test_one_instrument_is_one_however_it_is_written(names):
         ("USB0::0x0957::0x1796::MY1::INSTR", "USB0::0x0957::0x1796::MY2::INSTR"),
         ("USB0::0x0957::0x1796::MY1::0::INSTR", "USB0::0x0957::0x1796::MY1::1::INSTR"),
         ("/dev/ttyS0", "/dev/ttyS1"),
+        ("TCPIP::192.0.2.7::gpib0,5::INSTR", "TCPIP::192.0.2.7::gpib0,6::INSTR"),
+        ("TCPIP::192.0.2.7::gpib0,5::INSTR", "TCPIP::192.0.2.7::5025::SOCKET"),
     ],
 )
 def test_two_instruments_are_two(one, other):
