@@ -75,11 +75,14 @@ class Lease:
 
     def release(self) -> None:
         """Release everything; releasing twice is harmless."""
-        while self._notes:  # first, as the next holder writes its own as soon as it has the lease
-            with suppress(OSError):
-                self._notes.pop().unlink()
         while self._held:
             os.close(self._held.pop())
+        for key in self._keys:  # a guardian that is still at work keeps what it holds, and what is told of it
+            holder = holder_of(_name(key, self._folder))
+            path = _note_of(key, self._folder)
+            if path in self._notes and (holder is None or holder.pid != os.getpid()):
+                _remove_note(path)
+        self._notes.clear()
 
     def _take(self, key: str) -> None:
         _require_not_locked(key, self._folder)
@@ -140,7 +143,7 @@ def _held(key: str, folder: Path) -> Refused:
         return _refusal(key, {})
     note = _read_note(_note_of(key, folder, holder.uid), holder)
     ended = "" if holder.lives else ", which has ended: its guardian is still at work"
-    return _refusal(key, note, f"process {holder.pid} of user {holder.user}{ended}")
+    return _refusal(key, note, f"process {holder.pid} of user {holder.user}{ended}", ended=not holder.lives)
 
 
 def _read_note(path: Path, holder: Holder) -> Mapping[str, object]:
@@ -156,7 +159,14 @@ def _read_note(path: Path, holder: Holder) -> Mapping[str, object]:
     return note if isinstance(note, dict) and note.get("pid") == holder.pid else {}
 
 
-def _refusal(key: str, note: Mapping[str, object], process: str = "") -> Refused:
+def _remove_note(path: Path) -> None:
+    """Remove what this process noted, and not what the next holder did, who writes as soon as it has the lease."""
+    with suppress(OSError, ValueError, LookupError, TypeError):
+        if json.loads(path.read_bytes())["pid"] == os.getpid():
+            path.unlink()
+
+
+def _refusal(key: str, note: Mapping[str, object], process: str = "", *, ended: bool = False) -> Refused:
     who, since, run = (str(note.get(name, "")) for name in ("holder", "since", "run"))
     if not who:
         by = f" ({process})" if process else ""
@@ -164,6 +174,8 @@ def _refusal(key: str, note: Mapping[str, object], process: str = "") -> Refused
     told = f"{key} is held by {who} ({process or 'process ' + str(note.get('pid'))}) since {since}"
     if not run:
         return Refused(told, "wait for it to end")
+    if ended:
+        return Refused(f"{told}, as {run}", f"see what it still does with 'hil status {run}'; {ack_line(run)} ends it")
     return Refused(
         f"{told}, as {run}", f"wait for it to end, see it with 'hil status {run}', or end it with 'hil stop {run}'"
     )

@@ -48,7 +48,7 @@ def stopped(name: str, proof: Proof | None, within_s: float) -> SafeBytes:
     before it: after half a line the seal of both together is wrong, and the device throws them away.
 
     It also talks unasked, so that nobody can wait for its silence: what may be owed is waited for from the last
-    question on. Replies have tags, but one that was used twice gets the same reply again; only tag 0 never does.
+    question on. Replies have tags, but these bytes are the same each time: no tag tells two askings apart.
 
     Args:
         name: of the role instance.
