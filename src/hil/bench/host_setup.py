@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from hil.guardian.latch import PLACES
 from hil.model.bench import BenchSpec, InstrumentSpec, UsbPort
 from hil.model.errors import Refused
 from hil.wire.opening import PortKind, kind_of
@@ -182,8 +183,8 @@ def _tmpfiles(spec: BenchSpec, host: Host) -> Iterator[str]:
     yield f"# {file}: the folder in which latched benches are noted, for every user of this computer."
     yield f"# hil bench setup {spec.name} --print tmpfiles | sudo tee {file}"
     yield f"# sudo systemd-tmpfiles --create {file}"
-    yield "d /var/lib/hil 0755 root root -"
-    yield "d /var/lib/hil/latches 1777 root root -"
+    yield f"d {PLACES[0].parent} 0755 root root -"
+    yield f"d {PLACES[0]} 1777 root root -"
 
 
 KINDS: dict[str, Callable[[BenchSpec, Host], Iterator[str]]] = {

@@ -16,6 +16,7 @@ import pytest
 
 from hil.bench.file.reading import load_bench
 from hil.bench.host_setup import KINDS, Host, setup_text
+from hil.guardian import latch
 from hil.model.bench import OnboardPort
 from hil.model.errors import Refused
 
@@ -222,7 +223,7 @@ def test_the_folder_of_latches_is_made_for_every_user(tmp_path):
     file = tmp_path / "hil.conf"
     file.write_text(setup_text("tmpfiles", BENCHES["adcs"], HOST), encoding="utf-8")
     subprocess.run(["systemd-tmpfiles", "--create", f"--root={tmp_path}", file], check=True, capture_output=True)
-    made = tmp_path / "var/lib/hil/latches"
+    made = tmp_path / latch.PLACES[0].relative_to("/")
     assert stat.S_IMODE(made.stat().st_mode) == 0o1777
 
 
