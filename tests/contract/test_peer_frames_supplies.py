@@ -8,7 +8,8 @@ import pytest
 from talking import Talk
 
 from hil.simulation.peers.keysight_single import E3632A, E36103B
-from hil.simulation.peers.rohde_schwarz_hmp import MODEL as ROHDE_SCHWARZ
+from hil.simulation.peers.rohde_schwarz_hmp import HMP as ROHDE_SCHWARZ
+from hil.simulation.peers.rohde_schwarz_hmp import NGE100
 from hil.simulation.peers.siglent_spd3303x import MODEL as SIGLENT
 
 NR3 = r"[+-]\d\.\d{8}E[+-]\d{2}"
@@ -78,10 +79,21 @@ HMP4040 = {
     "INST OUT1;FUSE:TRIP?": "0",
     "OUTP:SEL 0;GEN?": "1",
 }
-GUIDES = {"E36103B": (E36103B, E36100), "E3632A": (E3632A, E3632), "SPD3303X": (SIGLENT, SPD3303X)} | {
-    "HMP4040": (ROHDE_SCHWARZ, HMP4040)
+NGE103B = {
+    "*IDN?": r"Rohde&Schwarz,NGE103B,5601\.3800k03/101863,1\.54",
+    "INST OUT1;VOLT:PROT:LEV 4.25": "",
+    "VOLT:PROT:LEV?": r"4\.250",
+    "VOLT:PROT?": "0",
+    "VOLT 5;OUTP:GEN ON;SEL ON;SEL?": "1",
+    "VOLT:PROT:STAT ON": "",
+    "VOLT:PROT:TRIP?;:OUTP:SEL?": "1;0",
+    "VOLT:PROT:CLE": "",
 }
-NO_ERROR = {"SPD3303X": "0 No Error", "HMP4040": '0,"No error"'}
+GUIDES = {"E36103B": (E36103B, E36100), "E3632A": (E3632A, E3632), "SPD3303X": (SIGLENT, SPD3303X)} | {
+    "HMP4040": (ROHDE_SCHWARZ, HMP4040),
+    "NGE103B": (NGE100, NGE103B),
+}
+NO_ERROR = {"SPD3303X": "0 No Error", "HMP4040": '0,"No error"', "NGE103B": '0,"No error"'}
 
 
 def talk(model, **truth):

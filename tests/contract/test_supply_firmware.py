@@ -183,7 +183,7 @@ def test_outputs_in_series_or_parallel_are_not_believed(track):
         assert not found.on()
 
 
-@pytest.mark.parametrize(("model", "count"), [("HMP2020", 2), ("NGE103B", 3), ("HMP4040", 4)])
+@pytest.mark.parametrize(("model", "count"), [("HMP2020", 2), ("HMP4030", 3), ("HMP4040", 4)])
 def test_a_model_has_the_channels_that_it_has(model, count):
     """The first question is who it is; a channel that the model lacks is refused before anything is set."""
     with rig(SCPI["rohde-schwarz-hmp"], truth={"model": model}) as found:
@@ -227,6 +227,7 @@ def test_what_another_program_selects_changes_nothing():
         ("keysight-e36100", "over_voltage", "4.3"),
         ("keysight-e3632a", "over_voltage", "4.3"),
         ("rohde-schwarz-hmp", "over_voltage", "4.3"),
+        ("rohde-schwarz-nge100", "over_voltage", "4.3"),
         ("rohde-schwarz-hmp", "over_current", "at setting"),
     ],
 )

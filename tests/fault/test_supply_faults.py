@@ -19,7 +19,7 @@ NANO = 1_000_000_000
 SUPPLIES = {
     "rigol": (rigol_dp832.MODEL, RigolDp832, 0),
     "korad": (korad_ka3005p.MODEL, KoradKa3005p, 9600),
-    "rohde-schwarz": (rohde_schwarz_hmp.MODEL, RohdeSchwarzHmp, 0),
+    "rohde-schwarz": (rohde_schwarz_hmp.HMP, RohdeSchwarzHmp, 0),
     "siglent": (siglent_spd3303x.MODEL, SiglentSpd3303x, 0),
 }
 FAULTS = {

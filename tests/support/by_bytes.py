@@ -20,7 +20,7 @@ from hil.instruments.korad_ka3005p import KoradKa3005p
 from hil.instruments.newport_esp301 import NewportEsp301
 from hil.instruments.omron_e5cc import OmronE5cc
 from hil.instruments.rigol_dp832 import RigolDp832
-from hil.instruments.rohde_schwarz_hmp import RohdeSchwarzHmp
+from hil.instruments.rohde_schwarz_hmp import RohdeSchwarzHmp, RohdeSchwarzNge100
 from hil.instruments.safing import LONGEST_REPLY_S
 from hil.instruments.siglent_spd3303x import SiglentSpd3303x
 from hil.instruments.waveshare_relay import WaveshareRelay
@@ -33,7 +33,7 @@ from hil.simulation.peers.keysight_single import E3632A, E36103B
 from hil.simulation.peers.korad_ka3005p import MODEL as KORAD
 from hil.simulation.peers.omron_e5cc import MODEL as OMRON
 from hil.simulation.peers.rigol_dp832 import MODEL as RIGOL
-from hil.simulation.peers.rohde_schwarz_hmp import MODEL as ROHDE_SCHWARZ
+from hil.simulation.peers.rohde_schwarz_hmp import HMP, NGE100
 from hil.simulation.peers.siglent_spd3303x import MODEL as SIGLENT
 from hil.simulation.peers.waveshare_relay import MODEL as WAVESHARE
 from hil.wire.exchange import find_stream
@@ -258,7 +258,8 @@ SCPI = {
     "keysight-e36300": _scpi(KEYSIGHT, KeysightE36300, 2),
     "keysight-e3632a": _scpi(E3632A, KeysightE3632a, 1),
     "rigol-dp832": _scpi(RIGOL, RigolDp832, 1),
-    "rohde-schwarz-hmp": _scpi(ROHDE_SCHWARZ, RohdeSchwarzHmp, 3),
+    "rohde-schwarz-hmp": _scpi(HMP, RohdeSchwarzHmp, 3),
+    "rohde-schwarz-nge100": _scpi(NGE100, RohdeSchwarzNge100, 3),
     "siglent-spd3303x": _scpi(SIGLENT, SiglentSpd3303x, 2),
 }
 """Every supply that speaks SCPI, by the name of its driver."""

@@ -7,20 +7,24 @@ An output gives something when its channel is selected for it (`OUTP:SEL`) and t
 channel that was selected while the master switch is off would come on with the next one. So a channel counts as on as
 soon as it is selected, and off means not selected: the master switch, which is everybody's, stays as it is.
 
-The fuse trips where the current is limited; it has no level. Assumed, until it is compared with an instrument: several
-commands stand in a line, and an NGE100 leaves its over-voltage protection as it was switched at the front panel.
+The fuse trips where the current is limited; it has no level. The over-voltage protection of an NGE100 has a switch,
+that of the others has none. Assumed, until it is compared with an instrument: several commands stand in a line.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
 from hil.instruments.scpi_dialect import Dialect, LevelAndFuse, Protection
 from hil.instruments.scpi_supply import ScpiSupply
 
-__all__ = ["HMP", "RohdeSchwarzHmp"]
+__all__ = ["HMP", "NGE100", "RohdeSchwarzHmp", "RohdeSchwarzNge100"]
 
 _AT = "INST OUT{channel};"
+_OVER_VOLTAGE = Protection(
+    set_level=_AT + "VOLT:PROT:LEV {value}", get_level=_AT + "VOLT:PROT:LEV?", tripped=_AT + "VOLT:PROT:TRIP?"
+)
 
 HMP = Dialect(
     driver="rohde-schwarz-hmp",
@@ -37,9 +41,7 @@ HMP = Dialect(
     measure_voltage=_AT + "MEAS:VOLT?",
     measure_current=_AT + "MEAS:CURR?",
     mode="STAT:QUES:INST:ISUM{channel}:COND?",
-    over_voltage=Protection(
-        set_level=_AT + "VOLT:PROT {value}", get_level=_AT + "VOLT:PROT?", tripped=_AT + "VOLT:PROT:TRIP?"
-    ),
+    over_voltage=_OVER_VOLTAGE,
     over_current=Protection(tripped=_AT + "FUSE:TRIP?", arm=_AT + "FUSE ON", armed=_AT + "FUSE?"),
     levels=LevelAndFuse,
     ratings={
@@ -47,14 +49,27 @@ HMP = Dialect(
         "HMP2030": ((32.0, 10.0),) * 3,
         "HMP4030": ((32.0, 10.0),) * 3,
         "HMP4040": ((32.0, 10.0),) * 4,
-        "NGE102B": ((32.0, 3.0),) * 2,
-        "NGE103B": ((32.0, 3.0),) * 3,
     },
 )
-"""The commands of the three series; where a model gives less than its rating here, the instrument refuses."""
+"""The commands of the HMP series; where a channel gives less than its rating here, the instrument refuses."""
+
+NGE100 = replace(
+    HMP,
+    driver="rohde-schwarz-nge100",
+    channels=(1, 2, 3),
+    over_voltage=replace(_OVER_VOLTAGE, arm=_AT + "VOLT:PROT:STAT ON", armed=_AT + "VOLT:PROT:STAT?"),
+    ratings={"NGE102B": ((32.0, 3.0),) * 2, "NGE103B": ((32.0, 3.0),) * 3},
+)
+"""The commands of the NGE100 series."""
 
 
 class RohdeSchwarzHmp(ScpiSupply):
     """Driver `rohde-schwarz-hmp`: role `supply` on each channel; a wire may set `over_voltage` and `over_current`."""
 
     dialect: ClassVar[Dialect] = HMP
+
+
+class RohdeSchwarzNge100(ScpiSupply):
+    """Driver `rohde-schwarz-nge100`: role `supply` on each channel; wires may set `over_voltage` and `over_current`."""
+
+    dialect: ClassVar[Dialect] = NGE100

@@ -16,6 +16,7 @@ KORAD = {
     "driver: rigol-dp832": "driver: korad-ka3005p",
     'settings: {over_voltage: "4.25", over_current: "0.8"}': "settings: {}",
 }
+SIGLENT = KORAD | {"driver: rigol-dp832": "driver: siglent-spd3303x"}
 GUARD = """\
 - {id: cell-voltage, output: cycler, quantity: voltage, unit: V, min: "2.5", max: "4.25",
    period: 60 s, max_age: 180 s, debounce: "2"}
@@ -52,6 +53,10 @@ def test_the_committed_bench_is_clean(tmp_path):
         (
             KORAD | {GUARD: ""},
             "a korad-ka3005p has no over-voltage protection with a level of its own: add a second guard, a limit",
+        ),
+        (
+            SIGLENT | {GUARD: ""},
+            "a siglent-spd3303x has no over-voltage protection with a level of its own: add a second guard, a limit",
         ),
         (KORAD | {', max: "4.25",': ","}, "add a second guard, a limit of the envelope with max"),
         ({"- {role: thermal, ": "- {role: thermal, charges: cycler, "}, "thermal cannot charge: only a supply can"),
