@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import stat
 import time
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -13,6 +15,7 @@ from tmpfiles import another_user, as_root, folder_for_all, make_old
 from hil.bench.lease import clear_latches_of, keep_latched, latch_bench, latch_unsafe_end, latches_of, refuse_latched
 from hil.guardian.latch import Latch, path_of
 from hil.model.errors import Refused
+from hil.wire.keys import keys_of
 
 LATCH = Latch(
     bench="battery",
@@ -87,3 +90,21 @@ def test_another_user_is_told_whose_latch_it_is():
         latch_bench(["a"], LATCH, place / "latches")
         with another_user(), pytest.raises(Refused, match=f"by {LATCH.run} of user root: the executive died"):
             refuse_latched(["a"], place / "latches")
+
+
+@pytest.mark.parametrize(
+    "port", ["TCPIP::192.168.10.21::5025::SOCKET", "/dev/serial/by-id/usb-FTDI-if00", "/dev/i2c-1"]
+)
+def test_a_latch_that_an_earlier_version_left_still_latches(tmp_path, monkeypatch, port):
+    """It had the port's name as the bench file writes it, one file for all users, and lay below /var/tmp."""
+    made, before = tmp_path / "lib/hil/latches", tmp_path / "tmp/hil-latches"
+    made.mkdir(parents=True)
+    before.mkdir(parents=True)
+    monkeypatch.setattr("hil.guardian.latch.PLACES", (made, before))
+    left = before / f"{hashlib.sha256(port.encode()).hexdigest()[:24]}.latch"
+    left.write_text(json.dumps(asdict(LATCH)), encoding="utf-8")
+    with pytest.raises(Refused, match="bench 'battery' is latched since 2026-11-21"):
+        refuse_latched(keys_of(port))
+    assert clear_latches_of(LATCH.run) == (LATCH,)
+    refuse_latched(keys_of(port))
+    assert not left.exists()
