@@ -230,6 +230,6 @@ class _Line:
         return False, f"{came}, and not toward {watch.toward:g} {watch.unit}: something still drives it"
 
     def _comes(self, toward: float) -> bool:
-        before, behind = self._farthest - toward, self._last - toward
-        same_side = before * behind > 0
-        return abs(behind) <= (self.watch.tolerance or 0.0) or (same_side and abs(behind) <= _CLOSER * abs(before))
+        before, now = self._farthest - toward, self._last - toward
+        same_side = before * now > 0
+        return abs(now) <= (self.watch.tolerance or 0.0) or (same_side and abs(now) <= _CLOSER * abs(before))

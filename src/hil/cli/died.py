@@ -66,7 +66,7 @@ def not_proven(folder: Path, *, guardian_s: float = _GUARDIAN_S) -> tuple[str, .
 
 
 def _tell(folder: Path, how: str, ways: list[str], guardian_s: float, command_s: float) -> None:
-    from hil.executive.setup.workspace import find_workspace  # noqa: PLC0415 - only behind a run that died
+    from hil.executive.setup.workspace import find_workspace  # noqa: PLC0415 - only after a run that died
 
     workspace = find_workspace(Path.cwd())
     if not workspace.notify:
@@ -103,7 +103,7 @@ def _undisturbed() -> Iterator[None]:
 
 def _bench(folder: Path, limit_s: float) -> Iterator[str]:
     """Yield what the guardian wrote down of the bench, once it is done or the time is over; nothing without one."""
-    from hil.bench.lease import holds_a_lease  # noqa: PLC0415 - only behind a run that died
+    from hil.bench.lease import holds_a_lease  # noqa: PLC0415 - only after a run that died
     from hil.evidence.folder import is_held  # noqa: PLC0415 - as above
     from hil.evidence.safed import guardian_lines, last_act  # noqa: PLC0415 - as above
     from hil.executive.ending.acknowledging import waits_for_ack  # noqa: PLC0415 - as above

@@ -11,6 +11,6 @@ def main() -> None:
     """Load the command line and run it; see `hil.cli.main`."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # imports take a while, and a traceback of theirs helps nobody
-    from hil.cli.main import main as run  # noqa: PLC0415 - behind the line above
+    from hil.cli.main import main as run  # noqa: PLC0415 - after the line above
 
     run()

@@ -319,7 +319,7 @@ class Session:
                     self.record.store.end_of_case(run.planned.id)
                     self._conclude(run)
                 for case in tuple(self._open_cases):
-                    self.not_run(case, "the run was ended amid a case that nothing else ended")
+                    self.not_run(case, "the run was ended in the middle of a case that nothing else ended")
                 self.safe()
             finally:
                 self._caller.given_up()

@@ -75,25 +75,25 @@ class _Rows:
         """Take a line that is no row; `again` says that it may be a line that was sent before."""
         if "PuTTY log" in text:
             self.headers += 1
-            self._break(anew=False)
+            self._break(new_test=False)
             return
         if text.startswith("START ARDUINO"):
             self.starts += 1
             self.device_ms = None
-            self._break(anew=True)
+            self._break(new_test=True)
             return
         self.ended |= text.upper().startswith("TEST END")
         found = _ITERATION.search(text)
         if found and not _END.search(text):
             self._iterate(float(found[1]), repeats=text.upper().startswith("TEST ITERATION") and not again)
 
-    def _break(self, *, anew: bool) -> None:
+    def _break(self, *, new_test: bool) -> None:
         """End the stretch: what comes now is a new test, or the same one after a time that nobody knows."""
         if not self.rows:
             return
         if self.rows[-1].stretch == self.stretch:
             self.stretch += 1
-        if anew:
+        if new_test:
             self.test, self.cycle, self.blind = self.rows[-1].test + 1, 0.0, None
         elif self.test == self.rows[-1].test:
             self.blind = len(self.rows)
@@ -105,7 +105,7 @@ class _Rows:
             # Every mark since has been read: what came before this one is the cycle before.
             self.rows[self.blind :] = [row._replace(cycle=number - 1.0) for row in self.rows[self.blind :]]
         elif here and (number not in {self.cycle, self.cycle + 1.0} or (number == self.cycle and repeats)):
-            self._break(anew=True)
+            self._break(new_test=True)
         self.cycle, self.blind = number, None
         self.marked[self.test] = True
 
@@ -113,13 +113,13 @@ class _Rows:
 def read(path: Path, *, interval: float = 5.0) -> BatteryLog:
     """Read a terminal log: a row each interval, points or commas as decimal sign.
 
-    Rows with number, device time in ms, state, and CRC-16/IBM-3740 behind a `*` are checked by it and take their time
+    Rows with number, device time in ms, state, and CRC-16/IBM-3740 after a `*` are checked by it and take their time
     from the device. What follows is of rows without.
 
     Rows are counted to tell the time. A torn row counts as an interval. A row that is missing as a whole is seen in the
     accumulated energy, where its digits resolve one interval; else it makes the test seem shorter. A line that names an
     iteration or a cycle with its number, and not its end, begins that cycle. A start, or a number that does not follow
-    on, begins a new test; behind a header of the terminal the same test goes on after a time that is not known.
+    on, begins a new test; after a header of the terminal the same test continues after a time that is not known.
 
     Args:
         path: the file.

@@ -69,7 +69,7 @@ def placed(rows: Sequence[Row], interval: float, *, stamped: bool) -> Placed:
     """Return rows with their time and the net energy that the cycler counted.
 
     The energy of each half-cycle is the field at its end less that at its beginning, so that no torn row takes any of
-    it. It begins anew where it falls to what at most two intervals can be worth.
+    it. It starts from zero where it falls to what at most two intervals can be worth.
 
     Args:
         rows: at least one, in the order of the log.

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, TypeVar
 
 from hil.model.notation import AnyText, Nanoseconds, Number, SomeNanoseconds, Text, number, whole
-from hil.simulation.seeds import Stream
+from hil.simulation.seeds import RandomStream
 from hil.simulation.truth import Path, TruthError, declared, suggestion
 
 __all__ = [
@@ -74,7 +74,7 @@ class LinkFault(Fault):
     links: ClassVar[frozenset[str]] = frozenset()
     cuts: ClassVar[bool] = False
 
-    def spoiled(self, data: bytes, noise: Stream, now_ns: int) -> bytes:
+    def spoiled(self, data: bytes, noise: RandomStream, now_ns: int) -> bytes:
         """Return what becomes of bytes that the device sends at this instant."""
         del noise, now_ns
         return data
@@ -103,7 +103,7 @@ class Garbled(LinkFault):
 
     share: Share = 1.0
 
-    def spoiled(self, data: bytes, noise: Stream, now_ns: int) -> bytes:
+    def spoiled(self, data: bytes, noise: RandomStream, now_ns: int) -> bytes:
         """Flip a bit of a share of the bytes."""
         spoiled = bytearray(data)
         for place in range(len(data)):
@@ -137,7 +137,7 @@ class Partial(LinkFault):
 
     most: Annotated[int, whole(0)] = field(default=1, metadata={"alias": "bytes"})
 
-    def spoiled(self, data: bytes, noise: Stream, now_ns: int) -> bytes:
+    def spoiled(self, data: bytes, noise: RandomStream, now_ns: int) -> bytes:
         """Return the first bytes."""
         del noise, now_ns
         return data[: self.most]

@@ -7,7 +7,7 @@ import hashlib
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["BLOCK", "Seeds", "Stream"]
+__all__ = ["BLOCK", "RandomStream", "Seeds"]
 
 BLOCK = 64
 """How many numbers follow from one state of the generator."""
@@ -16,7 +16,7 @@ _KEY_BYTES = 16
 _WORD = 2**64
 
 
-class Stream:
+class RandomStream:
     """Numbers of one purpose, addressed by index (Philox 4x64, counter-based).
 
     A value depends on the key and the index only. There is nothing to save or restore.
@@ -90,8 +90,8 @@ class Seeds:
     def __init__(self, bench: int) -> None:
         self._bench = bench
 
-    def stream(self, device: str, name: str) -> Stream:
+    def stream(self, device: str, name: str) -> RandomStream:
         """Return the stream of that name; equal names give equal numbers."""
         text = "\0".join((str(self._bench), device, name))
         digest = hashlib.sha256(text.encode("utf-8")).digest()
-        return Stream(int.from_bytes(digest[:_KEY_BYTES], "big"))
+        return RandomStream(int.from_bytes(digest[:_KEY_BYTES], "big"))

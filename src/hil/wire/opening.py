@@ -104,7 +104,7 @@ def why_not_opened(port: str) -> str:
     """Return why a port of a bench file is never opened, nothing for one that may be.
 
     pyserial knows more schemes, and they go past every check of who is at a port: `alt://`, `hwgrep://` and `spy://`
-    lead to serial devices by another name, `spy://` writes files, and behind `loop://` there is nobody.
+    lead to serial devices by another name, `spy://` writes files, and at `loop://` there is nobody.
     """
     url = url_of_resource(port)
     scheme, is_url, place = url.partition("://")

@@ -127,18 +127,18 @@ class RowStore:
         """Return whether a recording is open still."""
         return recording in self._open
 
-    def held(self, kept: str, behind: Iterable[str] = ()) -> list[events.Voided]:
+    def held(self, kept: str, after_end: Iterable[str] = ()) -> list[events.Voided]:
         """Return what the folder holds of every open recording, and has not come again.
 
         Args:
             kept: a recording of which nothing is void; empty for none.
-            behind: recordings that come again as a whole, if they do, and of which everything is void.
+            after_end: recordings that come again as a whole, if they do, and of which everything is void.
         """
         void = [
             events.Voided(recording=each.facts.recording, first=each.rows.rows, end=max(each.rows.rows, each.rows.held))
             for each in self._open
         ]
-        for name in filter(None, (kept, *behind)):
+        for name in filter(None, (kept, *after_end)):
             if (path := self.recordings / f"{name}.rows").exists():
                 rows = read_rows(path).rows
                 void.append(events.Voided(recording=name, first=rows if name == kept else 0, end=rows))

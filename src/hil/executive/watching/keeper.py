@@ -157,7 +157,7 @@ class BenchKeeper:
     def rest(self) -> str:
         """Bring the bench to its rest state between cases; return why no further case can run, if so."""
         if self.over:
-            return "the run was interrupted behind its last case"
+            return "the run was interrupted after its last case"
         if self.scheduler.lost:
             return ""
         faults: list[DeviceFault] = []

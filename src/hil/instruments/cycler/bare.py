@@ -43,16 +43,16 @@ class Arrivals:
         """Count from the start of a test, which was between these instants."""
         self._low, self._high = low, high
 
-    def place(self, since: float, until: float, behind: int, lost: int) -> tuple[float, int]:
+    def place(self, since: float, until: float, later: int, lost: int) -> tuple[float, int]:
         """Return when a line was sent, and how many before it cannot have come.
 
         Args:
             since: when the port was looked at without finding it.
             until: when it was found.
-            behind: how many lines were found with it that were sent later.
+            later: how many lines were found with it that were sent later.
             lost: at least how many before it are missing, by its content.
         """
-        since, until = since - _ON_THE_LINE_S, until - behind * _SHORTEST_S
+        since, until = since - _ON_THE_LINE_S, until - later * _SHORTEST_S
         since = min(since, until)
         if self._low is None:
             self._low, self._high = since, until
@@ -90,11 +90,11 @@ class BareLines(Told):
 
     def take(self, lines: list[bytes], now: float) -> None:
         """Take whole lines without their ends, in their order; the port was looked at `now`."""
-        behind = sum(map(_is_data, lines))
+        later = sum(map(_is_data, lines))
         for line in lines:
             if _is_data(line):
-                behind -= 1
-                self._data(line, now, behind)
+                later -= 1
+                self._data(line, now, later)
             elif line:
                 self._mark(line, now)
 
@@ -109,10 +109,10 @@ class BareLines(Told):
         self.reading, self.heard_s, self._energy = None, high, None
         self._arrivals.begin(low, high)
 
-    def _data(self, line: bytes, now: float, behind: int) -> None:
+    def _data(self, line: bytes, now: float, later: int) -> None:
         numbers = plain_numbers(line)
         missing = self._missing(numbers)
-        at_s, lost = self._arrivals.place(self._looked_s, now, behind, missing)
+        at_s, lost = self._arrivals.place(self._looked_s, now, later, missing)
         if numbers is None:
             self.sealed = self.sealed or opened(line) is not None
             self.damaged += 1

@@ -128,11 +128,11 @@ class NumberedLines(Told):
 
         A reply that is older than the newest line says nothing new; one that is much older, that it has started.
         """
-        behind = 0 if self.number is None else self.number - number
-        if behind > 0:
-            self.went_back = behind > _FEW
+        back = 0 if self.number is None else self.number - number
+        if back > 0:
+            self.went_back = back > _FEW
             return self._ms + self._wrapped_ms - (self._ms - ms) % _WRAP
-        self._count_missing(-behind)
+        self._count_missing(-back)
         self.number = number
         self.unsure = False
         if state in _STATES:

@@ -76,8 +76,8 @@ def unstuff(block: bytes) -> bytes:
             full.append(at)
     if at != end or not end:
         raise ValueError("a block that is cut short")
-    for behind in reversed(full):
-        del data[behind : behind + 1]  # this code byte followed a full block and stands for no zero
+    for place in reversed(full):
+        del data[place : place + 1]  # this code byte followed a full block and stands for no zero
     return bytes(data[1:])
 
 

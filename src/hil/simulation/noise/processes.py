@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.simulation.seeds import Stream
+from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["AngleQuantisation", "Flicker", "RandomWalk", "White", "autoregressive"]
@@ -76,7 +76,7 @@ class White(Stateful):
 
     _last: Kept[float]
 
-    def __init__(self, stream: Stream, level: float, *, rate: float, bandwidth: float, block: int) -> None:
+    def __init__(self, stream: RandomStream, level: float, *, rate: float, bandwidth: float, block: int) -> None:
         ratio = max(1.0, rate / (2 * bandwidth))
         self._stream = stream
         self._sigma = level * sqrt(2 * bandwidth)
@@ -116,7 +116,7 @@ class RandomWalk(Stateful):
 
     _last: Kept[float]
 
-    def __init__(self, stream: Stream, level: float, rate: float, block: int) -> None:
+    def __init__(self, stream: RandomStream, level: float, rate: float, block: int) -> None:
         self._stream = stream
         self._step = level / sqrt(rate)
         self._block = block
@@ -149,7 +149,7 @@ class AngleQuantisation(Stateful):
 
     _last: Kept[float]
 
-    def __init__(self, stream: Stream, level: float, rate: float, block: int) -> None:
+    def __init__(self, stream: RandomStream, level: float, rate: float, block: int) -> None:
         self._stream = stream
         self._scale = level * rate
         self._block = block
@@ -197,7 +197,7 @@ class Flicker(Stateful):
     _last: Kept[list[float]]
     _driver: Kept[float]
 
-    def __init__(self, stream: Stream, level: float, block: int) -> None:
+    def __init__(self, stream: RandomStream, level: float, block: int) -> None:
         self._stream = stream
         self._sigma = level * sqrt(log(2) / pi)
         self._sizes = [block >> octave for octave in range(block.bit_length() - 1)]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.simulation.noise.processes import AngleQuantisation, Flicker, RandomWalk, White
-from hil.simulation.seeds import Stream
+from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept, StateError, Stateful
 
 __all__ = ["BLOCK", "NoiseLevels", "RateNoise"]
@@ -51,7 +51,9 @@ class RateNoise(Stateful):
     _number: Kept[int]
     _carried: Kept[dict[str, dict[str, Any]]]
 
-    def __init__(self, stream: Callable[[str], Stream], levels: NoiseLevels, *, rate: float, bandwidth: float) -> None:
+    def __init__(
+        self, stream: Callable[[str], RandomStream], levels: NoiseLevels, *, rate: float, bandwidth: float
+    ) -> None:
         self._parts: dict[str, White | Flicker | RandomWalk | AngleQuantisation] = {
             "white": White(stream("white"), levels.white, rate=rate, bandwidth=bandwidth, block=BLOCK),
             "flicker": Flicker(stream("flicker"), levels.flicker, BLOCK),

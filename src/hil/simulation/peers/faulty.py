@@ -7,7 +7,7 @@ from functools import partial
 
 from hil.simulation.faults import Chatty, Faults, LinkFault
 from hil.simulation.peers.timing import Alarms
-from hil.simulation.seeds import Stream
+from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import BusPeer, BusServer, Line, Nack, Openable, PeerClock, SerialPeer
 
@@ -32,7 +32,7 @@ class FaultySerialPeer(Stateful):
     _peer: Kept[SerialPeer]
     _chats: Kept[Alarms]
 
-    def __init__(self, peer: SerialPeer, faults: Faults, noise: Stream) -> None:
+    def __init__(self, peer: SerialPeer, faults: Faults, noise: RandomStream) -> None:
         self._peer = peer
         self._faults = faults
         self._noise = noise
@@ -104,7 +104,7 @@ class FaultyBusPeer(Stateful):
 
     _peer: Kept[BusPeer]
 
-    def __init__(self, peer: BusPeer, faults: Faults, noise: Stream) -> None:
+    def __init__(self, peer: BusPeer, faults: Faults, noise: RandomStream) -> None:
         self._peer = peer
         self._faults = faults
         self._noise = noise

@@ -10,7 +10,7 @@ from hil.model.bench import InstrumentSpec
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.plants.plant import Plant
 from hil.simulation.plants.terminal import InputPoint, PlantPort, Resistor, SignalPoint, Terminal
-from hil.simulation.seeds import Seeds, Stream
+from hil.simulation.seeds import RandomStream, Seeds
 from hil.simulation.truth import Path, Truth, TruthError, UnknownPlant, suggestion, together
 from hil.wire.peer import BusPeer, SerialPeer
 
@@ -133,7 +133,7 @@ class PeerSetup:
     faults: Faults = field(default_factory=Faults)
     seeds: Seeds = field(default_factory=lambda: Seeds(0))
 
-    def stream(self, name: str) -> Stream:
+    def stream(self, name: str) -> RandomStream:
         """Return a stream of random numbers of this device."""
         return self.seeds.stream(self.instrument.name, name)
 

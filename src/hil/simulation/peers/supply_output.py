@@ -11,7 +11,7 @@ from hil.model.notation import AnyText, NotNegative, Number, Positive, one_of, w
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.model import PeerSetup
 from hil.simulation.plants.terminal import Terminal
-from hil.simulation.seeds import Stream
+from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = [
@@ -197,7 +197,7 @@ class SupplyOutput(Stateful):
         truth: OutputTruth,
         terminal: Terminal,
         faults: Faults,
-        noise: tuple[Stream, Stream],
+        noise: tuple[RandomStream, RandomStream],
     ) -> None:
         self.number = number
         self.rating = rating

@@ -5,7 +5,7 @@ Facts from its published protocol (second version): 01 reads relays, 05 writes o
 line's parameters (2000h), 03 the version in hundredths (8000h). The address 0 reaches every board: relay
 commands are then carried out without an answer, 03 and 06 are answered as published for finding a board.
 05 at 0200h and the relay closes it for so many tenths of a second, at 0400h opens it for as long; the command begins
-that time anew, and any other command to the relay ends it.
+that time again, and any other command to the relay ends it.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from hil.model.notation import whole
 from hil.simulation.faults import Fault, Faults, Share
 from hil.simulation.peers.cycler.make import Reading
 from hil.simulation.peers.timing import BoardClock
-from hil.simulation.seeds import Stream
+from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
@@ -115,7 +115,7 @@ class Output(Stateful):
     _sent: Kept[int]
     _swallowed: Kept[list[int]]
 
-    def __init__(self, *, extended: bool, device_clock: BoardClock, faults: Faults, chance: Stream) -> None:
+    def __init__(self, *, extended: bool, device_clock: BoardClock, faults: Faults, chance: RandomStream) -> None:
         self.number = 1
         self._extended = extended
         self._device_clock = device_clock

@@ -10,7 +10,7 @@ from hil.clock.port import NANOSECONDS
 from hil.model.notation import Flag, NotNegative, Number, matching, number, one_of, whole
 from hil.simulation.faults import Fault
 from hil.simulation.plants.terminal import SignalPoint, observing
-from hil.simulation.seeds import BLOCK, Stream
+from hil.simulation.seeds import BLOCK, RandomStream
 
 __all__ = ["LINE_S", "CyclerTruth", "Gauge", "Make", "Reading", "Spike"]
 
@@ -91,7 +91,7 @@ class Gauge:
     factor: float
     shift: float
     noise: float
-    stream: Stream
+    stream: RandomStream
 
     def wrong(self, block: int) -> list[float]:
         """Return what it reads too much in each line of a block, shift and noise, in units of the last digit."""

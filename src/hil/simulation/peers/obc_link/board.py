@@ -21,7 +21,7 @@ from hil.simulation.peers.obc_link.stream import STREAM_USER, Stream
 from hil.simulation.peers.obc_link.uart import VERSION, Frame, FrameReader, LoseFrames, Stall, Uart, seal
 from hil.simulation.peers.timing import Alarm, Alarms, BoardClock
 from hil.simulation.plants.terminal import SignalPoint
-from hil.simulation.seeds import Stream as Noise
+from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import BusPeer, Line, PeerClock
 
@@ -74,7 +74,7 @@ class ObcBoard(Stateful):
         self,
         truth: BoardTruth,
         inputs: Mapping[int, SignalPoint],
-        noise: Noise,
+        noise: RandomStream,
         faults: Faults,
         *,
         baud: int,

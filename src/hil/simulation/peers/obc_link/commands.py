@@ -28,7 +28,7 @@ from hil.simulation.peers.obc_link.stream import Stream
 from hil.simulation.peers.obc_link.uart import LARGEST, VERSION, Frame, Uart
 from hil.simulation.peers.timing import Alarm, BoardClock
 from hil.simulation.plants.terminal import SignalPoint
-from hil.simulation.seeds import Stream as Noise
+from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import PeerClock
 
@@ -143,7 +143,7 @@ class Commands(Stateful):
         self,
         truth: BoardTruth,
         inputs: Mapping[int, SignalPoint],
-        noise: Noise,
+        noise: RandomStream,
         parts: tuple[BoardClock, BoardBus, Stream, Uart],
         board: Watch,
     ) -> None:

@@ -13,7 +13,7 @@ from hil.model.notation import Number, number, vector
 from hil.simulation.faults import Saturated
 from hil.simulation.noise.rate_noise import NoiseLevels, RateNoise
 from hil.simulation.peers.model import PeerSetup
-from hil.simulation.seeds import Seeds, Stream
+from hil.simulation.seeds import RandomStream, Seeds
 
 __all__ = ["AXES", "Die", "DieTruth", "FieldElement", "FieldTruth", "RateElement", "RateTruth", "limited"]
 
@@ -163,7 +163,7 @@ class RateElement:
         for noise, carried in zip(self._noise, cast("list[Mapping[str, object]]", state["noise"]), strict=True):
             noise.restore(carried)
 
-    def _streams(self, prefix: str) -> Callable[[str], Stream]:
+    def _streams(self, prefix: str) -> Callable[[str], RandomStream]:
         return lambda kind: self._seeds.stream(self._name, f"{prefix} {kind}")
 
     def _seen(self, ends_ns: NDArray[np.int64], warmer: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -213,7 +213,7 @@ class FieldElement:
         self._seeds = setup.seeds
         self._name = setup.instrument.name
         self._start_ns = -1
-        self._noise: list[Stream] = []
+        self._noise: list[RandomStream] = []
 
     def measured(self, axis: int, number: int, at_ns: int, *, start_ns: int, louder: float) -> float:
         """Return what one axis gives for one sample [uT].

@@ -8,7 +8,7 @@ from typing import Annotated
 from hil.model.notation import NotNegative, Number, number
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.plants.terminal import SignalPoint
-from hil.simulation.seeds import Stream
+from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["Regulation", "SensorDetached", "SensorInput", "SensorOpen", "SensorTruth", "Tuning"]
@@ -55,7 +55,7 @@ class SensorInput:
     place: SignalPoint | None
     room: SignalPoint | None
     faults: Faults
-    noise: Stream
+    noise: RandomStream
 
     def convert(self, now_ns: int, number: int) -> float | None:
         """Return what conversion `number` reads in degC, or None for a broken sensor."""

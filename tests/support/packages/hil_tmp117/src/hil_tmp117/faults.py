@@ -7,7 +7,7 @@ from typing import Annotated
 
 from hil.model.notation import whole
 from hil.simulation.faults import LinkFault
-from hil.simulation.seeds import Stream
+from hil.simulation.seeds import RandomStream
 
 __all__ = ["SdaLow"]
 
@@ -21,7 +21,7 @@ class SdaLow(LinkFault):
 
     after: Annotated[int, whole(0)] = 0
 
-    def spoiled(self, data: bytes, noise: Stream, now_ns: int) -> bytes:
+    def spoiled(self, data: bytes, noise: RandomStream, now_ns: int) -> bytes:
         """Return the first bytes, and zeros for the others."""
         del noise, now_ns
         return data[: self.after].ljust(len(data), b"\0")

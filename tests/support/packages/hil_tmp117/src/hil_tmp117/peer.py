@@ -18,7 +18,7 @@ from hil.simulation.faults import Fault
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.sensors.chip import Datasheet, Fitted, OtherIdentity, SensorPeer
 from hil.simulation.plants.terminal import SignalPoint
-from hil.simulation.seeds import Stream
+from hil.simulation.seeds import RandomStream
 
 __all__ = ["MODEL", "EepromBusy", "NoiseTruth", "Tmp117", "build"]
 
@@ -70,7 +70,7 @@ class Tmp117(SensorPeer):
     )
     kept: ClassVar[tuple[str, ...]] = ("_start_ns", "_told")
 
-    def __init__(self, fitted: Fitted, temperature: SignalPoint | None, noise: float, stream: Stream) -> None:
+    def __init__(self, fitted: Fitted, temperature: SignalPoint | None, noise: float, stream: RandomStream) -> None:
         super().__init__(fitted)
         self._temperature = temperature
         self._noise = noise
