@@ -8,7 +8,7 @@ from dataclasses import replace
 from hil.model.bench import Calibration
 from hil.model.figure import Figure
 
-__all__ = ["calibrated", "out_of_calibration", "standard_uncertainty"]
+__all__ = ["calibrated", "standard_uncertainty"]
 
 
 def standard_uncertainty(calibration: Calibration | None, unit: str, value: float) -> float | None:
@@ -30,12 +30,3 @@ def calibrated(figure: Figure, calibration: Calibration | None) -> Figure:
     if figure.uncertainty is not None:
         return figure
     return replace(figure, uncertainty=standard_uncertainty(calibration, figure.unit, figure.value))
-
-
-def out_of_calibration(calibration: Calibration | None, date: str) -> str:
-    """Return why a reading on `date` (ISO 8601) cannot count, or nothing; the day of `due` still counts."""
-    if calibration is None:
-        return "no calibration record"
-    if date > calibration.due:
-        return f"calibration was due {calibration.due}"
-    return ""

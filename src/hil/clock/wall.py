@@ -18,7 +18,6 @@ __all__ = [
     "pause",
     "seconds_since",
     "stamp",
-    "today",
     "utc_now",
 ]
 
@@ -66,11 +65,6 @@ def seconds_since(utc: str) -> float:
 def compact_utc() -> str:
     """Return the wall's UTC for folder names: `20261121T053012Z`."""
     return datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
-
-
-def today() -> str:
-    """Return the wall's UTC date, ISO 8601."""
-    return datetime.now(UTC).date().isoformat()
 
 
 def is_date(text: str) -> bool:

@@ -11,7 +11,6 @@ HilError                      anything a person can cause or must know; never a 
 │   └── WrongIdentity         another device answered
 ├── ClampExceeded             a setting beyond what the bench file allows; no byte was sent
 ├── Tripped                   the envelope was left; the bench is being made safe
-├── UnsafeEnd                 an output could not be proven safe
 ├── GuardianLost              the guardian is gone, or does not answer; the bench is being made safe
 ├── Diverged                  a case run again asked for something else than the record says
 └── EvidenceError             a package or journal that is damaged, incomplete or in the way
@@ -38,7 +37,6 @@ __all__ = [
     "Refused",
     "Rejected",
     "Tripped",
-    "UnsafeEnd",
     "WrongIdentity",
 ]
 
@@ -138,10 +136,6 @@ class ClampExceeded(HilError):
 
 class Tripped(HilError):
     """The envelope was left; whatever the case does now, its verdict is ERROR."""
-
-
-class UnsafeEnd(HilError):
-    """An output could not be brought to, or proven in, its safe state."""
 
 
 class GuardianLost(HilError):

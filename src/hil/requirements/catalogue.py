@@ -13,7 +13,7 @@ from hil.requirements.lock import check_lock
 from hil.requirements.requirement import Document, Limit, Requirement
 from hil.requirements.schema import REQUIREMENTS, RequirementFile, read_requirements
 
-__all__ = ["Catalogue", "UnknownParameterOfRequirement", "UnknownRequirement", "load_catalogue", "load_frozen"]
+__all__ = ["Catalogue", "UnknownParameterOfRequirement", "UnknownRequirement", "load_catalogue"]
 
 
 class UnknownRequirement(HilError, KeyError):
@@ -128,21 +128,6 @@ def load_catalogue(root: Path, plans: Sequence[Path], *, locked: bool = True) ->
             check_lock(folder, shown(folder, root), file.requirements, findings)
     findings.raise_if_any()
     return Catalogue(tuple(mine.values()), {item.id: item for file in others for item in file.requirements})
-
-
-def load_frozen(folder: Path) -> Catalogue:
-    """Return the catalogue that was frozen in a package: every plan below `folder`.
-
-    It was checked when it was frozen, and the workspace around it is not there any more.
-
-    Raises:
-        ConfigurationError: with everything that cannot be read.
-    """
-    findings = Findings()
-    plans = sorted(file.parent for file in folder.glob(f"*/{REQUIREMENTS}"))
-    files = [file for plan in plans if (file := _read(plan, folder, findings))]
-    findings.raise_if_any()
-    return Catalogue(files, {})
 
 
 def _read(plan: Path, root: Path, findings: Findings) -> RequirementFile | None:

@@ -7,7 +7,7 @@ from math import inf, nan
 import pytest
 from adcs_bench import adcs
 
-from hil.bench.calibration import calibrated, out_of_calibration, standard_uncertainty
+from hil.bench.calibration import calibrated, standard_uncertainty
 from hil.model.bench import CalibratedRange, Calibration
 from hil.model.figure import Figure
 
@@ -55,25 +55,6 @@ def test_reading_gets_the_certificates_uncertainty_and_keeps_its_own():
     assert calibrated(Figure(value=5.0, unit="V"), RECORD) == Figure(value=5.0, unit="V", uncertainty=0.0025)
     for own in (0.0, 0.1):
         assert calibrated(Figure(value=5.0, unit="V", uncertainty=own), RECORD).uncertainty == own
-
-
-@pytest.mark.parametrize(
-    ("date", "reason"),
-    [
-        ("2026-11-21", ""),
-        ("2027-09-30", ""),
-        ("2027-10-01", "calibration was due 2027-09-30"),
-        ("2028-01-01", "calibration was due 2027-09-30"),
-    ],
-)
-def test_the_day_of_due_still_counts(date, reason):
-    """The record counts until the end of its last day."""
-    assert out_of_calibration(RECORD, date) == reason
-
-
-def test_instrument_without_record_is_out_of_calibration():
-    """Nobody knows, so it does not count."""
-    assert out_of_calibration(None, "2026-11-21") == "no calibration record"
 
 
 def test_committed_certificates_cover_what_the_campaign_reads():

@@ -1,12 +1,11 @@
 from __future__ import annotations
 
-import shutil
 import time
 
 import pytest
 
 from hil.model.errors import ConfigurationError, HilError
-from hil.requirements.catalogue import load_catalogue, load_frozen
+from hil.requirements.catalogue import load_catalogue
 from hil.requirements.requirement import Decision, Kind, Method
 
 
@@ -217,15 +216,6 @@ def test_the_digest_follows_the_meaning(workspace):
     assert workspace.load(locked=False).digest == before
     workspace.edit('max: "0.5"', 'max: "0.4"')
     assert workspace.load(locked=False).digest != before
-
-
-def test_a_frozen_catalogue_needs_no_workspace(workspace, tmp_path):
-    """In a package there are neither parents nor locks to compare with."""
-    frozen = tmp_path / "package" / "catalogue"
-    shutil.copytree(workspace.plan, frozen / "gyro")
-    catalogue = load_frozen(frozen)
-    assert catalogue.digest == workspace.load().digest
-    assert catalogue.plans == ("gyro",)
 
 
 @pytest.mark.parametrize("value", ["[]", '[""]', "BAT-1", "{}"])
