@@ -238,7 +238,7 @@ def test_no_fault_of_the_line_becomes_a_temperature(fault):
 def test_what_it_is_not_is_refused():
     """Another role, an unknown setting, a display that does not exist."""
     with controller() as (driver, _):
-        with pytest.raises(Refused, match="a eurotherm-3216 does not fill the role relays"):
+        with pytest.raises(Refused, match="the driver eurotherm-3216 does not fill the role relays"):
             driver.role(Wire(role="relays", instance="", instrument="device"))
         with pytest.raises(Refused, match="unknown key 'decimal', did you mean 'decimals'"):
             driver.role(Wire(role="thermal", instance="", instrument="device", settings={"decimal": "1"}))

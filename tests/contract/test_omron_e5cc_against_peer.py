@@ -120,10 +120,9 @@ def test_a_loop_that_somebody_took_by_hand_is_taken_back():
 
 
 def test_wires_that_it_cannot_fill_are_refused():
-    """A channel that it has not, and decimals that no display shows."""
+    """Another role, and decimals that no display shows."""
     with controller() as (driver, _):
         for wire, match in (
-            (Wire(role="thermal", instance="", instrument="device", channel=2), "no channels"),
             (Wire(role="supply", instance="a", instrument="device"), "does not fill the role supply"),
             (Wire(role="thermal", instance="", instrument="device", settings={"decimals": "3"}), "'decimals'"),
         ):

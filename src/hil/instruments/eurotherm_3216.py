@@ -15,15 +15,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
-from hil.instruments import settings
-from hil.instruments.driver import ANY_BYTE, Connection, Outlet
+from hil.instruments.driver import Outlet
 from hil.instruments.modbus_line import SILENCE, exchange, question, register, registers_told
-from hil.instruments.modbus_session import ModbusSession
-from hil.instruments.modbus_thermal import ModbusThermal, ThermalSettings, signed
-from hil.instruments.roles import THERMAL, Thermal
+from hil.instruments.modbus_thermal import ModbusThermal, ModbusThermalDriver, signed
+from hil.instruments.roles import THERMAL
 from hil.instruments.safing import must_be_state
-from hil.model.bench import Proof, Wire
-from hil.model.errors import Refused, Rejected
+from hil.model.bench import Proof
+from hil.model.errors import Rejected
 from hil.model.identity import Identity
 from hil.model.safing import SafeBytes
 
@@ -37,7 +35,6 @@ _UNITS, _DECIMALS = 516, 525
 _SENSOR_BREAK, _OVER_RANGE = 1 << 5, 1 << 10
 _OPERATING, _STANDBY = 0, 1
 _AUTOMATIC, _LOCAL, _CELSIUS = 0, 0, 0
-_FACTORY_UNIT = 1
 _SERIES = 0x3200
 
 
@@ -97,23 +94,11 @@ class Eurotherm3216Thermal(ModbusThermal):
         return signed(self._register(_WORKING_OUTPUT))
 
 
-class Eurotherm3216:
-    """Driver `eurotherm-3216`: role `thermal`.
+class Eurotherm3216(ModbusThermalDriver):
+    """Driver `eurotherm-3216`: role `thermal`. See `ModbusThermalDriver`."""
 
-    The instrument's `address` is its unit address; 0 stands for the factory's 1.
-    """
-
-    roles: ClassVar[frozenset[str]] = frozenset({"thermal"})
-    capabilities: ClassVar[frozenset[str]] = frozenset({ANY_BYTE})
-
-    def __init__(self, connection: Connection) -> None:
-        if connection.port is None:
-            raise Refused(f"{connection.device}: a eurotherm-3216 is reached by a port", "give it `port:`")
-        self._connection = connection
-        unit = connection.address or _FACTORY_UNIT
-        self._session = ModbusSession(
-            connection.device, connection.port, connection.clock, unit, timeout=connection.timeout
-        )
+    name: ClassVar[str] = "eurotherm-3216"
+    loop: ClassVar[type[ModbusThermal]] = Eurotherm3216Thermal
 
     def identify(self) -> Identity:
         """Read type code and version, hexadecimal numbers that read like the model and V1.11; it reports no more."""
@@ -130,20 +115,3 @@ class Eurotherm3216:
             self._session.read_holding(address, 1)[0] for address in (_INSTRUMENT_MODE, _LOOP_MODE, _WORKING_OUTPUT)
         )
         return (Outlet(0, (mode == _OPERATING and loop == _AUTOMATIC) or output != 0),)
-
-    def role(self, wire: Wire) -> Thermal:
-        """Return the loop with the decimals that the wire names, 1 by default."""
-        if wire.role not in self.roles:
-            raise Refused(
-                f"wiring {wire.name}: a eurotherm-3216 does not fill the role {wire.role}", "it fills the role thermal"
-            )
-        own = settings.read(wire, ThermalSettings)
-        return Eurotherm3216Thermal(
-            name=wire.name,
-            device=self._connection.device,
-            session=self._session,
-            clock=self._connection.clock,
-            clamps=self._connection.clamps,
-            channel=wire.channel,
-            decimals=own.decimals,
-        )

@@ -6,21 +6,23 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from hil.clock.port import Clock
-from hil.instruments.driver import Clamps
+from hil.instruments import settings
+from hil.instruments.driver import ANY_BYTE, Clamps, Connection
 from hil.instruments.marks import drives, reads
 from hil.instruments.modbus_session import ModbusSession
+from hil.instruments.roles import Thermal
+from hil.model.bench import Wire
 from hil.model.errors import DeviceFault, Garbled, NoReply, Refused, Rejected
 from hil.model.figure import Figure
 from hil.model.notation import whole
 
-__all__ = ["MOST_DECIMALS", "ModbusThermal", "ThermalSettings", "signed"]
+__all__ = ["ModbusThermal", "ModbusThermalDriver", "ThermalSettings", "signed"]
 
-MOST_DECIMALS = 2
-"""Of a display; more would leave no room for temperatures in a register."""
-
+_MOST_DECIMALS = 2  # of a display; more would leave no room for temperatures in a register
+_FACTORY_UNIT = 1
 _QUIET_S = 0.02
 _OUTPUT_GONE_S = 2.0
 """The control loop needs a turn before its output shows the mode."""
@@ -31,7 +33,7 @@ _PAUSE_S = 0.1
 class ThermalSettings:
     """What a wire may set: decimals of the display."""
 
-    decimals: Annotated[int, whole(0, MOST_DECIMALS)] = 1
+    decimals: Annotated[int, whole(0, _MOST_DECIMALS)] = 1
 
 
 class ModbusThermal(ABC):
@@ -212,6 +214,48 @@ class ModbusThermal(ABC):
 
     def _scaled(self, raw: int) -> float:
         return signed(raw) / float(10**self._decimals)
+
+
+class ModbusThermalDriver:
+    """A driver for controllers of one make: role `thermal` on the one loop.
+
+    The instrument's `address` is its unit address; 0 stands for the factory's 1.
+
+    Attributes:
+        name: the driver's name in bench files.
+        loop: what fills the role.
+    """
+
+    roles: ClassVar[frozenset[str]] = frozenset({"thermal"})
+    capabilities: ClassVar[frozenset[str]] = frozenset({ANY_BYTE})
+    name: ClassVar[str]
+    loop: ClassVar[type[ModbusThermal]]
+
+    def __init__(self, connection: Connection) -> None:
+        if connection.port is None:
+            raise Refused(f"{connection.device}: the driver {self.name} needs a port", "give it `port:`")
+        self._connection = connection
+        unit = connection.address or _FACTORY_UNIT
+        self._session = ModbusSession(
+            connection.device, connection.port, connection.clock, unit, timeout=connection.timeout
+        )
+
+    def role(self, wire: Wire) -> Thermal:
+        """Return the loop with the decimals that the wire names, 1 by default."""
+        if wire.role not in self.roles:
+            raise Refused(
+                f"wiring {wire.name}: the driver {self.name} does not fill the role {wire.role}",
+                "it fills the role thermal",
+            )
+        return self.loop(
+            name=wire.name,
+            device=self._connection.device,
+            session=self._session,
+            clock=self._connection.clock,
+            clamps=self._connection.clamps,
+            channel=wire.channel,
+            decimals=settings.read(wire, ThermalSettings).decimals,
+        )
 
 
 def signed(raw: int) -> int:

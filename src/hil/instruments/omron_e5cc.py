@@ -16,15 +16,14 @@ import re
 from collections.abc import Sequence
 from typing import ClassVar
 
-from hil.instruments import settings
-from hil.instruments.driver import ANY_BYTE, Connection, Outlet
+from hil.instruments.driver import Outlet
 from hil.instruments.modbus_line import SILENCE, exchange, exchange_like, question, register, registers_told
 from hil.instruments.modbus_session import ModbusSession
-from hil.instruments.modbus_thermal import ModbusThermal, ThermalSettings, signed
-from hil.instruments.roles import THERMAL, Thermal
+from hil.instruments.modbus_thermal import ModbusThermal, ModbusThermalDriver, signed
+from hil.instruments.roles import THERMAL
 from hil.instruments.safing import must_be_state
-from hil.model.bench import Proof, Wire
-from hil.model.errors import Refused, Rejected
+from hil.model.bench import Proof
+from hil.model.errors import Rejected
 from hil.model.identity import Identity
 from hil.model.safing import SafeBytes
 
@@ -38,7 +37,6 @@ _INPUT_ERROR, _CONVERTER_ERROR = 1 << 6, 1 << 2
 _STOPPED, _WRITING, _MANUAL = 1 << 24, 1 << 25, 1 << 26
 _OTHERWISE_DRIVEN = 1 << 22 | 1 << 23 | _MANUAL
 """Setting level 1 is open, it tunes, or somebody drives the output by hand."""
-_FACTORY_UNIT = 1
 
 
 def _bytes_with(ones: int, zeros: int) -> bytes:
@@ -121,23 +119,11 @@ class OmronE5ccThermal(ModbusThermal):
         return _power(self._session)
 
 
-class OmronE5cc:
-    """Driver `omron-e5cc`: role `thermal`.
+class OmronE5cc(ModbusThermalDriver):
+    """Driver `omron-e5cc`: role `thermal`. See `ModbusThermalDriver`."""
 
-    The instrument's `address` is its unit address; 0 stands for the factory's 1.
-    """
-
-    roles: ClassVar[frozenset[str]] = frozenset({"thermal"})
-    capabilities: ClassVar[frozenset[str]] = frozenset({ANY_BYTE})
-
-    def __init__(self, connection: Connection) -> None:
-        if connection.port is None:
-            raise Refused(f"{connection.device}: an omron-e5cc is reached by a port", "give it `port:`")
-        self._connection = connection
-        unit = connection.address or _FACTORY_UNIT
-        self._session = ModbusSession(
-            connection.device, connection.port, connection.clock, unit, timeout=connection.timeout
-        )
+    name: ClassVar[str] = "omron-e5cc"
+    loop: ClassVar[type[ModbusThermal]] = OmronE5ccThermal
 
     def identify(self) -> Identity:
         """Read the status, by which a controller of this kind shows that it is there; it says nothing of itself."""
@@ -147,20 +133,6 @@ class OmronE5cc:
     def outlets(self) -> Sequence[Outlet]:
         """Return the loop's output; it is on unless it is stopped and gives nothing."""
         return (Outlet(0, not _status(self._session) & _STOPPED or _power(self._session) != 0),)
-
-    def role(self, wire: Wire) -> Thermal:
-        """Return the loop with the decimals that the wire names, 1 by default."""
-        settings.fits(wire, "omron-e5cc", self.roles)
-        own = settings.read(wire, ThermalSettings)
-        return OmronE5ccThermal(
-            name=wire.name,
-            device=self._connection.device,
-            session=self._session,
-            clock=self._connection.clock,
-            clamps=self._connection.clamps,
-            channel=wire.channel,
-            decimals=own.decimals,
-        )
 
 
 def _status(session: ModbusSession) -> int:

@@ -124,5 +124,5 @@ def test_a_setpoint_without_room_in_a_register_is_refused(temperature):
 
 def test_a_driver_without_port_is_refused():
     """It hangs on no bus."""
-    with pytest.raises(Refused, match="reached by a port"):
+    with pytest.raises(Refused, match="the driver eurotherm-3216 needs a port"):
         Eurotherm3216(Connection(device="tec1", clock=VirtualClock(), clamps=Clamps()))
