@@ -102,7 +102,8 @@ def _problems(read: _Read) -> _Wrong:
         yield ("requirements",), "there are no requirements here"
     for index, item in enumerate(read.model.requirements):
         at: Path = ("requirements", index)
-        yield from _kind_problems(at, item)
+        if read.is_sound((*at, "kind")):
+            yield from (each for each in _kind_problems(at, item) if not read.follows(each[0]))
         yield from _once((*at, "limits"), "parameter", [limit.parameter for limit in item.limits])
         yield from _once((*at, "parents"), "parent", item.parents)
         for place, limit in enumerate(item.limits):

@@ -218,6 +218,23 @@ def test_the_digest_follows_the_meaning(workspace):
     assert workspace.load(locked=False).digest != before
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        ("kind: record", "kind: recrod"),
+        ("kind: limit", "kind: lmit"),
+        ("limits:", "limit:"),
+        ("records:", "record:"),
+    ],
+)
+def test_a_mistake_in_a_requirement_is_told_once(workspace, change):
+    """What its kind needs is asked once kind and parts can be read."""
+    workspace.edit(*change)
+    told = findings(workspace.load, locked=False)
+    assert told
+    assert [found for found in told if "did you mean" not in found] == []
+
+
 @pytest.mark.parametrize("value", ["[]", '[""]', "BAT-1", "{}"])
 def test_the_part_numbers_of_a_plan_are_named_or_left_out(workspace, value):
     """A plan for nothing could never run; where none is named it is for any."""

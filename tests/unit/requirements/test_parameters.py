@@ -182,6 +182,14 @@ def test_a_plan_may_have_no_parameters(tmp_path):
     assert Parameters().digest == Parameters().digest
 
 
+def test_two_names_that_cannot_be_read_are_not_one(load):
+    """Each is told as it is; that both are blank is nobody's mistake."""
+    with pytest.raises(ConfigurationError) as error:
+        load("schema: hil/parameters/1\nparameters:\n- {name: A b, value: b}\n- {name: B c, value: c}\n")
+    assert len(error.value.findings) == 2
+    assert "duplicate" not in str(error.value)
+
+
 @pytest.mark.parametrize(
     ("entry", "expected"),
     [

@@ -79,6 +79,15 @@ def test_what_is_not_the_same_kind_does_not_convert(one, other):
         convert(1.0, other, one)
 
 
+def test_what_does_not_convert_is_named_as_people_name_it():
+    """Not by the dimensions of a library."""
+    with pytest.raises(UnitError) as error:
+        convert(1.0, "V", "ohm")
+    assert str(error.value) == "'V' does not convert to 'ohm'; V is a unit of voltage, ohm of resistance"
+    with pytest.raises(UnitError, match="they are units of different quantities"):
+        convert(1.0, "V", "deg/s/sqrt(Hz)")
+
+
 def test_uncertainties_of_temperatures_have_no_offset():
     """The uncertainty of 25 degC +- 0.1 is 0.1 K."""
     assert scale("degC", "degC") == 1.0
