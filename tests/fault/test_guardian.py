@@ -9,7 +9,8 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from guarded import Executive, Instrument, NetworkInstrument, lines_of, output_of, plan_of, until
+from guarded import DistantInstrument, Executive, Instrument, NetworkInstrument, lines_of, output_of, plan_of, until
+from sweeps import sample
 
 from hil.guardian import latch
 from hil.guardian.latch import Latch
@@ -330,6 +331,28 @@ def test_a_guardian_leaves_once_a_person_has_acknowledged(tmp_path, stack, instr
     executive.wait_for_guardian()
     assert Path(plan.journal).read_bytes() == before
     assert latch.read(plan.latches[0]) is None
+
+
+@pytest.mark.system
+@pytest.mark.parametrize(("first_s", "then_s"), sample([(0.002, 0.45), (0.45, 0.45), (0.1, 0.1), (0.04, 0.2)], 2))
+def test_replies_that_come_late_are_matched(tmp_path, stack, instruments, first_s, then_s):
+    """Drilled and guarded; what goes off is proven, and what stays on is not, though its replies come from before."""
+    psu, welded = instruments(2, kind=DistantInstrument), instruments(kind=DistantInstrument)
+    psu.latency_s = welded.latency_s = first_s
+    slow = {"reply_s": 0.5}
+    outputs = output_of("a", "psu", **slow), output_of("b", "psu", 2, **slow), output_of("c", "welded", **slow)
+    executive = started(stack, plan_of(tmp_path, *outputs, hang_s=0.3), psu=psu, welded=welded)
+    assert all(each["ok"] for each in executive.ask("drill")["results"])
+    executive.arm()
+    psu.latency_s = welded.latency_s = then_s
+    welded.refuses = True
+    executive.ask("write", device="welded", text="ON? 1\nCURR? 1\nON 1\n")
+    executive.ask("write", device="psu", text="ON? 1\nCURR? 1\nON 1\nON 2\n")
+    psu.wait(lambda: psu.on == {1, 2})
+    executive.process.kill()
+    psu.wait(lambda: not psu.on, 2.0 + SLOW_MACHINE_S)
+    assert "NOT PROVEN SAFE: c; " in executive.wait_for_words()
+    assert welded.on == {1}
 
 
 def test_what_only_another_output_can_cut_off_is_as_safe_as_that_one(tmp_path, stack, instruments):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import queue
 import select
 import signal
 import socket
@@ -18,7 +19,17 @@ from pathlib import Path
 from hil.guardian.plan_codec import written_plan
 from hil.model.safing import Exchange, GuardedOutput, GuardedPort, GuardPlan, SafeBytes
 
-__all__ = ["Executive", "Instrument", "NetworkInstrument", "code", "lines_of", "output_of", "plan_of", "until"]
+__all__ = [
+    "DistantInstrument",
+    "Executive",
+    "Instrument",
+    "NetworkInstrument",
+    "code",
+    "lines_of",
+    "output_of",
+    "plan_of",
+    "until",
+]
 
 _PROGRAM = Path(__file__).with_name("guarded_executive.py")
 _LONGEST_S = 20.0
@@ -167,6 +178,37 @@ class Instrument:
         if word == b"CURR?":
             return b"current %b %b\n" % (number, b"1.25" if int(number) in self.on else b"0.003")
         return b"what?\n" if line else b""
+
+
+class DistantInstrument(Instrument):
+    """The same at the end of a long line: every reply comes later, in order.
+
+    Attributes:
+        latency_s: by how much.
+    """
+
+    def _open(self) -> str:
+        self.latency_s = 0.0
+        self._coming: queue.SimpleQueue[tuple[float, bytes] | None] = queue.SimpleQueue()
+        self._carrier = threading.Thread(target=self._carry, daemon=True)
+        url = super()._open()
+        self._carrier.start()
+        return url
+
+    def _write(self, data: bytes) -> None:
+        if data:
+            self._coming.put((time.monotonic() + self.latency_s, data))
+
+    def _carry(self) -> None:
+        while (found := self._coming.get()) is not None:
+            due, data = found
+            time.sleep(max(due - time.monotonic(), 0.0))
+            os.write(self._far, data)
+
+    def _close(self) -> None:
+        self._coming.put(None)
+        self._carrier.join(_LONGEST_S)
+        super()._close()
 
 
 class NetworkInstrument(Instrument):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+import time
 from contextlib import ExitStack
 
 import pytest
-from guarded import Instrument, code, output_of, plan_of
+from guarded import Instrument, code, lines_of, output_of, plan_of
 
 from hil.guardian.incident import IncidentLog
 from hil.guardian.ports.outputs import Outputs
@@ -122,3 +123,89 @@ def test_another_device_under_the_name_of_one_that_is_gone_gets_no_byte(tmp_path
     outputs.first_pass()
     assert "is no USB device now, not 0403 6001 A50285BK" in outputs.round()["one"].detail
     assert other.heard == []
+
+
+class Flapping:
+    """Outputs whose proofs read another number each time, until they are proven after so many turns."""
+
+    def __init__(self, turns: int) -> None:
+        self.turns = turns
+        self.rounds = 0
+
+    def first_pass(self) -> dict[str, Outcome]:
+        """Switch off."""
+        return {"one": SAFE}
+
+    def round(self) -> dict[str, Outcome]:
+        """Prove it in a round of its own at the end."""
+        self.rounds += 1
+        return {"one": self._outcome()}
+
+    def turn(self, _names) -> dict[str, Outcome]:
+        """Try again."""
+        self.turns -= 1
+        return {"one": self._outcome()}
+
+    def _outcome(self) -> Outcome:
+        return SAFE if self.turns <= 0 else Outcome(ok=False, detail=f"said '{self.turns}'")
+
+
+def test_hours_of_trying_make_no_long_journal(tmp_path, monkeypatch):
+    """Proofs are noted some hundred times in words; that one is safe in the end is noted all the same."""
+    plan = plan_of(tmp_path, output_of("one", "psu", within_s=0.0))
+    monkeypatch.setattr("hil.guardian.response._KEEPS_S", 0.0)
+    monkeypatch.setattr("hil.guardian.response._LOOK_S", 0.0)
+    monkeypatch.setattr("hil.guardian.latch._sync", lambda _: None)
+    outputs, told = Flapping(1000), []
+    log = IncidentLog(plan)
+    monkeypatch.setattr(log, "save", lambda: None)
+    assert Response(plan, outputs, log, -1, told.append).act("why", kill=False)
+    monkeypatch.undo()
+    log._executive = None
+    log.save()
+    events = [line["event"] for line in lines_of(plan)]
+    assert events.count("proof") < 210
+    assert events.count("latched") == 1
+    assert events[-1] == "done"
+    assert outputs.rounds == 2
+    assert told == [("one",)]
+
+
+def test_each_port_is_tried_by_itself(tmp_path, stack):
+    """One that is silent does not keep another, which was proven late, waiting; nothing blocks."""
+    dead, psu = Instrument(), Instrument()
+    dead.dead = psu.refuses = True
+    outputs = facing(stack, plan_of(tmp_path, output_of("one", "psu"), output_of("two", "dead")), psu=psu, dead=dead)
+    proofs = {}
+    began = time.monotonic()
+    while len(psu.said(b"OFF 1")) < 2:
+        proofs |= outputs.turn(("one", "two"))
+        time.sleep(0.01)
+        assert time.monotonic() < began + 20.0
+    assert not proofs["one"].ok
+    psu.refuses = False
+    while not (found := outputs.turn(("one",)).get("one")) or not found.ok:
+        time.sleep(0.01)
+        assert time.monotonic() < began + 20.0
+    assert psu.on == set()
+
+
+def test_an_executive_that_left_finds_its_folder_as_it_was(tmp_path):
+    """What becomes of the outputs while it lives is noted and not written; into a sealed folder it never is."""
+    plan = plan_of(tmp_path, output_of("one", "psu"))
+    log = IncidentLog(plan)
+    log.note("acting", why="it left")
+    log.save()
+    alive, end = os.pipe()
+    log.wait_for(alive)
+    log.note("proof", output="one", ok=True, detail="safe")
+    log.save()
+    assert [line["event"] for line in lines_of(plan)] == ["acting"]
+    os.close(end)
+    log.save()
+    assert [line["event"] for line in lines_of(plan)] == ["acting", "proof"]
+    (tmp_path / "bagit.txt").write_text("")
+    log.note("done", unproven=())
+    log.save()
+    assert len(lines_of(plan)) == 2
+    os.close(alive)
