@@ -13,6 +13,7 @@ from live_weeks import HUB, OTHER_BOOT, PLATES, weeks
 from moved_clocks import machine
 from told_as_json import bodies
 
+from hil.evidence.folder import JOURNAL
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
 from hil.plugin.rehearsing import replay
@@ -55,13 +56,20 @@ def a_hub(run, away_s):
     """All that hangs on a hub is away for a while."""
     unplugged(run, HUB, away_s)
     stopped(run, {2, 7}, "SAFED|INTERRUPTED", "a lost port: .*is gone")
+    seconds_until(lambda: not run.bench.on(), 10.0, "safe after its return")
 
 
 def a_guardian(run, _):
-    """Nobody watches over the run."""
+    """Nobody watches over the run; and it is resumed only where every port is there."""
     os.kill(run.guardian, signal.SIGKILL)
     stopped(run, {2}, "INTERRUPTED", "a lost guardian: the guardian is gone")
     assert not run.bench.on()
+    before = (run.folder / JOURNAL).read_bytes()
+    run.bench.ask(unplug="tec1")
+    refused = run.workspace.hil("resume", run.folder.name, "--served", str(run.bench.folder))
+    run.bench.ask(plug="tec1")
+    assert (refused.code, "tec1" in refused.err) == (4, True), refused.err
+    assert (run.folder / JOURNAL).read_bytes() == before
 
 
 def a_reboot(run, _):

@@ -7,18 +7,21 @@ import pty
 from types import SimpleNamespace
 
 import pytest
-from case_parts import Case, Watch
+from case_parts import Case, Watch, Written
 
 from hil.clock.live import LiveClock
 from hil.evidence.events import Failed
 from hil.executive.ending.stop import StopFlags, Stopped
+from hil.executive.watching.keeper import BenchKeeper
 from hil.executive.watching.machine import LiveMachine
 from hil.executive.watching.ports import Distress, NoMachine
 from hil.executive.watching.scheduler import CaseTimeout, Scheduler
 from hil.executive.watching.timeline import OnLiveBench
+from hil.model.bench import SafeStep
 from hil.model.errors import Garbled, NoReply, Rejected, Tripped
 from hil.model.identity import Source
 from hil.model.verdict import Verdict
+from hil.wire.exchange import Brake
 from hil.wire.transcript import Transcript
 
 SILENT = NoReply("psu1", "nothing came")
@@ -132,6 +135,72 @@ def test_the_end_of_the_device_under_test_trips():
         made.point()
     assert not watch.losses
     assert not flags.reason
+
+
+class Silent:
+    """A supply's role that does not answer."""
+
+    def disable(self):
+        """Wait in vain."""
+        raise SILENT
+
+
+class Proving(NoMachine):
+    """A machine whose guardian proves in the end what the run could not."""
+
+    proven = True
+
+    def end(self, *, proven):
+        """Find what was on at first."""
+        assert not proven
+        return ["supply.coil: not proven"]
+
+
+def kept(machine, *, live=True):
+    """Return the keeper of a bench whose supply is silent, and what is written down."""
+    clock, flags, written = LiveClock("2026-01-01T00:00:00Z"), StopFlags(), Written()
+    flags.turns = 1
+    step = SafeStep(output="supply.coil", state="off", within_s=1.0)
+    psu1 = SimpleNamespace(dut=False, name="psu1")
+    spec = SimpleNamespace(
+        envelope=(), rest=(step,), safe_off=(step,), hold=(), watch_after=(), instrument=lambda _: psu1
+    )
+    bench = SimpleNamespace(
+        clock=clock, live=clock if live else None, playback=None, speed=1.0, transcript=Transcript(None), spec=spec
+    )
+    bench.roles, bench.brake = {"supply.coil": Silent()}, Brake()
+    timeline = OnLiveBench(bench, clock, machine, SimpleNamespace(course=0))
+    return BenchKeeper(bench, None, flags, written, None, machine, timeline, ()), flags, written
+
+
+def test_a_rest_state_that_silence_keeps_from_is_a_loss():
+    """The case before has its verdict; the next one is run when the run is resumed."""
+    keeper, flags, written = kept(Proving())
+    assert keeper.rest() == ""
+    assert (flags.leave_open, keeper.stays_open) == (True, True)
+    (lost,) = written.of("lost")
+    assert (lost["what"], lost["device"]) == ("reply", "psu1")
+    assert keeper.rest() == ""
+    assert len(written.of("lost")) == 1
+
+
+def test_a_rest_state_that_is_not_reached_in_this_process_ends_the_run():
+    """As it always did."""
+    keeper, flags, _ = kept(NoMachine(), live=False)
+    assert keeper.rest().startswith("the bench did not reach its rest state: supply.coil is not off")
+    assert not flags.reason
+
+
+def test_what_the_guardian_proves_after_a_loss_is_safe():
+    """The run could not reach it; the port came back, and the guardian was there."""
+    keeper, _, written = kept(Proving())
+    keeper.rest()
+    assert keeper.unsafe
+    keeper._armed.touched = True
+    keeper.release()
+    assert not keeper.unsafe
+    assert keeper.stays_open
+    assert not written.of("host-gate")
 
 
 @pytest.mark.parametrize(("dut", "what"), [(False, "port"), (True, "")])
