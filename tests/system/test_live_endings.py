@@ -154,7 +154,7 @@ def test_executive_and_guardian_in_one_instant(tmp_path, bench):
     with running(bench, live_workspace(tmp_path / "w")) as run:
         for process in (run.guardian, run.executive):
             os.kill(process, signal.SIGKILL)
-        assert run.ended().code == 3
+        assert run.ended().code == 7
         require_acknowledged(run)
         at = ("--source", "simulated", "--served", str(bench.folder))
         assert run.workspace.hil("bench", "safe", "battery", *at).code == 0
