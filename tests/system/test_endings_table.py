@@ -142,7 +142,9 @@ def bench(request, tmp_path_factory):
     """The battery bench, served for all rows one after the other, beside other work of the machine."""
     with ExitStack() as stack:
         for _ in range(LOADS):
-            stack.callback(kill, subprocess.Popen([sys.executable, "-c", "while True: pass"], start_new_session=True))
+            busy = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+            stack.callback(busy.wait)
+            stack.callback(busy.kill)
         yield stack.enter_context(served(tmp_path_factory.mktemp("b") / "e", speed=request.param))
 
 
