@@ -10,7 +10,7 @@ from evidence_runs import begin, sealed_run
 from tmpfiles import NOBODY, another_user, as_root, folder_for_all
 from typed_events import event_of
 
-from hil.bench.lease import Lease, latch_bench, latches_of
+from hil.bench.lease import Lease, holds_a_lease, latch_bench, latches_of
 from hil.cli.main import main
 from hil.evidence.events import Reached
 from hil.evidence.folder import GUARDIAN, hold
@@ -184,8 +184,9 @@ def test_a_latched_run_is_told_wherever_runs_are_told(capsys):
     assert json.loads(said(capsys, "status", SAFED, "--json")[1])["latched"] is False
 
 
-def test_a_guardian_that_keeps_trying_is_told_and_can_be_acknowledged(reports, capsys):
-    """With its outputs, since when, and its process; then it is proven, and the run is safed."""
+def test_a_guardian_that_keeps_trying_is_told_and_can_be_acknowledged(reports, capsys, monkeypatch):
+    """With its outputs, since when, and its process; the bench is free once it has left."""
+    monkeypatch.setattr("hil.executive.ending.acknowledging.wall.pause", lambda _: lease.release())
     journal = reports / SAFED / GUARDIAN
     journal.write_text(ACTED + TRYING)
     lease = Lease(["/dev/psu"], "a run of battery")
@@ -197,7 +198,7 @@ def test_a_guardian_that_keeps_trying_is_told_and_can_be_acknowledged(reports, c
     assert "NOT PROVEN SAFE: tec; the guardian kept trying" in out
     assert "proven safe\n" not in out
     assert not latches_of(SAFED)
-    lease.release()
+    assert not holds_a_lease(SAFED)
     assert "guardian    NOT PROVEN SAFE: tec" in said(capsys, "status", SAFED)[1]
     journal.write_text(ACTED + TRYING + PROVEN)
     out = said(capsys, "status", SAFED)[1]

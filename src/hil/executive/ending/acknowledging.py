@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hil.bench.lease import ack_line, clear_latches_of, holds_a_lease, latches_of, require_clearable
+from hil.clock import wall
 from hil.evidence.folder import JOURNAL, is_held, is_run, is_sealed
 from hil.evidence.inbox import post
 from hil.evidence.ledger import ACKNOWLEDGEMENTS, enter
@@ -14,6 +15,9 @@ from hil.evidence.safed import guardian_hash, guardian_lines, is_acknowledged, l
 from hil.model.errors import Refused
 
 __all__ = ["Acknowledged", "acknowledge", "require_acknowledged", "waits_for_ack"]
+
+_LEAVES_S = 5.0
+_LOOK_S = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +80,15 @@ def acknowledge(folder: Path, reports: Path, *, by: str, text: str) -> Acknowled
         why = [each.why for each in latches]
         entry = enter(reports, ACKNOWLEDGEMENTS, folder.name, {"by": by, "text": text, "why": why})
     clear_latches_of(folder.name)
+    _wait_for_guardian(folder.name)
     return Acknowledged(tuple(dict.fromkeys(each.bench for each in latches)), entry)
+
+
+def _wait_for_guardian(run: str) -> None:
+    """Wait a moment for a guardian that kept trying to leave, so that the bench is free when the command is done."""
+    until = wall.monotonic() + _LEAVES_S
+    while holds_a_lease(run) and wall.monotonic() < until:
+        wall.pause(_LOOK_S)
 
 
 def _require_over(folder: Path) -> None:
