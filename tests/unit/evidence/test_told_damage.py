@@ -138,6 +138,19 @@ def test_every_field_of_the_results_that_was_changed_is_told(package):
     assert "field 'more' is not what the journal gives: none" in found
 
 
+def test_of_an_empty_journal_nothing_is_said_that_it_does_not_show(package):
+    """Frozen files and results are not called wrong because nothing is there to compare them with."""
+    (package / JOURNAL).write_bytes(b"")
+    write_manifests(package, (package / "bag-info.txt").read_bytes())
+    assert told(package) == [
+        "data/journal.jsonl: expected the event run first, and results and end last, each once",
+        "bag-info.txt: cannot be checked: the journal has no events",
+        "data/journal.jsonl: its second event does not name what was frozen",
+        "data/journal.jsonl: its last event does not name the files: they were compared with the manifest only",
+        "data/results.json: cannot be compared with the journal, which is damaged",
+    ]
+
+
 def test_results_that_are_no_json_are_told_by_their_place(package):
     """Line and column where reading ended."""
     data = (package / RESULTS).read_bytes()

@@ -120,6 +120,11 @@ def _file_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator
         if hashes.get(path) != digest:
             what = "it is not what was frozen before the first step" if path in hashes else "what was frozen is missing"
             yield Finding(shown(path), 0, 0, what)
+    if not _has_end(reading):
+        yield Finding(
+            JOURNAL, 0, 0, "its last event does not name the files: they were compared with the manifest only"
+        )
+        return
     ended = _hashes_at_end(reading)
     for path in sorted({*ended, *filter(is_named, hashes)} - {*frozen}):
         if path not in hashes:
@@ -128,6 +133,10 @@ def _file_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator
             yield Finding(shown(path), 0, 0, "the journal does not name it")
         elif hashes[path] != ended[path]:
             yield Finding(shown(path), 0, 0, "it is not the file that the journal names")
+
+
+def _has_end(reading: JournalReading) -> bool:
+    return bool(reading.lines) and isinstance(reading.lines[-1].event, End)
 
 
 def _hashes_at_end(reading: JournalReading) -> Mapping[str, str]:
@@ -156,6 +165,8 @@ def _hashes(files: Any, kind: str) -> Mapping[str, str]:  # noqa: ANN401 - whate
 
 def _begun_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
     run = fold(reading.events).run
+    if run is None:
+        return
     for field, path in (("catalogue", CATALOGUE), ("parameters", PARAMETERS), ("calibration", CALIBRATION)):
         if getattr(run, field, None) != hashes.get(path):
             yield Finding(path, 0, 0, f"this is not the {field} that the run started with")
@@ -176,6 +187,9 @@ def named_results(reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
 def _results_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
     """Compare the results with those that journal and frozen catalogue give, field by field."""
     yield from named_results(reading, hashes)
+    if reading.findings or reading.torn or not _has_end(reading):
+        yield Finding(RESULTS, 0, 0, "cannot be compared with the journal, which is damaged")
+        return
     sealed = read_plain(folder / RESULTS) if RESULTS in hashes else None
     derived = results_of(folder, reading, _format(sealed or b""))
     named = fold(reading.events).results
@@ -237,7 +251,7 @@ def _format(results: bytes) -> int:
 
 def _recording_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
     """Compare rows with the journal's hashes; a file that is not the one the run wrote is not even opened."""
-    written = _hashes_at_end(reading)
+    written = _hashes_at_end(reading) if _has_end(reading) else hashes
     state = fold(reading.events)
     for identifier, claim in state.rows.items():
         path = f"{RECORDINGS}/{identifier}.h5"
