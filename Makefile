@@ -5,6 +5,8 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.set-up
 # The tests of a file start on one core, because they share fixtures; an idle core takes over tests of another.
 SHARED := --numprocesses auto --dist worksteal
+# Tests of live timing mostly wait: each takes an eighth of a core.
+WAITING := --numprocesses 3 --dist worksteal
 
 # Keep byte code even if the environment says otherwise: without it a third of `make test` is compiling.
 export PYTHONDONTWRITEBYTECODE :=
@@ -30,15 +32,15 @@ run: setup
 test: setup
 	$(BIN)/python -m pytest -m "not system" $(SHARED)
 
-# A sample of whole campaigns and of runs in processes of their own. Tests of live timing run last, one at a time.
+# A sample of whole campaigns and of runs in processes of their own. Tests of live timing run last.
 system: setup
 	$(BIN)/python -m pytest -m "system and not alone" $(SHARED)
-	$(BIN)/python -m pytest -m "system and alone"
+	$(BIN)/python -m pytest -m "system and alone" $(WAITING)
 
-# Everything, every sweep in full: takes hours. Run it before a release.
+# Everything, every sweep in full: takes about an hour. Run it before a release.
 soak: setup
 	$(BIN)/python -m pytest --soak -m "not alone" $(SHARED)
-	$(BIN)/python -m pytest --soak -m "alone"
+	$(BIN)/python -m pytest --soak -m "alone" $(WAITING)
 
 # What a reviewer would find before reading: layout, style, types, layers.
 check: setup
