@@ -136,6 +136,32 @@ def test_a_case_that_swallows_its_timeout_is_ended(tmp_path, call):
     assert results_as_json(package)["cases"][0]["duration"] < 30
 
 
+@pytest.mark.parametrize("body", sweeps.sample(["while True:\n    pass", "while True:\n    clock.sleep(0)"], 1))
+def test_a_case_that_never_ends_is_ended_and_the_next_one_runs(tmp_path, body):
+    """Bench time stands still in it, so that the wall's counts; nobody asks for its end."""
+    workspace = make(tmp_path / "workspace", case(body, limit="1"))
+    ended = finish(workspace.start_run())
+    package = package_of(workspace)
+    assert ended.code == 1, ended.err
+    assert verdicts(package) == ["ERROR", "PASS"]
+    (reason,) = results_as_json(package)["cases"][0]["reasons"]
+    assert reason.endswith("s without letting any bench time pass")
+
+
+def test_a_case_that_does_not_return_from_a_call_ends_with_its_process(tmp_path):
+    """No signal reaches it; the run is left as it is, and says where it was."""
+    body = "import collections, itertools\ncollections.deque(itertools.repeat(0), maxlen=0)"
+    workspace = make(tmp_path / "workspace", case(body, limit="1"))
+    ended = finish(workspace.start_run())
+    (folder,) = workspace.folders()
+    assert ended.code == 3
+    assert "Timeout (0:00:10)!" in ended.err
+    assert "in test_one" in ended.err
+    assert f"hil seal {folder}" in ended.err
+    assert workspace.hil("seal", str(folder)).code == 0
+    assert verify(folder).findings == ()
+
+
 def test_a_stop_that_was_swallowed_once_is_no_pass(tmp_path):
     """A case that goes on to its end after a stop is ABORTED."""
     body = "try:\n    while True:\n        clock.sleep(0.1)\nexcept BaseException:\n    pass"
@@ -209,7 +235,9 @@ def test_the_run_ends_in_order_when_its_supervisor_is_killed(tmp_path):
     workspace, process = started(tmp_path, LONG, "1 Part")
     os.kill(process.pid, signal.SIGKILL)
     process.communicate()  # the pipes are closed when the other one has ended, too
-    assert verdicts(package_of(workspace)) == ["ABORTED", "NOT_RUN"]
+    package = package_of(workspace)
+    assert verdicts(package) == ["ABORTED", "NOT_RUN"]
+    assert [event["reason"] for event in bodies(package, "stop")] == ["the end of the process that waited for it"]
 
 
 LOST = {

@@ -244,6 +244,8 @@ class Session:
         )
         self._keep_failed()
         scheduler.begin_case(self.current, round(planned.max_duration_s * 1e9))
+        if self.machine is None:  # of any other the guardian ends what does not return
+            self._caller.expect(scheduler.patience_s)
         return self.current
 
     def _keep_failed(self) -> None:
