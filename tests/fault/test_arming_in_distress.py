@@ -12,6 +12,7 @@ from case_parts import Written
 from hil.bench.gate import Gate
 from hil.clock.live import LiveClock
 from hil.executive.ending.stop import StopFlags, Stopped
+from hil.executive.watching import arming
 from hil.executive.watching.keeper import BenchKeeper
 from hil.executive.watching.ports import Distress, NoMachine
 from hil.executive.watching.timeline import OnBench, OnLiveBench
@@ -116,3 +117,35 @@ def test_arming_ends_when_the_guardian_dies_amid_it():
     assert len(tried(written)) == 1
     last = written.events[-1]
     assert (last["name"], last["ok"], last["detail"]) == ("bench looked after", False, "the guardian is gone")
+
+
+@pytest.mark.parametrize("what", ["guardian", "port", "machine"])
+def test_nothing_is_switched_on_once_something_is_lost_amid_a_trial(monkeypatch, what):
+    """The trial of an output is many exchanges long: none of them passes after the loss, and the gates say why."""
+    lost = []
+
+    class Losing(NoMachine):
+        """A machine that loses something during a trial."""
+
+        def distress(self):
+            """Tell of it."""
+            return lost[0] if lost else None
+
+    def gates(bench, _dut):
+        bench.brake.check()
+        lost.append(Distress("it is gone", what))
+        with pytest.raises(OSError, match="it is gone"):
+            bench.brake.check()
+        with bench.brake.released():
+            bench.brake.check()
+        yield Gate("reduced level of supply.coil", ok=False, detail="psu1: not asked")
+        raise AssertionError("another output is tried")
+
+    monkeypatch.setattr(arming, "energised_gates", gates)
+    flags, written = StopFlags(), Written()
+    with bound(adcs()) as bench:
+        assert keeper_of(bench, flags, written, Losing()).arm() == "bench looked after: it is gone"
+    assert [event["name"] for event in written.of("gate")][-2:] == [
+        "reduced level of supply.coil",
+        "bench looked after",
+    ]

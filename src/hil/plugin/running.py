@@ -192,7 +192,7 @@ class _RunProcess:
         """End the process of a resumed run that is to stop before it has come to its past again."""
         if self._session is not None:
             told = f"hil: {self._session.folder.name} was stopped before it resumed"
-            _complain(told, "     it is unchanged; hil resume starts again")
+            _complain(told, f"     its record is unchanged; how to go on: hil status {self._session.folder.name}")
             self._word.leave(EXIT_INTERRUPTED)
 
     def expect(self, seconds: float | None) -> None:

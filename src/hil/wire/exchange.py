@@ -68,7 +68,7 @@ class Handed(Generic[_End]):
 
 
 class Brake:
-    """Keeps bytes from a bench once somebody asked to stop, except those that make it safe."""
+    """Keeps bytes from a bench that is to be driven no more, except those that make it safe."""
 
     def __init__(self) -> None:
         self._asked: Callable[[], object] = lambda: False
@@ -76,7 +76,12 @@ class Brake:
 
     @contextmanager
     def applied(self, asked: Callable[[], object]) -> Iterator[None]:
-        """Refuse every operation from the moment when `asked` returns something true, until the context is left."""
+        """Refuse every operation from the moment when `asked` returns something true, until the context is left.
+
+        Args:
+            asked: returns the error that operations end with, or anything else that is true where somebody asked to
+                stop.
+        """
         before, self._asked = self._asked, asked
         try:
             yield
@@ -96,10 +101,10 @@ class Brake:
         """Be asked before an operation.
 
         Raises:
-            InterruptedError: if there is to be none.
+            OSError: if there is to be none; InterruptedError where somebody asked to stop.
         """
-        if not self._released and self._asked():
-            raise InterruptedError(errno.EINTR, "somebody asked to stop")
+        if not self._released and (why := self._asked()):
+            raise why if isinstance(why, OSError) else InterruptedError(errno.EINTR, "somebody asked to stop")
 
 
 class Braked(Generic[_End]):

@@ -202,6 +202,8 @@ class TappedPort(_Tap):
         number = getattr(error, "errno", None)
         if number == errno.EINTR:
             return NoReply(self.device, "not asked, because somebody asked to stop", "see who stopped it, and why")
+        if number == errno.ECANCELED:
+            return NoReply(self.device, "not asked, because nobody can look after the bench", "see what was lost")
         if number == errno.EAGAIN:
             return NoReply(self.device, "its port takes no more bytes", "check its power, cable and flow control")
         why = f" ({os.strerror(number)})" if number else ""

@@ -1,6 +1,8 @@
-"""A brake on the ports of a bench: once somebody asked to stop, no operation passes but those that make it safe."""
+"""A brake on the ports of a bench: once it is to be driven no more, only operations pass that make it safe."""
 
 from __future__ import annotations
+
+import errno
 
 import pytest
 
@@ -85,6 +87,17 @@ def test_nothing_passes_once_somebody_asked_to_stop(end, brake, port, operation)
         assert end.sent == []
         assert port.in_waiting == 2
     OPERATIONS[operation](port)
+
+
+def test_nothing_passes_once_nobody_looks_after_the_bench(end, brake, port):
+    """The driver hears of that, and not of somebody who asked to stop."""
+    with (
+        brake.applied(lambda: OSError(errno.ECANCELED, "the guardian is gone")),
+        pytest.raises(NoReply, match="psu1: not asked, because nobody can look after the bench") as told,
+    ):
+        port.write(b"ON\n")
+    assert not told.value.gone
+    assert end.sent == []
 
 
 def test_what_makes_safe_passes(end, brake, port):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Callable, Iterator
 from typing import Protocol
 
@@ -10,7 +11,7 @@ from hil.bench.gate import Gate
 from hil.bench.readiness import energised_gates, unpowered_gates
 from hil.bench.safe_off import SafeResult, left_on
 from hil.executive.ending.stop import StopFlags, Stopped
-from hil.executive.watching.ports import Freshness, Machine
+from hil.executive.watching.ports import Distress, Freshness, Machine
 from hil.executive.watching.timeline import Timeline
 from hil.model.identity import Dut
 
@@ -21,6 +22,8 @@ FIRST_ARMING = -1
 
 Passed = Callable[[Gate, bool], None]
 """Takes a gate that is new, and whether it is one of people and machine."""
+
+_LOOKED_AFTER = "bench looked after"
 
 
 class Course(Freshness, Protocol):
@@ -40,8 +43,8 @@ class ArmedBench:
     """A bench as runs and visits drive it; nothing else energises an output.
 
     It is looked at first. Then people and machine are ready, and the guardian watches a bench outside this process.
-    Only then an output is tried, one at a time. Once somebody asked to stop no byte leaves but those that make the
-    bench safe. Whoever arms it leaves it by `make_safe`, `let_go` and `latch`.
+    Only then an output is tried, one at a time. Once somebody asked to stop, or guardian, port or wakefulness was lost,
+    no byte leaves but those that make the bench safe. Whoever arms it leaves it by `make_safe`, `let_go` and `latch`.
 
     Args:
         bench: the bench.
@@ -64,6 +67,7 @@ class ArmedBench:
         self._flags = flags
         self._machine = machine
         self.touched = self.unsafe = False
+        self._lost: Distress | None = None
 
     def arm(self, arming: int, course: Course, passed: Passed) -> str:
         """Pass the gates one by one; return the first that does not hold, nothing if all do.
@@ -74,7 +78,7 @@ class ArmedBench:
             passed: called with every gate.
         """
         refusal = ""
-        with self._bench.brake.applied(lambda: self._flags.reason):
+        with self._bench.brake.applied(self._why_not):
             for gate, of_host, is_new in self._gates(arming, course):
                 told = gate
                 if self._flags.reason:
@@ -84,7 +88,18 @@ class ArmedBench:
                 refusal = refusal or ("" if told.ok else f"{told.name}: {told.detail}")
                 if refusal and (self.touched or self._flags.reason or not self._thorough):
                     break
+            if self._lost and not self._flags.reason and told.name != _LOOKED_AFTER:
+                passed(_unattended(self._lost), False)
+                refusal = f"{_LOOKED_AFTER}: {self._lost.text}"
         return refusal
+
+    def _why_not(self) -> object:
+        """Return why no byte is to leave any more; what was lost amid a gate does not wait for the gate's end."""
+        if self._flags.reason:
+            return self._flags.reason
+        if self.touched and self._lost is None and (found := self._machine.distress()) and found.what:
+            self._lost = found
+        return OSError(errno.ECANCELED, self._lost.text) if self._lost else None
 
     def look(self) -> Iterator[Gate]:
         """Yield the gates that drive nothing."""
@@ -107,7 +122,7 @@ class ArmedBench:
         for gate in energised_gates(self._bench, self._dut):
             yield gate, False, True
             if distress := course.timeline.distress():
-                yield Gate("bench looked after", ok=False, detail=distress.text), False, True
+                yield _unattended(distress), False, True
 
     def make_safe(self, tell: Callable[[SafeResult], None]) -> list[str]:
         """Take every line of the safe-off, whatever is asked meanwhile; return what is not proven safe."""
@@ -133,3 +148,7 @@ class ArmedBench:
         """Latch the bench if it was not proven safe."""
         if self.unsafe:
             self._machine.latch(why)
+
+
+def _unattended(distress: Distress) -> Gate:
+    return Gate(_LOOKED_AFTER, ok=False, detail=distress.text)

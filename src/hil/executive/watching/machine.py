@@ -287,11 +287,12 @@ class LiveMachine:
         now = wall.monotonic()
         if now - self._looked < LOOK_S:
             return None
-        self._looked = now
         if gone := self._gone():
             return _hung_up(gone, self._spec)
-        why = "" if self._served else self._inhibitor.lost()
-        return Distress(why, "machine") if why else None
+        if why := "" if self._served else self._inhibitor.lost():
+            return Distress(why, "machine")
+        self._looked = now  # what was found is told to everyone who asks
+        return None
 
     def _gone(self) -> list[str]:
         """Return the instruments whose port has hung up; no byte is read, and nothing may be sent to find out."""
