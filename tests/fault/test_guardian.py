@@ -105,6 +105,8 @@ def test_outputs_are_made_safe_in_their_order(tmp_path, stack, instruments):
     assert times[-1] - began < 0.3 + SLOW_MACHINE_S
 
 
+@pytest.mark.system
+@pytest.mark.alone
 def test_a_dead_port_costs_the_others_a_moment_only(tmp_path, stack, instruments):
     """A port that says nothing delays what comes after it by a third of a second, twice on one port not twice that."""
     dead, alive = instruments(2), instruments()
@@ -149,6 +151,8 @@ def test_a_reply_is_found_among_what_else_is_said(tmp_path, stack, instruments):
     assert latched(plan).outputs == ()
 
 
+@pytest.mark.system
+@pytest.mark.alone
 def test_what_refuses_is_never_said_to_be_safe(tmp_path, stack, instruments):
     """An instrument that confirms and does nothing stays unproven, though another output could cut it off."""
     psu, relay = instruments(), instruments()
@@ -223,6 +227,8 @@ def test_a_child_that_keeps_everything_open_hides_no_death(tmp_path, stack, inst
     assert latched(plan).why == "the executive died"
 
 
+@pytest.mark.system
+@pytest.mark.alone
 def test_a_death_in_the_midst_of_the_drill_is_acted_upon(tmp_path, stack, instruments):
     """The drill is given up at once, though its port says nothing."""
     psu = instruments()
@@ -269,6 +275,8 @@ def test_a_proven_bench_is_disarmed_and_left_alone(tmp_path, stack, instruments)
     assert latch.read(plan.latches[0]) is None
 
 
+@pytest.mark.system
+@pytest.mark.alone
 @pytest.mark.parametrize("what", ["on", "pulled"])
 def test_an_unproven_bench_is_not_disarmed(tmp_path, stack, instruments, what):
     """The guardian proves for itself, says why it stays, and acts once the executive leaves, without killing it."""
@@ -290,6 +298,8 @@ def test_an_unproven_bench_is_not_disarmed(tmp_path, stack, instruments, what):
     assert executive.process.poll() is None
 
 
+@pytest.mark.system
+@pytest.mark.alone
 def test_a_port_that_returns_after_everything_was_said_is_made_safe(tmp_path, stack, instruments):
     """A hub was away for longer than any limit: what returns is off within 2 s, then all is proven."""
     pulled, again = instruments(), instruments()
@@ -316,6 +326,8 @@ def test_a_port_that_returns_after_everything_was_said_is_made_safe(tmp_path, st
     assert (events(plan, "done")[0]["unproven"], events(plan, "done")[0]["proven"]) == ([], ["supply"])
 
 
+@pytest.mark.system
+@pytest.mark.alone
 def test_a_guardian_leaves_once_a_person_has_acknowledged(tmp_path, stack, instruments):
     """It writes nothing more down: an acknowledgement holds for its journal as it was."""
     psu = instruments()
@@ -355,6 +367,8 @@ def test_replies_that_come_late_are_matched(tmp_path, stack, instruments, first_
     assert welded.on == {1}
 
 
+@pytest.mark.system
+@pytest.mark.alone
 def test_what_only_another_output_can_cut_off_is_as_safe_as_that_one(tmp_path, stack, instruments):
     """An output without bytes of its own is drilled, disarmed and proven by the one that cuts it off."""
     relay = instruments()
@@ -375,6 +389,8 @@ def test_what_only_another_output_can_cut_off_is_as_safe_as_that_one(tmp_path, s
     assert latched(plan).outputs == ()
 
 
+@pytest.mark.system
+@pytest.mark.alone
 def test_a_plan_without_outputs_proves_nothing_and_says_so(tmp_path, stack):
     """Nothing was asked, so nothing is called safe."""
     plan = plan_of(tmp_path)
@@ -386,6 +402,8 @@ def test_a_plan_without_outputs_proves_nothing_and_says_so(tmp_path, stack):
     assert (events(plan, "done")[0]["proven"], events(plan, "done")[0]["unproven"]) == ([], [])
 
 
+@pytest.mark.system
+@pytest.mark.alone
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
 def test_the_executive_is_told_when_its_guardian_is_lost(tmp_path, stack, instruments, end):
     """A guardian that died or hangs is missed by the next beats, and no beat waits for it."""
