@@ -13,6 +13,8 @@ from hil.bench.safe_off import make_safe
 from hil.cli.commands.bench import command
 from hil.executive import bench_visit
 from hil.executive.bench_visit import Checked, check_bench, safe_bench
+from hil.executive.ending.stop import Stopped
+from hil.executive.watching.ports import NoMachine
 from hil.model.identity import Source
 
 
@@ -80,6 +82,28 @@ def test_a_check_that_is_asked_to_end_switches_nothing_more_on(tmp_path, bench, 
     assert (gates[-1].name, gates[-1].ok) == ("safe at the end", True)
     assert voltages(bench[0]) == (0.0, 0.0)
     assert signal.getsignal(number) is before
+
+
+@pytest.mark.usefixtures("bench")
+def test_time_that_passed_before_a_stop_is_not_that_of_the_safe_off(tmp_path, monkeypatch):
+    """Bench time stands during the drill: it catches up first, or the safe-off would seem to be too late."""
+    course, make_safe_of = [], bench_visit.ArmedBench.make_safe
+
+    class Drilled(NoMachine):
+        def gates(self, freshness):
+            del freshness
+            raise Stopped("SIGINT")
+
+    def safe(armed, tell):
+        course.append("made safe")
+        return make_safe_of(armed, tell)
+
+    monkeypatch.setattr("hil.executive.bench_visit.NoMachine", Drilled)
+    monkeypatch.setattr("hil.executive.watching.timeline.OnBench.come", lambda _: course.append("caught up"))
+    monkeypatch.setattr("hil.executive.bench_visit.ArmedBench.make_safe", safe)
+    checked, _ = energised(tmp_path, lambda _: None)
+    assert (checked.ready, checked.safe) == (False, True)
+    assert course == ["caught up", "made safe"]
 
 
 def test_a_check_that_fails_amid_a_trial_leaves_the_bench_safe(tmp_path, bench):
