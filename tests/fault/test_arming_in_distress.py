@@ -80,7 +80,7 @@ def test_a_stop_while_the_guardian_is_drilled_ends_the_arming():
 
     with bound(adcs()) as bench:
         keeper = keeper_of(bench, flags, written, Drilled())
-        assert keeper.arm() == "guardian: stopped by SIGHUP; it is not needed any more"
+        assert keeper.arm() == "guardian: stopped by SIGHUP; not started"
         assert tried(written) == []
         keeper.release()
     assert {event["ok"] for event in written.of("safe")} == {True}

@@ -237,7 +237,7 @@ def test_the_run_ends_in_order_when_its_supervisor_is_killed(tmp_path):
     process.communicate()  # the pipes are closed when the other one has ended, too
     package = package_of(workspace)
     assert verdicts(package) == ["ABORTED", "NOT_RUN"]
-    assert [event["reason"] for event in bodies(package, "stop")] == ["the end of the process that waited for it"]
+    assert [event["reason"] for event in bodies(package, "stop")] == ["the death of its supervisor"]
 
 
 LOST = {

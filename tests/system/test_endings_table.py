@@ -103,7 +103,7 @@ ENDINGS = {
     "crashed": Ending(lambda target: target.send(signal.SIGSEGV), 3, -11, latched=True, state="SAFED"),
     "hung": Ending(lambda target: target.send(signal.SIGSTOP), 3, -9, latched=True, state="SAFED", limit_s=3.0),
     "one instant": Ending(kill_both, 7, -9, latched=True, state="INTERRUPTED"),
-    "supervisor killed": Ending(kill_supervisor, -9, said="stopped by the end of the process that waited for it"),
+    "supervisor killed": Ending(kill_supervisor, -9, said="stopped by the death of its supervisor"),
     "endless loop": Ending(nothing, 1, said="came to no scheduling point for", limit_s=5.0),
     "endless call": Ending(nothing, 3, latched=True, state="SAFED", limit_s=4.0),
 }

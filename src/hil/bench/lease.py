@@ -13,7 +13,7 @@ from pathlib import Path
 from hil.clock import wall
 from hil.guardian.latch import Latch, clear, latch_files, may_clear, path_of, read, write, write_whole
 from hil.model.errors import Refused
-from hil.wire.held_names import Holder, hold_name, holder_of, names_held, short, user_name
+from hil.wire.held_names import Holder, hold_name, holder_of, keepers_of, names_held, short, user_name
 
 __all__ = [
     "Lease",
@@ -21,6 +21,7 @@ __all__ = [
     "clear_latches_of",
     "holds_a_lease",
     "keep_latched",
+    "keepers_of_run",
     "latch_bench",
     "latch_unsafe_end",
     "latches_of",
@@ -114,6 +115,20 @@ def holds_a_lease(run: str, folder: Path | None = None) -> bool:
     return any(_is_locked(path, run) for path in (place.glob("*.lease") if place.is_dir() else ()))
 
 
+def keepers_of_run(run: str, folder: Path | None = None) -> str:
+    """Return the processes that still hold what a run, given by its name, had leased, in words for a message."""
+    return _named(_name_of_run(run, folder or _FOLDER))
+
+
+def _named(name: str) -> str:
+    """Say which processes have a name open, and how one that somebody stopped goes on; nothing if none is seen."""
+    told = [
+        f"{pid}, stopped: 'kill -CONT {pid}' lets it go on" if stopped else str(pid)
+        for pid, stopped in keepers_of(name).items()
+    ]
+    return f" (process {' and '.join(told)})" if told else ""
+
+
 def _name(key: str, folder: Path) -> str:
     return f"lease-{short(f'{folder}:{key}')}"
 
@@ -142,7 +157,7 @@ def _held(key: str, folder: Path) -> Refused:
     if holder is None:
         return _refusal(key, {})
     note = _read_note(_note_of(key, folder, holder.uid), holder)
-    ended = "" if holder.lives else ", which has ended: its guardian is still at work"
+    ended = "" if holder.lives else f", which has ended: its guardian{_named(_name(key, folder))} is still at work"
     return _refusal(key, note, f"process {holder.pid} of user {holder.user}{ended}", ended=not holder.lives)
 
 

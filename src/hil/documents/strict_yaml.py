@@ -212,5 +212,7 @@ class _Composer:
     def _unreadable(self, error: yaml.YAMLError) -> None:
         mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
         problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "no YAML"
+        if "cannot start any token" in problem:
+            problem = "a character that cannot stand here, such as a tab; indent with spaces"
         line, column = (mark.line + 1, mark.column + 1) if mark else (0, 0)
         self._findings.add(Place(path=self._shown, line=line, column=column), f"not readable as YAML: {problem}")

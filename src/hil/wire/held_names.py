@@ -19,12 +19,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["Holder", "hold_name", "holder_of", "names_held", "short", "user_name"]
+__all__ = ["Holder", "hold_name", "holder_of", "keepers_of", "names_held", "short", "user_name"]
 
 _FIRST = "hil-"
 _QUEUE = 4096  # whoever asks for the holder stays in the queue; the kernel takes as many as it allows
 _TABLE = Path("/proc/net/unix")
 _FILES = Path("/tmp/hil-names")  # noqa: S108 - on systems without the namespace only
+_PROCESSES = Path("/proc")
 _CREDENTIALS = struct.Struct("3i")
 
 
@@ -93,6 +94,27 @@ def names_held(first: str = "") -> list[str]:
     with suppress(OSError), _TABLE.open(encoding="utf-8", errors="replace") as lines:
         held = {line.rpartition(mark)[2].rstrip() for line in lines if mark in line}
     return sorted(name for name in held if name.startswith(first))
+
+
+def keepers_of(name: str, system: Path = _PROCESSES) -> dict[int, bool]:
+    """Return the processes that have a name open, and whether each is stopped; those that this user may look at.
+
+    The process that took the name may have ended, and have passed it to one that has not.
+
+    Args:
+        name: the name.
+        system: where the kernel lists its processes.
+    """
+    found: dict[int, bool] = {}
+    with suppress(OSError):
+        lines = (system / "net/unix").read_text(encoding="utf-8", errors="replace").splitlines()
+        sockets = {f"socket:[{line.split()[6]}]" for line in lines if line.endswith(f" @{_FIRST}{name}")}
+        for process in system.glob("[0-9]*"):
+            with suppress(OSError):
+                if any(str(each.readlink()) in sockets for each in (process / "fd").iterdir()):
+                    state = (process / "stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
+                    found[int(process.name)] = state[:1] == ["T"]
+    return found
 
 
 def _hold_file(name: str) -> int:

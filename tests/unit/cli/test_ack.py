@@ -121,7 +121,7 @@ def test_nobody_acknowledges_what_still_goes_on(reports, capsys):
         assert "the run, or its guardian, is still running" in said(capsys, *wanted)[2]
     lease = Lease(["/dev/psu"], "a run of battery")
     lease.name(SAFED)
-    assert "its guardian still holds the bench" in said(capsys, *wanted)[2]
+    assert f"its guardian (process {os.getpid()}) still holds the bench" in said(capsys, *wanted)[2]
     lease.release()
     assert latches_of(SAFED)
     assert said(capsys, *wanted)[0] == 0

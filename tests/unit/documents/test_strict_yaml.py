@@ -107,6 +107,13 @@ def test_what_quotes_would_not_mend_is_not_to_be_quoted(text, advice):
     assert only_finding(f"key: {text}\n") == f"bench.yaml:1:6: `{text}` {advice}"
 
 
+def test_a_tab_is_called_a_tab():
+    """The parser of YAML only says that no token starts with it."""
+    assert only_finding("key:\n\tother: 1\n").endswith(
+        ":2:1: not readable as YAML: a character that cannot stand here, such as a tab; indent with spaces"
+    )
+
+
 def test_many_underscores_do_not_slow_the_reader_down():
     """Recognising surprises takes linear time."""
     before = time.perf_counter()

@@ -11,7 +11,7 @@ from typed_events import event_of
 
 from hil.evidence.folder import create, hold
 from hil.evidence.package.contents import Package
-from hil.evidence.package.verification import State
+from hil.evidence.package.verification import State, in_short
 from hil.evidence.runs import find_runs, run_folders, status
 from hil.model.errors import EvidenceError
 
@@ -148,3 +148,11 @@ def test_a_running_package_is_read_as_it_was_when_asked(tmp_path):
         before = len(bodies(package))
         whole_case(tmp_path, journal)
         assert len(bodies(package)) == before < len(bodies(Package(tmp_path)))
+
+
+@pytest.mark.parametrize(
+    ("count", "said"), [(0, ""), (1, "one"), (2, "one (and 1 more problem)"), (3, "one (and 2 more problems)")]
+)
+def test_findings_in_short_are_the_first_and_a_count(count, said):
+    """The count is not taken for a part of the first one's sentence."""
+    assert in_short(["one", "two", "three"][:count]) == said

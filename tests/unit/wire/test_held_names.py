@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import signal
 import subprocess
 import sys
 
@@ -11,7 +12,7 @@ import pytest
 from tmpfiles import NOBODY, another_user, as_root
 
 from hil.wire import held_names
-from hil.wire.held_names import Holder, hold_name, holder_of, names_held, user_name
+from hil.wire.held_names import Holder, hold_name, holder_of, keepers_of, names_held, user_name
 
 
 @pytest.fixture(params=["linux", "darwin"])
@@ -91,3 +92,20 @@ def test_where_the_kernel_lists_nothing_nothing_is_told(name, tmp_path, monkeypa
 def test_a_user_without_a_name_is_a_number():
     """As in a container."""
     assert user_name(4_000_000_000) == "4000000000"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the kernel's namespace is Linux's")
+def test_whoever_keeps_a_name_is_found_although_its_first_holder_has_ended(name):
+    """A guardian keeps the leases of a dead run; one that somebody stopped is told apart from one that works."""
+    held = hold_name(name)
+    keeper = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE, pass_fds=(held,))
+    try:
+        assert keepers_of(name) == {os.getpid(): False, keeper.pid: False}
+        os.close(held)
+        keeper.send_signal(signal.SIGSTOP)
+        os.waitpid(keeper.pid, os.WUNTRACED)
+        assert keepers_of(name) == {keeper.pid: True}
+    finally:
+        keeper.send_signal(signal.SIGCONT)
+        keeper.communicate(b"\n", timeout=10)
+    assert keepers_of(name) == {}

@@ -47,6 +47,8 @@ def settings(spec: BenchSpec) -> Complaints:
     """Check that a port has what is set of it, and that the driver's protocol leaves it open."""
     for path, item in named(spec.instruments, "instruments"):
         where = _spoken(item)
+        if item.port and kind_of(item.port) is PortKind.OTHER:
+            continue  # no such port is opened; that is told where it is read
         if not (item.port and kind_of(item.port) in _SERIAL):
             given = {"baud": item.baud != 0, "serial_line": item.serial_line is not None}
             for key in (key for key, is_given in given.items() if is_given):

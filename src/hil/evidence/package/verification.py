@@ -88,7 +88,8 @@ class Verification:
 
 def in_short(findings: Sequence[Finding]) -> str:
     """Return the first finding and how many more there are, in one line that can be printed anywhere."""
-    more = f", and {len(findings) - 1} more" if len(findings) > 1 else ""
+    others = len(findings) - 1
+    more = f" (and {others} more problem{'s' * (others > 1)})" if others > 0 else ""
     return f"{shown(str(findings[0]))}{more}" if findings else ""
 
 

@@ -6,7 +6,14 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from hil.bench.lease import ack_line, clear_latches_of, holds_a_lease, latches_of, require_clearable
+from hil.bench.lease import (
+    ack_line,
+    clear_latches_of,
+    holds_a_lease,
+    keepers_of_run,
+    latches_of,
+    require_clearable,
+)
 from hil.clock import wall
 from hil.evidence.folder import JOURNAL, is_held, is_run, is_sealed
 from hil.evidence.inbox import post
@@ -98,4 +105,5 @@ def _require_over(folder: Path) -> None:
         raise Refused(f"{folder.name}: the run, or its guardian, is still running", hint)
     act = last_act(guardian_lines(folder))
     if (act is None or not act.trying) and holds_a_lease(folder.name):
-        raise Refused(f"{folder.name}: its guardian still holds the bench", "wait some seconds until it is done")
+        guardian = f"its guardian{keepers_of_run(folder.name)}"
+        raise Refused(f"{folder.name}: {guardian} still holds the bench", "wait some seconds until it is done")

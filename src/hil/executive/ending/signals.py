@@ -15,7 +15,7 @@ from hil.executive.ending.stop import StopFlags
 
 __all__ = ["LOOK_S", "SUPERVISOR_ENDED", "Alarm", "Attends", "handle_signals"]
 
-SUPERVISOR_ENDED = "the end of the process that waited for it"
+SUPERVISOR_ENDED = "the death of its supervisor"
 """Who asked for an end where the operating system did, which sends a SIGTERM for a supervisor that is gone."""
 
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))

@@ -117,7 +117,7 @@ class ArmedBench:
         try:
             yield from ((gate, True, is_new) for gate, is_new in course.timeline.host_gates(arming, course))
         except Stopped:
-            yield Gate("guardian", ok=False, detail="it is not needed any more"), True, True
+            yield Gate("guardian", ok=False, detail="not started"), True, True
         course.come()
         for gate in energised_gates(self._bench, self._dut):
             yield gate, False, True
