@@ -37,7 +37,7 @@ system: setup
 	$(BIN)/python -m pytest -m "system and not alone" $(SHARED)
 	$(BIN)/python -m pytest -m "system and alone" $(WAITING)
 
-# Everything, every sweep in full: takes about an hour. Run it before a release.
+# Everything, every sweep in full: takes hours, most of them for the table of endings. Run it before a release.
 soak: setup
 	$(BIN)/python -m pytest --soak -m "not alone" $(SHARED)
 	$(BIN)/python -m pytest --soak -m "alone" $(WAITING)
