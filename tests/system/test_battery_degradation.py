@@ -42,6 +42,8 @@ LEVEL_1 = {
     "identity: {model: hil-cycler, serial: C0001}": "identity: {model: START ARDUINO}",
     "{role: cycler, instrument: cycler1, settings: {beat: 360 s},": "{role: cycler, instrument: cycler1,"
     ' settings: {level: "1", cycles: "2"},',
+    "{output: supply.charge, watchdog: cycler,": "{output: supply.charge, hardware: interlock of the box,",
+    "{output: cycler, watchdog: cycler,": "{output: cycler, hardware: interlock of the box,",
     'truth: {clock_drift: "0.0004",': 'truth: {level: "1", cycles: "2", clock_drift: "0.0004",',
 }
 """Firmware that knows no rests; what it does not tell while it waits, limits and proofs cannot read."""

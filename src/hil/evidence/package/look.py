@@ -20,7 +20,7 @@ from hil.model.errors import EvidenceError, Finding
 
 __all__ = ["LOOKED_AT", "Look", "look"]
 
-LOOKED_AT = "the seal, names and total size of the files, the journal, the results and what was frozen"
+LOOKED_AT = "seal, list of files, journal, results and frozen files"
 """What a quick look reads; it believes the manifest of everything else."""
 
 _BELIEVED = (f"{RECORDINGS}/", f"{ATTACHMENTS}/", f"{REPORT}/", TRANSCRIPT)
