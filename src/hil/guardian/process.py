@@ -125,7 +125,7 @@ class Guard:
         self._tell("heard", number=told["number"])
 
     def _drill(self, _told: dict[str, Any]) -> None:
-        self._outputs.begin(anew=False)
+        self._outputs.begin(reopen=False)
         self._report(self._outputs.drill)
         self._tell_result(self._drill_heartbeat())
         self._watchdog.restart()
@@ -137,7 +137,7 @@ class Guard:
         self._tell("watching")
 
     def _disarm(self, _told: dict[str, Any]) -> None:
-        self._outputs.begin(anew=True)
+        self._outputs.begin(reopen=True)
         if self._report(self._outputs.prove):
             self._watching, self._disarmed = False, True
         self._watchdog.restart()

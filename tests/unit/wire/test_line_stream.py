@@ -101,7 +101,7 @@ def test_the_guardian_opens_a_lost_line_anew_and_proves(server, stream):
     worker = PortWorker(known(server, line=LINE), os.dup(stream.fileno()))
     server.drop()
     server.line.baudrate = 1200
-    while not worker.begin(proof, Patience(), anew=True).result(5.0).ok:
+    while not worker.begin(proof, Patience(), reopen=True).result(5.0).ok:
         pass
     assert worker.off(proof, Patience()).result(5.0).detail == ""
     assert worker.prove(proof).result(5.0).ok

@@ -168,7 +168,7 @@ def test_the_guardian_switches_off_and_proves(supply, port, stream):
     code = safe_bytes(object())
     stream.write(b"*IDN?\n")
     worker = PortWorker(port, os.dup(stream.fileno()))
-    assert worker.begin(code, Patience(), anew=False).result(10.0).ok
+    assert worker.begin(code, Patience(), reopen=False).result(10.0).ok
     assert worker.off(code, Patience()).result(10.0).detail == ""
     proof = worker.prove(code).result(10.0)
     assert (proof.ok, supply.on) == (True, False), proof.detail
@@ -190,7 +190,7 @@ def test_a_port_that_is_gone_is_told(supply):
                 stream.exchange(b"*IDN?\n", 0.5)
         stream.closed()
         code = safe_bytes(object())
-        while not worker.begin(code, Patience(), anew=True).result(10.0).ok:
+        while not worker.begin(code, Patience(), reopen=True).result(10.0).ok:
             pass
         worker.off(code, Patience()).result(10.0)
         assert worker.prove(code).result(10.0).ok

@@ -68,7 +68,7 @@ def handle_signals(flags: StopFlags) -> Iterator[Alarm]:
 class Attends(Protocol):
     """Looks after the bench and the case."""
 
-    def amid(self, alone_s: float, silent_s: float) -> None:
+    def attend(self, alone_s: float, silent_s: float) -> None:
         """Look after them where the case's own code may be disturbed; see `StopFlags.interlude`."""
         ...
 
@@ -131,4 +131,4 @@ class Alarm:
             self._flags.urgent = True
             self._flags.interrupt()
         elif self._attendant is not None:
-            self._flags.interlude(self._attendant.amid)
+            self._flags.interlude(self._attendant.attend)

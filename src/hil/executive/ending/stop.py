@@ -127,16 +127,16 @@ class StopFlags:
                 self.give_up()
             raise Stopped(self.reason)
 
-    def interlude(self, amid: Callable[[float, float], None]) -> None:
+    def interlude(self, attend: Callable[[float, float], None]) -> None:
         """Do something if a case's own code is at nothing that must not be disturbed.
 
         Args:
-            amid: is told for how many seconds of the wall that code ran since the executive had a look, and since it
+            attend: is told for how many seconds of the wall that code ran since the executive had a look, and since it
                 came to a scheduling point itself.
         """
         if self._in_case and not self._undisturbed and not self._shielded:
             now, served = wall.monotonic(), self._served_since
-            amid(now - self._alone_since, now - served)
+            attend(now - self._alone_since, now - served)
             self._alone_since, self._served_since = wall.monotonic(), served
 
     @contextmanager

@@ -212,7 +212,7 @@ class Entering:
     """Lets a run go on after the event at which it is entered, on a bench that stood safe in the meantime.
 
     What came after that event before is void, and is kept: events, operations, rows. The bench is armed again, every
-    output driven again as it was at that event, and every stream begun again. Behind the last case none of that is
+    output driven again as it was at that event, and every stream begun again. After the last case none of that is
     done: the safe state, the watch after it, and the seal are all that is left. A run that was entered before is
     entered again on its record in the same way, and so is the replay of one.
 

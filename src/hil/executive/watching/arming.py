@@ -94,7 +94,7 @@ class ArmedBench:
         return refusal
 
     def _why_not(self) -> object:
-        """Return why no byte is to leave any more; what was lost amid a gate does not wait for the gate's end."""
+        """Return why no byte is to leave any more; what was lost during a gate does not wait for the gate's end."""
         if self._flags.reason:
             return self._flags.reason
         if self.touched and self._lost is None and (found := self._machine.distress()) and found.what:

@@ -42,7 +42,7 @@ class Attendant:
         """Let the guardian hear of the run."""
         self._machine.between()
 
-    def amid(self, alone_s: float, silent_s: float) -> None:
+    def attend(self, alone_s: float, silent_s: float) -> None:
         """Look after the bench where the case's own code may be disturbed.
 
         Args:
@@ -87,7 +87,7 @@ class Lookout:
             self._expected = now
             self._expect(self._scheduler.patience_s)
 
-    def amid(self, _alone_s: float, silent_s: float) -> None:
+    def attend(self, _alone_s: float, silent_s: float) -> None:
         """Look after the case, whose own code came to no scheduling point for so many seconds."""
         if silent_s > self._longest_s and self._holding.drives():
             self._scheduler.overrun(_silent(silent_s, self._longest_s))

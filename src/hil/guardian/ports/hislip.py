@@ -83,7 +83,7 @@ class HiSlip:
                 reply = b""
 
     def clear(self, seconds: float) -> None:
-        """Clear the instrument, and begin to count anew; IVI-6.1, section 6.12."""
+        """Clear the instrument, and begin to count again; IVI-6.1, section 6.12."""
         until = time.monotonic() + seconds
         if self._async is None:
             raise OSError(errno.ENOTCONN, "it is closed")

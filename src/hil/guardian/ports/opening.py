@@ -111,7 +111,7 @@ def keep_alone(descriptor: int) -> None:
 
 
 def let_others_open(descriptor: int) -> None:
-    """Take `keep_alone` back, so that a device can be opened anew while another process has the lost one open."""
+    """Take `keep_alone` back, so that a device can be opened again while another process has the lost one open."""
     with suppress(OSError):
         fcntl.ioctl(descriptor, termios.TIOCNXCL)
 

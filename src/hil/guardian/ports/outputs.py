@@ -42,14 +42,14 @@ class Outputs:
         for each in reversed(plan.outputs):
             self._codes[each.device] = each.code  # the first output of a port says how to resynchronise it
 
-    def begin(self, *, anew: bool) -> None:
+    def begin(self, *, reopen: bool) -> None:
         """Resynchronise with all instruments at once, so that late replies are waited for on all ports together.
 
         Args:
-            anew: whether a port that is gone may be reopened.
+            reopen: whether a port that is gone may be reopened.
         """
         for device, code in self._codes.items():
-            self._workers[device].begin(code, Patience(), anew=anew)
+            self._workers[device].begin(code, Patience(), reopen=reopen)
 
     def drill(self, output: GuardedOutput) -> DrillResult:
         """Make one output safe, after `begin`, and prove it."""
@@ -65,7 +65,7 @@ class Outputs:
         worker, code, began = self._workers[output.device], output.code, time.monotonic()
         proof = self._patiently(worker.prove(code), code)
         if not proof.ok:  # one lost byte must not count as unsafe
-            worker.begin(code, Patience(), anew=True)
+            worker.begin(code, Patience(), reopen=True)
             proof = self._patiently(worker.prove(code), code)
         said = proof.detail or "proven"
         return DrillResult(output=output.output, ok=proof.ok, detail=said, seconds=time.monotonic() - began)
@@ -79,7 +79,7 @@ class Outputs:
         for worker in self._workers.values():
             worker.drop_everything()
         for device, code in self._codes.items():
-            self._workers[device].begin(code, patience[device], anew=False)
+            self._workers[device].begin(code, patience[device], reopen=False)
         return self._off_in_order(patience)
 
     def round(self) -> dict[str, Outcome]:
@@ -87,7 +87,7 @@ class Outputs:
 
         A slow port is left to its worker after a moment; its result is collected at the end.
         """
-        self.begin(anew=True)
+        self.begin(reopen=True)
         self._off_in_order({device: Patience() for device in self._workers})
         asked = {each.output: self._workers[each.device].prove(each.code) for each in self._outputs}
         until = time.monotonic() + self._longest_s()
@@ -115,7 +115,7 @@ class Outputs:
 
     def _try(self, device: str) -> dict[str, Future[Outcome]]:
         worker, patience = self._workers[device], Patience(_PATIENT_S)
-        worker.begin(self._codes[device], patience, anew=True)
+        worker.begin(self._codes[device], patience, reopen=True)
         mine = [each for each in self._outputs if each.device == device]
         for each in mine:
             worker.off(each.code, patience)

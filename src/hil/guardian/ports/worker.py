@@ -65,9 +65,9 @@ class PortWorker:
         self._interrupt.set()
         self._ask(self._go_on)
 
-    def begin(self, code: SafeBytes, patience: Patience, *, anew: bool) -> Future[Outcome]:
-        """Resynchronise with the instrument, whose state is unknown; a port that is gone may be opened `anew`."""
-        return self._ask(lambda: self._begin(code, patience, anew=anew))
+    def begin(self, code: SafeBytes, patience: Patience, *, reopen: bool) -> Future[Outcome]:
+        """Resynchronise with the instrument, whose state is unknown; `reopen` opens a port that is gone."""
+        return self._ask(lambda: self._begin(code, patience, reopen=reopen))
 
     def off(self, code: SafeBytes, patience: Patience) -> Future[Outcome]:
         """Send all commands, whatever the replies are."""
@@ -106,8 +106,8 @@ class PortWorker:
         self._interrupt.clear()
         return ""
 
-    def _begin(self, code: SafeBytes, patience: Patience, *, anew: bool) -> str:
-        if self._talk is None and anew and self.port.url:
+    def _begin(self, code: SafeBytes, patience: Patience, *, reopen: bool) -> str:
+        if self._talk is None and reopen and self.port.url:
             try:
                 port = self.port
                 if self._identity is not None and "://" not in port.url:
