@@ -248,7 +248,13 @@ def test_one_simulated_instrument_is_enough(tmp_path):
         journal.write(event_of("gate", name="found-off", ok=False, detail="psu1 was on"), 4.0)
         journal.write(event_of("safe-end", ok=True), 5.0)
     found = results_of(tmp_path, read_journal(tmp_path / JOURNAL))
-    assert list(found.requirements[0].reasons) == ["SIMULATED: mag, obc", "readiness gate found-off: psu1 was on"]
+    assert list(found.requirements[0].reasons) == ["readiness gate found-off: psu1 was on", "SIMULATED: mag, obc"]
+    proven = [each.name for each in found.requirements[0].conditions if each.proven]
+    assert proven == ["verdict", "coverage", "catalogue", "instruments", "calibration"]
+    assert [each.name for each in found.conditions if not each.proven] == ["readiness"]
+    old = results_of(tmp_path, read_journal(tmp_path / JOURNAL), 2)
+    assert list(old.requirements[0].reasons) == ["SIMULATED: mag, obc", "readiness gate found-off: psu1 was on"]
+    assert (old.conditions, old.requirements[0].conditions) == (None, None)
 
 
 def test_an_id_outside_the_frozen_catalogue_is_not_eligible():
@@ -295,4 +301,4 @@ def test_results_are_derived_in_the_format_that_they_were_sealed_in():
     events = events_of(begin, *held, *rest)
     new, old = (derived_from(events, Facts(catalogue={}), **form) for form in ({}, {"form": 1}))
     assert [(hold["by"], hold["duration"]) for hold in new["cases"][0]["holds"]] == [("Ada", 2.0)]
-    assert (new["format"], old["format"], "holds" in old["cases"][0]) == (2, 1, False)
+    assert (new["format"], old["format"], "holds" in old["cases"][0]) == (3, 1, False)

@@ -246,7 +246,7 @@ def _format(results: bytes) -> int:
     except JsonError:
         return FORMAT
     form = found.get("format") if isinstance(found, dict) else None
-    return 1 if form == 1 else FORMAT
+    return form if type(form) is int and 0 < form <= FORMAT else FORMAT
 
 
 def _recording_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:

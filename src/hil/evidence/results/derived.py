@@ -10,12 +10,14 @@ import msgspec
 
 from hil.evidence.events import Event
 from hil.evidence.journal.reader import JournalReading
+from hil.evidence.results.eligibility import of_requirement, of_run, reasons_in
 from hil.evidence.results.facts import Facts, FrozenCalibration, FrozenRequirement, facts_of
 from hil.evidence.results.outcome import (
     FORMAT,
     AttemptOutcome,
     CaseOutcome,
     CaseVerdict,
+    Condition,
     HoldOutcome,
     Outcome,
     RequirementOutcome,
@@ -31,6 +33,9 @@ __all__ = ["BY_CASES", "derive", "reasons_against", "results_of"]
 BY_CASES = frozenset({"test", "inspection"})
 """The methods whose requirements are verified by cases."""
 
+
+_REASONS_ONLY = 2
+"""The last format that lists reasons against closing a requirement and no conditions."""
 
 _NOTHING = FrozenRequirement()
 _NO_RECORD = FrozenCalibration()
@@ -54,6 +59,7 @@ def derive(events: Iterable[Event], facts: Facts, *, content_digest: str, form: 
     state = fold(standing(before_results(events)))
     cases = tuple(_case(case, facts, form) for case in state.cases.values())
     carried = {identifier for case in cases for identifier in case.requirements}
+    conditions = of_run(state) if form > _REASONS_ONLY else None
     return Outcome(
         format=form,
         run=state.run and msgspec.structs.replace(state.run, deviations=state.deviations),
@@ -62,9 +68,12 @@ def derive(events: Iterable[Event], facts: Facts, *, content_digest: str, form: 
         safe=state.safe,
         content_digest=content_digest,
         cases=cases,
-        requirements=tuple(_requirement(each, cases, state, facts) for each in sorted(carried | _due(facts))),
+        requirements=tuple(
+            _requirement(each, cases, state, facts, conditions) for each in sorted(carried | _due(facts))
+        ),
         counts=dict(Counter(case.verdict for case in cases)),
         verdict=_verdict_of_run(cases, state),
+        conditions=conditions,
     )
 
 
@@ -137,12 +146,21 @@ def _within(identifier: str, case: CaseState, facts: Facts) -> Verdict:
 
 
 def _requirement(
-    identifier: str, all_cases: Sequence[CaseOutcome], state: RunState, facts: Facts
+    identifier: str,
+    all_cases: Sequence[CaseOutcome],
+    state: RunState,
+    facts: Facts,
+    of_all: tuple[Condition, ...] | None,
 ) -> RequirementOutcome:
     entry = facts.catalogue.get(identifier, _NOTHING)
     cases = [case for case in all_cases if identifier in case.requirements]
     verdict = worst(case.requirements[identifier] for case in cases) if cases else Verdict.NOT_RUN
-    reasons = reasons_against(identifier, verdict, cases, state, facts)
+    own = None if of_all is None else of_requirement(identifier, verdict, cases, state, facts)
+    reasons = (
+        tuple(reasons_against(identifier, verdict, cases, state, facts))
+        if of_all is None or own is None
+        else reasons_in((*of_all, *own))
+    )
     return RequirementOutcome(
         id=identifier,
         rev=entry.rev,
@@ -154,7 +172,8 @@ def _requirement(
         cases=tuple(CaseVerdict(case=case.case, verdict=case.requirements[identifier]) for case in cases),
         checks=sum(check.requirement == identifier for case in cases for check in case.checks),
         eligible=not reasons,
-        reasons=tuple(reasons),
+        reasons=reasons,
+        conditions=own,
     )
 
 
@@ -180,7 +199,7 @@ def _verdict_of_run(cases: Iterable[CaseOutcome], state: RunState) -> Verdict:
 def reasons_against(
     identifier: str, verdict: Verdict, cases: Sequence[CaseOutcome], state: RunState, facts: Facts
 ) -> list[str]:
-    """Return every reason why this run cannot close the requirement; none means that it can.
+    """Return every reason that formats 1 and 2 know why a run cannot close the requirement; none means that it can.
 
     Args:
         identifier: the requirement.

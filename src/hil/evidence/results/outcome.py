@@ -16,6 +16,7 @@ __all__ = [
     "AttemptOutcome",
     "CaseOutcome",
     "CaseVerdict",
+    "Condition",
     "HoldOutcome",
     "Outcome",
     "RequirementOutcome",
@@ -24,8 +25,12 @@ __all__ = [
     "write_outcome",
 ]
 
-FORMAT = 2
-"""What is written; format 1 did not tell when the bench was held in the course of a case."""
+FORMAT = 3
+"""What is written.
+
+Format 1 did not tell when the bench was held in the course of a case. Formats 1 and 2 list reasons against closing a
+requirement; format 3 lists what has to be proven, and whether it is.
+"""
 
 _OF_EVENT = frozenset({"kind", "seq", "t"})
 
@@ -97,6 +102,20 @@ class CaseVerdict(Part, frozen=True, kw_only=True):
     verdict: Verdict
 
 
+class Condition(Part, frozen=True, kw_only=True):
+    """Something that must be proven before a requirement can be closed.
+
+    Attributes:
+        name: the kind of condition.
+        proven: whether it is proven.
+        text: what proves it, or why it is not proven.
+    """
+
+    name: str
+    proven: bool
+    text: str
+
+
 class RequirementOutcome(Part, frozen=True, kw_only=True):
     """The outcome of one requirement.
 
@@ -111,7 +130,8 @@ class RequirementOutcome(Part, frozen=True, kw_only=True):
         cases: what each of them says.
         checks: how many checks it got.
         eligible: whether this run can close it.
-        reasons: why not, a sentence each.
+        reasons: why not, a sentence each; those that concern the whole run come first from format 3 on.
+        conditions: what must be proven for this requirement in particular; None in formats 1 and 2.
     """
 
     id: str
@@ -125,9 +145,10 @@ class RequirementOutcome(Part, frozen=True, kw_only=True):
     checks: int
     eligible: bool
     reasons: tuple[str, ...]
+    conditions: tuple[Condition, ...] | None = None
 
 
-class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Outcome(Part, frozen=True, kw_only=True):
     """The results of a run; all of it is derived from the journal and the frozen catalogue.
 
     Attributes:
@@ -141,6 +162,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         requirements: the requirements, by id.
         counts: how many cases have which verdict.
         verdict: the run's verdict.
+        conditions: what must be proven of the run as a whole; None in formats 1 and 2.
     """
 
     format: int
@@ -153,6 +175,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     requirements: tuple[RequirementOutcome, ...]
     counts: Mapping[Verdict, int]
     verdict: Verdict
+    conditions: tuple[Condition, ...] | None = None
 
 
 def write_outcome(outcome: Outcome) -> bytes:
