@@ -15,6 +15,8 @@ from hil.cli.main import main
 from hil.evidence.events import Reached
 from hil.evidence.folder import GUARDIAN, hold
 from hil.evidence.inbox import peek
+from hil.evidence.ledger.book import read
+from hil.evidence.ledger.entries import Acknowledged
 from hil.evidence.package.verification import verify
 from hil.guardian.latch import Latch
 
@@ -92,16 +94,9 @@ def test_the_acknowledgement_of_a_sealed_run_is_in_the_ledger(reports, capsys):
     """Beside the package, which is not changed; nobody's entry is ever in the place of another's."""
     code, out, _ = said(capsys, "ack", SEALED, "--by", "Ada", "--text", TEXT)
     assert code == 0
-    (entry,) = (reports / ".ledger/acknowledgements").iterdir()
-    told = json.loads(entry.read_text())
-    assert f"written to reports/.ledger/acknowledgements/{entry.name}" in out
-    assert {key: told[key] for key in ("format", "run", "by", "text", "why")} == {
-        "format": 1,
-        "run": SEALED,
-        "by": "Ada",
-        "text": TEXT,
-        "why": ["it died"],
-    }
+    (entry,) = read(reports).of(Acknowledged, SEALED)
+    assert f"written to line {entry.seq + 1} of reports/.ledger/ledger.jsonl" in out
+    assert (entry.by, entry.text, entry.why) == ("Ada", TEXT, ("it died",))
     assert verify(reports / SEALED).ok
     assert not latches_of(SEALED)
 
@@ -110,7 +105,7 @@ def test_a_run_that_is_gone_is_acknowledged_in_the_ledger(reports, capsys):
     """Its latch names it, and would stand for ever."""
     (reports / SAFED).rename(reports.parent / "elsewhere")
     assert said(capsys, "ack", str(reports / SAFED), "--by", "Ada", "--text", TEXT)[0] == 0
-    assert len(list((reports / ".ledger/acknowledgements").iterdir())) == 1
+    assert len(read(reports).of(Acknowledged)) == 1
     assert said(capsys, "ack", SAFED, "--by", "Ada", "--text", TEXT)[0] == 4
 
 
@@ -143,29 +138,29 @@ def test_another_user_acknowledges_where_the_bench_allows_it(reports, capsys, mo
         monkeypatch.chdir(theirs)
         with another_user():
             code, _, err = said(capsys, "ack", SAFED, "--by", "Bo", "--text", TEXT)
-        entries = list(theirs.glob("reports/.ledger/acknowledgements/*"))
+        entries = read(theirs / "reports").of(Acknowledged)
         if alone:
-            assert (code, entries) == (4, [])
+            assert (code, entries) == (4, ())
             assert "bench 'battery' was latched by user root, and its file does not let others acknowledge that" in err
             assert "ask root" in err
             assert latches_of(SAFED)
         else:
             assert (code, err) == (0, "")
-            assert [json.loads(entry.read_text())["by"] for entry in entries] == ["Bo"]
+            assert [entry.by for entry in entries] == ["Bo"]
             assert not latches_of(SAFED)
 
 
-@pytest.mark.usefixtures("reports")
-def test_a_ledger_that_cannot_be_written_leaves_the_latch(capsys, monkeypatch):
+def test_a_ledger_that_cannot_be_written_leaves_the_latch(reports, capsys, monkeypatch):
     """What is not evidence has not happened."""
 
     def full(*_, **__):
         raise OSError(28, os.strerror(28))
 
-    monkeypatch.setattr("hil.evidence.ledger.os.link", full)
+    monkeypatch.setattr("hil.evidence.ledger.book.os.fsync", full)
     code, _, err = said(capsys, "ack", SEALED, "--by", "Ada", "--text", TEXT)
     assert code == 4
     assert "the ledger cannot be written: No space left on device" in err
+    assert read(reports).entries == ()
     assert latches_of(SEALED)
 
 

@@ -35,6 +35,7 @@ def command(run: str, by: str, text: str, code: str) -> int:
     """
     if code.strip():
         return _reached(run, by, code)
+    from hil.evidence.ledger.book import ledger_file  # noqa: PLC0415 - heavy
     from hil.evidence.package.listing import shown as printable  # noqa: PLC0415 - heavy
     from hil.executive.ending.acknowledging import acknowledge  # noqa: PLC0415 - heavy
 
@@ -42,7 +43,7 @@ def command(run: str, by: str, text: str, code: str) -> int:
     _tell(folder)
     done = acknowledge(folder, reports_folder(), by=by, text=text)
     if done.entry is not None:
-        click.echo(f"written to {shown(done.entry)}")
+        click.echo(f"written to line {done.entry.seq + 1} of {shown(ledger_file(reports_folder()))}")
     else:
         click.echo("it goes into the journal when the run is resumed or sealed")
     for bench in done.benches:

@@ -17,7 +17,8 @@ from hil.bench.lease import (
 from hil.clock import wall
 from hil.evidence.folder import JOURNAL, is_held, is_run, is_sealed
 from hil.evidence.inbox import post
-from hil.evidence.ledger import ACKNOWLEDGEMENTS, enter
+from hil.evidence.ledger.book import append
+from hil.evidence.ledger.entries import Acknowledged as Entry
 from hil.evidence.safed import guardian_hash, guardian_lines, is_acknowledged, last_act
 from hil.model.errors import Refused
 
@@ -29,10 +30,10 @@ _LOOK_S = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Acknowledged:
-    """The outcome of an acknowledgement: the benches that were latched, and the file of the ledger it is in, if any."""
+    """The outcome of an acknowledgement: the benches that were latched, and the ledger's entry, if there is one."""
 
     benches: tuple[str, ...]
-    entry: Path | None
+    entry: Entry | None
 
 
 def waits_for_ack(folder: Path) -> bool:
@@ -84,8 +85,8 @@ def acknowledge(folder: Path, reports: Path, *, by: str, text: str) -> Acknowled
     if there and not is_sealed(folder) and os.access(folder, os.W_OK):
         post(folder, "ack", by=by, text=text, seen=guardian_hash(folder))
     else:
-        why = [each.why for each in latches]
-        entry = enter(reports, ACKNOWLEDGEMENTS, folder.name, {"by": by, "text": text, "why": why})
+        why = tuple(each.why for each in latches)
+        entry = append(reports, Entry(run=folder.name, by=by, text=text, why=why))
     clear_latches_of(folder.name)
     _wait_for_guardian(folder.name)
     return Acknowledged(tuple(dict.fromkeys(each.bench for each in latches)), entry)

@@ -1,0 +1,324 @@
+"""The ledger's file: append-only lines in a chain, read whole and checked, and the objects that they name."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from hil.clock import wall
+from hil.documents.canonical import JsonError, parse_strict
+from hil.evidence.durable import read_plain, sync_folder, write_whole
+from hil.evidence.ledger.entries import (
+    FORMAT,
+    ZERO,
+    Acknowledged,
+    Entry,
+    Opened,
+    Repaired,
+    decode,
+    encode,
+    line_hash,
+    stamped,
+)
+from hil.model.errors import EvidenceError, Finding
+
+__all__ = [
+    "LEDGER",
+    "Ledger",
+    "append",
+    "append_once",
+    "check",
+    "head",
+    "ledger_file",
+    "put_object",
+    "read",
+    "read_object",
+]
+
+LEDGER = ".ledger"
+_LINES = "ledger.jsonl"
+_OBJECTS = "objects"
+_ACKNOWLEDGEMENTS = "acknowledgements"
+_HASH = re.compile(r"[0-9a-f]{64}")
+_TORN = "the last line is incomplete: its writer was ended; the next entry cuts it off, keeps it and notes it"
+_MEND = "restore the ledger from a copy whose head was published"
+
+_Entry = TypeVar("_Entry", bound=Entry)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ledger:
+    """What a ledger says.
+
+    Attributes:
+        reports: the folder of reports it belongs to.
+        entries: every entry that could be read, in order.
+        hashes: the SHA-256 of every whole line; the last is the head.
+        findings: everything that is wrong with its lines or their chain; a line counts from 1.
+        torn: how many bytes of an incomplete line stand at its end; that is no damage.
+        older: acknowledgements that older versions wrote in files of their own.
+    """
+
+    reports: Path
+    entries: tuple[Entry, ...] = ()
+    hashes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    torn: int = 0
+    older: tuple[Acknowledged, ...] = ()
+
+    @property
+    def head(self) -> str:
+        """The SHA-256 of the last whole line; 64 zeros where there is none."""
+        return self.hashes[-1] if self.hashes else ZERO
+
+    def of(self, kind: type[_Entry], run: str | None = None) -> tuple[_Entry, ...]:
+        """Return the entries of a kind, in order; only those of a run if one is named."""
+        found = (each for each in self.entries if isinstance(each, kind))
+        return tuple(each for each in found if run is None or getattr(each, "run", None) == run)
+
+
+def ledger_file(reports: Path) -> Path:
+    """Return the path of the ledger's lines."""
+    return reports / LEDGER / _LINES
+
+
+def read(reports: Path) -> Ledger:
+    """Read the ledger of a folder of reports and check its chain; without one there are no entries.
+
+    Raises:
+        EvidenceError: if it is there and cannot be read.
+    """
+    path = ledger_file(reports)
+    try:
+        data = read_plain(path)
+    except FileNotFoundError:
+        data = b""
+    except OSError as error:
+        raise EvidenceError(f"{path}: the ledger cannot be read: {error.strerror}", "check who may read it") from error
+    lines, torn = _lines(data)
+    entries: list[Entry] = []
+    findings: list[Finding] = []
+    hashes = [line_hash(line) for line in lines]
+    for number, line in enumerate(lines):
+        try:
+            entry = decode(line)
+        except JsonError as error:
+            findings.append(_finding(number, f"{error.bare}; {_MEND}"))
+            continue
+        entries.append(entry)
+        findings += _misplaced(entry, number, hashes[number - 1] if number else ZERO)
+    older = tuple(_older(reports / LEDGER / _ACKNOWLEDGEMENTS))
+    return Ledger(
+        reports=reports,
+        entries=tuple(entries),
+        hashes=tuple(hashes),
+        findings=tuple(findings),
+        torn=len(torn),
+        older=older,
+    )
+
+
+def head(reports: Path) -> str:
+    """Return the head of the ledger: the SHA-256 of its last whole line, 64 zeros without one.
+
+    Raises:
+        EvidenceError: if it is there and cannot be read.
+    """
+    return read(reports).head
+
+
+def check(reports: Path, published_head: str | None = None) -> tuple[Finding, ...]:
+    """Return everything that is wrong with a ledger and its objects; line, what, and what to do.
+
+    Args:
+        reports: the folder of reports.
+        published_head: a head that was published earlier; the ledger must contain it.
+
+    Raises:
+        EvidenceError: if it is there and cannot be read.
+    """
+    ledger = read(reports)
+    findings = list(ledger.findings)
+    if ledger.torn:
+        findings.append(_finding(len(ledger.hashes), f"{ledger.torn} bytes: {_TORN}"))
+    if published_head is not None and published_head not in {ZERO, *ledger.hashes}:
+        what = f"no line has the published head {published_head}: the ledger was cut off, rewritten or forked"
+        findings.append(_finding(max(len(ledger.hashes) - 1, 0), f"{what}; {_MEND}"))
+    findings += _object_findings(reports, ledger)
+    return tuple(findings)
+
+
+def append(reports: Path, entry: _Entry) -> _Entry:
+    """Append an entry, on the disk when this returns, and return it with its place in the chain.
+
+    Raises:
+        EvidenceError: if the ledger cannot be written, or its last line cannot be read.
+    """
+    with _locked(ledger_file(reports)) as descriptor:
+        return _write(reports, descriptor, entry)
+
+
+def append_once(reports: Path, entry: _Entry, stands: Callable[[Ledger], bool]) -> _Entry | None:
+    """Append an entry unless `stands` says of the ledger, locked by then, that it is there already.
+
+    Raises:
+        EvidenceError: as `append`.
+    """
+    with _locked(ledger_file(reports)) as descriptor:
+        return None if stands(read(reports)) else _write(reports, descriptor, entry)
+
+
+def put_object(reports: Path, data: bytes) -> str:
+    """Keep bytes beside the ledger and return their SHA-256, which is their name.
+
+    Raises:
+        EvidenceError: if they cannot be written.
+    """
+    name = hashlib.sha256(data).hexdigest()
+    path = reports / LEDGER / _OBJECTS / name
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.exists():
+            write_whole(path, data)
+    except OSError as error:
+        raise EvidenceError(f"{path}: the ledger cannot be written: {error.strerror}", "make it writable") from error
+    return name
+
+
+def read_object(reports: Path, name: str) -> bytes:
+    """Return the bytes of an object.
+
+    Raises:
+        EvidenceError: if it is missing, cannot be read, or has other bytes than its name says.
+    """
+    path = reports / LEDGER / _OBJECTS / name
+    if not _HASH.fullmatch(name):
+        raise EvidenceError(f"'{name}' is not the name of an object", "it is a SHA-256 of 64 hexadecimal digits")
+    try:
+        data = read_plain(path)
+    except OSError as error:
+        raise EvidenceError(f"{path}: cannot be read: {error.strerror}", _MEND) from error
+    if hashlib.sha256(data).hexdigest() != name:
+        raise EvidenceError(f"{path}: its bytes were changed: their SHA-256 is not its name", _MEND)
+    return data
+
+
+def _lines(data: bytes) -> tuple[list[bytes], bytes]:
+    """Return the whole lines, newlines included, and what follows the last newline."""
+    *whole, torn = data.split(b"\n")
+    return [line + b"\n" for line in whole], torn
+
+
+def _misplaced(entry: Entry, number: int, before: str) -> Iterator[Finding]:
+    """Say what is wrong with the place of an entry."""
+    if entry.seq != number:
+        yield _finding(number, f"this is entry {entry.seq}: lines were moved, taken out or put in; {_MEND}")
+    if entry.prev != before:
+        yield _finding(number, f"it does not follow from the line before it: the chain is broken here; {_MEND}")
+    if isinstance(entry, Opened) != (number == 0):
+        yield _finding(number, f"a ledger begins with one entry of kind 'opened', and has no other; {_MEND}")
+    elif isinstance(entry, Opened) and entry.format != FORMAT:
+        yield _finding(number, f"the ledger has format {entry.format}, and this version reads {FORMAT}; update hil")
+
+
+def _object_findings(reports: Path, ledger: Ledger) -> Iterator[Finding]:
+    """Give a finding for every object that an entry names, and that is missing or changed."""
+    for entry in ledger.entries:
+        for field in ("object", "statement", "signature"):
+            if name := getattr(entry, field, ""):
+                try:
+                    read_object(reports, name)
+                except EvidenceError as error:
+                    yield _finding(entry.seq, f"its {field} is not there as written: {error}")
+
+
+def _finding(number: int, message: str) -> Finding:
+    return Finding(f"{LEDGER}/{_LINES}", number + 1, 1, message)
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[int]:
+    """Open the ledger's lines to append to them, alone on this machine; whoever else appends waits."""
+    import fcntl  # noqa: PLC0415 - packages are read where there is no fcntl
+
+    descriptor = -1
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield descriptor
+    except OSError as error:
+        raise EvidenceError(f"{path}: the ledger cannot be written: {error.strerror}", "make it writable") from error
+    finally:
+        if descriptor >= 0:
+            os.close(descriptor)
+
+
+def _write(reports: Path, descriptor: int, entry: _Entry) -> _Entry:
+    """Append an entry after the last whole line, and before it what must be said first."""
+    size = os.fstat(descriptor).st_size
+    lines, torn = _lines(os.pread(descriptor, size, 0))
+    seq, prev = _end_of(reports, lines)
+    utc = wall.utc_now()
+    first: list[Entry] = [] if lines else [Opened(format=FORMAT)]
+    if torn:
+        first.append(Repaired(bytes=len(torn), object=put_object(reports, torn)))
+        os.ftruncate(descriptor, size - len(torn))
+    new = b""
+    for each in first:
+        seq, line = seq + 1, encode(stamped(each, seq=seq + 1, prev=prev, utc=utc))
+        new, prev = new + line, line_hash(line)
+    written = stamped(entry, seq=seq + 1, prev=prev, utc=utc)
+    _put(descriptor, new + encode(written))
+    if not lines:
+        sync_folder(ledger_file(reports).parent)
+        sync_folder(reports)
+    return written
+
+
+def _put(descriptor: int, data: bytes) -> None:
+    """Append bytes and sync them; where that fails, nothing of them stays."""
+    size = os.fstat(descriptor).st_size
+    rest = memoryview(data)
+    try:
+        while rest:
+            rest = rest[os.write(descriptor, rest) :]
+        os.fsync(descriptor)
+    except OSError:
+        with suppress(OSError):
+            os.ftruncate(descriptor, size)
+        raise
+
+
+def _end_of(reports: Path, lines: list[bytes]) -> tuple[int, str]:
+    """Return number and hash of the last line; -1 and zeros without one."""
+    if not lines:
+        return -1, ZERO
+    try:
+        decode(lines[-1])
+    except JsonError as error:
+        raise EvidenceError(
+            f"{ledger_file(reports)}:{len(lines)}: nothing can be appended: {error.bare}", _MEND
+        ) from error
+    return len(lines) - 1, line_hash(lines[-1])
+
+
+def _older(place: Path) -> Iterator[Acknowledged]:
+    """Give the acknowledgements of older versions, one file each, as far as they can be read."""
+    for path in sorted(place.glob("*.json")) if place.is_dir() else ():
+        try:
+            said = parse_strict(read_plain(path))
+        except (OSError, JsonError):
+            continue
+        if isinstance(said, dict) and said.get("format") == 1:
+            run, utc, by, text = (str(said.get(name, "")) for name in ("run", "utc", "by", "text"))
+            why = said.get("why")
+            yield Acknowledged(
+                run=run, utc=utc, by=by, text=text, why=tuple(map(str, why)) if isinstance(why, list) else ()
+            )

@@ -1,0 +1,271 @@
+"""The entries of the ledger, each kind a frozen type, and the strict codec of their lines."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Mapping
+from typing import TypeVar
+
+import msgspec
+
+from hil.documents.canonical import JsonError, parse_strict
+from hil.documents.suggest import did_you_mean
+from hil.evidence.events.codec import convert, quick_canonical
+from hil.evidence.events.event import Part
+
+__all__ = [
+    "FORMAT",
+    "KINDS",
+    "ZERO",
+    "Acknowledged",
+    "Approved",
+    "Baseline",
+    "Entry",
+    "Head",
+    "Opened",
+    "Reason",
+    "Repaired",
+    "Sealed",
+    "Signed",
+    "Status",
+    "decode",
+    "encode",
+    "line_hash",
+    "stamped",
+]
+
+FORMAT = 1
+ZERO = "0" * 64
+"""What the first line names in place of the line before it."""
+
+_OWN = re.compile(rb'"own":"([0-9a-f]{64})",')
+
+
+class Entry(Part, frozen=True, kw_only=True, tag_field="kind", tag=str.lower):
+    """One line of the ledger.
+
+    Attributes:
+        seq: the number of the line, from 0; -1 until it is written.
+        prev: the SHA-256 of the line before it, its newline included; 64 zeros in the first.
+        utc: when it was written, ISO 8601.
+        own: the SHA-256 of the line without this member, so that a changed last line is found as well.
+    """
+
+    seq: int = -1
+    prev: str = ""
+    utc: str = ""
+    own: str = ""
+
+    @classmethod
+    def kind(cls) -> str:
+        """Return what the ledger calls entries of this type."""
+        return str(cls.__struct_config__.tag)
+
+
+class Opened(Entry, frozen=True, kw_only=True):
+    """The first line of every ledger.
+
+    Attributes:
+        format: the format of the ledger.
+    """
+
+    format: int
+
+
+class Repaired(Entry, frozen=True, kw_only=True):
+    """An incomplete line at the end was cut off: the process that wrote it was ended.
+
+    Attributes:
+        bytes: how many bytes were cut off.
+        object: the object that keeps them.
+    """
+
+    bytes: int
+    object: str
+
+
+class Head(Entry, frozen=True, kw_only=True):
+    """The end of a run's journal as it was at one moment.
+
+    Attributes:
+        run: the name of the run.
+        events: how many lines the journal had.
+        sha256: the SHA-256 of the last of them, as the next line would name it.
+        state: the state of the run, such as RUNNING or INTERRUPTED.
+    """
+
+    run: str
+    events: int
+    sha256: str
+    state: str
+
+
+class Sealed(Entry, frozen=True, kw_only=True):
+    """A package was sealed.
+
+    Attributes:
+        run: the name of the run.
+        evidence: its evidence digest.
+        content: its content digest.
+        verdict: its verdict.
+        source: where its bytes came from.
+        bench: the bench's name.
+        dut: the serial number of the device under test.
+    """
+
+    run: str
+    evidence: str
+    content: str
+    verdict: str
+    source: str
+    bench: str
+    dut: str
+
+
+class Acknowledged(Entry, frozen=True, kw_only=True):
+    """A named person checked a bench that a run had left by force, after the run could not record that any more.
+
+    Attributes:
+        run: the name of the run.
+        by: who looked.
+        text: what was seen and done.
+        why: why the benches were latched.
+    """
+
+    run: str
+    by: str
+    text: str
+    why: tuple[str, ...] = ()
+
+
+class Signed(Entry, frozen=True, kw_only=True):
+    """A package was signed.
+
+    Attributes:
+        run: the name of the run.
+        evidence: the evidence digest that was signed.
+        principal: whose key it is.
+        statement: the object that holds the signed statement.
+        signature: the object that holds the signature.
+    """
+
+    run: str
+    evidence: str
+    principal: str
+    statement: str
+    signature: str
+
+
+class Approved(Entry, frozen=True, kw_only=True):
+    """A person approved a package.
+
+    Attributes:
+        run: the name of the run.
+        evidence: the evidence digest that was approved.
+        role: the role in which it was approved, such as `quality`.
+        principal: whose key it is.
+        meaning: what the approval means, in the person's words.
+        statement: the object that holds the signed statement.
+        signature: the object that holds the signature.
+    """
+
+    run: str
+    evidence: str
+    role: str
+    principal: str
+    meaning: str
+    statement: str
+    signature: str
+
+
+class Baseline(Entry, frozen=True, kw_only=True):
+    """What a document of the workspace was from this moment on.
+
+    Attributes:
+        subject: which one: `catalogue`, `units`, `instruments` or `signers`.
+        object: the object that holds it.
+    """
+
+    subject: str
+    object: str
+
+
+class Reason(Part, frozen=True, kw_only=True):
+    """Why a requirement has its status.
+
+    Attributes:
+        code: the reason's code.
+        text: the same in a sentence.
+    """
+
+    code: str
+    text: str = ""
+
+
+class Status(Entry, frozen=True, kw_only=True):
+    """The status of a requirement changed.
+
+    Attributes:
+        requirement: its id.
+        status: `open` or `closed`.
+        compliance: `yes`, `no` or `partial`.
+        reasons: why, each with its code.
+        fingerprint: the requirement's fingerprint.
+        evidence: the evidence digests of the packages that it stands on.
+    """
+
+    requirement: str
+    status: str
+    compliance: str = ""
+    reasons: tuple[Reason, ...] = ()
+    fingerprint: str = ""
+    evidence: tuple[str, ...] = ()
+
+
+KINDS: Mapping[str, type[Entry]] = {
+    each.kind(): each for each in (Acknowledged, Approved, Baseline, Head, Opened, Repaired, Sealed, Signed, Status)
+}
+"""The type of every kind of entry, by what the ledger calls it."""
+
+_Entry = TypeVar("_Entry", bound=Entry)
+
+
+def stamped(entry: _Entry, *, seq: int, prev: str, utc: str) -> _Entry:
+    """Return an entry with its place in the chain and its own hash."""
+    placed = msgspec.structs.replace(entry, seq=seq, prev=prev, utc=utc, own="")
+    return msgspec.structs.replace(placed, own=hashlib.sha256(quick_canonical(placed)).hexdigest())
+
+
+def encode(entry: Entry) -> bytes:
+    """Return the line of a stamped entry, with its newline.
+
+    Raises:
+        JsonError: for values that have no canonical JSON.
+    """
+    return quick_canonical(entry) + b"\n"
+
+
+def line_hash(line: bytes) -> str:
+    """Return the SHA-256 of a line, with its newline: what the next line names, and the head of the last."""
+    return hashlib.sha256(line).hexdigest()
+
+
+def decode(line: bytes) -> Entry:
+    """Return the entry in a line, which ends with a newline.
+
+    Raises:
+        JsonError: for what is not a line as `encode` writes it, byte for byte, with its own hash.
+    """
+    text = line.removesuffix(b"\n")
+    parsed = parse_strict(text)
+    if not isinstance(parsed, dict):
+        raise JsonError("expected an object")
+    kind = parsed.get("kind")
+    found = KINDS.get(kind) if isinstance(kind, str) else None
+    if found is None:
+        raise JsonError(f"there are no entries of kind {kind!r}{did_you_mean(str(kind), KINDS)}")
+    entry = convert(parsed, found, str(kind))
+    if quick_canonical(entry) != text or hashlib.sha256(_OWN.sub(b"", text, count=1)).hexdigest() != entry.own:
+        raise JsonError("the line was changed: its own hash is another one")
+    return entry

@@ -1,0 +1,213 @@
+"""The ledger: one chain that only grows, in which every change shows."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from sweeps import sample
+
+from hil.documents.canonical import canonical
+from hil.evidence.ledger.book import append, append_once, check, head, ledger_file, put_object, read, read_object
+from hil.evidence.ledger.entries import (
+    KINDS,
+    Acknowledged,
+    Baseline,
+    Head,
+    Opened,
+    Reason,
+    Repaired,
+    Sealed,
+    Status,
+    encode,
+    stamped,
+)
+from hil.model.errors import EvidenceError
+
+HEAD = Head(run="r1", events=7, sha256="a" * 64, state="RUNNING")
+SEALED = Sealed(
+    run="r1", evidence="b" * 64, content="c" * 64, verdict="PASS", source="simulated", bench="adcs", dut="SIM-1"
+)
+STATUS = Status(requirement="X-1", status="open", compliance="no", reasons=(Reason(code="SIM_ONLY", text="ü"),))
+
+
+@pytest.fixture
+def reports(tmp_path):
+    """Return a folder of reports whose ledger has five lines."""
+    for entry in (HEAD, SEALED, STATUS, Baseline(subject="catalogue", object=put_object(tmp_path, b"all"))):
+        append(tmp_path, entry)
+    return tmp_path
+
+
+def lines(reports):
+    """Return the lines of a ledger."""
+    return ledger_file(reports).read_bytes().splitlines(keepends=True)
+
+
+def put(reports, new):
+    """Write other lines in their place."""
+    ledger_file(reports).write_bytes(b"".join(new))
+
+
+def messages(reports, published=None):
+    """Return line and sentence of everything that is wrong."""
+    return [(each.line, each.message) for each in check(reports, published)]
+
+
+def test_what_was_appended_is_read_again_in_a_chain(reports):
+    """Every line is canonical JSON, names the hash of the line before, and the last is the head."""
+    ledger = read(reports)
+    assert [type(each) for each in ledger.entries] == [Opened, Head, Sealed, Status, Baseline]
+    assert [each.seq for each in ledger.entries] == [*range(5)]
+    assert ledger.of(Head, "r1")[0].sha256 == "a" * 64
+    assert ledger.of(Head, "r2") == ()
+    assert ledger.of(Status)[0].reasons == STATUS.reasons
+    before = "0" * 64
+    for line in lines(reports):
+        assert canonical(json.loads(line)) + b"\n" == line
+        assert json.loads(line)["prev"] == before
+        before = hashlib.sha256(line).hexdigest()
+    assert ledger.head == head(reports) == before
+    assert messages(reports, before) == messages(reports, ledger.hashes[1]) == []
+
+
+def test_without_a_ledger_there_is_nothing_and_nothing_is_made(tmp_path):
+    """Reading leaves no trace."""
+    assert (read(tmp_path).entries, head(tmp_path), check(tmp_path)) == ((), "0" * 64, ())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_any_changed_byte_is_found(reports):
+    """A byte of any line, the last included, or of an object."""
+    good, thing = ledger_file(reports).read_bytes(), b"all"
+    for place in sample(range(len(good)), 40):
+        ledger_file(reports).write_bytes(good[:place] + bytes([good[place] ^ 1]) + good[place + 1 :])
+        assert check(reports), place
+    ledger_file(reports).write_bytes(good)
+    path = reports / ".ledger/objects" / hashlib.sha256(thing).hexdigest()
+    for place in range(len(thing)):
+        path.write_bytes(thing[:place] + bytes([thing[place] ^ 1]) + thing[place + 1 :])
+        ((line, said),) = messages(reports)
+        assert line == 5
+        assert "its bytes were changed" in said
+    path.unlink()
+    assert "cannot be read" in messages(reports)[0][1]
+
+
+def test_a_line_that_was_taken_out_moved_or_put_in_breaks_the_chain(reports):
+    """At the line where it shows."""
+    good = lines(reports)
+    put(reports, [good[0], *good[2:]])
+    mend = "restore the ledger from a copy whose head was published"
+    assert messages(reports)[0] == (2, f"this is entry 2: lines were moved, taken out or put in; {mend}")
+    assert "the chain is broken here" in messages(reports)[1][1]
+    put(reports, [good[0], good[2], good[1], *good[3:]])
+    assert {line for line, _ in messages(reports)} == {2, 3, 4}
+    put(reports, good[1:])
+    assert "a ledger begins with one entry of kind 'opened'" in "".join(said for _, said in messages(reports))
+
+
+def test_a_ledger_that_was_cut_off_or_forked_lacks_the_published_head(reports):
+    """Its own chain is whole; only what was published outside of it shows that."""
+    published = head(reports)
+    good = lines(reports)
+    put(reports, good[:-1])
+    ((line, said),) = messages(reports, published)
+    assert line == 4
+    assert f"no line has the published head {published}: the ledger was cut off, rewritten or forked" in said
+    assert messages(reports) == []
+    append(reports, HEAD)
+    assert messages(reports) == []
+    assert len(messages(reports, published)) == 1
+
+
+def test_a_torn_line_is_cut_off_kept_and_noted_at_the_next_entry(reports):
+    """As after a crash in the middle of an append; until then it is told, and is no entry."""
+    before = head(reports)
+    with ledger_file(reports).open("ab") as stream:
+        stream.write(b'{"kind":"head","ow')
+    assert (head(reports), read(reports).torn, read(reports).findings) == (before, 18, ())
+    assert "the last line is incomplete" in messages(reports)[0][1]
+    append(reports, HEAD)
+    (noted,) = read(reports).of(Repaired)
+    assert (noted.bytes, read_object(reports, noted.object)) == (18, b'{"kind":"head","ow')
+    assert noted.prev == before
+    assert messages(reports, before) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"kind": "heads"}, "there are no entries of kind 'heads', did you mean 'head'?"),
+        ({"kind": 3}, "there are no entries of kind 3"),
+        ({"events": "seven"}, "field 'events' must be a whole number, found text"),
+        ({"more": 1}, "unknown field 'more'"),
+        ({"state": None}, "field 'state' must be text, found null"),
+    ],
+)
+def test_a_line_of_another_kind_or_form_is_told(reports, change, said):
+    """By its line; the others are read all the same."""
+    good = lines(reports)
+    good[1] = canonical(json.loads(good[1]) | change) + b"\n"
+    put(reports, good)
+    assert said in messages(reports)[0][1]
+    assert messages(reports)[0][0] == 2
+    assert len(read(reports).entries) == 4
+
+
+def test_a_format_of_the_future_is_told(tmp_path):
+    """Nothing is guessed."""
+    append(tmp_path, HEAD)
+    put(tmp_path, [encode(stamped(Opened(format=9), seq=0, prev="0" * 64, utc=""))])
+    assert "the ledger has format 9, and this version reads 1; update hil" in messages(tmp_path)[0][1]
+
+
+def test_nothing_is_appended_to_a_damaged_last_line(reports):
+    """A new line would make it look whole."""
+    good = lines(reports)
+    put(reports, [*good[:-1], good[-1].replace(b"catalogue", b"catalogua")])
+    with pytest.raises(EvidenceError, match=r"ledger.jsonl:5: nothing can be appended: the line was changed"):
+        append(reports, HEAD)
+
+
+def test_an_entry_that_stands_is_not_written_again(reports):
+    """Nor do others come in between the look and the entry."""
+    assert append_once(reports, SEALED, lambda ledger: bool(ledger.of(Sealed, "r1"))) is None
+    assert append_once(reports, SEALED, lambda ledger: bool(ledger.of(Sealed, "r2"))).seq == 5
+
+
+def test_writers_at_the_same_time_wait_for_each_other(tmp_path):
+    """The chain stays one."""
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda _: append(tmp_path, HEAD), range(12)))
+    assert check(tmp_path) == ()
+    assert len(read(tmp_path).of(Head)) == 12
+
+
+def test_a_ledger_that_is_no_file_or_cannot_be_written_is_told(tmp_path):
+    """A link in its place is neither read nor written."""
+    (tmp_path / ".ledger").mkdir()
+    ledger_file(tmp_path).symlink_to("/dev/null")
+    with pytest.raises(EvidenceError, match="the ledger cannot be read"):
+        read(tmp_path)
+    with pytest.raises(EvidenceError, match="the ledger cannot be written"):
+        append(tmp_path, HEAD)
+
+
+def test_acknowledgements_of_older_versions_are_read(tmp_path):
+    """They have a file each; what is none is left aside."""
+    place = tmp_path / ".ledger/acknowledgements"
+    place.mkdir(parents=True)
+    old = {"by": "Ada", "format": 1, "run": "r1", "text": "looked", "utc": "2026-01-01T00:00:00Z", "why": ["it died"]}
+    (place / "1-r1.json").write_bytes(canonical(old))
+    (place / "2-r1.json").write_bytes(b"{")
+    assert read(tmp_path).older == (
+        Acknowledged(run="r1", by="Ada", text="looked", utc="2026-01-01T00:00:00Z", why=("it died",)),
+    )
+
+
+def test_every_kind_has_its_name():
+    """The ledger calls an entry by its type, in small letters."""
+    assert {name: kind.__name__.lower() for name, kind in KINDS.items()} == {name: name for name in KINDS}
