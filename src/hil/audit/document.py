@@ -1,0 +1,291 @@
+"""The document that an audit gives: a row per requirement, with everything that keeps it open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+
+import msgspec
+
+__all__ = [
+    "FORMAT",
+    "CloseOut",
+    "Code",
+    "Compliance",
+    "Document",
+    "Evidence",
+    "Gap",
+    "GapKind",
+    "Inputs",
+    "Planning",
+    "Reason",
+    "Row",
+    "Summary",
+]
+
+FORMAT = 1
+"""The number of the document's format."""
+
+
+class Compliance(StrEnum):
+    """Whether a requirement is met, as far as the evidence that counts shows it."""
+
+    YES = "yes"
+    PARTIAL = "partial"
+    """Evidence from hardware is good, but not every condition holds; or part of the children are met."""
+    NO = "no"
+
+
+class CloseOut(StrEnum):
+    """Whether a requirement is closed."""
+
+    OPEN = "open"
+    CLOSED = "closed"
+
+
+class Code(StrEnum):
+    """Why a requirement is open, one code for each condition; declared in the order in which they are told."""
+
+    NO_EVIDENCE = "NO_EVIDENCE"
+    """No package says anything of it."""
+    NO_VERDICT = "NO_VERDICT"
+    """A package says something of it, but its verdict is neither PASS nor RECORDED."""
+    FAILED = "FAILED"
+    """A FAIL from hardware stands, and nothing newer is good."""
+    SUPERSEDED_BY_FAIL = "SUPERSEDED_BY_FAIL"
+    """The evidence is good, and a FAIL from hardware came later."""
+    OPEN_NCR = "OPEN_NCR"
+    """A FAIL from hardware came before the good evidence, and nobody has disposed of it."""
+    NOT_ELIGIBLE = "NOT_ELIGIBLE"
+    """The run itself says why it cannot close the requirement."""
+    SIM_ONLY = "SIM_ONLY"
+    """The evidence is not from hardware."""
+    SUSPECT_REQ = "SUSPECT_REQ"
+    """The meaning of the requirement changed since the evidence was made."""
+    INTEGRITY = "INTEGRITY"
+    """A package is damaged or incomplete, or is not what the ledger saw."""
+    UNKNOWN_TO_LEDGER = "UNKNOWN_TO_LEDGER"
+    """The ledger has no entry of the package's seal."""
+    MISSING_PACKAGE = "MISSING_PACKAGE"
+    """The ledger has the seal of a package that is not there."""
+    UNSIGNED = "UNSIGNED"
+    """The workspace asks for a signature that the package does not have."""
+    AWAITING_APPROVAL = "AWAITING_APPROVAL"
+    """The workspace asks for approvals that the package does not have."""
+    WRONG_DUT = "WRONG_DUT"
+    """The device under test is not one that the register and the plan name."""
+    STALE_DUT = "STALE_DUT"
+    """The device under test changed, or had an event, after the evidence was made."""
+    STALE_CAL = "STALE_CAL"
+    """An instrument was out of calibration when it was used, or the register no longer has it."""
+    CAL_RETRO = "CAL_RETRO"
+    """An instrument was later found out of tolerance, and was used since its last good calibration."""
+    STALE_ANALYSIS = "STALE_ANALYSIS"
+    """The analysis that gave the verdict changed, and was not replayed with the same verdict."""
+    EXPIRED = "EXPIRED"
+    """The evidence is older than the requirement allows."""
+    CHILD_OPEN = "CHILD_OPEN"
+    """A requirement below it is open."""
+    NO_CHILDREN = "NO_CHILDREN"
+    """It is met by the requirements below it, and there are none."""
+
+
+class Reason(msgspec.Struct, frozen=True, kw_only=True, order=True):
+    """One reason why a requirement is open.
+
+    Attributes:
+        code: which condition does not hold.
+        text: the reason as a sentence without a full stop.
+        package: the folder of the package that it speaks of, empty for none.
+        origin: the id of the requirement from which it was inherited, empty where it is the row's own.
+    """
+
+    code: Code
+    text: str
+    package: str = ""
+    origin: str = ""
+
+
+class Evidence(msgspec.Struct, frozen=True, kw_only=True):
+    """What one package says of one requirement.
+
+    Attributes:
+        package: the folder of the package below the reports.
+        digest: its evidence digest, empty if the package is not verified.
+        date: UTC of its end, ISO 8601.
+        verdict: its verdict on the requirement.
+        cases: the ids of the cases that carry the requirement.
+        rev: the revision of the requirement that it was judged against; 0 if it is not recorded.
+        source: where the run's bytes came from.
+        purpose: why the run was made.
+        dut: serial number of the device under test.
+        eligible: whether the run's own results say that it can close the requirement.
+        closes: whether every condition holds for it now, so that it closes the requirement.
+        reasons: why it does not, each with its code.
+    """
+
+    package: str
+    digest: str
+    date: str
+    verdict: str
+    cases: tuple[str, ...]
+    rev: int
+    source: str
+    purpose: str
+    dut: str
+    eligible: bool
+    closes: bool
+    reasons: tuple[Reason, ...] = ()
+
+
+class Planning(msgspec.Struct, frozen=True, kw_only=True):
+    """Where it is planned how a requirement is verified.
+
+    Attributes:
+        plan: the plan's folder, relative to the workspace; empty for a requirement of the workspace.
+        document: the id of the document that the plan's requirements stand for.
+        issue: its issue.
+        place: file and line of the requirement.
+        cases: the cases that carry it, from the newest package or from the plan's sources.
+    """
+
+    plan: str = ""
+    document: str = ""
+    issue: str = ""
+    place: str = ""
+    cases: tuple[str, ...] = ()
+
+
+class Row(msgspec.Struct, frozen=True, kw_only=True):
+    """One requirement: the ten columns of a verification control document.
+
+    Attributes:
+        id: the requirement's id.
+        rev: its revision now.
+        fingerprint: SHA-256 of its meaning now.
+        text: its text.
+        kind: `limit`, `record`, `characterise` or `parent`.
+        source: where it comes from.
+        anomaly: what is wrong with the text at its source.
+        parents: ids of the requirements that it serves.
+        children: ids of the requirements that serve it.
+        level: level of verification, empty if the catalogue does not give it.
+        stage: stage of verification, likewise.
+        method: its verification method.
+        planning: plan, document and cases.
+        evidence: what the packages say of it, the oldest first.
+        compliance: whether it is met.
+        close_out: whether it is closed.
+        reasons: why it is open, all that apply, its own before inherited ones; empty if it is closed.
+        closed_by: the folder of the package that closes it; empty if it is open or closed by its children.
+    """
+
+    id: str
+    rev: int
+    fingerprint: str
+    text: str
+    kind: str
+    method: str
+    source: str = ""
+    anomaly: str = ""
+    parents: tuple[str, ...] = ()
+    children: tuple[str, ...] = ()
+    level: str = ""
+    stage: str = ""
+    planning: Planning = Planning()
+    evidence: tuple[Evidence, ...] = ()
+    compliance: Compliance = Compliance.NO
+    close_out: CloseOut = CloseOut.OPEN
+    reasons: tuple[Reason, ...] = ()
+    closed_by: str = ""
+
+    @property
+    def closed(self) -> bool:
+        """Whether it is closed."""
+        return self.close_out is CloseOut.CLOSED
+
+
+class GapKind(StrEnum):
+    """What is missing between requirements, cases and parents."""
+
+    WITHOUT_CASE = "requirement without case"
+    WITHOUT_REQUIREMENT = "case without requirement"
+    WITHOUT_CHILDREN = "parent without children"
+    NOT_IN_CATALOGUE = "evidence without requirement"
+
+
+class Gap(msgspec.Struct, frozen=True, kw_only=True, order=True):
+    """One gap; `name` is the id of a requirement or of a case, `where` its file or the package that has it."""
+
+    kind: GapKind
+    name: str
+    where: str = ""
+
+
+class Inputs(msgspec.Struct, frozen=True, kw_only=True):
+    """What the document was computed from; equal inputs give equal bytes.
+
+    Attributes:
+        catalogue: SHA-256 over the fingerprints of all requirements.
+        duts: SHA-256 of the register of devices under test, empty without one.
+        instruments: SHA-256 of the register of instruments, empty without one.
+        ledger: head of the ledger, empty without one.
+        entries: how many entries the ledger has up to that head.
+        packages: folder and evidence digest of every package that was read, empty for one that is not verified.
+    """
+
+    catalogue: str
+    duts: str = ""
+    instruments: str = ""
+    ledger: str = ""
+    entries: int = 0
+    packages: Mapping[str, str] = {}
+
+
+class Summary(msgspec.Struct, frozen=True, kw_only=True):
+    """How many requirements there are, by status.
+
+    Attributes:
+        requirements: how many are asked for; withdrawn ones are left out.
+        closed: how many of them are closed.
+        open: how many are open.
+        compliance: how many there are of each compliance.
+        reasons: how many requirements each code keeps open.
+        gaps: how many gaps there are of each kind.
+        on_hardware: ids of the open requirements that simulated evidence alone speaks for, and that the same run
+            on hardware would close.
+    """
+
+    requirements: int
+    closed: int
+    open: int
+    compliance: Mapping[str, int]
+    reasons: Mapping[str, int]
+    gaps: Mapping[str, int]
+    on_hardware: tuple[str, ...] = ()
+
+
+class Document(msgspec.Struct, frozen=True, kw_only=True):
+    """The whole document.
+
+    Attributes:
+        format: the number of its format.
+        workspace: the name of the workspace.
+        as_of: the day at whose end the state is told, ISO 8601; empty for the state now.
+        version: the version of hil that computed it.
+        inputs: what it was computed from.
+        summary: the counts.
+        rows: a row per requirement, by id.
+        gaps: everything that is missing, by kind and name.
+        problems: packages that cannot be used, and what is wrong with the ledger, a sentence each.
+    """
+
+    format: int
+    workspace: str
+    as_of: str
+    version: str
+    inputs: Inputs
+    summary: Summary
+    rows: tuple[Row, ...]
+    gaps: tuple[Gap, ...]
+    problems: tuple[str, ...] = ()
