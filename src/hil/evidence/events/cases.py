@@ -299,9 +299,13 @@ class Check(Event, frozen=True, kw_only=True):
         tur: test uncertainty ratio, null where it has none.
         verdict: the verdict.
         reason: why, empty if it is plain.
-        instruments: the instruments that the case had used.
+        instruments: the instruments behind the value; in packages without `provenance` those that the case had used.
         status: what the analysis says of the number, empty for a word; not in the oldest packages.
         doubts: why the data cannot be trusted, a sentence each.
+        provenance: what the value came from, an entry each: readings, recordings, answers, parameters, analysis; null
+            in packages that do not tell.
+        unproven: why the value itself proves nothing, a sentence each: it came from nowhere, or was changed by hand.
+        uncovered: what no certificate covers, a sentence each; with one of them a guarded check is INCONCLUSIVE.
     """
 
     case: str
@@ -324,8 +328,16 @@ class Check(Event, frozen=True, kw_only=True):
     instruments: tuple[str, ...]
     status: str | None = None
     doubts: tuple[str, ...] = ()
+    provenance: tuple[str, ...] | None = None
+    unproven: tuple[str, ...] = ()
+    uncovered: tuple[str, ...] = ()
 
     synced: ClassVar[bool] = True
+
+    @property
+    def closes_nothing(self) -> tuple[str, ...]:
+        """Why this value can close no requirement, a sentence each, empty if nothing speaks against it."""
+        return self.unproven + self.uncovered
 
 
 class Fault(Event, frozen=True, kw_only=True):
