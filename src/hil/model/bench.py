@@ -12,7 +12,7 @@ from typing import Annotated
 
 from hil.model.cutting import CutPath, WatchAfter
 from hil.model.envelope import EnvelopeLimit
-from hil.model.identity import Identity
+from hil.model.identity import DATE, Day, Identity
 from hil.model.notation import (
     NAMED,
     AnyText,
@@ -56,8 +56,7 @@ __all__ = [
 ]
 
 
-_DATE = r"\d{4}-(0[1-9]|1[0-2])-(0[1-9]|[12]\d|3[01])"
-_EPOCH = rf"{_DATE}T([01]\d|2[0-3]):[0-5]\d:[0-5]\dZ"
+_EPOCH = rf"{DATE}T([01]\d|2[0-3]):[0-5]\d:[0-5]\dZ"
 _Count = Annotated[int, whole(0)]
 
 TERMINATORS = {"LF": b"\n", "CR": b"\r", "CR LF": b"\r\n"}
@@ -95,7 +94,7 @@ class Calibration:
     """An instrument's calibration record; `due` is the last day on which it counts, ISO 8601."""
 
     certificate: Text
-    due: Annotated[str, matching(_DATE, "a date such as 2027-09-30")]
+    due: Day
     ranges: tuple[CalibratedRange, ...]
 
 

@@ -9,7 +9,13 @@ from typing import Annotated
 
 from hil.model.notation import AnyText, Flag, Text, matching
 
-__all__ = ["Dut", "Identity", "Model", "Purpose", "Source"]
+__all__ = ["DATE", "Day", "Dut", "Identity", "Model", "Purpose", "Source", "UnitEvent", "UnitEventKind"]
+
+DATE = r"\d{4}-(0[1-9]|1[0-2])-(0[1-9]|[12]\d|3[01])"
+"""A day as files write it, ISO 8601; every month may have 31 days here."""
+
+Day = Annotated[str, matching(DATE, "a date such as 2027-09-30")]
+"""A day of UTC, ISO 8601."""
 
 
 class Source(StrEnum):
@@ -55,6 +61,47 @@ class Identity:
         return " ".join(part for part in (self.manufacturer, self.model, self.serial) if part) or "nobody"
 
 
+class UnitEventKind(StrEnum):
+    """What was done to a unit under test, or what happened to it."""
+
+    REPAIR = "repair"
+    REWORK = "rework"
+    REFURBISHMENT = "refurbishment"
+    MAINTENANCE = "maintenance"
+    DEMATE = "demate"
+    DESIGN_CHANGE = "design-change"
+    FIRMWARE_UPDATE = "firmware-update"
+    STORAGE = "storage"
+    FLIGHT_USE = "flight-use"
+    OTHER = "other"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnitEvent:
+    """One entry in the history of a unit under test.
+
+    Attributes:
+        kind: what it was.
+        date: the day of UTC on which it happened, or began.
+        until: the day on which it ended, empty if that is the same day.
+        text: what was done and why.
+        reference: the record that says so: a nonconformance report, a work order, a minute.
+        reverify: whether evidence from before it has to be obtained again.
+    """
+
+    kind: UnitEventKind
+    date: Day
+    until: Annotated[str, matching(f"({DATE})?", "a date such as 2027-09-30")] = ""
+    text: Text
+    reference: AnyText = ""
+    reverify: Flag
+
+    @property
+    def last(self) -> str:
+        """The last day of it."""
+        return self.until or self.date
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dut:
     """The device under test: one entry of `fixtures/duts.yaml`.
@@ -68,6 +115,7 @@ class Dut:
         title: what it is, in words.
         simulated: whether it exists in simulated benches only.
         recognised: per device of the bench, what must be read there for this DUT to be the one.
+        events: what has been done to it, in the order of the file.
     """
 
     serial: Annotated[
@@ -81,3 +129,4 @@ class Dut:
     title: AnyText = ""
     simulated: Flag = False
     recognised: Mapping[str, Text] = field(default_factory=dict)
+    events: tuple[UnitEvent, ...] = ()

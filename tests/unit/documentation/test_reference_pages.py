@@ -15,12 +15,14 @@ from hil.model.bench import BenchSpec
 from hil.model.identity import Dut
 from hil.model.notation import UNWRITTEN
 from hil.plugin.plans.case_fixtures import case_fixtures
+from hil.registers import instruments
 from hil.requirements import parameters, schema
 from hil.simulation.registry import PEERS, PLANTS, fault_kinds
 
 ROOT = Path(__file__).parents[3]
 SOURCE = ROOT / "src" / "hil"
 BENCH_FILE = (ROOT / "docs" / "reference" / "bench-file.md").read_text(encoding="utf-8")
+REGISTERS = (ROOT / "docs" / "reference" / "registers.md").read_text(encoding="utf-8")
 PLAN_FILES = (ROOT / "docs" / "reference" / "plan-files.md").read_text(encoding="utf-8")
 CASE_API = (ROOT / "docs" / "reference" / "case-api.md").read_text(encoding="utf-8")
 
@@ -43,7 +45,13 @@ def keys_of(model):
 
 @pytest.mark.parametrize(
     ("model", "page"),
-    [(BenchSpec, BENCH_FILE), (Dut, BENCH_FILE), (schema._Plan, PLAN_FILES), (parameters._File, PLAN_FILES)],
+    [
+        (BenchSpec, BENCH_FILE),
+        (Dut, REGISTERS),
+        (instruments._Register, REGISTERS + BENCH_FILE),
+        (schema._Plan, PLAN_FILES),
+        (parameters._File, PLAN_FILES),
+    ],
 )
 def test_every_declared_key_is_on_its_page(model, page):
     """Whatever key a model declares is named on the page about its file."""

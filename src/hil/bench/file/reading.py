@@ -1,9 +1,8 @@
-"""Read a bench file and the register of devices under test: everything that is wrong at once."""
+"""Read a bench file: everything that is wrong at once."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 from hil.bench.file.checks import check_bench
@@ -13,9 +12,8 @@ from hil.documents.findings import Findings
 from hil.documents.suggest import did_you_mean
 from hil.model.bench import BenchSpec
 from hil.model.errors import ConfigurationError, Refused
-from hil.model.identity import Dut
 
-__all__ = ["Twin", "bench_names", "find_dut", "load_bench", "load_duts"]
+__all__ = ["Twin", "bench_names", "load_bench"]
 
 _BENCH = "hil/bench/1"
 
@@ -95,48 +93,3 @@ def _certificate_problem(folder: Path, certificate: str) -> str:
         reason = getattr(error, "strerror", None) or "its path leads nowhere"
         return f"the certificate '{certificate}' cannot be read: {reason}"
     return ""
-
-
-_DUTS = "hil/duts/1"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Register:
-    """The file of the register."""
-
-    duts: tuple[Dut, ...]
-
-
-def load_duts(path: Path, shown: str, findings: Findings) -> tuple[Dut, ...]:
-    """Read the register and add what is wrong to the findings."""
-    document = read_document(path, shown, findings, _Register, schema=_DUTS)
-    if document is None:
-        return ()
-    duts: dict[str, Dut] = {}
-    for index, dut in enumerate(document.model.duts):
-        if dut.serial and dut.serial in duts:
-            findings.add(
-                document.place(("duts", index, "serial")), f"serial number '{dut.serial}' is in the register twice"
-            )
-        duts.setdefault(dut.serial, dut)
-    return tuple(duts.values())
-
-
-def find_dut(duts: tuple[Dut, ...], serial: str, shown: str) -> Dut:
-    """Return the device of that serial number.
-
-    Raises:
-        Refused: if it is not in the register.
-    """
-    for dut in duts:
-        if dut.serial == serial:
-            return dut
-    known = [dut.serial for dut in duts]
-    if not serial:
-        raise Refused(
-            "no device under test is named", f"add --dut SERIAL; {shown} has {', '.join(known) or 'none yet'}"
-        )
-    raise Refused(
-        f"no device under test '{serial}' in {shown}{did_you_mean(serial, known)}",
-        f"registered are: {', '.join(known) or 'none'}",
-    )

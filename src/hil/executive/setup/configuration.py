@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from hil.bench.binding import check_twin, simulated_twin
-from hil.bench.file.reading import find_dut, load_bench, load_duts
+from hil.bench.file.reading import load_bench
 from hil.bench.live import Reach, reach_of_hardware, reach_of_served
 from hil.documents.findings import Findings
 from hil.documents.suggest import did_you_mean
@@ -18,6 +18,7 @@ from hil.executive.setup.workspace import Workspace, find_workspace
 from hil.model.bench import BenchSpec
 from hil.model.errors import ConfigurationError, Finding, Refused
 from hil.model.identity import Dut, Purpose, Source
+from hil.registers.units import find_dut, load_duts
 from hil.requirements.catalogue import Catalogue, load_catalogue
 from hil.requirements.parameters import Parameters, load_parameters
 

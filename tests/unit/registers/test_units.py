@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from hil.bench.file.reading import find_dut, load_duts
 from hil.documents.findings import Findings
 from hil.model.errors import Refused
-from hil.model.identity import Model
+from hil.model.identity import Model, UnitEventKind
+from hil.registers.units import find_dut, load_duts
 
 HEAD = "schema: hil/duts/1\nduts:\n"
 GOOD = '- {serial: SN-1, part: P-2, model: FM, hardware: "B", firmware: "1.4", recognised: {mag1: LIS3MDL}}\n'
@@ -79,3 +79,47 @@ def test_unknown_article_names_the_nearest(tmp_path):
         find_dut(duts, "SN1", "fixtures/duts.yaml")
     with pytest.raises(Refused, match="registered are: none"):
         find_dut((), "SN1", "fixtures/duts.yaml")
+
+
+EVENT = '{kind: repair, date: "2026-05-02", until: "2026-05-03", text: New connector, reference: NCR-7, reverify: true}'
+
+
+def with_events(*events: str) -> str:
+    """Return the row of an article to which this was done."""
+    return GOOD[:-2].replace("LIS3MDL}", "LIS3MDL}, events: [" + ", ".join(events) + "]}") + "\n"
+
+
+def test_events_of_an_article(tmp_path):
+    """What was done to an article arrives, with its last day."""
+    (dut,), wrong = load(tmp_path, with_events(EVENT, EVENT.replace('until: "2026-05-03", ', "")))
+    assert wrong == []
+    first, second = dut.events
+    assert (first.kind, first.date, first.last, first.reference, first.reverify) == (
+        UnitEventKind.REPAIR,
+        "2026-05-02",
+        "2026-05-03",
+        "NCR-7",
+        True,
+    )
+    assert second.last == "2026-05-02"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("kind: repair", "kind: repairs", "'kind' must be one of repair, rework"),
+        ('"2026-05-02"', '"2026-02-30"', "SN-1: the date 2026-02-30 does not exist"),
+        ("2026-05-03", "2026-05-01", "SN-1: the repair ends on 2026-05-01, before it begins on 2026-05-02"),
+        (", reverify: true", "", "key 'reverify' is missing"),
+        (
+            "NCR-7, reverify: true",
+            '"", reverify: false',
+            "SN-1: the repair of 2026-05-02 leaves earlier evidence valid: give the reference that decided so",
+        ),
+    ],
+)
+def test_wrong_event_has_a_place(tmp_path, old, new, message):
+    """Kinds, days and decisions that cannot be are told with their place; nobody decides without a record."""
+    assert old in EVENT
+    _, wrong = load(tmp_path, with_events(EVENT.replace(old, new)))
+    assert any(message in line and line.startswith("fixtures/duts.yaml:3:") for line in wrong), wrong

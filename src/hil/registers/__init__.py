@@ -1,0 +1,1 @@
+"""The workspace's registers: units under test, and instruments with their certificates."""
