@@ -7,18 +7,19 @@ through `drawn`.
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import select
 import sys
 import threading
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from typing import Any, TextIO, cast
 
 from hil.documents.text import visible
 
-__all__ = ["Display", "displays", "open_standard_streams", "shown_safely"]
+__all__ = ["Display", "Edge", "Unwritten", "displays", "open_standard_streams", "shown_safely"]
 
 _PIECE = 512  # a descriptor that is ready takes so much without waiting
 _MOST_WAITING = 16_000_000
@@ -147,6 +148,69 @@ class _Drawn(io.TextIOBase):
         return self._display.fileno()
 
 
+class Unwritten(BaseException):  # not an Exception: a command that catches those has nobody left to tell
+    """Standard output takes no more: its reader has gone, or its disk is full."""
+
+
+class Edge:
+    """Where what a command says leaves it; a write that fails ends the command, and is told once, by its exit code.
+
+    Args:
+        stream: the standard stream.
+        ends: whether a write that fails raises `Unwritten`; of standard error it does not.
+
+    Attributes:
+        error: why the stream takes no more, None while it does.
+    """
+
+    def __init__(self, stream: TextIO, *, ends: bool) -> None:
+        self._stream = stream
+        self._ends = ends
+        self.error: OSError | None = None
+
+    def write(self, text: str) -> int:
+        """Write a text.
+
+        Raises:
+            Unwritten: if the stream takes no more.
+        """
+        self._try(lambda: self._stream.write(text))
+        return len(text)
+
+    def flush(self) -> None:
+        """Write what waits.
+
+        Raises:
+            Unwritten: if the stream takes no more.
+        """
+        self._try(self._stream.flush)
+
+    def finish(self) -> OSError | None:
+        """Write what waits, and return why not all was written, None if it was; nothing is tried again at the exit."""
+        with suppress(Unwritten):
+            self.flush()
+        if self.error is not None:
+            with suppress(OSError, ValueError):
+                nowhere = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(nowhere, self._stream.fileno())
+                os.close(nowhere)
+        return self.error
+
+    def _try(self, what: Callable[[], object]) -> None:
+        if self.error is None:
+            try:
+                what()
+            except OSError as error:
+                self.error = error
+            except ValueError as error:  # somebody closed it
+                self.error = OSError(errno.EBADF, str(error))
+        if self.error is not None and self._ends:
+            raise Unwritten
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the stream has
+        return getattr(self._stream, name)
+
+
 class _Shown:
     """A text stream of somebody else, through which texts reach a terminal only when they are visible.
 
@@ -174,13 +238,15 @@ class _Shown:
 
 
 @contextmanager
-def shown_safely() -> Iterator[None]:
-    """Put streams that show every text safely in the place of standard output and standard error."""
+def shown_safely() -> Iterator[Edge]:
+    """Put streams that show every text safely in the place of standard output, which is given, and standard error."""
     before = sys.stdout, sys.stderr
-    sys.stdout, sys.stderr = cast("TextIO", _Shown(before[0])), cast("TextIO", _Shown(before[1]))
+    edges = Edge(before[0], ends=True), Edge(before[1], ends=False)
+    sys.stdout, sys.stderr = (cast("TextIO", _Shown(cast("TextIO", edge))) for edge in edges)
     try:
-        yield
+        yield edges[0]
     finally:
+        edges[1].finish()
         sys.stdout, sys.stderr = before
 
 
@@ -208,6 +274,8 @@ def open_standard_streams() -> None:
             os.fstat(descriptor)
         except OSError:
             os.open(os.devnull, os.O_RDWR)
+    sys.stdout = sys.stdout or os.fdopen(1, "w", closefd=False)  # Python has none where the descriptor was closed
+    sys.stderr = sys.stderr or os.fdopen(2, "w", closefd=False)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import signal
 import sys
@@ -12,7 +13,7 @@ from typing import cast
 
 import click
 
-from hil.cli.display import displays, open_standard_streams, shown_safely
+from hil.cli.display import Unwritten, displays, open_standard_streams, shown_safely
 from hil.cli.supervision import Invocation, Word
 from hil.documents.suggest import did_you_mean
 from hil.model.errors import ConfigurationError, HilError
@@ -46,6 +47,7 @@ COMMANDS: Mapping[str, str] = {
 _USAGE = 4
 _INTERRUPTED = 130
 _INTERNAL = 3
+_UNTOLD = 141
 _LONGEST_NAME = 200
 
 
@@ -90,8 +92,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     word = Word.given()
     given = tuple(sys.argv[1:] if arguments is None else arguments)
     if word is None:
-        with shown_safely():
+        with shown_safely() as edge:
             code = _code(Invocation(given, None))
+            if error := edge.finish():
+                untold = _of_output(error)
+                code = untold if code in {0, _UNTOLD} else code  # what happened to a bench outweighs who reads it
         sys.exit(code)
     with displays():
         code = _code(Invocation(given, word))
@@ -121,9 +126,8 @@ def _code(invocation: Invocation) -> int:
         code = _INTERRUPTED
     except MemoryError:
         _say("hil: out of memory", "     nothing that was recorded is lost; hil runs lists the runs")
-    except BrokenPipeError:
-        sys.stderr.close()
-        code = 141
+    except Unwritten:
+        code = _UNTOLD
     except Exception as error:  # noqa: BLE001 - a bug of ours: whoever fixes it needs the traceback
         code = _of_file(error) if isinstance(error, OSError) and error.filename is not None else _internal()
     finally:
@@ -137,6 +141,14 @@ def _of_file(error: OSError) -> int:
     name = str(error.filename)
     shown = name if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]}... ({len(name)} characters)"
     _say(f"hil: {shown}: {error.strerror}", "     check the path and its permissions")
+    return _USAGE
+
+
+def _of_output(error: OSError) -> int:
+    """Return the exit code of a command that could not say what it had to; a reader that has gone is not told."""
+    if error.errno == errno.EPIPE:
+        return _UNTOLD
+    _say(f"hil: standard output could not be written: {error.strerror}", "     free some space, or write elsewhere")
     return _USAGE
 
 

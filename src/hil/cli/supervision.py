@@ -5,6 +5,7 @@ from __future__ import annotations
 import faulthandler
 import os
 import signal
+import stat
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -50,10 +51,10 @@ class Word:
         SIGINT, SIGTERM and SIGHUP are blocked in a supervised process until `listen`, and the death of its
         supervisor is a SIGTERM.
         """
-        variable = os.environ.pop(_VARIABLE, "")
-        if not variable:
+        numbers = _numbers(os.environ.pop(_VARIABLE, ""))
+        if len(numbers) != 2 or not _is_pipe(numbers[1]):  # somebody else set it
             return None
-        supervisor, descriptor = (int(number) for number in variable.split())
+        supervisor, descriptor = numbers
         os.set_inheritable(descriptor, False)
         _end_with(supervisor)
         return cls(descriptor, _onlooker())
@@ -148,11 +149,24 @@ def supervise(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
 
 def _onlooker() -> int | None:
     """Return where somebody waits for the run's folder, once; what is started from here on does not have it."""
-    variable = os.environ.pop(ONLOOKER, "")
-    if not variable:
+    numbers = _numbers(os.environ.pop(ONLOOKER, ""))
+    if len(numbers) != 1 or not _is_pipe(numbers[0]):
         return None
-    os.set_inheritable(int(variable), False)
-    return int(variable)
+    os.set_inheritable(numbers[0], False)
+    return numbers[0]
+
+
+def _numbers(variable: str) -> tuple[int, ...]:
+    """Return the numbers that a variable of the environment holds; none where somebody else wrote it."""
+    words = variable.split()
+    return tuple(map(int, words)) if all(word.isascii() and word.isdigit() for word in words) else ()
+
+
+def _is_pipe(descriptor: int) -> bool:
+    try:
+        return stat.S_ISFIFO(os.fstat(descriptor).st_mode)
+    except (OSError, OverflowError):
+        return False
 
 
 def _wait(child: int, awaited: set[signal.Signals]) -> int:

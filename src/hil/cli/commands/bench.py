@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hil.cli.display import Unwritten
 from hil.cli.options import SERVED
 from hil.model.identity import Source
 
@@ -63,7 +64,7 @@ def safe(name: str, source: str, served: Path | None) -> int:
     proven = True
     for result in safe_bench(Path.cwd(), name, Source(source), served=served, tell=_tell_beside):
         proven = proven and result.ok
-        click.echo(f"{'safe    ' if result.ok else 'NOT SAFE'}  {result.output} {result.state}: {result.detail}")
+        _say(f"{'safe    ' if result.ok else 'NOT SAFE'}  {result.output} {result.state}: {result.detail}")
     return 0 if proven else _UNSAFE
 
 
@@ -73,7 +74,7 @@ def _tell(gate: Gate) -> None:
 
 def _say(line: str) -> None:
     """Say a line; whether anybody reads it changes nothing of a bench that is being driven."""
-    with suppress(OSError, ValueError):
+    with suppress(Unwritten):
         click.echo(line)
 
 
