@@ -10,12 +10,14 @@ from typing import Any
 
 import click
 
+from hil.bench.lease import holds_a_lease
 from hil.cli.run_names import latch_word
 from hil.clock import wall
 from hil.evidence.package.listing import shown
 from hil.evidence.package.look import look
 from hil.evidence.package.verification import in_short
 from hil.evidence.runs import RunSummary, status
+from hil.evidence.safed import guardian_lines, last_act
 from hil.plugin.terminal.progress import Progress, drawn
 from hil.report.live.following import Follower
 from hil.report.live.lines import facts, one_line, reading_lines
@@ -69,10 +71,24 @@ def _document(follower: Follower, found: RunSummary, *, goes_on: bool) -> dict[s
         "stopped": found.stopped,
         "verdict": found.verdict,
         "latched": bool(latch_word(found.folder)),
+        "guardian": _guardian(found.folder),
         "age": found.age,
         "last_event": follower.last_utc,
     }
     return {**head, **facts(follower.outlook, follower.readings() if goes_on else [])}
+
+
+def _guardian(folder: Path) -> dict[str, Any] | None:
+    """Return how the guardian's last act stands, None if it did not act; `unproven` is None before its first proof."""
+    act = last_act(guardian_lines(folder))
+    if act is None:
+        return None
+    return {
+        "since": act.since,
+        "safe": act.safe,
+        "unproven": None if act.unproven is None else list(act.unproven),
+        "at_work": not act.finished and holds_a_lease(folder.name),
+    }
 
 
 def _in_lines(follower: Follower, pause: Pause) -> None:

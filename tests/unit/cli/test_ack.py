@@ -88,6 +88,7 @@ def test_the_acknowledgement_of_an_open_run_waits_in_its_inbox(reports, capsys):
     assert not latches_of(SAFED)
     assert latches_of(SEALED)
     assert "nothing waits for an acknowledgement" in said(capsys, "ack", "cd60b0", "--by", "A", "--text", "b")[2]
+    assert "nothing waits for an acknowledgement" in said(capsys, "ack", "cd60b0")[2]
 
 
 def test_the_acknowledgement_of_a_sealed_run_is_in_the_ledger(reports, capsys):
@@ -179,6 +180,18 @@ def test_a_latched_run_is_told_wherever_runs_are_told(capsys):
     assert json.loads(said(capsys, "status", SAFED, "--json")[1])["latched"] is False
 
 
+def test_a_guardian_that_has_just_begun_is_told(reports, capsys):
+    """It has not had the time to prove anything, which is not the same as having no proof."""
+    del reports
+    lease = Lease(["/dev/psu"], "a run of battery")
+    lease.name(SAFED)
+    begun = "making the bench safe since 2026-11-21 10:00:07.250 UTC; nothing is proven yet"
+    assert f"guardian    {begun}" in said(capsys, "status", SAFED)[1]
+    assert json.loads(said(capsys, "status", SAFED, "--json")[1])["guardian"]["unproven"] is None
+    lease.release()
+    assert "guardian    no proof is on record" in said(capsys, "status", SAFED)[1]
+
+
 def test_a_guardian_that_keeps_trying_is_told_and_can_be_acknowledged(reports, capsys, monkeypatch):
     """With its outputs, since when, and its process; the bench is free once it has left."""
     monkeypatch.setattr("hil.executive.ending.acknowledging.wall.pause", lambda _: lease.release())
@@ -186,6 +199,8 @@ def test_a_guardian_that_keeps_trying_is_told_and_can_be_acknowledged(reports, c
     journal.write_text(ACTED + TRYING)
     lease = Lease(["/dev/psu"], "a run of battery")
     lease.name(SAFED)
+    told = {"since": "2026-11-21T10:00:07.250000Z", "safe": False, "unproven": ["tec"], "at_work": True}
+    assert json.loads(said(capsys, "status", SAFED, "--json")[1])["guardian"] == told
     out = said(capsys, "status", SAFED)[1]
     assert "state       INTERRUPTED" in out
     assert "guardian    trying since 2026-11-21 10:00:07.250 UTC (process 71); NOT PROVEN SAFE: tec" in out

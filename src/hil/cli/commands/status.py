@@ -118,6 +118,8 @@ def _guardian(folder: Path) -> str:
     what = "no proof is on record" if act.unproven is None else f"NOT PROVEN SAFE: {', '.join(act.unproven)}"
     if act.finished or not holds_a_lease(folder.name):
         return what
+    if act.unproven is None:
+        return f"making the bench safe since {moment(act.since)}; nothing is proven yet"
     process = f" (process {act.pid})" if act.pid else ""
     return f"trying since {moment(act.since)}{process}; {what}"
 

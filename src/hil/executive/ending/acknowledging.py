@@ -71,15 +71,15 @@ def acknowledge(folder: Path, reports: Path, *, by: str, text: str) -> Acknowled
         EvidenceError: if it cannot be written down; the latches are then still there.
     """
     by, text = by.strip(), text.strip()
-    if not by or not text:
-        missing = " and ".join(name for name, value in (("--by NAME", by), ("--text TEXT", text)) if not value)
-        raise Refused(f"an acknowledgement needs {missing}", ack_line(folder.name))
     files = latches_of(folder.name)
     latches = tuple(files.values())
     _require_over(folder)
     there = (folder / JOURNAL).is_file()
     if not latches and not (there and waits_for_ack(folder)):
         raise Refused(f"{folder.name}: nothing waits for an acknowledgement", "hil status shows the state of a run")
+    if not by or not text:
+        missing = " and ".join(name for name, value in (("--by NAME", by), ("--text TEXT", text)) if not value)
+        raise Refused(f"an acknowledgement needs {missing}", ack_line(folder.name))
     require_clearable(files)
     entry = None
     if there and not is_sealed(folder) and os.access(folder, os.W_OK):
