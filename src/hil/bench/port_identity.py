@@ -111,7 +111,8 @@ def check_port(
 
 def _onboard_gate(name: str, port: str, device: str, expected: OnboardPort, found: Uart | None) -> Gate:
     if found is None:
-        return Gate(name, ok=False, detail=f"at {port} there is no UART of this computer's own")
+        there = "there is no such device" if not os.path.exists(device) else "what is there is no UART of this computer's own"
+        return Gate(name, ok=False, detail=f"{port}: {there}")
     problem = difference(expected, found)
     return Gate(name, ok=not problem, detail=problem or f"{device} is {found.devices[0]}, driver {found.driver}")
 

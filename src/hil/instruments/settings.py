@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import TypeVar
 
 from hil.documents.declared import Invalid, Problem, validated
@@ -49,6 +49,9 @@ def fits(wire: Wire, driver: str, roles: Collection[str], channels: Sequence[int
         )
     if wire.channel and not channels:
         raise Refused(f"wiring {wire.name}: the instrument of {driver} has no channels", "leave `channel` out")
+    if channels and not wire.channel:
+        named = " or ".join(f"`channel: {channel}`" for channel in channels)
+        raise Refused(f"wiring {wire.name}: the instrument of {driver} has channels, and none is named", f"write {named}")
     if channels and wire.channel not in channels:
         raise Refused(
             f"wiring {wire.name}: the instrument of {driver} has no channel {wire.channel}",
@@ -69,7 +72,15 @@ def read(wire: Wire, model: type[_Model]) -> _Model:
     try:
         return validated(model, wire.settings, f"wiring {wire.name}", ("settings",))
     except Invalid as error:
-        raise WrongSettings(wire, error.problems) from error
+        raise WrongSettings(wire, tuple(_told(wire, model, problem) for problem in error.problems)) from error
+
+
+def _told(wire: Wire, model: type, problem: Problem) -> Problem:
+    """Name wire and driver where a key is unknown: another driver may know it."""
+    if not problem.of_key:
+        return problem
+    known = ", ".join(each.metadata.get("alias", each.name) for each in fields(model)) or "no settings"
+    return replace(problem, message=f"wiring {wire.name}: {problem.message} (its driver takes {known})")
 
 
 def wrong(wire: Wire, key: str, message: str) -> WrongSettings:

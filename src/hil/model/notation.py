@@ -258,13 +258,13 @@ def _whole(value: object, minimum: int | None = None, maximum: int | None = None
     return _within(found, -math.inf if minimum is None else minimum, math.inf if maximum is None else maximum)
 
 
-def _within(value: _Real, minimum: float, maximum: float, above: float = -math.inf) -> _Real:
+def _within(value: _Real, minimum: float, maximum: float, above: float = -math.inf, unit: str = "") -> _Real:
     if value < minimum:
-        raise Complaint(f"must be at least {minimum:.15g}")
+        raise Complaint(f"must be at least {minimum:.15g} {unit}".rstrip())
     if value > maximum:
-        raise Complaint(f"must be at most {maximum:.15g}")
+        raise Complaint(f"must be at most {maximum:.15g} {unit}".rstrip())
     if not value > above:
-        raise Complaint(f"must be above {above:.15g}")
+        raise Complaint(f"must be above {above:.15g} {unit}".rstrip())
     return value
 
 
@@ -291,7 +291,7 @@ def _measured(value: object, unit: str, bounds: tuple[float, float, float], choi
         raise Complaint(f"must be a number in {unit}, like '5.5 {unit}'" if unit else "must be a number")
     if choices and float(number) not in choices:
         raise Complaint(f"must be one of {', '.join(f'{choice:g}' for choice in choices)} {unit}".rstrip())
-    return _within(float(number), *bounds)
+    return _within(float(number), *bounds, unit)
 
 
 def _flag(value: object) -> bool:

@@ -113,8 +113,10 @@ def test_the_declared_uart_is_opened_and_no_other_kind(monkeypatch, system):
     gate = gate_of(monkeypatch, system, "/dev/ttyAMA0", onboard=declared)
     assert (gate.ok, gate.detail) == (True, "/dev/ttyAMA0 is fe201000.serial, driver uart-pl011")
     assert not gate_of(monkeypatch, system, "/dev/ttyAMA0", onboard=replace(declared, driver="other")).ok
-    usb = gate_of(monkeypatch, system, "/dev/ttyUSB0", onboard=declared)
-    assert (usb.ok, usb.detail) == (False, "at /dev/ttyUSB0 there is no UART of this computer's own")
+    other = gate_of(monkeypatch, system, "/dev/null", onboard=declared)
+    assert (other.ok, other.detail) == (False, "/dev/null: what is there is no UART of this computer's own")
+    gone = gate_of(monkeypatch, system, "/dev/ttyGONE0", onboard=declared)
+    assert (gone.ok, gone.detail) == (False, "/dev/ttyGONE0: there is no such device")
 
 
 def test_a_uart_is_no_usb_device(monkeypatch, system):

@@ -130,7 +130,7 @@ def test_what_the_wiring_says_about_numbers():
         ({"range": "300"}, "'range' must be one of .* deg/s"),
         ({"rate": "2000"}, "'rate' must be one of .* Hz"),
         ({"bandwidth": "30"}, "'bandwidth' must be one of .*10, 20, 25, 40, 50, 80, 100.* Hz"),
-        ({"range": "300", "lien": "1"}, "'range' must be one of .*; unknown key 'lien', did you mean 'line'"),
+        ({"range": "300", "lien": "1"}, "'range' must be one of .*: unknown key 'lien', did you mean 'line'"),
         ({"line": "-1"}, "'line' must be at least 0"),
         ({"line": "0.5"}, "'line' must be a whole number"),
     ],

@@ -253,9 +253,9 @@ def test_the_mode_of_an_output_that_is_off_is_off():
     ("wire", "sentence"),
     [
         (Wire(role="relays", instance="", instrument="psu1"), "does not fill the role relays"),
-        (Wire(role="supply", instance="coil", instrument="psu1"), "has no channel 0"),
+        (Wire(role="supply", instance="coil", instrument="psu1"), "has channels, and none is named"),
         (Wire(role="supply", instance="coil", instrument="psu1", channel=4), "has no channel 4"),
-        (coil(overvoltage="5.5"), "unknown key 'overvoltage', did you mean 'over_voltage'"),
+        (coil(overvoltage="5.5"), r"wiring supply.coil: unknown key .* \(its driver takes over_voltage"),
         (coil(over_voltage="much"), "'over_voltage' must be a number in V, like '5.5 V', found \"much\""),
         (coil(over_voltage="nan"), "'over_voltage' must be a number in V"),
     ],
