@@ -116,17 +116,20 @@ BODIES = {
 }
 """What the case does, where that is what ends it."""
 
+ASKING = 'begun()\noperator.confirm("Is every fan turning?", name="fans")'
+"""A case that waits for a person, with every output on."""
+
 _ASKED = ("ctrl-c", "two ctrl-c", "sigterm", "sighup")
 _BROKEN = ("killed", "crashed", "hung", "one instant")
 
 ROWS = [
-    *product(("arming", "check", "case", "safe-off"), _ASKED),
-    *product(("arming", "check", "case", "safe-off"), _BROKEN),
+    *product(("arming", "check", "case", "prompt", "safe-off"), _ASKED),
+    *product(("arming", "check", "case", "prompt", "safe-off"), _BROKEN),
     *product(("arming", "case"), ("supervisor killed",)),
     ("case", "endless loop"),
     ("case", "endless call"),
 ]
-"""Every phase in which an ending is tried: arming, an energised check, a case, the way to the safe state."""
+"""Every phase in which an ending is tried: arming, an energised check, a case, a prompt, the way to safe."""
 
 FEW = [
     ("arming", "ctrl-c"),
@@ -135,6 +138,7 @@ FEW = [
     ("case", "endless loop"),
     ("case", "endless call"),
     ("case", "supervisor killed"),
+    ("prompt", "hung"),
 ]
 """Those that are tried without a soak; `test_live_endings` tries more."""
 
@@ -164,6 +168,9 @@ def begun(phase: str, bench, workspace) -> Iterator[Target]:
             seconds_until(bench.on, 60.0, "an output on")
         else:
             seconds_until(sign.exists, 120.0, "the case's outputs on")
+        if phase == "prompt":
+            journal = workspace.folders()[-1] / "data/journal.jsonl"
+            seconds_until(lambda: '"kind":"question"' in journal.read_text(), 10.0, "a question")
         if phase == "safe-off":
             target.send(signal.SIGINT)
         yield target
@@ -196,7 +203,8 @@ def test_an_ending(tmp_path, bench, phase, name, attempt):
     del attempt
     ending = ENDINGS[name]
     changes = {'dew_point: "4"': 'dew_point: "4"\n  longest_computation: 1 s'}
-    workspace = live_workspace(tmp_path / "w", BODIES.get(name, "clock.sleep(36000.0)"), changes)
+    body = ASKING if phase == "prompt" else BODIES.get(name, "clock.sleep(36000.0)")
+    workspace = live_workspace(tmp_path / "w", body, changes)
     with begun(phase, bench, workspace) as target:
         ending.end(target)
         if name not in NO_SAFER:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Protocol
 
 from hil.bench.bound import BoundBench
@@ -111,8 +112,9 @@ def check_port(
 
 def _onboard_gate(name: str, port: str, device: str, expected: OnboardPort, found: Uart | None) -> Gate:
     if found is None:
-        there = "there is no such device" if not os.path.exists(device) else "what is there is no UART of this computer's own"
-        return Gate(name, ok=False, detail=f"{port}: {there}")
+        there = Path(device).exists()
+        what = "what is there is no UART of this computer's own" if there else "there is no such device"
+        return Gate(name, ok=False, detail=f"{port}: {what}")
     problem = difference(expected, found)
     return Gate(name, ok=not problem, detail=problem or f"{device} is {found.devices[0]}, driver {found.driver}")
 

@@ -51,7 +51,9 @@ def fits(wire: Wire, driver: str, roles: Collection[str], channels: Sequence[int
         raise Refused(f"wiring {wire.name}: the instrument of {driver} has no channels", "leave `channel` out")
     if channels and not wire.channel:
         named = " or ".join(f"`channel: {channel}`" for channel in channels)
-        raise Refused(f"wiring {wire.name}: the instrument of {driver} has channels, and none is named", f"write {named}")
+        raise Refused(
+            f"wiring {wire.name}: the instrument of {driver} has channels, and none is named", f"write {named}"
+        )
     if channels and wire.channel not in channels:
         raise Refused(
             f"wiring {wire.name}: the instrument of {driver} has no channel {wire.channel}",
