@@ -26,6 +26,7 @@ __all__ = [
     "PARAMETERS",
     "RECORDINGS",
     "REPORT",
+    "REPORT_FILES",
     "RESERVE",
     "RESULTS",
     "SEAL",
@@ -52,6 +53,8 @@ TRANSCRIPT = "data/transcript.tsv"
 RECORDINGS = "data/recordings"
 ATTACHMENTS = "data/attachments"
 REPORT = "data/report"
+REPORT_FILES = ("junit.xml", "report.html")
+"""What the report consists of; everything else in its folder came from elsewhere."""
 INBOX = "inbox"
 INBOX_FILES = "inbox/files"
 RESERVE = "reserve.bin"

@@ -14,6 +14,7 @@ from hil.evidence.events import Check, End, Frozen, Recovered, Results, Run
 from hil.evidence.folder import ATTACHMENTS, CALIBRATION, CATALOGUE, JOURNAL, PARAMETERS, RECORDINGS, RESULTS
 from hil.evidence.journal.reader import JournalReading
 from hil.evidence.package.bag import INFO, identifier_of, is_named
+from hil.evidence.package.introduced import introduced_findings
 from hil.evidence.package.judging import judge_again
 from hil.evidence.package.listing import shown
 from hil.evidence.package.sealing import info_of
@@ -45,6 +46,7 @@ def content_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> I
         _journal_findings,
         _info_findings,
         _file_findings,
+        introduced_findings,
         _begun_findings,
         _results_findings,
         _recording_findings,

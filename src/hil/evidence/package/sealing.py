@@ -24,6 +24,7 @@ from hil.evidence.package.bag import (
     write_manifests,
 )
 from hil.evidence.package.contents import Package
+from hil.evidence.package.introduced import set_aside, strangers
 from hil.evidence.package.listing import list_folder, shown
 from hil.evidence.recordings.hdf5 import convert
 from hil.evidence.recordings.rows import Rows
@@ -108,7 +109,8 @@ def _write_results(folder: Path, journal: Journal) -> None:
         journal.write(event_of(message), journal.last_t, beside=message.beside)
     reading = read_journal(folder / JOURNAL)
     journal.sync()  # rows are removed below, and their hashes stand in the ends of the recordings
-    if wrong := _convert_all(folder, fold(reading.events)):
+    wrong = _convert_all(folder, fold(reading.events))
+    if wrong := [*wrong, *set_aside(folder, reading)]:
         for text in wrong:
             journal.write(events.Anomaly(text=text), journal.last_t)
         reading = read_journal(folder / JOURNAL)
@@ -290,6 +292,8 @@ def _seal_as_it_is(folder: Path, write_reports: ReportWriter) -> str:
     if not reading.lines:
         raise Refused(f"{folder.name}: nothing was recorded", "the folder can be deleted")
     state = fold(reading.events)
+    if state.results:
+        _require_known(folder, reading)
     if state.end:
         if lost := list(lost_files(folder, reading)):
             more = f", and {len(lost) - 1} more" if len(lost) > 1 else ""
@@ -306,6 +310,20 @@ def _seal_as_it_is(folder: Path, write_reports: ReportWriter) -> str:
             journal.write(events.Recovered(torn_bytes=torn, text=text), journal.last_t)
         _end_recordings(folder, journal, state)
         return seal(folder, journal, exit_code=EXIT_CODE, write_reports=write_reports)
+
+
+def _require_known(folder: Path, reading: JournalReading) -> None:
+    """Refuse files that came after the last event that could tell of them.
+
+    Raises:
+        EvidenceError: with the first of them.
+    """
+    here = (path for path in list_folder(folder).files if not path.endswith(PART))
+    if path := next(strangers(reading, here), ""):
+        raise EvidenceError(
+            f"{folder.name}: cannot seal: {shown(path)}: no event of the journal introduced this file",
+            "move it out of the run's folder, and seal again",
+        )
 
 
 def _end_recordings(folder: Path, journal: Journal, state: RunState) -> None:

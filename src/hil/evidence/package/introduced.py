@@ -1,0 +1,124 @@
+"""Which event of the journal brought every file into a package; what none did is no evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from hil.evidence.durable import PART, sha256_of, sync_folder
+from hil.evidence.events import Acknowledged, End, Event, Frozen, Gate, Recovered, Results, Resumed, Run
+from hil.evidence.folder import (
+    ATTACHMENTS,
+    GUARDIAN,
+    JOURNAL,
+    RECORDINGS,
+    REPORT,
+    REPORT_FILES,
+    RESULTS,
+    TORN,
+    TRANSCRIPT,
+)
+from hil.evidence.journal.reader import JournalReading
+from hil.evidence.package.bag import is_named, payload_of
+from hil.evidence.package.listing import list_folder, shown
+from hil.evidence.state import fold
+from hil.model.errors import Finding
+
+__all__ = ["ASIDE", "introduced_findings", "set_aside", "strangers"]
+
+ASIDE = ".aside"
+"""The folder beside the packages for what lay in a run's folder and was no evidence."""
+
+_FROZEN = ("data/bench/", "data/catalogue/", "data/sources/", "data/dut.json", "data/place.json", "data/software.json")
+"""What is frozen before the first event, and is all that there is of a run that was killed before the second."""
+
+_SHORT = 12
+
+
+def strangers(reading: JournalReading, files: Iterable[str]) -> Iterator[str]:
+    """Give those files below `data` that no event introduced.
+
+    Args:
+        reading: the run's journal.
+        files: paths below the run's folder.
+    """
+    known = set(_introduced(reading))
+    frozen = not any(isinstance(event, Frozen) for event in reading.events)
+    reports = {f"{REPORT}/{name}" for name in REPORT_FILES}
+    for path in payload_of(files):
+        if path not in known | reports and not (frozen and path.startswith(_FROZEN)):
+            yield path
+
+
+def introduced_findings(_: Path, reading: JournalReading, hashes: Iterable[str]) -> Iterator[Finding]:
+    """Give a finding for every file that was sealed, and that no event introduced; those that came later are told."""
+    last = reading.lines[-1] if reading.lines else None
+    named = last.wall.get("files") if last and isinstance(last.event, End) else None
+    if reading.findings or not isinstance(named, dict):
+        return  # which events there were is not known
+    for path in strangers(reading, (path for path in hashes if path in named or not is_named(path))):
+        yield Finding(shown(path), 0, 0, "no event of the journal introduced this file")
+
+
+def set_aside(folder: Path, reading: JournalReading) -> list[str]:
+    """Move what no event introduced out of a run's folder before its seal; return a sentence for each file.
+
+    Nothing is lost: it lies in the folder `.aside` beside the run's, below the run's name.
+
+    Raises:
+        OSError: if a file cannot be moved.
+    """
+    told = []
+    rows = {f"{RECORDINGS}/{name}.rows" for name in fold(reading.events).recordings}
+    waiting = [path for path in list_folder(folder).files if not path.endswith(PART) and path not in rows]
+    for path in strangers(reading, waiting):
+        size, digest = (folder / path).stat().st_size, sha256_of(folder / path)
+        place = _free(folder.parent / ASIDE / folder.name / path)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).rename(place)
+        sync_folder(place.parent)
+        told.append(
+            f"{shown(path)}: no event introduced this file ({size} bytes, SHA-256 {digest[:_SHORT]}...); it is no"
+            f" evidence, and was set aside in {shown(place.relative_to(folder.parent).as_posix())}"
+        )
+    return told
+
+
+def _free(place: Path) -> Path:
+    """Return a place at which nothing lies: an earlier seal may have set a file of this name aside."""
+    number = 1
+    while (found := place if number == 1 else place.with_name(f"{place.name}.{number}")).exists():
+        number += 1
+    return found
+
+
+def _introduced(reading: JournalReading) -> Iterator[str]:
+    """Give every path below `data` that an event stands for."""
+    yield JOURNAL
+    for line in reading.lines:
+        event = line.event
+        if isinstance(event, Frozen):
+            beside = line.wall.get("files")
+            yield from (*event.files, *(beside if isinstance(beside, dict) else ()))
+    state = fold(reading.events)
+    yield from (f"{RECORDINGS}/{name}.h5" for name in state.recordings)
+    yield from (f"{ATTACHMENTS}/{event.file}" for event in state.attachments)
+    yield from _alone(reading.events)
+
+
+def _alone(events: Sequence[Event]) -> Iterator[str]:
+    """Give the files of which there is one."""
+    for event in events:
+        match event:
+            case Run():
+                yield TRANSCRIPT
+                if event.live is not None:
+                    yield GUARDIAN
+            case Gate() if event.name.partition(":")[0] == "guardian":
+                yield GUARDIAN
+            case Acknowledged() if event.guardian:
+                yield GUARDIAN
+            case Recovered() | Resumed() if event.torn_bytes:
+                yield TORN
+            case Results():
+                yield RESULTS
