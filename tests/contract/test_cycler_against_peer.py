@@ -30,7 +30,7 @@ def begun(bench, cycles=1, rest=0.0, **limits):
 def test_a_whole_test_of_level_2():
     """Prepared, started, followed to its end: phases, cycles and states are the device's, every line comes."""
     with cycler(lines=3) as bench:
-        assert bench.driver.identify() == Identity(model="hil-cycler", serial="C0001", firmware="1.0.0")
+        assert bench.driver.identify() == Identity(model="hil-cycler", serial="C0001", firmware="SIM.0")
         assert bench.driver.outlets() == (Outlet(0, on=False),)
         assert (bench.role.level(), bench.role.state()) == ("2.0", "idle")
         begun(bench, cycles=2, rest=5.0)

@@ -42,16 +42,16 @@ def wire(decimals):
 
 
 def test_identity_and_outlet():
-    """Type code and version read like model and version; in standby its output is off."""
+    """The type code reads like the model, and the version says that it is simulated; in standby its output is off."""
     with controller() as (driver, _):
-        assert driver.identify() == Identity(model="3216", firmware="1.11")
+        assert driver.identify() == Identity(model="3216", firmware="SIMULATED")
         assert driver.outlets() == (Outlet(0, on=False),)
 
 
 def test_another_type_is_not_taken_for_it():
     """A controller of another series says so."""
     with controller(faults=[{"kind": "identity", "value": "0x2480"}]) as (driver, _):
-        assert driver.identify() == Identity(model="type code 0x2480", firmware="1.11")
+        assert driver.identify() == Identity(model="type code 0x2480", firmware="SIMULATED")
 
 
 def test_the_whole_role():

@@ -60,7 +60,7 @@ def test_identity_and_outlets():
     """Only the channel that was switched on is on."""
     with supply(serial="MY59002391") as (driver, _):
         assert driver.identify() == Identity(
-            manufacturer="Keysight Technologies", model="E36312A", serial="MY59002391", firmware="2.1.0-1.0.4-1.12"
+            manufacturer="Keysight Technologies", model="E36312A", serial="SIM-MY59002391", firmware="2.1.0-1.0.4-1.12"
         )
         output = driver.role(coil())
         output.configure(1.0, 0.1)

@@ -34,7 +34,7 @@ def test_the_whole_role_on_a_healthy_table():
 def test_identity_is_controller_and_stage():
     """Version of the controller, serial number of the stage."""
     with table(truth={"serial": "SN77"}) as (_, _, _, driver):
-        assert driver.identify() == Identity(model="ESP301", serial="SN77", firmware="3.0.1 6/1/99")
+        assert driver.identify() == Identity(model="ESP301", serial="SN77", firmware="SIM.1 6/1/99")
 
 
 def test_a_table_found_on_is_told():
@@ -194,12 +194,12 @@ def test_the_plant_is_not_disturbed_by_being_read():
 @pytest.mark.parametrize(
     ("truth", "identity"),
     [
-        ({"controller": "ESP301-3N", "firmware": "3.1.2 8/2/12"}, ("ESP301-3N", "SN0001", "3.1.2 8/2/12")),
-        ({"controller": "ESP300", "firmware": "3.08 09/09/02"}, ("ESP300", "SN0001", "3.08 09/09/02")),
-        ({"controller": "ESP300", "firmware": "3.03"}, ("ESP300", "SN0001", "3.03")),
-        ({"identifies": "unknown"}, ("ESP301", "", "3.0.1 6/1/99")),
-        ({"identifies": "empty"}, ("ESP301", "", "3.0.1 6/1/99")),
-        ({"identifies": "not"}, ("ESP301", "", "3.0.1 6/1/99")),
+        ({"controller": "ESP301-3N", "firmware": "3.1.2 8/2/12"}, ("ESP301-3N", "SN0001", "SIM.2 8/2/12")),
+        ({"controller": "ESP300", "firmware": "3.08 09/09/02"}, ("ESP300", "SN0001", "SIM8 09/09/02")),
+        ({"controller": "ESP300", "firmware": "3.03"}, ("ESP300", "SN0001", "SIM3")),
+        ({"identifies": "unknown"}, ("ESP301", "", "SIM.1 6/1/99")),
+        ({"identifies": "empty"}, ("ESP301", "", "SIM.1 6/1/99")),
+        ({"identifies": "not"}, ("ESP301", "", "SIM.1 6/1/99")),
     ],
 )
 def test_controllers_and_stages_identify_themselves_as_they_can(truth, identity):

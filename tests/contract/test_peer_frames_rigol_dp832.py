@@ -20,7 +20,7 @@ def talk(*faults, **truth):
 @pytest.mark.parametrize(
     ("line", "answer"),
     [
-        ("*IDN?", r"RIGOL TECHNOLOGIES,DP832,DP8C000000001,00\.01\.16"),
+        ("*IDN?", r"RIGOL TECHNOLOGIES,DP832,SIM-DP8C000000001,00\.01\.16"),
         (":SYST:ERR?", '0,"No error"'),
         (":INST:NSEL?", "1"),
         (":SOUR1:VOLT?", r"0\.000"),
@@ -127,7 +127,7 @@ def test_a_protection_acts_only_while_it_is_on(protection, level):
 def test_a_line_that_comes_too_early_is_lost():
     """The pause between lines is ten milliseconds."""
     supply = talk()
-    assert supply.bytes(b"*IDN?\n:OUTP? CH1\n") == b"RIGOL TECHNOLOGIES,DP832,DP8C000000001,00.01.16\n"
+    assert supply.bytes(b"*IDN?\n:OUTP? CH1\n") == b"RIGOL TECHNOLOGIES,DP832,SIM-DP8C000000001,00.01.16\n"
     supply.bytes(b":SOUR1:VOLT 5\n", 0.012)
     assert supply.bytes(b":SOUR1:VOLT?\n") == b""
     assert supply.line(":SOUR1:VOLT?") == "5.000"

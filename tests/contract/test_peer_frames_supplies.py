@@ -14,7 +14,7 @@ from hil.simulation.peers.siglent_spd3303x import MODEL as SIGLENT
 
 NR3 = r"[+-]\d\.\d{8}E[+-]\d{2}"
 E36100 = {
-    "*IDN?": r"Keysight Technologies,E36103B,MY61000001,1\.0\.2-1\.02",
+    "*IDN?": r"Keysight Technologies,E36103B,SIM-MY61000001,1\.0\.2-1\.02",
     "SYST:ERR?": r'\+0,"No error"',
     "OUTP?": "0",
     "VOLT?": NR3,
@@ -30,7 +30,7 @@ E36100 = {
     "OUTP OFF": "",
 }
 E3632 = {
-    "*IDN?": r"HEWLETT-PACKARD,E3632A,0,1\.1-5\.0-1\.0",
+    "*IDN?": r"HEWLETT-PACKARD,E3632A,SIM-0,1\.1-5\.0-1\.0",
     "VOLT:PROT:STAT?": "1",
     "VOLT 4.2;:CURR 1;:OUTP ON;:STAT:QUES:COND?": "2",
     "CURR 0.1;:STAT:QUES:COND?": "1",
@@ -39,7 +39,7 @@ E3632 = {
     "OUTP OFF;:STAT:QUES:COND?": "0",
 }
 SPD3303X = {
-    "*IDN?": r"Siglent Technologies,SPD3303X-E,SPD3X000000001,1\.01\.01\.02\.07R2,V3\.0",
+    "*IDN?": r"Siglent Technologies,SPD3303X-E,SIM-SPD3X000000001,1\.01\.01\.02\.07R2,V3\.0",
     "SYST:ERR?": "0 No Error",
     "SYST:STAT?": "0x4",
     "INST?": "CH1",
@@ -57,7 +57,7 @@ SPD3303X = {
     "OUTPut:TRACK 1;:SYST:STAT?": "0x2c",
 }
 HMP4040 = {
-    "*IDN?": "ROHDE&SCHWARZ,HMP4040,102416,HW50020003/SW2.62",
+    "*IDN?": "ROHDE&SCHWARZ,HMP4040,SIM-102416,HW50020003/SW2.62",
     "SYST:ERR?": '0,"No error"',
     "INST OUT2": "",
     "INST?": "OUTP2",
@@ -80,7 +80,7 @@ HMP4040 = {
     "OUTP:SEL 0;GEN?": "1",
 }
 NGE103B = {
-    "*IDN?": r"Rohde&Schwarz,NGE103B,5601\.3800k03/101863,1\.54",
+    "*IDN?": r"Rohde&Schwarz,NGE103B,SIM-5601\.3800k03/101863,1\.54",
     "INST OUT1;VOLT:PROT:LEV 4.25": "",
     "VOLT:PROT:LEV?": r"4\.250",
     "VOLT:PROT?": "0",

@@ -53,7 +53,7 @@ def test_identity_and_outlets():
     """Only the channel that was switched on is on."""
     with supply() as (driver, _):
         assert driver.identify() == Identity(
-            manufacturer="RIGOL TECHNOLOGIES", model="DP832", serial="DP8C000000001", firmware="00.01.16"
+            manufacturer="RIGOL TECHNOLOGIES", model="DP832", serial="SIM-DP8C000000001", firmware="00.01.16"
         )
         output = driver.role(charge())
         output.configure(1.0, 0.1)

@@ -49,7 +49,7 @@ def test_closing_twice_leaves_it_closed():
 def test_identity_and_outlets():
     """The version register is what can be verified."""
     with board() as (driver, _):
-        assert driver.identify() == Identity(model="Modbus RTU Relay", firmware="2.00")
+        assert driver.identify() == Identity(model="Modbus RTU Relay", firmware="SIMULATED")
         driver.role(WIRE).close("lamp")
         assert [outlet for outlet in driver.outlets() if outlet.on] == [Outlet(4, on=True)]
         assert len(driver.outlets()) == 8

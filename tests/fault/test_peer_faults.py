@@ -7,7 +7,7 @@ import json
 import pytest
 from twin import Twin
 
-IDENTITY = b"Keysight Technologies,E36312A,MY00000001,2.1.0-1.0.4-1.12\n"
+IDENTITY = b"Keysight Technologies,E36312A,SIM-MY00000001,2.1.0-1.0.4-1.12\n"
 
 
 def supply(**fault):
@@ -67,8 +67,9 @@ def test_chatty_goes_on_after_a_restore():
 
 
 def test_other_identity():
-    """Another article answers at this port."""
-    assert supply(kind="identity", value="KORADKA3005PV2.0").scpi("*IDN?") == "KORADKA3005PV2.0"
+    """Another article answers at this port; it is as simulated as before, whatever the bench file has it say."""
+    assert supply(kind="identity", value="KORADKA3005PV2.0").scpi("*IDN?") == "KORADKA3005PV2.0 SIMULATED"
+    assert supply(kind="identity", value="A,B,C1,D").scpi("*IDN?") == "A,B,SIM-C1,D"
 
 
 @pytest.mark.parametrize(("says", "answer"), [("on", "1"), ("off", "0")])

@@ -97,7 +97,7 @@ def _identity(bench: BoundBench, instrument: InstrumentSpec, dut: Dut | None) ->
     if difference:
         return Gate(name, ok=False, detail=difference)
     expected = dut.recognised.get(instrument.name, "") if dut else ""
-    if expected and expected not in {found.serial, found.model}:
+    if expected and expected not in {found.unmarked.serial, found.model}:
         return Gate(name, ok=False, detail=f"{found} answers, but the DUT is recognised by '{expected}'")
     return Gate(name, ok=True, detail=str(found))
 

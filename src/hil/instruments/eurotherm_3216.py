@@ -29,6 +29,8 @@ __all__ = ["Eurotherm3216", "Eurotherm3216Thermal"]
 
 _PROCESS_VALUE, _TARGET_SETPOINT, _WORKING_OUTPUT, _WORKING_SETPOINT = 1, 2, 4, 5
 _STATUS, _VERSION, _TYPE_CODE = 75, 107, 122
+_SIMULATED = 0x5349
+"""The version of a simulated controller, the letters SI."""
 _INSTRUMENT_MODE, _LOOP_MODE, _SETPOINT_SOURCE = 199, 273, 276
 _UNITS, _DECIMALS = 516, 525
 
@@ -107,6 +109,8 @@ class Eurotherm3216(ModbusThermalDriver):
         except Rejected:
             return Identity()
         model = f"{code:04X}" if code & 0xFF00 == _SERIES else f"type code {code:#06x}"
+        if version == _SIMULATED:
+            return Identity(model=model, firmware="SIMULATED")
         return Identity(model=model, firmware=f"{version >> 8:X}.{version & 0xFF:02X}")
 
     def outlets(self) -> Sequence[Outlet]:

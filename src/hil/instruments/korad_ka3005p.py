@@ -214,9 +214,12 @@ class KoradKa3005p:
         """Ask `*IDN?`; most firmware reports no serial number."""
         text = self._line.identification()
         match = _IDENTIFICATION.fullmatch(text)
+        simulated = "SIMULATED" if "V0.0" in text else ""
         if match is None:
-            return Identity(manufacturer="", model=text, serial="", firmware="")
-        return Identity(manufacturer=_NAMES[match[1]], model=match[2], serial=match[4] or "", firmware=match[3])
+            return Identity(model=text, firmware=simulated)
+        return Identity(
+            manufacturer=_NAMES[match[1]], model=match[2], serial=match[4] or "", firmware=simulated or match[3]
+        )
 
     def outlets(self) -> Sequence[Outlet]:
         """Ask whether the output is on."""

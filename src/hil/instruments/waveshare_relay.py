@@ -34,6 +34,8 @@ _RELAYS = 8
 _FACTORY_UNIT = 1
 _VERSION_REGISTER = 0x8000
 _HIGHEST_VERSION = 9999
+_SIMULATED = 0x5349
+"""The version of a simulated board, the letters SI."""
 _TIMED = 0x0200
 _LONGEST_BEAT_S = 3276.7
 _SHORTEST_BEAT_S = 1.0
@@ -220,6 +222,8 @@ class WaveshareRelay:
         except Rejected:
             return Identity()
         self._session.read_coils(0, _RELAYS)
+        if version == _SIMULATED:
+            return Identity(model="Modbus RTU Relay", firmware="SIMULATED")
         if not 0 < version <= _HIGHEST_VERSION:
             return Identity()
         return Identity(model="Modbus RTU Relay", firmware=f"{version // 100}.{version % 100:02d}")

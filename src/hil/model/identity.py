@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Annotated
 
@@ -48,9 +48,16 @@ class Model(StrEnum):
     FM = "FM"
 
 
+_MARK = "SIM"
+"""How the firmware of a simulated instrument begins; its serial number does with `SIM-`."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identity:
-    """What an instrument says of itself; an empty string if it does not say."""
+    """What an instrument says of itself; an empty string if it does not say.
+
+    A simulated one says so: its serial number begins with `SIM-`, its firmware with `SIM`, or it says SIMULATED.
+    """
 
     manufacturer: AnyText = ""
     model: AnyText = ""
@@ -58,7 +65,25 @@ class Identity:
     firmware: AnyText = ""
 
     def __str__(self) -> str:
-        return " ".join(part for part in (self.manufacturer, self.model, self.serial) if part) or "nobody"
+        told = " ".join(part for part in (self.manufacturer, self.model, self.serial) if part) or "nobody"
+        return f"{told}, SIMULATED" if self.simulated and _MARK not in told.upper() else told
+
+    @property
+    def simulated(self) -> bool:
+        """Whether it says that it is simulated."""
+        words = (self.manufacturer, self.model, self.serial)
+        named = any("SIMULATED" in word.upper() for word in words)
+        return named or self.serial.startswith(f"{_MARK}-") or self._firmware_is_mark
+
+    @property
+    def unmarked(self) -> Identity:
+        """What it would say if it were not simulated, as far as it is compared with what a bench file expects."""
+        firmware = "" if self._firmware_is_mark else self.firmware
+        return replace(self, serial=self.serial.removeprefix(f"{_MARK}-"), firmware=firmware)
+
+    @property
+    def _firmware_is_mark(self) -> bool:
+        return self.firmware.startswith(_MARK) or "SIMULATED" in self.firmware.upper()
 
 
 class UnitEventKind(StrEnum):

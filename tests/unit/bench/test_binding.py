@@ -20,7 +20,7 @@ def test_simulated_bench_answers_as_its_file_says():
     with bound(adcs()) as bench:
         assert bench.source is Source.SIMULATED
         assert sorted(bench.roles) == ["magnetometer", "relays", "supply.coil", "supply.sensor"]
-        assert bench.drivers["psu1"].identify().serial == "MY59002391"
+        assert bench.drivers["psu1"].identify().serial == "SIM-MY59002391"
         assert bench.person is bench.world.person
         assert bench.clock.utc().startswith("2026-01-01T08:00:0")
         assert bench.playback is None

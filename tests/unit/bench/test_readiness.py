@@ -57,7 +57,7 @@ def test_bench_in_good_order_is_ready():
             "envelope coil-current",
             "envelope sensor-voltage",
         ]
-        assert found["identity of psu1"].detail == "Keysight Technologies E36312A MY59002391"
+        assert found["identity of psu1"].detail == "Keysight Technologies E36312A SIM-MY59002391"
         assert found["outputs of psu1"].detail == "all off"
         assert found["reduced level of supply.sensor"].detail.startswith("3.3 V, ")
         assert energy(bench) == OFF

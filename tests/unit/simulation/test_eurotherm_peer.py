@@ -208,7 +208,6 @@ def test_an_unconnected_controller_reads_the_room():
     ("truth", "words"),
     [
         ({"model": "3x16"}, "must be the four digits of a type code, such as '3216', found \"3x16\""),
-        ({"firmware": "new"}, "must be a version such as '1.11', found \"new\""),
         ({"period": "0 s"}, "'period' must be longer than zero"),
         ({"mode": "automatic"}, "'mode' must be one of operating, standby, found \"automatic\""),
         ({"sensor_ofset": "1"}, "unknown key 'sensor_ofset', did you mean 'sensor_offset'"),

@@ -222,7 +222,7 @@ def test_pieces_and_several_lines(twin):
         line.write(piece)
     twin.clock.sleep(0.1)
     identity, *others = line.read(line.waiting(), 0).split(b"\n")
-    assert identity == b"Keysight Technologies,E36312A,MY00000001,2.1.0-1.0.4-1.12"
+    assert identity == b"Keysight Technologies,E36312A,SIM-MY00000001,2.1.0-1.0.4-1.12"
     assert others == [b"1", b"+0.00000000E+00", b""]
 
 

@@ -20,7 +20,6 @@ from hil.simulation.truth import TruthError
     [
         ({"firmware": "1.0"}, "'firmware' must be a version such as '1.0.0', found \"1.0\""),
         ({"firmware": "1.0.256"}, "must be a version"),
-        ({"build": "abc"}, "'build' must be 16 hexadecimal digits, found \"abc\""),
         ({"unique_id": "zz"}, "'unique_id' must be 24 hexadecimal digits"),
         ({"clock_drift": "0.1"}, "'clock_drift' must be at most 0.01, found \"0.1\""),
         ({"ring": "20000"}, "'ring' must be at most 16384"),

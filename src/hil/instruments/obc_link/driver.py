@@ -62,6 +62,10 @@ class ObcBoard:
         )
 
 
+_SIMULATED = b"SIMULATE".hex()
+"""What a simulated board says instead of the commit of its firmware."""
+
+
 class ObcLink:
     """Driver `obc-link`: role `obc`, and the I2C bus of the board."""
 
@@ -82,7 +86,8 @@ class ObcLink:
     def identify(self) -> Identity:
         """Ask the board who it is: the firmware's name is the model, the chip's unique id the serial number."""
         board = self._session.identify()
-        return Identity(model=board.name, serial=board.unique_id, firmware=f"{board.firmware}+{board.build}")
+        build = "SIMULATED" if board.build == _SIMULATED else board.build
+        return Identity(model=board.name, serial=board.unique_id, firmware=f"{board.firmware}+{build}")
 
     def outlets(self) -> Sequence[Outlet]:
         """Return nothing: the board has no outputs."""

@@ -136,7 +136,7 @@ class KoradKa3005p(Stateful):
         now_ns, output = self._clock.now_ns(), self._output
         if command == "*IDN?":
             fault = self._faults.now(Identity, now_ns)
-            return fault.value.encode("latin-1", "replace") if fault else self._identity
+            return _marked(fault.value).encode("latin-1", "replace") if fault else self._identity
         if command == "STATUS?":
             return bytes((self._status(),))
         if command == "ISET1?":
@@ -178,6 +178,12 @@ class KoradKa3005p(Stateful):
             self._watching.set((now_ns // _WATCH_NS + 1) * _WATCH_NS)
 
 
+def _marked(identification: str) -> str:
+    """Return an identification that says that the supply is simulated: version 0.0, which no real one has."""
+    marked, count = re.subn(r"V\d+\.\d+", "V0.0", identification)
+    return marked if count else f"{identification} SIMULATED"
+
+
 def build(setup: PeerSetup) -> KoradKa3005p:
     """Build the supply; terminal `1` goes to a supply port of a plant.
 
@@ -196,7 +202,7 @@ def build(setup: PeerSetup) -> KoradKa3005p:
     )
     setup.finish()
     return KoradKa3005p(
-        article.identity.encode("latin-1", "replace"),
+        _marked(article.identity).encode("latin-1", "replace"),
         output,
         setup.faults,
         end=_ENDS[article.reply_end],

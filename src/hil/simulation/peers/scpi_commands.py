@@ -233,12 +233,20 @@ class Commands(Stateful):
 
     def _identify(self) -> str:
         fault = self._faults.now(Identity, self._now_ns)
-        return fault.value if fault else self._identity
+        return _marked(fault.value) if fault else self._identity
 
     def _reset(self) -> None:
         self._selected = 1
         for output in self._outputs.values():
             output.reset(self._now_ns)
+
+
+def _marked(identification: str) -> str:
+    """Return an identification that says that the instrument is simulated, whatever a bench file has it say."""
+    fields = identification.split(",")
+    if len(fields) < 4:  # IEEE 488.2-1992, 10.14.3
+        return f"{identification} SIMULATED"
+    return ",".join((*fields[:2], f"SIM-{fields[2].strip()}", *fields[3:]))
 
 
 def _unknown(_: int, parameters: Sequence[str]) -> None:

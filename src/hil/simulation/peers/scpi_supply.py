@@ -134,6 +134,7 @@ def model_of(manual: Manual) -> PeerModel:
     def build(setup: PeerSetup) -> ScpiSupply:
         truth = setup.truth
         article = asdict(truth.part(manual.truth))
+        article["serial"] = f"SIM-{article['serial']}"
         manner = truth.part(manual.manner)
         ratings = manual.of_model.get(article.get("model", ""), manual.ratings)
         outputs = read_outputs(setup, ratings, manual.deviates, manual.output)

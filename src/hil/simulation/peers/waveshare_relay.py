@@ -35,7 +35,8 @@ _FLASH = {0x02: True, 0x04: False}
 _LONGEST_FLASH = 0x7FFF
 _TENTH_NS = NANOSECONDS // 10
 _ADDRESS, _LINE, _VERSION = 0x4000, 0x2000, 0x8000
-_VERSION_2_00 = 200
+_SIMULATED = 0x5349
+"""The version of a simulated board, the letters SI; no real one can have it."""
 _USUAL_BAUD = 9600
 _REPLY_NS = 2_000_000
 
@@ -209,7 +210,7 @@ class WaveshareRelay(Stateful):
 
     def _read_register(self, data: bytes) -> bytes:
         register, count = _words(data, 2)
-        values = {_ADDRESS: self._address, _VERSION: _VERSION_2_00}
+        values = {_ADDRESS: self._address, _VERSION: _SIMULATED}
         if register not in values:
             raise _Exceptional(2)
         if count != 1:

@@ -92,7 +92,7 @@ class Commands:
     def _id(self, fields: tuple[str, ...]) -> str:
         _values(fields)
         make, boots, reset = self._device.make, self._device.boots, self._device.reset_reason
-        firmware = f"firmware={make.truth.firmware} serial={make.truth.serial}"
+        firmware = f"firmware={make.truth.marked_firmware} serial={make.truth.serial}"
         return f"level=2.0 name=hil-cycler {firmware} boots={boots} reset={reset}"
 
     def _state(self, fields: tuple[str, ...]) -> str:

@@ -154,7 +154,7 @@ class Firmware(Stateful):
         self.output.number = 0
         truth = self.make.truth
         self.output.numbered(
-            "START ARDUINO", f";2.0;hil-cycler;{truth.firmware};{truth.serial};{self.boots};{self.reset_reason}"
+            "START ARDUINO", f";2.0;hil-cycler;{truth.marked_firmware};{truth.serial};{self.boots};{self.reset_reason}"
         )
         self._wait()
 

@@ -72,6 +72,11 @@ class CyclerTruth:
     temperature_offset: Number = 0.0
     temperature_noise: NotNegative = 0.0
 
+    @property
+    def marked_firmware(self) -> str:
+        """What it says of its firmware, as long as the version: that it is simulated."""
+        return f"SIM{self.firmware[3:]}"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gauge:

@@ -84,7 +84,7 @@ class CommandSet(Stateful):
             raise EspError(_DOES_NOT_EXIST)
         if mnemonic == "VE":
             fault = self._faults.now(Identity, self._now_ns)
-            return fault.value if fault else self._version
+            return _marked(fault.value if fault else self._version)
         code, ticks, text = self.errors.take(self._ticks())
         return f"{code}, {ticks}, {text}" if mnemonic == "TB" else f"{code}"
 
@@ -169,6 +169,12 @@ class CommandSet(Stateful):
 
 _ABSENT = {"MD": "1", "MO": "0"}
 """What an axis without a stage answers: its motor is off, and nothing moves."""
+
+
+def _marked(version: str) -> str:
+    """Return an answer to `VE?` of the same length that says that the controller is simulated."""
+    marked, count = re.subn(r"(\sVersion\s+)\S{1,3}", r"\1SIM", version, count=1, flags=re.IGNORECASE)
+    return marked if count else f"{version} SIMULATED"
 
 
 def _parts(text: str) -> tuple[str, str, str]:

@@ -27,6 +27,8 @@ _REMOTE_NS = 5 * NANOSECONDS
 _ALL = 100.0
 _BROKEN, _BY_HAND, _REMOTE_FAILED = 1 << 5, 1 << 4, 1 << 14
 _UNITS = {"degC": (0, 1.0, 0.0), "degF": (1, 1.8, 32.0), "K": (2, 1.0, 273.15)}
+_SIMULATED = 0x5349
+"""The version of a simulated controller, the letters SI; no real one can have it."""
 _CODE_WORDS = "the four digits of a type code, such as '3216'"
 _MODES = {"operating": at.OPERATING, "standby": at.STANDBY}
 
@@ -47,14 +49,13 @@ class ControllerTruth(LoopTruth):
     Attributes:
         unit: of the display.
         output_high, output_low: limits of the output [%].
-        model, firmware: type code and version, in hexadecimal.
+        model: type code, in hexadecimal.
     """
 
     unit: Annotated[str, one_of(*_UNITS)] = "degC"
     output_high: Annotated[float, number(0, 100)] = 100.0
     output_low: Annotated[float, number(-100, 0)] = -100.0
     model: Annotated[str, matching("(0[xX])?[0-9A-Fa-f]{1,4}", _CODE_WORDS)] = "3216"
-    firmware: Annotated[str, matching(r"[0-9A-Fa-f]{1,2}\.[0-9A-Fa-f]{1,2}", "a version such as '1.11'")] = "1.11"
 
     def shown(self, celsius: float) -> float:
         """Return a temperature in the unit of the display."""
@@ -63,7 +64,6 @@ class ControllerTruth(LoopTruth):
 
     def memory(self, address: int) -> Memory:
         """Return the parameters as somebody left them, of a unit with that address."""
-        major, minor = (int(each, 16) for each in self.firmware.split("."))
         return Memory(
             {
                 **dict.fromkeys(
@@ -82,7 +82,7 @@ class ControllerTruth(LoopTruth):
                 at.SETPOINT_LOW: self.word(self.setpoint_low),
                 at.INSTRUMENT_MODE: _MODES[self.mode],
                 at.TYPE_CODE: int(self.model, 16),
-                at.VERSION: major << 8 | minor,
+                at.VERSION: _SIMULATED,
                 at.UNIT_ADDRESS: address,
                 at.UNITS: _UNITS[self.unit][0],
                 at.DECIMALS: self.decimals,

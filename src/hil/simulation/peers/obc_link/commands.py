@@ -38,6 +38,8 @@ CHANNELS = 6
 FULL_SCALE = 4095
 
 _LARGEST_DRIFT = 0.01
+_SIMULATED = b"SIMULATE"
+"""Stands where a board has eight bytes of its firmware's commit."""
 _BYTE = r"(\d{1,2}|1\d\d|2[0-4]\d|25[0-5])"
 
 
@@ -49,7 +51,6 @@ class BoardTruth:
         clock_drift: of its crystal, relative.
         clock_offset: what its clock shows at the bench's epoch [s].
         firmware: version.
-        build: eight bytes of the firmware's commit, in hexadecimal.
         unique_id: the twelve bytes of the chip's, in hexadecimal.
         ring: bytes for stream frames.
         reference: VDDA [V].
@@ -61,7 +62,6 @@ class BoardTruth:
     clock_drift: Annotated[float, number(-_LARGEST_DRIFT, _LARGEST_DRIFT)] = 0.0
     clock_offset: NotNegative = 0.0
     firmware: Annotated[str, matching(rf"{_BYTE}(\.{_BYTE}){{2}}", "a version such as '1.0.0'")] = "1.0.0"
-    build: Annotated[str, matching("[0-9A-Fa-f]{16}", "16 hexadecimal digits")] = "9f3c21d07be45a18"
     unique_id: Annotated[str, matching("[0-9A-Fa-f]{24}", "24 hexadecimal digits")] = "20373257533055100041002b"
     ring: Annotated[int, whole(4096, 16_384)] = 16_384
     reference: Annotated[float, number(1, 4)] = 3.3
@@ -227,7 +227,7 @@ class Commands(Stateful):
         return b"".join(
             (
                 bytes([Code.OK, VERSION, MINOR, *truth.version]),
-                bytes.fromhex(truth.build),
+                _SIMULATED,
                 bytes.fromhex(truth.unique_id),
                 _u32(tally.boots),
                 bytes(counts),
