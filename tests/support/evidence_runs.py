@@ -73,7 +73,7 @@ def run_fields(**changes):
         "format": 1, "bench": "flight", "source": "hardware", "purpose": "qualification", "dut": dut, "operator": "Ada",
         "plans": ["gyro"], "seed": "7", "catalogue": CATALOGUE,
         "parameters": digest({"format": 1, "plans": {}}),
-        "calibration": digest({"format": 1, "instruments": msgspec.to_builtins(CALIBRATION)}),
+        "calibration": digest({"format": 2, "instruments": msgspec.to_builtins(CALIBRATION)}),
         "sources": "0" * 64, "version": "0.1.0", "deviations": [],
     }  # fmt: skip
     return fields | changes

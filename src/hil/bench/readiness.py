@@ -18,7 +18,7 @@ from hil.instruments.roles import Relays, Supply, Watched
 from hil.model.bench import InstrumentSpec, Position, ReducedLevel, Wire
 from hil.model.cutting import CutPath
 from hil.model.errors import HilError
-from hil.model.identity import Dut
+from hil.model.identity import Dut, Identity
 from hil.model.prefixed import prefixed
 
 __all__ = ["energised_gates", "unpowered_gates"]
@@ -91,7 +91,7 @@ def _identity(bench: BoundBench, instrument: InstrumentSpec, dut: Dut | None) ->
     name = f"identity of {instrument.name}"
     try:
         found = bench.drivers[instrument.name].identify()
-        difference = difference_of(instrument.identity, found)
+        difference = difference_of(instrument.identity, found) or _other_serial(instrument, found)
     except _TOLD as error:
         return Gate(name, ok=False, detail=_said(error))
     if difference:
@@ -100,6 +100,14 @@ def _identity(bench: BoundBench, instrument: InstrumentSpec, dut: Dut | None) ->
     if expected and expected not in {found.unmarked.serial, found.model}:
         return Gate(name, ok=False, detail=f"{found} answers, but the DUT is recognised by '{expected}'")
     return Gate(name, ok=True, detail=str(found))
+
+
+def _other_serial(instrument: InstrumentSpec, found: Identity) -> str:
+    """Return whether an instrument that tells its serial number is another than the register's, in a sentence."""
+    registered = instrument.calibration.registered if instrument.calibration else None
+    if registered is None or found.simulated or found.serial in {"", registered.serial}:
+        return ""
+    return f"the certificate of {registered.id} is for serial '{registered.serial}', found '{found.serial}'"
 
 
 def _said(error: Exception) -> str:

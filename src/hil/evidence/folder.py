@@ -25,6 +25,7 @@ __all__ = [
     "JOURNAL",
     "PARAMETERS",
     "RECORDINGS",
+    "REGISTERS",
     "REPORT",
     "REPORT_FILES",
     "RESERVE",
@@ -49,6 +50,7 @@ RESULTS = "data/results.json"
 CATALOGUE = "data/catalogue/catalogue.json"
 PARAMETERS = "data/catalogue/parameters.json"
 CALIBRATION = "data/bench/calibration.json"
+REGISTERS = "data/registers"
 TRANSCRIPT = "data/transcript.tsv"
 RECORDINGS = "data/recordings"
 ATTACHMENTS = "data/attachments"

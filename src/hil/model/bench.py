@@ -15,6 +15,7 @@ from hil.model.envelope import EnvelopeLimit
 from hil.model.identity import DATE, Day, Identity
 from hil.model.notation import (
     NAMED,
+    UNWRITTEN,
     AnyText,
     ByName,
     Flag,
@@ -49,6 +50,7 @@ __all__ = [
     "Proof",
     "Rating",
     "ReducedLevel",
+    "Registered",
     "SafeStep",
     "SimulatedBench",
     "UsbPort",
@@ -90,12 +92,43 @@ class CalibratedRange:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Registered:
+    """What the register says of an instrument and its newest certificate, beyond its uncertainty.
+
+    Attributes:
+        id: the instrument's name in the register.
+        serial: its serial number.
+        number: the certificate's number.
+        laboratory: who calibrated.
+        date: the day of calibration, ISO 8601.
+        sha256: SHA-256 of the certificate's file.
+        as_left: how the laboratory returned the instrument.
+    """
+
+    id: str
+    serial: str
+    number: str
+    laboratory: str
+    date: str
+    sha256: str
+    as_left: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
-    """An instrument's calibration record; `due` is the last day on which it counts, ISO 8601."""
+    """An instrument's calibration record, of the bench file or from the register of instruments.
+
+    Attributes:
+        certificate: the file of the certificate, below the bench's folder; one of the register below the fixtures.
+        due: the last day on which it counts, ISO 8601.
+        ranges: its uncertainty by quantity and range.
+        registered: what only the register says, None for a record of the bench file.
+    """
 
     certificate: Text
     due: Day
     ranges: tuple[CalibratedRange, ...]
+    registered: Registered | None = field(default=None, metadata=UNWRITTEN)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,6 +178,7 @@ class InstrumentSpec:
     device a serial port must be. `serial_line` is how that is set.
 
     Attributes:
+        register: its name in the register of instruments, which then says how it is calibrated; empty for none.
         terminator: what ends a line of text, both ways; empty for what the driver takes by itself.
         timeout_s: how long a reply may take [s]; 0 for what the driver takes by itself.
     """
@@ -159,6 +193,7 @@ class InstrumentSpec:
     identity: Identity = field(default_factory=Identity)
     ratings: tuple[Rating, ...] = ()
     calibration: Calibration | None = None
+    register: AnyText = ""
     dut: Flag = False
     usb: UsbPort | None = None
     onboard: OnboardPort | None = None

@@ -13,7 +13,7 @@ from typing import Annotated
 from hil.clock.wall import is_date
 from hil.documents.declared import read_document
 from hil.documents.findings import Findings
-from hil.model.bench import CalibratedRange, Calibration
+from hil.model.bench import CalibratedRange, Calibration, Registered
 from hil.model.identity import Day
 from hil.model.notation import NAMED, AnyText, ByName, Text, matching
 from hil.model.notation import Path as Keys
@@ -114,7 +114,20 @@ class RegisteredInstrument:
         newest = self.latest
         if newest is None:
             return None
-        return Calibration(certificate=newest.file, due=newest.due, ranges=newest.ranges)
+        return Calibration(
+            certificate=newest.file,
+            due=newest.due,
+            ranges=newest.ranges,
+            registered=Registered(
+                id=self.id,
+                serial=self.serial,
+                number=newest.number,
+                laboratory=newest.laboratory,
+                date=newest.date,
+                sha256=newest.sha256,
+                as_left=newest.as_left,
+            ),
+        )
 
     def certificate_on(self, day: str) -> Certificate | None:
         """Return the certificate that was the newest on a day, ISO 8601; None before the first."""

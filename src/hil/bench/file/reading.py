@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from hil.bench.file.checks import check_bench
@@ -10,8 +11,9 @@ from hil.bench.file.complaints import named
 from hil.documents.declared import Document, read_document
 from hil.documents.findings import Findings
 from hil.documents.suggest import did_you_mean
-from hil.model.bench import BenchSpec
+from hil.model.bench import BenchSpec, InstrumentSpec
 from hil.model.errors import ConfigurationError, Refused
+from hil.registers.instruments import INSTRUMENTS, RegisteredInstrument, file_problem, load_instruments
 
 __all__ = ["Twin", "bench_names", "load_bench"]
 
@@ -52,6 +54,7 @@ def load_bench(benches: Path, name: str, root: Path, *, driven: bool = True, twi
     document = read_document(path, str(path.relative_to(root)), findings, BenchSpec, schema=_BENCH)
     if document is not None:
         found = len(findings)
+        document = _with_register(document, benches.parent, root, findings)
         _check_name(document, path, findings)
         check_bench(document, findings, driven=driven)
         _check_certificates(document, path.parent, findings)
@@ -71,10 +74,50 @@ def _check_name(document: Document[BenchSpec], path: Path, findings: Findings) -
         )
 
 
+def _with_register(
+    document: Document[BenchSpec], fixtures: Path, root: Path, findings: Findings
+) -> Document[BenchSpec]:
+    """Return a bench file in which instruments have the calibrations of their entries in the register."""
+    naming = [(at, item) for at, item in named(document.model.instruments, "instruments") if item.register]
+    if not naming:
+        return document
+    shown = str((fixtures / INSTRUMENTS).relative_to(root))
+    known = load_instruments(fixtures / INSTRUMENTS, shown, findings)
+    calibrations = {}
+    for at, item in naming:
+        entry = known.get(item.register)
+        if entry is not None:
+            calibrations[item.name] = entry.calibration
+        for key, problem in _of_register(item, entry, known, shown, fixtures):
+            findings.add(document.place((*at, key)), f"{item.name}: {problem}")
+    instruments = tuple(
+        replace(item, calibration=calibrations.get(item.name, item.calibration)) for item in document.model.instruments
+    )
+    return replace(document, model=replace(document.model, instruments=instruments))
+
+
+def _of_register(
+    item: InstrumentSpec,
+    entry: RegisteredInstrument | None,
+    known: Mapping[str, RegisteredInstrument],
+    shown: str,
+    fixtures: Path,
+) -> Iterator[tuple[str, str]]:
+    """Give what is wrong between an instrument and its entry in the register: a key and a sentence."""
+    if item.calibration is not None:
+        yield "calibration", "an instrument of the register has no calibration in the bench file; leave one of them out"
+    if entry is None:
+        yield "register", f"there is no instrument '{item.register}' in {shown}{did_you_mean(item.register, known)}"
+    elif item.identity.serial and item.identity.serial != entry.serial:
+        yield "identity", f"its serial number is '{item.identity.serial}' here, and '{entry.serial}' in {shown}"
+    if entry is not None and entry.latest and (problem := file_problem(fixtures, entry.latest)):
+        yield "register", f"{entry.id}, {shown}: {problem}"
+
+
 def _check_certificates(document: Document[BenchSpec], folder: Path, findings: Findings) -> None:
     """A certificate lies in the bench's folder, so that packages hold it."""
     for at, item in named(document.model.instruments, "instruments"):
-        certificate = item.calibration.certificate if item.calibration else ""
+        certificate = item.calibration.certificate if item.calibration and not item.register else ""
         if certificate and (problem := _certificate_problem(folder, certificate)):
             findings.add(document.place((*at, "calibration", "certificate")), problem)
 

@@ -94,7 +94,14 @@ def read(reports: Path) -> Ledger:
     Raises:
         EvidenceError: if it is there and cannot be read.
     """
-    lines, torn = _lines(_bytes(reports))
+    path = ledger_file(reports)
+    try:
+        data = read_plain(path)
+    except FileNotFoundError:
+        data = b""
+    except OSError as error:
+        raise EvidenceError(f"{path}: the ledger cannot be read: {error.strerror}", "check who may read it") from error
+    lines, torn = _lines(data)
     entries: list[Entry] = []
     findings: list[Finding] = []
     hashes = [line_hash(line) for line in lines]
@@ -118,13 +125,12 @@ def read(reports: Path) -> Ledger:
 
 
 def head(reports: Path) -> str:
-    """Return the head of the ledger: the SHA-256 of its last whole line, 64 zeros without one; nothing is checked.
+    """Return the head of the ledger: the SHA-256 of its last whole line, 64 zeros without one.
 
     Raises:
         EvidenceError: if it is there and cannot be read.
     """
-    lines, _ = _lines(_bytes(reports))
-    return line_hash(lines[-1]) if lines else ZERO
+    return read(reports).head
 
 
 def check(reports: Path, published_head: str | None = None) -> tuple[Finding, ...]:
@@ -201,16 +207,6 @@ def read_object(reports: Path, name: str) -> bytes:
     if hashlib.sha256(data).hexdigest() != name:
         raise EvidenceError(f"{path}: its bytes were changed: their SHA-256 is not its name", _MEND)
     return data
-
-
-def _bytes(reports: Path) -> bytes:
-    path = ledger_file(reports)
-    try:
-        return read_plain(path)
-    except FileNotFoundError:
-        return b""
-    except OSError as error:
-        raise EvidenceError(f"{path}: the ledger cannot be read: {error.strerror}", "check who may read it") from error
 
 
 def _lines(data: bytes) -> tuple[list[bytes], bytes]:

@@ -122,9 +122,8 @@ def _calibration(instruments: Sequence[str], facts: Facts) -> Iterator[Condition
         record = facts.calibration.get(name, _NO_RECORD)
         if record.dut:
             continue
-        if not record.due:
-            yield _condition("calibration", False, f"{name} has no calibration record")
-        else:
-            proof = f"{name} was in calibration: due {record.due}, used {facts.date}"
-            reason = f"{name} was out of calibration: due {record.due}, used {facts.date}"
-            yield _condition("calibration", facts.date <= record.due, proof, reason)
+        problems = tuple(record.problems(facts.begun or facts.date, facts.date))
+        for problem in problems:
+            yield _condition("calibration", False, f"{name} {problem}")
+        if not problems:
+            yield _condition("calibration", True, f"{name} was in calibration: due {record.due}, used {facts.date}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from itertools import takewhile
 from pathlib import Path
@@ -27,6 +27,7 @@ __all__ = [
     "Facts",
     "FrozenCalibration",
     "FrozenLimit",
+    "FrozenRange",
     "FrozenRequirement",
     "entries_of",
     "facts_of",
@@ -73,18 +74,72 @@ class FrozenRequirement(msgspec.Struct, frozen=True, kw_only=True):
     limits: tuple[FrozenLimit, ...] = ()
 
 
+class FrozenRange(msgspec.Struct, frozen=True, kw_only=True):
+    """One line of a certificate as it was frozen; its fields are those of `CalibratedRange`, with their full digits."""
+
+    quantity: str
+    unit: str
+    low: str = msgspec.field(name="from")
+    high: str = msgspec.field(name="to")
+    absolute: str
+    relative: str
+    k: str
+
+
 class FrozenCalibration(msgspec.Struct, frozen=True, kw_only=True):
-    """The calibration record of one instrument as it was frozen.
+    """The calibration record of one instrument as it was frozen; what is empty is not known.
 
     Attributes:
-        certificate: its certificate, empty without one.
-        due: the last day on which it counts, ISO 8601, empty if unknown.
+        certificate: its certificate's file, empty without one: below the bench's folder, or with `register` below the
+            registers of the package.
+        due: the last day on which it counts, ISO 8601.
         dut: whether the instrument is a device under test.
+        sha256: SHA-256 of the certificate's file as it was frozen; None before format 2.
+        size: its bytes; None before format 2.
+        ranges: the uncertainty by quantity and range; None before format 2.
+        register: the instrument's name in the register of instruments.
+        serial: its serial number there.
+        number: the certificate's number.
+        laboratory: who calibrated.
+        date: the day of calibration, ISO 8601; from this day on it counts.
+        as_left: how the laboratory returned the instrument.
     """
 
     certificate: str = ""
     due: str = ""
     dut: bool = False
+    sha256: str | None = None
+    size: int | None = None
+    ranges: tuple[FrozenRange, ...] | None = None
+    register: str = ""
+    serial: str = ""
+    number: str = ""
+    laboratory: str = ""
+    date: str = ""
+    as_left: str = ""
+
+    def problems(self, first: str, last: str) -> Iterator[str]:
+        """Yield why a certificate does not cover measurements from one day to another, words after a name each.
+
+        It counts from its date to its due date, both included. A record before format 2 has a due date only.
+
+        Args:
+            first: the first day of use, ISO 8601, or a moment in it.
+            last: the last day of use, or a moment in it.
+        """
+        if not self.due:
+            yield "has no calibration record"
+            return
+        if self.size == 0:
+            yield f"has an empty certificate, {self.certificate}"
+        if self.ranges == ():
+            yield f"has a certificate without any range, {self.certificate}"
+        if self.as_left == "out of tolerance":
+            yield f"was returned out of tolerance by its calibration on {self.date}"
+        if first[:10] < self.date:
+            yield f"was used before its calibration: calibrated {self.date}, used {first[:10]}"
+        if last[:10] > self.due:
+            yield f"was out of calibration: due {self.due}, used {last[:10]}"
 
 
 Catalogue = Mapping[str, FrozenRequirement]
@@ -110,11 +165,13 @@ class Facts:
         catalogue: the frozen requirements.
         calibration: the frozen calibration records.
         date: the day on which calibrations must still count, ISO 8601; the run's last one.
+        begun: the day on which they must already count, the run's first one; empty if it is not known.
     """
 
     catalogue: Catalogue
     calibration: Calibration = field(default_factory=dict)
     date: str = ""
+    begun: str = ""
 
 
 def entries_of(requirements: Iterable[Requirement]) -> dict[str, FrozenRequirement]:
@@ -134,7 +191,7 @@ def freeze_catalogue(folder: Path, requirements: Catalogue) -> str:
 
 def freeze_calibration(folder: Path, instruments: Calibration) -> str:
     """Write every instrument's calibration record into the package; return the SHA-256."""
-    return _freeze(folder / CALIBRATION, {"format": 1, "instruments": instruments})
+    return _freeze(folder / CALIBRATION, {"format": 2, "instruments": instruments})
 
 
 def facts_of(folder: Path, reading: JournalReading) -> Facts:
@@ -146,10 +203,12 @@ def facts_of(folder: Path, reading: JournalReading) -> Facts:
         DamagedFile: if a frozen file cannot be read.
     """
     before = takewhile(lambda line: not isinstance(line.event, Results), reading.lines)
+    days = [day for line in before if (day := str(line.wall.get("utc", ""))[:10])]
     return Facts(
         catalogue=_frozen(folder, CATALOGUE, "requirements", FrozenRequirement),
         calibration=_frozen(folder, CALIBRATION, "instruments", FrozenCalibration),
-        date=max((str(line.wall.get("utc", ""))[:10] for line in before), default=""),
+        date=max(days, default=""),
+        begun=min(days, default=""),
     )
 
 

@@ -9,21 +9,24 @@ from pathlib import Path
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence import events
 from hil.evidence.durable import read_plain
+from hil.evidence.folder import REGISTERS
 from hil.executive.people.answers import SIMULATED_PERSON
 from hil.executive.resuming.earlier import Earlier
 from hil.executive.setup.configuration import Configuration, Request
 from hil.executive.setup.head import PlannedCase, freeze
 from hil.executive.setup.software import software_identity
 from hil.model.errors import EvidenceError, Refused
+from hil.registers.instruments import INSTRUMENTS
 
 __all__ = ["changes", "deviation_of", "require_answers", "require_same_cases", "resumed_request"]
 
-_REGISTER = "data/bench/duts.yaml"
-"""All articles of the workspace; the one under test has a file of its own."""
+_REGISTERS = frozenset({"data/bench/duts.yaml", f"{REGISTERS}/{INSTRUMENTS}"})
+"""All units and instruments of the workspace; those of the run have files of their own."""
 
 _PARTS = {
     "data/dut.json": "the device under test",
     "data/bench/": "the bench",
+    f"{REGISTERS}/": "certificates",
     "data/catalogue/": "requirements or parameters",
     "data/sources/": "plans or fixtures",
 }
@@ -89,7 +92,7 @@ def changes(earlier: Earlier, configuration: Configuration) -> tuple[str, ...]:
     with tempfile.TemporaryDirectory(prefix="hil-resume-") as folder:
         now = freeze(configuration, Path(folder)).files
     then = earlier.of_head(events.Frozen).files
-    differing = sorted(path for path in {*then, *now} - {_REGISTER} if then.get(path) != now.get(path))
+    differing = sorted(path for path in {*then, *now} - _REGISTERS if then.get(path) != now.get(path))
     return tuple(_told(differing))
 
 

@@ -11,12 +11,14 @@ from itertools import zip_longest
 from pathlib import Path, PurePosixPath
 
 from hil.evidence import events
+from hil.evidence.folder import REGISTERS
 from hil.evidence.package.contents import Package
 from hil.executive.setup.configuration import Request
 from hil.executive.setup.head import DESELECTED, ENDED_BEFORE
 from hil.model.errors import ConfigurationError, Diverged, EvidenceError, Finding
 from hil.model.identity import Source
 from hil.model.verdict import Verdict
+from hil.registers.instruments import INSTRUMENTS
 
 __all__ = ["STOPPED", "as_packed", "differences", "replay_request", "unpack"]
 
@@ -50,6 +52,8 @@ def unpack(package: Package, root: Path) -> None:
         shutil.copytree(plan, testplans / plan.name, dirs_exist_ok=True)
     shutil.copytree(data / "bench", bench, dirs_exist_ok=True)
     shutil.copy(data / "bench/duts.yaml", fixtures / "duts.yaml")
+    if (registers := package.folder / REGISTERS).is_dir():
+        shutil.copytree(registers, fixtures, dirs_exist_ok=True)
     lines = (f"{name} = {json.dumps(layout[name], ensure_ascii=False)}\n" for name in _LAYOUT)
     (root / "hil.toml").write_text("".join(lines), encoding="utf-8")
 
@@ -60,7 +64,12 @@ def as_packed(package: Package, error: ConfigurationError) -> ConfigurationError
     testplans, fixtures = (PurePosixPath(layout[name]) for name in _LAYOUT)
     bench = fixtures / "benches" / (run.bench if run else "")
     data = package.folder / "data"
-    places = ((bench, "bench"), (fixtures / "duts.yaml", "bench/duts.yaml"), (testplans, "catalogue"))
+    places = (
+        (bench, "bench"),
+        (fixtures / "duts.yaml", "bench/duts.yaml"),
+        (fixtures / INSTRUMENTS, f"registers/{INSTRUMENTS}"),
+        (testplans, "catalogue"),
+    )
 
     def packed(finding: Finding) -> Finding:
         path = PurePosixPath(finding.path)

@@ -9,18 +9,27 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import msgspec
+
 from hil.clock import wall
 from hil.documents.canonical import canonical
 from hil.evidence import events
 from hil.evidence.events import EventSink
-from hil.evidence.folder import TRANSCRIPT
+from hil.evidence.folder import REGISTERS, TRANSCRIPT
 from hil.evidence.package.bag import inventory
 from hil.evidence.package.listing import shown
-from hil.evidence.results.facts import FrozenCalibration, entries_of, freeze_calibration, freeze_catalogue
+from hil.evidence.results.facts import (
+    FrozenCalibration,
+    FrozenRange,
+    entries_of,
+    freeze_calibration,
+    freeze_catalogue,
+)
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.software import software_identity, version
-from hil.model.bench import BenchSpec
+from hil.model.bench import BenchSpec, InstrumentSpec
 from hil.model.errors import EvidenceError
+from hil.registers.instruments import INSTRUMENTS
 from hil.requirements.lock import LOCK
 from hil.requirements.parameters import PARAMETERS
 from hil.requirements.schema import REQUIREMENTS
@@ -177,7 +186,8 @@ def _freeze(configuration: Configuration, folder: Path) -> Frozen:
         _put(folder / "data" / name, data)
         sources.update(f"{hashlib.sha256(data).hexdigest()}  {shown_path}\n".encode())
     bench = _bench(configuration, folder)
-    calibration = freeze_calibration(folder, _calibration(configuration.bench))
+    _registers(configuration, folder)
+    calibration = freeze_calibration(folder, _calibrations(configuration.bench, folder))
     _put(folder / "data/dut.json", canonical({**asdict(configuration.dut), "format": 1}))
     _put(folder / "data/software.json", canonical(software_identity(workspace.root)))
     _put(folder / "data/place.json", canonical(_place(configuration)))
@@ -212,15 +222,56 @@ def _bench(configuration: Configuration, folder: Path) -> str:
     return whole.hexdigest()
 
 
-def _calibration(bench: BenchSpec) -> dict[str, FrozenCalibration]:
-    return {
-        item.name: FrozenCalibration(
-            certificate=item.calibration.certificate if item.calibration else "",
-            due=item.calibration.due if item.calibration else "",
-            dut=item.dut,
-        )
-        for item in bench.instruments
-    }
+def _registers(configuration: Configuration, folder: Path) -> None:
+    """Freeze the register of instruments with the certificates that the bench uses, where it uses any."""
+    fixtures = configuration.workspace.fixtures
+    records = (item.calibration for item in configuration.bench.instruments)
+    used = {record.certificate for record in records if record and record.registered}
+    for name in (INSTRUMENTS, *sorted(used)) if used else ():
+        _put(folder / REGISTERS / name, (fixtures / name).read_bytes())
+
+
+def _calibrations(bench: BenchSpec, folder: Path) -> dict[str, FrozenCalibration]:
+    return {item.name: _calibration(item, folder) for item in bench.instruments}
+
+
+def _calibration(item: InstrumentSpec, folder: Path) -> FrozenCalibration:
+    """Return the record of an instrument, with what the frozen file of its certificate is."""
+    record = item.calibration
+    if record is None:
+        return FrozenCalibration(dut=item.dut, register=item.register)
+    registered = record.registered
+    data = (folder / (REGISTERS if registered else "data/bench") / record.certificate).read_bytes()
+    found = FrozenCalibration(
+        certificate=record.certificate,
+        due=record.due,
+        dut=item.dut,
+        sha256=hashlib.sha256(data).hexdigest(),
+        size=len(data),
+        ranges=tuple(
+            FrozenRange(
+                quantity=each.quantity,
+                unit=each.unit,
+                low=repr(each.low),
+                high=repr(each.high),
+                absolute=repr(each.absolute),
+                relative=repr(each.relative),
+                k=repr(each.k),
+            )
+            for each in record.ranges
+        ),
+    )
+    if registered is None:
+        return found
+    return msgspec.structs.replace(
+        found,
+        register=registered.id,
+        serial=registered.serial,
+        number=registered.number,
+        laboratory=registered.laboratory,
+        date=registered.date,
+        as_left=registered.as_left,
+    )
 
 
 def _parameters(configuration: Configuration, folder: Path) -> str:

@@ -16,6 +16,8 @@ from hil.documents.text import decoded, hidden_character, read_bytes
 from hil.model.errors import Refused
 from hil.model.notation import Complaint, Notation
 from hil.model.notation import Path as Keys
+from hil.registers.instruments import INSTRUMENTS
+from hil.registers.units import DUTS
 
 __all__ = ["Workspace", "find_workspace"]
 
@@ -100,7 +102,12 @@ class Workspace:
     @property
     def duts(self) -> Path:
         """The register of devices under test."""
-        return self.fixtures / "duts.yaml"
+        return self.fixtures / DUTS
+
+    @property
+    def instruments(self) -> Path:
+        """The register of instruments; there need not be one."""
+        return self.fixtures / INSTRUMENTS
 
     def shown(self, path: Path) -> str:
         """Return a path as people see it: relative to the workspace where it is inside."""

@@ -60,6 +60,7 @@ from hil.report.sentences import (
 __all__ = ["assemble", "facts"]
 
 _LONGEST = 300
+_CERTIFICATE = ("register", "number", "certificate")
 # What an empty field of the software's identity says: no variable in the environment, no change beside the commit.
 _ABSENT = {"numeric": "not set", "workspace": "none"}
 
@@ -75,7 +76,8 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         EvidenceError: where the results say what this version does not know.
     """
     events, results = material.events(), material.results()
-    placed, run = attributed(events), results.run
+    placed = attributed(events)
+    run = results.run
     bench = parse(material.text("bench/bench.yaml"), "bench/bench.yaml")
     entries, names = requirement_entries(material), _names(results)
     begun = [event for event in events if isinstance(event, Recording)]
@@ -113,7 +115,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         armings=armings(events),
         safe=safe_off(events),
         safe_word=safe_word(results),
-        instruments=_instruments(bench),
+        instruments=_instruments(bench, inner(_json(material, "bench/calibration.json"), "instruments")),
         wiring=_wiring(bench),
         people=people(run, placed),
         happenings=happenings(placed, names, guarded(material.guardian()), material.sent()),
@@ -122,7 +124,6 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         software=_software(run, _json(material, "software.json"), _json(material, "place.json")),
         content_digest=results.content_digest,
         evidence_digest=evidence_digest,
-        ledger_head=material.ledger_head(),
     )
 
 
@@ -274,10 +275,10 @@ def _not_run(events: Sequence[Event], results: Outcome) -> tuple[tuple[str, str,
     )
 
 
-def _instruments(bench: Body) -> tuple[InstrumentRow, ...]:
-    """Return the instruments of a bench file, in its order."""
+def _instruments(bench: Body, records: Body) -> tuple[InstrumentRow, ...]:
+    """Return the instruments of a bench file, in its order, with their frozen calibration records."""
     section = inner(bench, "instruments")
-    return tuple(_instrument(name, inner(section, name)) for name in section)
+    return tuple(_instrument(name, inner(section, name), inner(records, name)) for name in section)
 
 
 def _wiring(bench: Body) -> tuple[WireRow, ...]:
@@ -285,14 +286,14 @@ def _wiring(bench: Body) -> tuple[WireRow, ...]:
     return tuple(_wire(entry) for entry in inners(bench, "wiring"))
 
 
-def _instrument(name: str, entry: Body) -> InstrumentRow:
-    calibration = inner(entry, "calibration")
+def _instrument(name: str, entry: Body, record: Body) -> InstrumentRow:
+    calibration = record if text(record, "register") else inner(entry, "calibration")
     identity = inner(entry, "identity")
     return InstrumentRow(
         name=name,
         driver=text(entry, "driver"),
         identity=" ".join(text(identity, key) for key in ("manufacturer", "model", "serial", "firmware")).strip(),
-        certificate=text(calibration, "certificate"),
+        certificate=", ".join(part for part in (text(calibration, key) for key in _CERTIFICATE) if part),
         due=text(calibration, "due"),
         ranges=tuple(_range(item) for item in inners(calibration, "ranges")),
         dut=text(entry, "dut") == "true",

@@ -281,4 +281,3 @@ class RunView:
     software: tuple[Fact, ...]
     content_digest: str
     evidence_digest: str
-    ledger_head: str
