@@ -160,6 +160,7 @@ def leave_open(doubts, check, step):
 
 @pytest.mark.requirement("ADCS-GYR-020", "ADCS-GYR-021", "ADCS-GYR-022", "ADCS-GYR-030")
 @pytest.mark.max_duration(80000)
+@pytest.mark.repeatable("the table sets rate and temperature again, and reading a sensor does not change it")
 def test_calibration(chamber, rotation, rate_sensor, doubts_of, record, check, step, artifact, parameters):
     """Bias, scale and alignment over temperature from four temperatures and three axes, verified at other rates."""
     board = Board(chamber, rotation, rate_sensor, doubts_of, record, step, parameters)

@@ -9,6 +9,7 @@ from typing import Generic, TypeVar
 
 import msgspec
 
+from hil.evidence.attempts import Abandoned
 from hil.evidence.events import (
     Anomaly,
     Armed,
@@ -60,13 +61,15 @@ class Span(Generic[_Begun, _Ended]):
 class CaseState:
     """What the events tell of one planned case; checks and steps are those of the last attempt.
 
-    Nothing declares a retry, so that no attempt replaces another: `earlier` keeps what the attempts before the last
-    one came to, and what had failed before the run was interrupted; `times` is how often the case was planned.
+    No attempt replaces another: `earlier` keeps what the attempts before the last one came to, and what had failed
+    before the run was interrupted; `given_up` are those that ended without a verdict when it was, which only a case
+    that its plan declares repeatable survives; `times` is how often the case was planned.
     """
 
     planned: PlannedCase
     times: int = 1
     earlier: dict[str, list[Verdict]] = field(default_factory=dict)
+    given_up: list[Abandoned] = field(default_factory=list)
     attempts: list[Span[Case, CaseEnd]] = field(default_factory=list)
     end: CaseEnd | None = None
     checks: list[Check] = field(default_factory=list)
@@ -88,7 +91,12 @@ class CaseState:
         """How every attempt ended, and NOT_RUN for one that is missing."""
         before = [each.ended.verdict if each.ended else Verdict.ABORTED for each in self.attempts[:-1]]
         missing = bool(self.attempts) and not self.all_begun
-        return [*before, self.own_verdict, *([Verdict.NOT_RUN] if missing else [])]
+        return [*before, *self.left_verdicts, self.own_verdict, *([Verdict.NOT_RUN] if missing else [])]
+
+    @property
+    def left_verdicts(self) -> list[Verdict]:
+        """What counts of the attempts that were given up."""
+        return [] if self.planned.repeatable else [Verdict.ABORTED] * len(self.given_up)
 
     @property
     def all_begun(self) -> bool:
@@ -275,6 +283,11 @@ class RunState:
                 self.cases[planned.case].plan_again(planned)
             else:
                 self.cases[planned.case] = CaseState(planned)
+
+    def give_up(self, attempts: Iterable[Abandoned]) -> None:
+        """Take in the attempts that were given up; the events that stand do not tell of them."""
+        for attempt in attempts:
+            self._case(attempt.case).given_up.append(attempt)
 
     def _case(self, name: str) -> CaseState:
         if name not in self.cases:

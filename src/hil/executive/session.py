@@ -249,9 +249,10 @@ class Session:
         return self.current
 
     def _keep_failed(self) -> None:
-        """Let what failed in the present case before the run was interrupted count."""
+        """Let what failed in the present case before the run was interrupted count, and what it gave up there."""
         if self.current is not None:
             self.current.check.keep(self._entering.take_failed(self.current.planned.id))
+            self.current.given_up += self._entering.take_given_up(self.current.planned.id)
 
     def end(self, run: CaseRun) -> Verdict:
         """End a case: write its verdict down, and bring the bench to rest."""

@@ -101,6 +101,7 @@ def _case(place: str, case: PlannedCase, events: Sequence[Placed]) -> Iterator[s
     facts = (
         ("requirements", ", ".join(case.requirements) or "none (orphan)"),
         ("duration", f"{took}, at most {duration(case.max_duration)}"),
+        *((("repeatable", case.repeatable),) if case.repeatable else ()),
         *(
             ("verdict", "; ".join((end.verdict.value, *end.reasons)))
             for end, counts in ends

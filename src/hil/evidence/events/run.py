@@ -137,6 +137,7 @@ class PlannedCase(Part, frozen=True, kw_only=True):
         plan: its plan.
         requirements: the ids of its marker.
         max_duration: bench time in s that it may take.
+        repeatable: why an attempt that ended without a verdict may be repeated, empty if it counts.
     """
 
     case: str
@@ -144,6 +145,7 @@ class PlannedCase(Part, frozen=True, kw_only=True):
     plan: str
     requirements: tuple[str, ...]
     max_duration: float
+    repeatable: str = ""
 
 
 class Planned(Event, frozen=True, kw_only=True):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import msgspec
 
+from hil.evidence.attempts import abandoned
 from hil.evidence.events import Event
 from hil.evidence.journal.reader import JournalReading
 from hil.evidence.results.eligibility import of_requirement, of_run, reasons_in
@@ -37,6 +38,9 @@ BY_CASES = frozenset({"test", "inspection"})
 _REASONS_ONLY = 2
 """The last format that lists reasons against closing a requirement and no conditions."""
 
+_WITHOUT_GIVEN_UP = 2
+"""The last format whose results do not know the attempts that were given up at an interruption."""
+
 _NOTHING = FrozenRequirement()
 _NO_RECORD = FrozenCalibration()
 
@@ -56,7 +60,10 @@ def derive(events: Iterable[Event], facts: Facts, *, content_digest: str, form: 
     A planned case that did not end is ABORTED if it began and NOT_RUN if it did not. A requirement's verdict is the
     worst of all planned cases that carry it. Events from `results` on are ignored.
     """
-    state = fold(standing(before_results(events)))
+    happened = tuple(before_results(events))
+    state = fold(standing(happened))
+    if form > _WITHOUT_GIVEN_UP:
+        state.give_up(abandoned(happened))
     cases = tuple(_case(case, facts, form) for case in state.cases.values())
     carried = {identifier for case in cases for identifier in case.requirements}
     conditions = of_run(state) if form > _REASONS_ONLY else None
@@ -86,17 +93,10 @@ def _case(case: CaseState, facts: Facts, form: int) -> CaseOutcome:
         title=case.planned.title,
         plan=case.planned.plan,
         verdict=worst([*case.own_verdicts, *requirements.values()]),
-        reasons=case.reasons,
+        reasons=_reasons(case),
         requirements=requirements,
         duration=case.end.duration if case.end else None,
-        attempts=tuple(
-            AttemptOutcome(
-                attempt=each.begun.attempt,
-                verdict=each.ended.verdict if each.ended else None,
-                reasons=each.ended.reasons if each.ended else (),
-            )
-            for each in case.attempts
-        ),
+        attempts=_attempts(case),
         used=case.end.used if case.end else {},
         checks=tuple(case.checks),
         steps=tuple(
@@ -110,7 +110,33 @@ def _case(case: CaseState, facts: Facts, form: int) -> CaseOutcome:
         ),
         recordings=tuple(case.recordings),
         holds=_holds(case) if form > 1 else None,
+        repeatable=case.planned.repeatable if form > _WITHOUT_GIVEN_UP else "",
     )
+
+
+def _reasons(case: CaseState) -> tuple[str, ...]:
+    """Return why a case ended so, with the attempts that count; its own last event names them, too, if it ended."""
+    counted = () if case.planned.repeatable else tuple(each.counts for each in case.given_up)
+    return tuple(dict.fromkeys((*counted, *case.reasons)))
+
+
+def _attempts(case: CaseState) -> tuple[AttemptOutcome, ...]:
+    """Return every attempt; those that were given up came before the last one, which took their place."""
+    ended = [
+        AttemptOutcome(
+            attempt=each.begun.attempt,
+            verdict=each.ended.verdict if each.ended else None,
+            reasons=each.ended.reasons if each.ended else (),
+        )
+        for each in case.attempts
+    ]
+    if not case.given_up:
+        return tuple(ended)
+    left = [
+        AttemptOutcome(attempt=0, verdict=None, reasons=(each.text,), read=each.read) for each in case.given_up
+    ]
+    everyone = [*ended[:-1], *left, *ended[-1:]]
+    return tuple(msgspec.structs.replace(each, attempt=number) for number, each in enumerate(everyone, 1))
 
 
 def _holds(case: CaseState) -> tuple[HoldOutcome, ...]:
@@ -131,7 +157,7 @@ def _within(identifier: str, case: CaseState, facts: Facts) -> Verdict:
     checks = [check for check in case.checks if check.requirement == identifier]
     limits = facts.catalogue.get(identifier, _NOTHING).limits
     due = {(limit.parameter, of) for limit in limits for of in limit.of or (None,)}
-    found = [*case.earlier.get(identifier, ()), *(check.verdict for check in checks)]
+    found = [*case.earlier.get(identifier, ()), *case.left_verdicts, *(check.verdict for check in checks)]
     if not case.all_begun:
         found.append(Verdict.NOT_RUN)
     if case.end is not None and identifier in case.end.requirements:

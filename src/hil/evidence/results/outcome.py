@@ -36,11 +36,19 @@ _OF_EVENT = frozenset({"kind", "seq", "t"})
 
 
 class AttemptOutcome(Part, frozen=True, kw_only=True):
-    """The outcome of one attempt of a case; the verdict is None if it did not end."""
+    """The outcome of one attempt of a case.
+
+    Attributes:
+        attempt: which attempt it is; from format 3 on in the order in which they began, from 1.
+        verdict: its verdict, None if it did not end.
+        reasons: why, a sentence each.
+        read: of an attempt that was interrupted, and repeated, what it had read; not before format 3.
+    """
 
     attempt: int
     verdict: Verdict | None
     reasons: tuple[str, ...]
+    read: tuple[str, ...] = ()
 
 
 class StepOutcome(Part, frozen=True, kw_only=True):
@@ -78,6 +86,7 @@ class CaseOutcome(Part, frozen=True, kw_only=True):
         steps: its steps, in order.
         recordings: the ids of its recordings.
         holds: when the bench was held; None in format 1.
+        repeatable: why an attempt without a verdict does not count, empty if it does; not before format 3.
     """
 
     case: str
@@ -93,6 +102,7 @@ class CaseOutcome(Part, frozen=True, kw_only=True):
     steps: tuple[StepOutcome, ...]
     recordings: tuple[str, ...]
     holds: tuple[HoldOutcome, ...] | None = None
+    repeatable: str = ""
 
 
 class CaseVerdict(Part, frozen=True, kw_only=True):

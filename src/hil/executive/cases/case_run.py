@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from hil.evidence import events
+from hil.evidence.attempts import Abandoned
 from hil.evidence.events import EventSink
 from hil.evidence.results.ruling import rule, silence
 from hil.executive.cases.artifacts import Artifacts
@@ -57,6 +58,8 @@ class CaseRun:
     journal: EventSink
     source: Source
     used: dict[str, Source] = field(default_factory=dict)
+    given_up: list[Abandoned] = field(default_factory=list)
+    """The attempts of this case that ended without a verdict when the run was interrupted."""
     _bench_faults: list[str] = field(default_factory=list)
     _dut_faults: list[str] = field(default_factory=list)
     _problems: list[str] = field(default_factory=list)
@@ -146,11 +149,12 @@ class CaseRun:
         problems = [*self._problems, *self._let_through()]
         problems += [f"Diverged: {self.effects.diverged}"] if self.effects.diverged else []
         failed = problems or self._bench_faults or self.scheduler.tripped
-        ended = Verdict.ERROR if failed else Verdict.ABORTED if self._aborted else None
+        counted = () if self.planned.repeatable else tuple(each.counts for each in self.given_up)
+        ended = Verdict.ERROR if failed else Verdict.ABORTED if self._aborted or counted else None
         requirements = {name: self._requirement(item, ended) for name, item in self.requirements.items()}
         case = ended or worst(requirements.values() or ([Verdict.NOT_RUN] if self._skipped else []))
         trip = [self.scheduler.tripped.text] if self.scheduler.tripped else []
-        told = (*trip, *problems, *self._bench_faults, *self._dut_faults, *reasons)
+        told = (*counted, *trip, *problems, *self._bench_faults, *self._dut_faults, *reasons)
         if not requirements and not self._skipped:
             told = (*told, "the case carries no requirement")
         reasons = tuple(dict.fromkeys([*([self._aborted] if self._aborted else []), *told]))

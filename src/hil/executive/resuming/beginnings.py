@@ -11,6 +11,7 @@ from hil.bench.gate import Gate
 from hil.clock import wall
 from hil.clock.port import NANOSECONDS
 from hil.evidence import events
+from hil.evidence.attempts import Abandoned, abandoned
 from hil.evidence.folder import JOURNAL, RECORDINGS, TRANSCRIPT, create, is_sealed, renew_reserve, require_space
 from hil.evidence.journal.past import Past, entries
 from hil.evidence.journal.writer import Journal
@@ -41,6 +42,9 @@ VoidRows = Callable[[events.Voided], "NDArray[np.float64]"]
 _LEAST_SPACE = 50_000_000
 _FREE_SPACE = "free some space, and resume the run; or seal it as it is with hil seal"
 
+_WITHOUT_GIVEN_UP = 2
+"""The last format of results in which an attempt that was given up did not count."""
+
 _ANSWERED = frozenset({"asks"})
 """A person is not asked again; everything else comes from the recorded bytes."""
 
@@ -53,6 +57,7 @@ class NewRun:
         earlier: that run, None if there is none.
         entries: where the run was entered before, and at which bench time in s.
         not_opened: the gates of the host that ended its armings, see `BenchKeeper`.
+        given_up: the attempts that ended without a verdict before it was entered.
         recall: the effects that it has to agree with, None if there are none.
         void_rows: returns the void rows of a record, None if the run's own folder holds them.
     """
@@ -61,6 +66,7 @@ class NewRun:
     earlier: Earlier | None = None
     entries: Sequence[tuple[events.Entry, float]] = ()
     not_opened: Mapping[int, Gate] = {}
+    given_up: Sequence[Abandoned] = ()
     recall: Recall | None = None
     void_rows: VoidRows | None = None
 
@@ -98,6 +104,8 @@ class ReplayedRun(NewRun):
         self.entries = entries(package.of(events.Resumed))
         self.not_opened = not_opened(package.events)
         self.void_rows = self._rows
+        if package.outcome().format > _WITHOUT_GIVEN_UP:
+            self.given_up = abandoned(package.events)
 
     def _rows(self, part: events.Voided) -> NDArray[np.float64]:
         import numpy as np  # noqa: PLC0415 - slow to import
@@ -120,6 +128,7 @@ class ResumedRun(NewRun):
         self.earlier: Earlier = earlier
         self.entries = earlier.entries
         self.not_opened = earlier.not_opened
+        self.given_up = abandoned(line.event for line in earlier.lines)
 
     def require_space(self, configuration: Configuration) -> None:
         """Require space for what the run will write."""
@@ -232,6 +241,8 @@ class Entering:
             self._places.setdefault(entry.place, []).append((entry, t))
         self._void_rows = beginning.void_rows
         self._failed: list[events.Failed] = []
+        self._left: list[Abandoned] = []
+        self._given_up = tuple(beginning.given_up)
         self._earlier = beginning.earlier
         self._boundary = beginning.earlier.boundary if beginning.earlier else None
 
@@ -258,12 +269,22 @@ class Entering:
         self._failed = [failed for failed in self._failed if failed.case != case]
         return found
 
+    def take_given_up(self, case: str) -> list[Abandoned]:
+        """Return the attempts of a case that were given up before the run was entered, once."""
+        found = [each for each in self._left if each.case == case]
+        self._left = [each for each in self._left if each.case != case]
+        return found
+
     def _enter(self, place: int, entries: list[tuple[events.Entry, float]], *, anew: bool) -> None:
         for entry, _ in entries if anew else entries[:-1]:  # entered here again: what came after it is void, too
             self._record.store.note_void(entry)
         self._failed += [failed for entry, _ in entries for failed in entry.failed]
         entry = self._anew(place) if anew else self._as_recorded(*entries[-1])
         self._failed += entry.failed if anew else ()
+        given_up = self._given_up
+        if anew and self._earlier is not None:
+            given_up = abandoned((line.event for line in self._earlier.lines), entry)
+        self._left += [each for each in given_up if entry.boundary < each.void_to <= entry.void_to]
         if self._bench.outside:
             self._bench.opened_anew()
         self._keeper.over = bool(entry.over)

@@ -53,6 +53,7 @@ class PlannedCase:
         plan: its plan's name.
         requirements: ids of its marker.
         max_duration_s: bench time that it may take.
+        repeatable: why an attempt that ended without a verdict may be repeated, empty if it counts.
     """
 
     id: str
@@ -60,6 +61,7 @@ class PlannedCase:
     plan: str
     requirements: tuple[str, ...]
     max_duration_s: float
+    repeatable: str = ""
 
 
 def write_head(configuration: Configuration, planned: Sequence[PlannedCase], folder: Path, journal: EventSink) -> None:
@@ -81,6 +83,7 @@ def write_head(configuration: Configuration, planned: Sequence[PlannedCase], fol
             plan=case.plan,
             requirements=case.requirements,
             max_duration=case.max_duration_s,
+            repeatable=case.repeatable,
         )
         for case in planned
     )

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import pytest
 
 from hil.documents.suggest import did_you_mean
+from hil.executive.cases.steps import one_line
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import PlannedCase
 from hil.model.errors import ConfigurationError, Finding, Refused
@@ -22,6 +23,7 @@ __all__ = ["MARKERS", "plan_cases", "skipped_cases"]
 MARKERS = (
     "requirement(id, ...): the requirements that this case verifies",
     "max_duration(seconds): bench time after which this case is an ERROR (default: one hour)",
+    "repeatable(reason): an attempt of this case that an interruption left without a verdict does not count",
 )
 
 _LONGEST_S = 3600.0
@@ -100,7 +102,17 @@ def _planned(item: pytest.Item) -> PlannedCase:
         plan=item.path.parent.name,
         requirements=_requirements(item),
         max_duration_s=_max_duration_s(item) or _LONGEST_S,
+        repeatable=_repeatable(item) or "",
     )
+
+
+def _repeatable(item: pytest.Item) -> str | None:
+    """Return the reason of the marker, empty where there is none, None where it gives no reason."""
+    mark = item.get_closest_marker("repeatable")
+    if mark is None:
+        return ""
+    reason = mark.args[0] if len(mark.args) == 1 and not mark.kwargs else None
+    return one_line(reason.strip()) if isinstance(reason, str) and reason.strip() else None
 
 
 def _max_duration_s(item: pytest.Item) -> float | None:
@@ -125,6 +137,8 @@ def _item_findings(item: pytest.Item, configuration: Configuration) -> Iterator[
     seconds = _max_duration_s(item)
     if seconds is not None and not 0 < seconds < math.inf:
         yield _at(path, line, f"max_duration of {item.name} takes one number of seconds above zero")
+    if _repeatable(item) is None:
+        yield _at(path, line, f'repeatable of {item.name} takes one reason: repeatable("why it may be repeated")')
     if any(mark.kwargs or not mark.args for mark in item.iter_markers("requirement")):
         yield _at(path, line, f"requirement of {item.name} takes ids and nothing else")
     function = inspect.unwrap(getattr(item, "function", item.runtest))

@@ -262,7 +262,14 @@ def _attempts(attempts: Sequence[AttemptOutcome]) -> str:
     """Return how often a case was tried and how each ended; the ordinary one attempt needs no words."""
     if len(attempts) < 2:
         return ""
-    return f"{len(attempts)} attempts: {', '.join(attempt.verdict or 'not ended' for attempt in attempts)}"
+    return f"{len(attempts)} attempts: {', '.join(map(_attempt, attempts))}"
+
+
+def _attempt(attempt: AttemptOutcome) -> str:
+    """Return how an attempt ended; of one that was given up what it had read, too."""
+    if attempt.verdict is None and attempt.read:
+        return f"not ended ({'; '.join(attempt.reasons)})"
+    return attempt.verdict or "not ended"
 
 
 def _not_run(events: Sequence[Event], results: Outcome) -> tuple[tuple[str, str, str], ...]:
