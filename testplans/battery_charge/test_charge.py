@@ -261,7 +261,9 @@ def doubts_of(number, made, told, ends, parameters):
     "EPS-BAT-010",
 )
 @pytest.mark.max_duration(600000)
-@pytest.mark.repeatable("a cycle that was broken off is run again from an emptied cell, and no number comes from its rest")
+@pytest.mark.repeatable(
+    "a cycle that was broken off is run again from an emptied cell, and no number comes from its rest"
+)
 def test_charge(cell, iterations, check, step, artifact, parameters):
     """Ten cycles at C/2 between 4.2 V and 2.7 V in the metal container, and every cycle's numbers."""
     cycles = int(parameters.iterations)

@@ -276,7 +276,9 @@ def broken_off(rows, end_current):
     "EPS-DEG-011",
 )
 @pytest.mark.max_duration(60 * 86400)
-@pytest.mark.repeatable("a cycle that was broken off is run again from an emptied cell, and no number comes from its rest")
+@pytest.mark.repeatable(
+    "a cycle that was broken off is run again from an emptied cell, and no number comes from its rest"
+)
 def test_degradation(cell, assembly, record, iterations, check, step, artifact, parameters):
     """Charges at 40 degC and discharges at 10 degC for 844 hours, each begun after a soak, and what they cost."""
     count = int(parameters.cycles)

@@ -32,7 +32,9 @@ def figures_of(samples, rate, unit, queue, parameters):
 
 @pytest.mark.requirement("ADCS-GYR-010", "ADCS-GYR-011", "ADCS-GYR-012", "ADCS-GYR-013", "ADCS-GYR-014", "ADCS-GYR-015")
 @pytest.mark.max_duration(24000)
-@pytest.mark.repeatable("a sensor at rest is the same before and after an interruption, and the gap is not judged as data")
+@pytest.mark.repeatable(
+    "a sensor at rest is the same before and after an interruption, and the gap is not judged as data"
+)
 def test_noise_at_rest(chamber, rotation, rate_sensor, doubts_of, record, check, step, parameters):
     """Allan deviation of every axis over four hours at rest, and the averaging that follows from it."""
 

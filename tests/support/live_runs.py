@@ -46,6 +46,7 @@ def begun():
 
 @pytest.mark.requirement("LIVE-010")
 @pytest.mark.max_duration(36000)
+@pytest.mark.repeatable("reading the bench does not change it")
 def test_on(supply, thermal, cycler, clock, check, step, operator):
     """The supplies feed, the plates are cooled, and the tester charges the cell."""
     with step("Switch on"):

@@ -46,6 +46,7 @@ import pytest
 
 @pytest.mark.requirement("LIVE-010")
 @pytest.mark.max_duration(90 * 86400)
+@pytest.mark.repeatable("reading the bench does not change it")
 def test_weeks(supply, thermal, clock, iterations, check, step):
     """The plates go warm and cold by turns, and the envelope is recorded."""
     with step("Switch on"):

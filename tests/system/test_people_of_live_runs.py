@@ -39,6 +39,7 @@ import pytest
 
 @pytest.mark.requirement("LIVE-010")
 @pytest.mark.max_duration(36000)
+@pytest.mark.repeatable("reading the bench does not change it")
 def test_plates(supply, thermal, check, clock):
     supply.charge.configure(4.2, 0.7)
     supply.charge.enable()

@@ -154,6 +154,7 @@ def test_there_must_be_something_to_go_on_with(workspace, what):
 TURNS = """
 @pytest.mark.requirement("T-050")
 @pytest.mark.max_duration(1e9)
+@pytest.mark.repeatable("the voltage of a coil may be read as often as one likes")
 def test_long(supply, field, operator, record, check, clock, iterations):
     supply.coil.configure(1.9, 0.01)
     supply.coil.enable()
@@ -258,7 +259,8 @@ from pathlib import Path
 
 @pytest.mark.requirement("T-010")
 @pytest.mark.max_duration(1e9)
-def test_turns(clock, check, iterations):
+@pytest.mark.repeatable("a turn changes nothing")
+def test_turns(clock, check, iterations, supply):
     for turn in iterations("turn", 3):
         again = Path(os.environ["SEEN"]).exists()
         check("T-010", "ratio", 9.0 if turn == 2 and not again else 1.0)
@@ -269,7 +271,7 @@ def test_turns(clock, check, iterations):
 
 
 def test_a_check_that_failed_is_not_undone_by_a_pause(tmp_path):
-    """Its turn is made again, and passes then; the requirement has failed all the same, and everything agrees on it."""
+    """Its turn is made again, as the plan allows, and passes then; the requirement has failed all the same."""
     workspace = made(tmp_path / "workspace", FAILING)
     workspace.environment["SEEN"] = str(tmp_path / "seen")
     folder = begun(workspace)
@@ -287,4 +289,28 @@ def test_a_check_that_failed_is_not_undone_by_a_pause(tmp_path):
     (entry,) = [event["entry"] for event in bodies(package, "resumed")]
     assert [failed["requirement"] for failed in entry["failed"]] == ["T-010"]
     assert "before the run was interrupted" in package.text("data/report/report.html")
+    assert workspace.hil("replay", folder.name).code == 0
+
+
+def test_what_was_read_before_an_interruption_counts(tmp_path):
+    """A case that read, was interrupted, and reads again and passes, closes nothing: its first attempt is shown."""
+    plan = FAILING.replace('@pytest.mark.repeatable("a turn changes nothing")\n', "").replace("9.0 if", "1.0 if")
+    workspace = made(tmp_path / "workspace", plan.replace("while", "supply.coil.voltage()\n        while"))
+    workspace.environment["SEEN"] = str(tmp_path / "seen")
+    folder = begun(workspace)
+    while not (tmp_path / "seen").exists():
+        time.sleep(0.02)
+    assert workspace.hil("stop", folder.name, "--to-resume", "--by", "Ada").code == 0
+    STARTED[-1].wait(60)
+    resumed = workspace.hil("resume", folder.name)
+    assert resumed.code == 1, resumed.err
+    package = Package(folder)
+    assert verify(folder).findings == ()
+    (case,) = package.outcome().cases
+    assert (case.verdict, case.requirements) == ("ABORTED", {"T-010": "ABORTED"})
+    first, last = case.attempts
+    assert (first.verdict, len(first.read), last.verdict) == (None, 2, "ABORTED")
+    assert "supply.coil.voltage" in first.read[1]
+    assert "the plan does not declare the case repeatable" in case.reasons[0]
+    assert "2 attempts: not ended (stopped by Ada" in package.text("data/report/report.html")
     assert workspace.hil("replay", folder.name).code == 0

@@ -25,6 +25,7 @@ pytestmark = pytest.mark.system
 TURNS = """
 @pytest.mark.requirement("T-050")
 @pytest.mark.max_duration(1e9)
+@pytest.mark.repeatable("reading the bench does not change it")
 def test_long(supply, field, operator, record, check, clock, iterations):
     supply.coil.configure(1.9, 0.01)
     supply.coil.enable()

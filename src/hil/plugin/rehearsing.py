@@ -12,6 +12,7 @@ from pathlib import Path
 from hil.bench.binding import bind_replayed
 from hil.evidence.folder import TRANSCRIPT
 from hil.evidence.package.contents import Package
+from hil.evidence.results.outcome import CaseOutcome
 from hil.executive.people.answers import Nobody
 from hil.executive.resuming.beginnings import ReplayedRun
 from hil.executive.resuming.replaying import STOPPED, as_packed, differences, replay_request, unpack
@@ -82,8 +83,8 @@ def replay(package: Package) -> Replayed:
         found, following = differences(package, Package(again.folder))
         if not following and again.bench.playback and not again.bench.playback.exhausted and not package.cut_short:
             found += ("the record holds more operations than the cases asked for",)
-        verdicts = Counter(case.verdict for case in results.cases)
-        compared = [case for case in results.cases if case.verdict not in STOPPED]
+        compared = [case for case in results.cases if case.verdict not in STOPPED or _ended(case, package)]
+        verdicts = Counter(case.verdict for case in results.cases if case not in compared)
         return Replayed(
             len(compared),
             sum(len(case.checks) for case in compared),
@@ -92,6 +93,11 @@ def replay(package: Package) -> Replayed:
             broken_off=verdicts[Verdict.ABORTED],
             never_ran=verdicts[Verdict.NOT_RUN],
         )
+
+
+def _ended(case: CaseOutcome, package: Package) -> bool:
+    """Return whether a case is ABORTED only for an attempt before the last one, which came to its end."""
+    return case.verdict is Verdict.ABORTED and not package.cut_short and any(each.read for each in case.attempts)
 
 
 def _rehearsed(configuration: Configuration, opener: Opener) -> Session:

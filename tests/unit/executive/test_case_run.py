@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 from case_parts import Case, limit, monitor, scheduler
 
+from hil.evidence.attempts import Abandoned
 from hil.executive.cases.checks import CheckFailed
 from hil.executive.cases.effects import Recall
 from hil.executive.ending.stop import Stopped
@@ -186,3 +187,16 @@ def test_no_memory_address_is_a_reason(tmp_path):
     case = Case(tmp_path, "T-010")
     case.run.raised(ValueError(f"bad {object()!r}"))
     assert case.run.outcome().reasons[0] == "ValueError: bad <object object>"
+
+
+def test_an_attempt_before_this_one_counts_unless_the_plan_says_that_it_may_be_repeated(tmp_path):
+    """Read, killed, read again and passed is ABORTED, with what had been read; declared repeatable it passes."""
+    before = Abandoned(case="a", void_to=9, t=3.0, count=1, read=("supply.load.voltage 9 V",), how="interrupted")
+    for repeatable, verdict in (("", "ABORTED"), ("a resistor does not change", "PASS")):
+        case = Case(tmp_path / verdict, "T-010")
+        case.run.planned = replace(case.run.planned, repeatable=repeatable)
+        case.run.given_up.append(before)
+        good(case)
+        outcome = case.run.outcome()
+        assert (outcome.verdict, outcome.requirements) == (verdict, {"T-010": verdict})
+        assert any("supply.load.voltage 9 V" in reason for reason in outcome.reasons) is (not repeatable)

@@ -132,9 +132,7 @@ def _attempts(case: CaseState) -> tuple[AttemptOutcome, ...]:
     ]
     if not case.given_up:
         return tuple(ended)
-    left = [
-        AttemptOutcome(attempt=0, verdict=None, reasons=(each.text,), read=each.read) for each in case.given_up
-    ]
+    left = [AttemptOutcome(attempt=0, verdict=None, reasons=(each.text,), read=each.read) for each in case.given_up]
     everyone = [*ended[:-1], *left, *ended[-1:]]
     return tuple(msgspec.structs.replace(each, attempt=number) for number, each in enumerate(everyone, 1))
 

@@ -105,7 +105,7 @@ class ReplayedRun(NewRun):
         self.not_opened = not_opened(package.events)
         self.void_rows = self._rows
         if package.outcome().format > _WITHOUT_GIVEN_UP:
-            self.given_up = abandoned(package.events)
+            self.given_up = abandoned(line.event for line in package.lines())
 
     def _rows(self, part: events.Voided) -> NDArray[np.float64]:
         import numpy as np  # noqa: PLC0415 - slow to import
