@@ -36,9 +36,9 @@ def refused(tmp_path, *cases, kind=ConfigurationError, prepare=None, **changes):
         ('requirement("T-060")', "requirement 'T-060' is withdrawn, remove it from the marker of test_one"),
         ('requirement(id="T-010")', "requirement of test_one takes ids and nothing else"),
         ("requirement()", "requirement of test_one takes ids and nothing else"),
-        ("repeatable", "repeatable of test_one takes one reason"),
-        ("repeatable('  ')", "repeatable of test_one takes one reason"),
-        ("repeatable(why='x')", "repeatable of test_one takes one reason"),
+        ("repeatable", "repeatable of test_one takes one reason why it may be repeated"),
+        ("repeatable('  ')", "repeatable of test_one takes one reason why it may be repeated"),
+        ("repeatable(why='x')", "repeatable of test_one takes one reason why it may be repeated"),
         ("max_duration('ten')", "max_duration of test_one takes one number of seconds above zero"),
         ("max_duration(0)", "max_duration of test_one takes one number of seconds above zero"),
         ("max_duration(seconds=5)", "max_duration of test_one takes one number of seconds above zero"),
@@ -386,7 +386,7 @@ def test_a_case_that_returns_something_is_refused(tmp_path):
         ("requirment('T-010')", "unknown marker 'requirment', did you mean 'requirement'?"),
         (
             "flaky(reruns=3)",
-            "unknown marker 'flaky'; a case can have requirement, max_duration, parametrize, skip, skipif, usefixtures",
+            "unknown marker 'flaky'; a case can have requirement, max_duration, repeatable, parametrize, skip, skipif, usefixtures",
         ),
     ],
 )

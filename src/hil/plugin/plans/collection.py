@@ -138,7 +138,7 @@ def _item_findings(item: pytest.Item, configuration: Configuration) -> Iterator[
     if seconds is not None and not 0 < seconds < math.inf:
         yield _at(path, line, f"max_duration of {item.name} takes one number of seconds above zero")
     if _repeatable(item) is None:
-        yield _at(path, line, f'repeatable of {item.name} takes one reason: repeatable("why it may be repeated")')
+        yield _at(path, line, f"repeatable of {item.name} takes one reason why it may be repeated")
     if any(mark.kwargs or not mark.args for mark in item.iter_markers("requirement")):
         yield _at(path, line, f"requirement of {item.name} takes ids and nothing else")
     function = inspect.unwrap(getattr(item, "function", item.runtest))
