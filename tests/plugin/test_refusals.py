@@ -386,7 +386,7 @@ def test_a_case_that_returns_something_is_refused(tmp_path):
         ("requirment('T-010')", "unknown marker 'requirment', did you mean 'requirement'?"),
         (
             "flaky(reruns=3)",
-            "unknown marker 'flaky'; a case can have requirement, max_duration, repeatable, parametrize, skip, skipif, usefixtures",
+            "unknown marker 'flaky'; a case can have requirement, max_duration, repeatable, parametrize, skip, skipif",
         ),
     ],
 )
