@@ -151,7 +151,7 @@ class Workspace:
 
     def folders(self) -> list[Path]:
         """Return every run's folder."""
-        return sorted(self.reports.iterdir()) if self.reports.exists() else []
+        return sorted(self.reports.glob("[!.]*"))
 
     def request(self, **changes) -> Request:
         """Return the request for the plan on the simulated bench."""

@@ -192,7 +192,7 @@ def test_a_killed_run_loses_nothing_that_was_told(tmp_path):
         kill(process)
         killed = time.time()
         finish(process)
-        check_killed(next((tmp_path / f"reports-{number}").iterdir()), killed)
+        check_killed(next((tmp_path / f"reports-{number}").glob("[!.]*")), killed)
 
 
 def check_killed(folder: Path, killed: float) -> None:
@@ -323,7 +323,7 @@ def test_a_full_disk_ends_the_run_safe_and_with_words(tmp_path, small_disk):
     until(process, "part 5 of 200")
     fill(small_disk / "filler")
     ended = finish(process)
-    (folder,) = (small_disk / "reports").iterdir()
+    (folder,) = (small_disk / "reports").glob("[!.]*")
     package = Package(folder)
     assert "Traceback" not in ended.err + ended.out
     assert (ended.code, ended.last_line) == (2, str(folder))
@@ -362,7 +362,7 @@ def test_a_run_that_a_full_disk_stopped_is_sealed_as_it_is(tmp_path, small_disk,
         fill(small_disk / "filler", "ab")
     ended = finish(process)
     assert (ended.code, "Traceback" in ended.err) == (2, False), ended.err
-    (folder,) = (small_disk / "reports").iterdir()
+    (folder,) = (small_disk / "reports").glob("[!.]*")
     (small_disk / "filler").unlink()
     assert workspace.hil("seal", str(folder)).code == 0
     assert (verify(folder).findings, results_as_json(Package(folder))["verdict"]) == ((), "ABORTED")

@@ -14,6 +14,7 @@ from hil.evidence.durable import open_plain
 from hil.evidence.events import Anomaly, Attachment, End, Note
 from hil.evidence.folder import JOURNAL, is_held, is_run, is_sealed
 from hil.evidence.journal.reader import JournalLine, JournalReading, read_journal, require_known_format
+from hil.evidence.ledger.book import Ledger, read
 from hil.evidence.package.look import LOOKED_AT, look
 from hil.evidence.package.sealing import lost_files
 from hil.evidence.package.verification import NO_SEAL, State, in_short, verify
@@ -96,7 +97,8 @@ def find_runs(reports: Path) -> list[RunSummary]:
 
     Sealed ones get a quick look, see `hil.evidence.package.look`.
     """
-    return [_whatever_it_is(folder) for folder in run_folders(reports)]
+    ledger = read(reports)
+    return [_whatever_it_is(folder, ledger) for folder in run_folders(reports)]
 
 
 def status(folder: Path) -> RunSummary:
@@ -109,12 +111,13 @@ def status(folder: Path) -> RunSummary:
     """
     if not is_sealed(folder):
         return _unsealed(folder)
-    seen = look(folder)
+    ledger = read(folder.resolve().parent)
+    seen = look(folder, ledger)
     if seen.state is not State.SEALED:
         return _suspicious(folder, seen.state, seen.findings)
     checked = f"{LOOKED_AT}; not the recordings ({seen.size / 1e9:.1f} GB), which hil verify reads"
     if seen.size <= _VERIFIED_BYTES:
-        found = verify(folder)
+        found = verify(folder, ledger)
         if found.state is not State.SEALED:
             return _suspicious(folder, found.state, found.findings)
         checked = "everything, as hil verify does"
@@ -126,9 +129,9 @@ def _is_one(path: Path) -> bool:
     return is_run(path) or (path.is_dir() and _STAMP.match(path.name) is not None)
 
 
-def _whatever_it_is(folder: Path) -> RunSummary:
+def _whatever_it_is(folder: Path, ledger: Ledger) -> RunSummary:
     try:
-        return _sealed(folder) if is_sealed(folder) else _unsealed(folder)
+        return _sealed(folder, ledger) if is_sealed(folder) else _unsealed(folder)
     except (HilError, OSError) as error:
         what = error.message if isinstance(error, HilError) else str(error)
         return RunSummary(folder=folder, state=State.DAMAGED, problem=what.removeprefix(f"{folder}/"))
@@ -152,9 +155,9 @@ def _unsealed(folder: Path) -> RunSummary:
     return replace(summary, problem=NO_SEAL) if has_ended else summary
 
 
-def _sealed(folder: Path) -> RunSummary:
+def _sealed(folder: Path, ledger: Ledger) -> RunSummary:
     """Return a sealed run by its results, of which a quick look shows that they are those that were sealed."""
-    seen = look(folder)
+    seen = look(folder, ledger)
     if seen.outcome is None or seen.last is None:
         return _suspicious(folder, seen.state, seen.findings)
     run, cases = seen.outcome.run, seen.outcome.cases

@@ -81,6 +81,11 @@ class Material:
         lines = self._package.lines()
         return (str(lines[0].wall.get("utc", "")), str(lines[-1].wall.get("utc", ""))) if lines else ("", "")
 
+    def ledger_head(self) -> str:
+        """Return the head of the ledger before the seal; empty where the package does not name it."""
+        lines = self._package.lines()
+        return str(lines[-1].wall.get("ledger", "")) if lines else ""
+
     def sent(self) -> Mapping[int, str]:
         """Return the UTC at which what came from other terminals was sent; earlier records do not tell it."""
         return {line.event.seq: str(line.wall["sent"]) for line in self._package.lines() if "sent" in line.wall}

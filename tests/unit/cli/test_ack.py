@@ -161,7 +161,7 @@ def test_a_ledger_that_cannot_be_written_leaves_the_latch(reports, capsys, monke
     code, _, err = said(capsys, "ack", SEALED, "--by", "Ada", "--text", TEXT)
     assert code == 4
     assert "the ledger cannot be written: No space left on device" in err
-    assert read(reports).entries == ()
+    assert read(reports).of(Acknowledged) == ()
     assert latches_of(SEALED)
 
 

@@ -139,13 +139,13 @@ def test_the_digest_is_over_the_evidence_and_not_the_report(tmp_path):
         (package.folder / "data/report/junit.xml").write_text("<other/>")
 
     digests = []
-    for name, report in (("a", write_report), ("b", other)):
-        (tmp_path / name).mkdir()
+    for name, report in (("a/run", write_report), ("b/run", other)):  # each with a ledger of its own
+        (tmp_path / name).mkdir(parents=True)
         journal = begin(tmp_path / name)
         whole_case(tmp_path / name, journal)
         digests.append(seal(tmp_path / name, journal, exit_code=0, write_reports=report))
     assert digests[0] == digests[1] == told[0]
-    manifest = (tmp_path / "b/manifest-sha256.txt").read_bytes().splitlines(keepends=True)
+    manifest = (tmp_path / "b/run/manifest-sha256.txt").read_bytes().splitlines(keepends=True)
     kept = b"".join(line for line in manifest if b"  data/report/" not in line)
     assert digests[1] == hashlib.sha256(kept).hexdigest()
 

@@ -43,6 +43,7 @@ def command(run: str, report: bool) -> int:
         ("run", f"{found.run}, in a folder of another name" if renamed else ""),
         ("verdict", _worth(found)),
         ("report", word),
+        ("ledger", found.ledger or "none in this folder"),
         ("evidence digest", found.evidence_digest),
         ("content digest", found.content_digest),
     )

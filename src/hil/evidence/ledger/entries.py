@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Mapping
-from typing import TypeVar
+from typing import TypeVar, get_args
 
 import msgspec
 
@@ -223,10 +223,12 @@ class Status(Entry, frozen=True, kw_only=True):
     evidence: tuple[str, ...] = ()
 
 
-KINDS: Mapping[str, type[Entry]] = {
-    each.kind(): each for each in (Acknowledged, Approved, Baseline, Head, Opened, Repaired, Sealed, Signed, Status)
-}
+_Any = Acknowledged | Approved | Baseline | Head | Opened | Repaired | Sealed | Signed | Status
+
+KINDS: Mapping[str, type[Entry]] = {each.kind(): each for each in get_args(_Any)}
 """The type of every kind of entry, by what the ledger calls it."""
+
+_DECODER = msgspec.json.Decoder(_Any)
 
 _Entry = TypeVar("_Entry", bound=Entry)
 
@@ -258,6 +260,18 @@ def decode(line: bytes) -> Entry:
         JsonError: for what is not a line as `encode` writes it, byte for byte, with its own hash.
     """
     text = line.removesuffix(b"\n")
+    entry: Entry
+    try:
+        entry = _DECODER.decode(text)
+    except (msgspec.DecodeError, UnicodeDecodeError):
+        entry = _told(text)
+    if quick_canonical(entry) != text or hashlib.sha256(_OWN.sub(b"", text, count=1)).hexdigest() != entry.own:
+        raise JsonError("the line was changed: its own hash is another one")
+    return entry
+
+
+def _told(text: bytes) -> Entry:
+    """Return the entry in a line that a quick look did not find, or say what is wrong with it."""
     parsed = parse_strict(text)
     if not isinstance(parsed, dict):
         raise JsonError("expected an object")
@@ -265,7 +279,4 @@ def decode(line: bytes) -> Entry:
     found = KINDS.get(kind) if isinstance(kind, str) else None
     if found is None:
         raise JsonError(f"there are no entries of kind {kind!r}{did_you_mean(str(kind), KINDS)}")
-    entry = convert(parsed, found, str(kind))
-    if quick_canonical(entry) != text or hashlib.sha256(_OWN.sub(b"", text, count=1)).hexdigest() != entry.own:
-        raise JsonError("the line was changed: its own hash is another one")
-    return entry
+    return convert(parsed, found, str(kind))

@@ -11,9 +11,19 @@ from hil.documents.canonical import JsonError
 from hil.evidence.durable import read_plain
 from hil.evidence.folder import ATTACHMENTS, JOURNAL, RECORDINGS, REPORT, RESULTS, TRANSCRIPT
 from hil.evidence.journal.reader import JournalLine, UnknownFormat, read_ends, require_known_format
-from hil.evidence.package.bag import INFO, MANIFEST, payload_of, payload_oxum, read_manifest
+from hil.evidence.ledger.book import Ledger
+from hil.evidence.ledger.packages import known
+from hil.evidence.package.bag import (
+    INFO,
+    MANIFEST,
+    digest_of_manifest,
+    identifier_of,
+    payload_of,
+    payload_oxum,
+    read_manifest,
+)
 from hil.evidence.package.consistent import frozen_findings, guarded, named_results
-from hil.evidence.package.listing import Listing, list_folder
+from hil.evidence.package.listing import Listing, list_folder, shown
 from hil.evidence.package.verification import State, bag_findings, hash_file, unread_journal
 from hil.evidence.results.outcome import Outcome, read_outcome
 from hil.model.errors import EvidenceError, Finding
@@ -45,12 +55,16 @@ class Look:
     size: int = 0
 
 
-def look(folder: Path) -> Look:
+def look(folder: Path, ledger: Ledger | None = None) -> Look:
     """Look at a sealed package: at `LOOKED_AT`, so that the time does not grow with its recordings.
 
     Every file is there under its name and none besides, and together they have the recorded size. Seal, tag files,
     journal, results and frozen files have the hashes of the manifests and of the journal. Recordings, attachments,
     transcript and report are not read, and nothing is derived: `verify` does both.
+
+    Args:
+        folder: the package.
+        ledger: the ledger to compare it with, as `verify` does; without one it is not compared.
     """
     listing = list_folder(folder)
     if listing.odd:
@@ -79,8 +93,21 @@ def look(folder: Path) -> Look:
     findings += wrong
     if findings:
         return Look(state=State.DAMAGED, findings=tuple(dict.fromkeys(findings)))
+    if ledger is not None and (rewritten := _by_ledger(folder, ends.lines[-1], ledger)):
+        return Look(state=State.DAMAGED, findings=rewritten)
     size = sum((folder / path).lstat().st_size for path in hashes)
     return Look(state=State.SEALED, outcome=outcome, last=ends.lines[-1], size=size)
+
+
+def _by_ledger(folder: Path, last: JournalLine, ledger: Ledger) -> tuple[Finding, ...]:
+    """Return what the ledger has against a package; its manifest is believed."""
+    return known(
+        ledger,
+        run=identifier_of(read_plain(folder / INFO).decode()),
+        folder=shown(folder.name),
+        evidence=digest_of_manifest(read_plain(folder / MANIFEST)),
+        before=str(last.wall.get("ledger", "")),
+    ).findings
 
 
 def _size_findings(folder: Path, listing: Listing) -> Iterator[Finding]:

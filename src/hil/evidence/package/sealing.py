@@ -14,6 +14,9 @@ from hil.evidence.folder import CHECKPOINT, INBOX, JOURNAL, RECORDINGS, RESERVE,
 from hil.evidence.inbox import Message, poll
 from hil.evidence.journal.reader import JournalReading, cut_torn_tail, read_journal, require_known_format
 from hil.evidence.journal.writer import Journal
+from hil.evidence.ledger.book import head
+from hil.evidence.ledger.entries import Sealed
+from hil.evidence.ledger.packages import enter
 from hil.evidence.package.bag import (
     MANIFEST,
     digest_of_manifest,
@@ -124,13 +127,16 @@ def _write_results(folder: Path, journal: Journal) -> None:
 def write_end(folder: Path, journal: Journal, *, exit_code: int) -> None:
     """Write the journal's last event, which names every file, and close the journal; the results are written."""
     _remove_halves(folder)
-    wall = {"files": inventory(folder)}
+    wall = {"files": inventory(folder), "ledger": _head_before(folder)}
     journal.write(events.End(state="SEALED", exit_code=exit_code), journal.last_t, beside=wall)
     journal.close()
 
 
 def finish(folder: Path, write_reports: ReportWriter) -> str:
-    """Write the reports, remove what a package does not hold, and seal; the journal has its `end`."""
+    """Write the reports, remove what a package does not hold, enter the seal in the ledger, and seal.
+
+    The journal has its `end`. An entry without a seal, left by a killed process, is that of the seal that follows.
+    """
     _tidy(folder)
     reading = read_journal(folder / JOURNAL)
     try:
@@ -138,10 +144,44 @@ def finish(folder: Path, write_reports: ReportWriter) -> str:
     finally:  # the evidence does not wait for a report, which can be written again
         _tidy(folder)
         write_manifests(folder, info_of(folder, folder.name, reading))
+        not_entered = _enter(folder, reading)
         put_seal(folder)
         make_read_only(folder)
         sync_folder(folder.parent)
+    if not_entered:
+        raise not_entered
     return digest_of_manifest((folder / MANIFEST).read_bytes())
+
+
+def _enter(folder: Path, reading: JournalReading) -> EvidenceError | None:
+    """Enter a seal in the ledger of the folder of reports; where that fails, return why: evidence does not wait."""
+    state = fold(reading.events)
+    run = state.run
+    sealed = Sealed(
+        run=folder.name,
+        evidence=digest_of_manifest(read_plain(folder / MANIFEST)),
+        content=reading.content_digest,
+        verdict=str(state.results.verdict) if state.results else "",
+        source=run.source if run else "",
+        bench=run.bench if run else "",
+        dut=run.dut.serial if run else "",
+    )
+    try:
+        enter(folder.parent, sealed)
+    except EvidenceError as error:
+        return EvidenceError(
+            f"{folder.name}: it is sealed, but not entered in the ledger: {error.message}",
+            f"{error.hint}; hil seal {folder.name} enters it",
+        )
+    return None
+
+
+def _head_before(folder: Path) -> str:
+    """Return the head of the ledger, which the package then names; empty where it cannot be read."""
+    try:
+        return head(folder.parent)
+    except EvidenceError:
+        return ""
 
 
 def info_of(folder: Path, identifier: str, reading: JournalReading) -> bytes:
@@ -255,6 +295,8 @@ def recover(folder: Path, *, write_reports: ReportWriter) -> str:
             if not is_sealed(folder):
                 return _seal_as_it_is(folder, write_reports)
             make_read_only(folder)
+            if not_entered := _enter(folder, read_journal(folder / JOURNAL)):
+                raise not_entered
             return digest_of_manifest(read_plain(folder / MANIFEST))
         except SEAL_ERRORS as error:
             raise not_sealed(folder, error, "seal it again with hil seal; hil verify shows what is there") from error

@@ -11,7 +11,9 @@ from pathlib import Path
 from hil.evidence.durable import read_plain, sha256_of
 from hil.evidence.events import End
 from hil.evidence.folder import JOURNAL, SEAL, is_held, is_run, is_sealed
-from hil.evidence.journal.reader import UnknownFormat, read_journal, require_known_format
+from hil.evidence.journal.reader import UnknownFormat, read_ends, read_journal, require_known_format
+from hil.evidence.ledger.book import Ledger, read
+from hil.evidence.ledger.packages import known
 from hil.evidence.package.bag import (
     DECLARATION,
     INFO,
@@ -61,6 +63,8 @@ class Verification:
         run: the name that the folder had at its seal; empty unless it is SEALED.
         source: where the run's bytes came from; empty unless it is SEALED.
         deviates: whether the run differs from its plan.
+        ledger: what the ledger of its folder of reports says of it; empty without a ledger, and unless it is SEALED.
+        sure: False where the ledger is damaged, and so does not confirm what the package says of itself.
         complete: whether the run went to its own end; one that was interrupted never counts as verified.
     """
 
@@ -73,6 +77,8 @@ class Verification:
     run: str = ""
     source: str = ""
     deviates: bool = False
+    ledger: str = ""
+    sure: bool = True
     complete: bool = False
 
     @property
@@ -82,8 +88,8 @@ class Verification:
 
     @property
     def ok(self) -> bool:
-        """Whether this is a whole package of a complete run."""
-        return self.state is State.SEALED and self.complete
+        """Whether this is a whole package of a complete run, and the ledger is not damaged where it should have it."""
+        return self.state is State.SEALED and self.complete and self.sure
 
 
 def in_short(findings: Sequence[Finding]) -> str:
@@ -93,15 +99,23 @@ def in_short(findings: Sequence[Finding]) -> str:
     return f"{shown(str(findings[0]))}{more}" if findings else ""
 
 
-def verify(folder: Path) -> Verification:
-    """Verify a run's folder, offline and from its own bytes only; whatever is in it, nothing but findings comes out.
+def verify(folder: Path, ledger: Ledger | None = None) -> Verification:
+    """Verify a run's folder, offline; whatever is in it, nothing but findings comes out.
+
+    A package that is whole by its own bytes is compared with the ledger: somebody who rewrites all of it can make it
+    whole again.
+
+    Args:
+        folder: the run's folder.
+        ledger: the ledger to compare it with; that of the folder of reports it is in, unless one is given.
 
     Raises:
-        EvidenceError: if this is no run's folder at all.
+        EvidenceError: if this is no run's folder at all, or the ledger cannot be read.
     """
     held = is_held(folder)  # asked first: a run that ends in between is then sealed
     if is_sealed(folder):
-        return _verify_sealed(folder)
+        found = _verify_sealed(folder)
+        return found if found.findings else _compared(found, ledger)
     if not is_run(folder):
         raise EvidenceError(f"{shown(str(folder))}: not a run's folder", "name a folder of reports/, see hil runs")
     return _verify_unsealed(folder, State.RUNNING if held else State.INTERRUPTED)
@@ -141,6 +155,17 @@ def _verify_sealed(folder: Path) -> Verification:
         deviates=bool(told.deviations),
         complete=not fold(standing(reading.events)).interrupted,
     )
+
+
+def _compared(found: Verification, ledger: Ledger | None) -> Verification:
+    """Return the verification of a package that is whole by its own bytes, with what the ledger says of it."""
+    before = str(read_ends(found.folder / JOURNAL).lines[-1].wall.get("ledger", ""))
+    place = found.folder.resolve()
+    ledger = read(place.parent) if ledger is None else ledger
+    said = known(ledger, run=found.run, folder=shown(place.name), evidence=found.evidence_digest, before=before)
+    if said.findings:
+        return Verification(folder=found.folder, state=State.DAMAGED, findings=said.findings)
+    return replace(found, ledger=said.told, sure=said.sure)
 
 
 def unread_journal(folder: Path, error: EvidenceError) -> Finding:

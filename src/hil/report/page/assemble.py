@@ -76,8 +76,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         EvidenceError: where the results say what this version does not know.
     """
     events, results = material.events(), material.results()
-    placed = attributed(events)
-    run = results.run
+    placed, run = attributed(events), results.run
     bench = parse(material.text("bench/bench.yaml"), "bench/bench.yaml")
     entries, names = requirement_entries(material), _names(results)
     begun = [event for event in events if isinstance(event, Recording)]
@@ -124,6 +123,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         software=_software(run, _json(material, "software.json"), _json(material, "place.json")),
         content_digest=results.content_digest,
         evidence_digest=evidence_digest,
+        ledger_head=material.ledger_head(),
     )
 
 

@@ -281,3 +281,4 @@ class RunView:
     software: tuple[Fact, ...]
     content_digest: str
     evidence_digest: str
+    ledger_head: str

@@ -1,0 +1,114 @@
+"""Packages and the ledger: what is entered at a seal, and what the ledger says of a package later."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from hil.evidence.ledger.book import Ledger, append_once, ledger_file
+from hil.evidence.ledger.entries import ZERO, Sealed
+from hil.model.errors import EvidenceError, Finding
+
+__all__ = ["Known", "enter", "known"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Known:
+    """What a ledger says of a package.
+
+    Attributes:
+        entry: the entry of its seal; None if there is none.
+        findings: what shows that the package is not the one that was sealed.
+        told: the same in a sentence, or where the entry is; empty if there is no ledger.
+        sure: whether nothing speaks against the package; False also where the ledger is damaged and does not have it.
+    """
+
+    entry: Sealed | None = None
+    findings: tuple[Finding, ...] = ()
+    told: str = ""
+    sure: bool = True
+
+
+def enter(reports: Path, sealed: Sealed) -> None:
+    """Enter the seal of a package, unless it stands there already.
+
+    Raises:
+        EvidenceError: if the ledger cannot be written, or has another evidence digest for this run.
+    """
+    other: list[Sealed] = []
+
+    def stands(ledger: Ledger) -> bool:
+        found = ledger.of(Sealed, sealed.run)
+        other.extend(each for each in found if each.evidence != sealed.evidence)
+        return bool(found)
+
+    append_once(reports, sealed, stands)
+    if other:
+        raise EvidenceError(
+            f"{ledger_file(reports)}:{other[0].seq + 1}: {sealed.run} was sealed {_day(other[0])} with another digest",
+            "one of the two was rewritten; keep both, and find out who had access",
+        )
+
+
+def known(ledger: Ledger, *, run: str, folder: str, evidence: str, before: str = "") -> Known:
+    """Return what a ledger says of a package.
+
+    Args:
+        ledger: the ledger of the folder of reports that the package is in.
+        run: the name that the run had at its seal.
+        folder: the name of its folder now.
+        evidence: its evidence digest now.
+        before: the head that the ledger had before the seal, as the package's journal names it; empty in older ones.
+    """
+    if not ledger.hashes and not ledger.findings:
+        return Known()
+    sealed = ledger.of(Sealed)
+    named = [each for each in sealed if each.run in {run, folder}]
+    entry = next((each for each in sealed if (each.run, each.evidence) == (run, evidence)), None)
+    findings = [*_other_digests(named, run, evidence), *_other_names(sealed, run, evidence)]
+    if entry and before not in {"", ZERO, *ledger.hashes[: entry.seq]}:
+        findings.append(
+            Finding("data/journal.jsonl", 0, 0, f"it names the ledger's head {before}, which the ledger never had")
+        )
+    if findings:
+        return Known(entry=entry, findings=tuple(findings), told=findings[0].message, sure=False)
+    if entry:
+        return Known(entry=entry, told=f"line {entry.seq + 1}, sealed {entry.utc}")
+    if ledger.findings:
+        return Known(told=f"DAMAGED, and has no entry of this package: {ledger.findings[0]}", sure=False)
+    return Known(told=_unknown(ledger, before))
+
+
+def _other_digests(named: list[Sealed], run: str, evidence: str) -> Iterator[Finding]:
+    for each in named:
+        if each.evidence == evidence:
+            continue
+        if each.run != run:
+            text = f"the folder has the name of another package, of ledger line {each.seq + 1}: this one is {run}"
+        elif any(other.evidence == evidence for other in named):
+            text = f"the ledger names this run with another evidence digest as well, in line {each.seq + 1}"
+        else:
+            text = f"rewritten after its seal on {_day(each)}: ledger line {each.seq + 1} has another evidence digest"
+        yield Finding("manifest-sha256.txt", 0, 0, text)
+
+
+def _other_names(sealed: tuple[Sealed, ...], run: str, evidence: str) -> Iterator[Finding]:
+    for each in sealed:
+        if each.evidence == evidence and each.run != run:
+            text = f"it says {run}, and the ledger sealed this evidence as {each.run} in line {each.seq + 1}"
+            yield Finding("bag-info.txt", 0, 0, text)
+
+
+def _unknown(ledger: Ledger, before: str) -> str:
+    if before != ZERO and before in ledger.hashes:
+        line = ledger.hashes.index(before) + 1
+        return (
+            f"not in the ledger, though its journal names the head of line {line}: the ledger was cut off after that, "
+            "or could not be written at the seal (hil seal enters it)"
+        )
+    return "not in the ledger of this folder: a copy, or sealed elsewhere"
+
+
+def _day(entry: Sealed) -> str:
+    return entry.utc[:10]
