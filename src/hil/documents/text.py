@@ -7,9 +7,10 @@ from pathlib import Path
 
 from hil.documents.findings import Findings
 from hil.documents.node import Place
+from hil.documents.snapshot import current_snapshot
 from hil.model.errors import Refused
 
-__all__ = ["MOST_BYTES", "decoded", "hidden_character", "read_bytes", "require_name", "visible"]
+__all__ = ["MOST_BYTES", "decoded", "hidden_character", "is_there", "read_bytes", "require_name", "visible"]
 
 MOST_BYTES = 5_000_000
 """The largest file that is read."""
@@ -57,20 +58,32 @@ def require_name(option: str, name: str) -> None:
         raise Refused(f"{option} contains the character U+{ord(found[0]):04X}", "type it again without it")
 
 
+def is_there(file: Path) -> bool:
+    """Return whether there is such a file; in a snapshot it is there for good."""
+    snapshot = current_snapshot()
+    return (snapshot is not None and file in snapshot) or file.exists()
+
+
 def read_bytes(file: Path, shown: str, findings: Findings) -> bytes | None:
     """Return the contents of a file, one byte too many of one that is too large; None if it cannot be read.
+
+    Where there is a snapshot, its content is from there, or is held there from now on.
 
     Args:
         file: where it is.
         shown: its path as shown to a person, relative to the workspace.
         findings: where the reason is noted.
     """
+    snapshot = current_snapshot()
     try:
+        if snapshot is not None and file in snapshot:
+            return snapshot.take(file)
         if not file.is_file():
             findings.add(Place(path=shown), "the file is missing" if not file.exists() else "this is not a file")
             return None
         with file.open("rb") as stream:
-            return stream.read(MOST_BYTES + 1)
+            data = stream.read(MOST_BYTES + 1)
+        return data if snapshot is None else snapshot.keep(file, data)
     except OSError as error:
         findings.add(Place(path=shown), f"cannot be read: {error.strerror}")
         return None

@@ -18,6 +18,7 @@ from hil.model.verdict import Verdict
 from hil.plugin.plans.case_fixtures import case_fixtures
 from hil.plugin.plans.collection import MARKERS, plan_cases, skipped_cases
 from hil.plugin.plans.fixture_modules import load_fixture_modules
+from hil.plugin.plans.frozen_code import FrozenCode
 from hil.plugin.plans.plan_sources import refuse_sources
 
 __all__ = ["Campaign", "Opener"]
@@ -29,9 +30,12 @@ Opener = Callable[[Configuration, Sequence[PlannedCase]], Session]
 class Campaign:
     """Turns one pytest session into one run.
 
+    Made and used within `frozen_code`, so that what is loaded is what is frozen.
+
     Args:
         configuration: what the run is made of.
         opener: opens the session.
+        code: loads the workspace's modules.
 
     Raises:
         ConfigurationError: if the workspace's fixtures cannot be loaded, or plans bring hooks of pytest.
@@ -42,14 +46,15 @@ class Campaign:
         collection_errors: files that could not be collected, and why.
     """
 
-    def __init__(self, configuration: Configuration, opener: Opener) -> None:
+    def __init__(self, configuration: Configuration, opener: Opener, code: FrozenCode) -> None:
         self.configuration = configuration
         self.session: Session | None = None
         self.error: HilError | None = None
         self.collection_errors: list[tuple[str, str]] = []
         self._opener = opener
-        refuse_sources(configuration.workspace, configuration.plans)
-        self._fixtures = load_fixture_modules(configuration.workspace)
+        self._code = code
+        refuse_sources(configuration)
+        self._fixtures = load_fixture_modules(configuration, code)
         self._planned: dict[str, PlannedCase] = {}
         self._skipped: dict[str, str] = {}
         self._ended: set[str] = set()
@@ -64,6 +69,7 @@ class Campaign:
 
     def pytest_configure(self, config: pytest.Config) -> None:
         """Register markers, the bench's fixtures, and the workspace's own."""
+        self._code.serve(config)
         for marker in MARKERS:
             config.addinivalue_line("markers", marker)
         roles = dict.fromkeys(wire.role for wire in self.configuration.bench.wiring)

@@ -6,8 +6,8 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,15 +16,18 @@ import pytest
 from hil.documents.suggest import did_you_mean
 from hil.executive.session import Session
 from hil.executive.setup.configuration import Configuration
+from hil.executive.setup.ground import Ground
 from hil.model.errors import ConfigurationError, Finding, Refused
 from hil.plugin.campaign import Campaign, Opener
 from hil.plugin.plans.collection import MARKERS
+from hil.plugin.plans.frozen_code import frozen_code
 
 __all__ = ["Launched", "launch"]
 
 _INI = """\
 [pytest]
 addopts =
+norecursedirs =
 filterwarnings =
     default
     error::pytest.PytestUnhandledThreadExceptionWarning
@@ -48,10 +51,12 @@ def launch(configuration: Configuration, opener: Opener) -> Launched:
     Raises:
         ConfigurationError: if cases cannot be collected or do not fit the catalogue.
     """
-    campaign = Campaign(configuration, opener)
     workspace = configuration.workspace
-    own = (workspace.testplans, workspace.fixtures)
-    with tempfile.TemporaryDirectory(prefix="hil-") as folder, _own_environment(), _own_modules(own):
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="hil-"))
+        stack.enter_context(_own_environment())
+        stack.enter_context(_own_modules(configuration.ground))
+        campaign = Campaign(configuration, opener, stack.enter_context(frozen_code(configuration)))
         ini = Path(folder) / "pytest.ini"
         ini.write_text(_INI, encoding="ascii")
         code = _outcome(campaign, _arguments(configuration, ini))
@@ -111,8 +116,8 @@ def _own_environment() -> Iterator[None]:
 
 
 @contextmanager
-def _own_modules(roots: Sequence[Path]) -> Iterator[None]:
-    """Forget the modules of plans and fixtures afterwards: those of another workspace have the same names.
+def _own_modules(ground: Ground) -> Iterator[None]:
+    """Forget the workspace's modules afterwards: those of another workspace have the same names.
 
     Only theirs: an environment with installed packages often lies in the workspace, too, and compiled modules cannot be
     loaded twice.
@@ -122,13 +127,13 @@ def _own_modules(roots: Sequence[Path]) -> Iterator[None]:
         yield
     finally:
         # All of them are checked before one goes: a namespace package asks its parent where it is.
-        for name in [name for name in set(sys.modules) - before if _is_inside(sys.modules[name], roots)]:
+        for name in [name for name in set(sys.modules) - before if _is_inside(sys.modules[name], ground)]:
             del sys.modules[name]
 
 
-def _is_inside(module: object, roots: Sequence[Path]) -> bool:
+def _is_inside(module: object, ground: Ground) -> bool:
     places = [getattr(module, "__file__", None) or "", *getattr(module, "__path__", ())]
-    return any(place and Path(place).is_relative_to(root) for place in places for root in roots)
+    return any(place and ground.is_own(place) for place in places)
 
 
 def _finding(where: str, text: str, root: Path) -> Finding:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
 from hil.plugin.campaign import Campaign
 from hil.plugin.opening import open_new
+from hil.plugin.plans.frozen_code import frozen_code
 from hil.report.sentences import headline
 from hil.report.write import write_reports
 
@@ -80,7 +82,10 @@ def configure_plain(config: pytest.Config) -> None:
         _refuse_others(config)
         configuration = configure(_request(config))
         _refuse_other_root(config, configuration.workspace.root)
-        campaign = Campaign(configuration, partial(open_new, alone=True))
+        stack = ExitStack()
+        config.add_cleanup(stack.close)
+        code = stack.enter_context(frozen_code(configuration))
+        campaign = Campaign(configuration, partial(open_new, alone=True), code)
     except HilError as error:
         raise pytest.UsageError(str(error)) from None
     config.pluginmanager.register(campaign, "hil_campaign")

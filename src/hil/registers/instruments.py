@@ -13,6 +13,8 @@ from typing import Annotated
 from hil.clock.wall import is_date
 from hil.documents.declared import read_document
 from hil.documents.findings import Findings
+from hil.documents.snapshot import read_once
+from hil.documents.text import is_there
 from hil.model.bench import CalibratedRange, Calibration, Registered
 from hil.model.identity import Day
 from hil.model.notation import NAMED, AnyText, ByName, Text, matching
@@ -152,7 +154,7 @@ def load_instruments(path: Path, shown: str, findings: Findings) -> Mapping[str,
     Returns:
         The instruments by their names in the register, none if there is no such file.
     """
-    if not path.exists():
+    if not is_there(path):
         return {}
     document = read_document(path, shown, findings, _Register, schema=_SCHEMA)
     if document is None:
@@ -205,7 +207,7 @@ def file_problem(fixtures: Path, certificate: Certificate) -> str:
         path = (fixtures / certificate.file).resolve()
         if not path.is_relative_to(fixtures.resolve()):
             return f"{named} is not below {fixtures.name}"
-        data = path.read_bytes()
+        data = read_once(fixtures / certificate.file)
     except FileNotFoundError:
         return f"{named} is missing"
     except (OSError, RuntimeError, ValueError) as error:  # a loop of links is a RuntimeError to some versions of Python

@@ -8,6 +8,7 @@ from pathlib import Path
 from hil.documents.canonical import digest
 from hil.documents.findings import Findings, shown
 from hil.documents.suggest import did_you_mean
+from hil.documents.text import is_there
 from hil.model.errors import HilError
 from hil.requirements.lock import check_lock
 from hil.requirements.requirement import Document, Limit, Requirement
@@ -140,7 +141,7 @@ def _read_around(asked: Sequence[Path], root: Path, findings: Findings) -> tuple
     around = []
     for testplans in dict.fromkeys(plan.parent for plan in asked):
         above = testplans / REQUIREMENTS
-        if above.exists():
+        if is_there(above):
             around.append(read_requirements(above, shown(above, root), "", findings))
         beside = sorted(file.parent for file in testplans.glob(f"*/{REQUIREMENTS}"))
         around.extend(_read_other(plan, root, findings) for plan in beside if plan not in asked)

@@ -19,7 +19,7 @@ from hil.documents.canonical import JsonError, digest, parse_strict
 from hil.documents.declared import Invalid, read_json
 from hil.documents.findings import Findings
 from hil.documents.node import Place
-from hil.documents.text import read_bytes
+from hil.documents.text import is_there, read_bytes
 from hil.model.notation import Path as Keys
 from hil.requirements.requirement import Requirement
 
@@ -77,7 +77,7 @@ def read_lock(plan: Path, shown: str, findings: Findings) -> dict[str, Locked] |
     """Return the lock of a plan by id; None if there is none or it cannot be read."""
     file = plan / LOCK
     named = f"{shown}/{LOCK}"
-    if not file.exists() or (data := read_bytes(file, named, findings)) is None:
+    if not is_there(file) or (data := read_bytes(file, named, findings)) is None:
         return None
     try:
         parse_strict(data)

@@ -15,6 +15,7 @@ from hil.documents.canonical import digest
 from hil.documents.declared import Document, read_document
 from hil.documents.findings import Findings, shown
 from hil.documents.suggest import did_you_mean
+from hil.documents.text import is_there
 from hil.model.errors import HilError, Refused
 from hil.model.notation import AnyText, Complaint, Flag, Number, Path, Text, read_number, slug, whole
 from hil.requirements.units import UnitError, check_unit, compatible, convert, is_plain
@@ -233,7 +234,7 @@ def load_parameters(root: File, plan: File) -> Parameters:
         ConfigurationError: with everything that is wrong with the file.
     """
     file = plan / PARAMETERS
-    if not file.exists():
+    if not is_there(file):
         return Parameters()
     findings = Findings()
     document = read_document(file, shown(file, root), findings, _File, schema=_SCHEMA)

@@ -10,7 +10,7 @@ from typing import Any
 
 from hil.documents.canonical import JsonError, canonical, parse_strict
 from hil.evidence.durable import read_plain
-from hil.evidence.events import Check, End, Frozen, Recovered, Results, Run
+from hil.evidence.events import Check, End, Frozen, FrozenLater, Recovered, Results, Run
 from hil.evidence.folder import ATTACHMENTS, CALIBRATION, CATALOGUE, JOURNAL, PARAMETERS, RECORDINGS, RESULTS
 from hil.evidence.journal.reader import JournalReading
 from hil.evidence.package.bag import INFO, identifier_of, is_named
@@ -117,10 +117,12 @@ def _file_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator
     """Compare every file with the journal, which names what was frozen first, and the whole folder at its end."""
     if [type(event) for event in reading.events[:2]] not in _HEAD:
         yield Finding(JOURNAL, 0, 0, "its second event does not name what was frozen")
-    frozen = _frozen_files(reading)
+    later = {event.file: event.sha256 for event in reading.events if isinstance(event, FrozenLater)}
+    frozen = {**_frozen_files(reading), **later}
     for path, digest in frozen.items():
         if hashes.get(path) != digest:
-            what = "it is not what was frozen before the first step" if path in hashes else "what was frozen is missing"
+            when = "when it was first used" if path in later else "before the first step"
+            what = f"it is not what was frozen {when}" if path in hashes else "what was frozen is missing"
             yield Finding(shown(path), 0, 0, what)
     if not _has_end(reading):
         yield Finding(

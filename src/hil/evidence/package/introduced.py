@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from hil.evidence.durable import PART, sha256_of, sync_folder
-from hil.evidence.events import Acknowledged, End, Event, Frozen, Gate, Recovered, Results, Resumed, Run
+from hil.evidence.events import Acknowledged, End, Event, Frozen, FrozenLater, Gate, Recovered, Results, Resumed, Run
 from hil.evidence.folder import (
     ATTACHMENTS,
     GUARDIAN,
@@ -107,13 +107,15 @@ def _introduced(reading: JournalReading) -> Iterator[str]:
 
 
 def _alone(events: Sequence[Event]) -> Iterator[str]:
-    """Give the files of which there is one."""
+    """Give the files that have an event of their own."""
     for event in events:
         match event:
             case Run():
                 yield TRANSCRIPT
                 if event.live is not None:
                     yield GUARDIAN
+            case FrozenLater():
+                yield event.file
             case Gate() if event.name.partition(":")[0] == "guardian":
                 yield GUARDIAN
             case Acknowledged() if event.guardian:

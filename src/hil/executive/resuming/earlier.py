@@ -85,6 +85,11 @@ class Earlier:
         return sum(line.event.recurs for line in self.head)
 
     @property
+    def frozen_later(self) -> Mapping[str, str]:
+        """Path and SHA-256 of the files that were frozen when a case first used them."""
+        return {line.event.file: line.event.sha256 for line in self.lines if isinstance(line.event, events.FrozenLater)}
+
+    @property
     def come_again(self) -> tuple[JournalLine, ...]:
         """The lines up to where it is entered again."""
         last = self.boundary.sequence if self.boundary else math.inf

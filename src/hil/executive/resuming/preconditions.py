@@ -89,9 +89,10 @@ def resumed_request(
 
 def changes(earlier: Earlier, configuration: Configuration) -> tuple[str, ...]:
     """Return what has changed since the run began: a sentence for each part, with the files."""
+    then = {**earlier.of_head(events.Frozen).files, **earlier.frozen_later}
+    configuration.inputs.use_again(then)
     with tempfile.TemporaryDirectory(prefix="hil-resume-") as folder:
         now = freeze(configuration, Path(folder)).files
-    then = earlier.of_head(events.Frozen).files
     differing = sorted(path for path in {*then, *now} - _REGISTERS if then.get(path) != now.get(path))
     return tuple(_told(differing))
 

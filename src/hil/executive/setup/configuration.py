@@ -14,6 +14,8 @@ from hil.bench.file.reading import load_bench
 from hil.bench.live import Reach, reach_of_hardware, reach_of_served
 from hil.documents.findings import Findings
 from hil.documents.suggest import did_you_mean
+from hil.executive.setup.ground import Ground
+from hil.executive.setup.inputs import Inputs
 from hil.executive.setup.workspace import Workspace, find_workspace
 from hil.model.bench import BenchSpec
 from hil.model.errors import ConfigurationError, Finding, Refused
@@ -83,6 +85,14 @@ class Configuration:
     parameters: Mapping[str, Parameters]
     bench: BenchSpec
     dut: Dut
+    inputs: Inputs
+
+    @property
+    def ground(self) -> Ground:
+        """Where the inputs of the run can be."""
+        workspace, request = self.workspace, self.request
+        apart = (path.resolve() for path in (workspace.reports, request.output, request.served) if path is not None)
+        return Ground(workspace.root, [path for path in apart if not workspace.testplans.is_relative_to(path)])
 
     @property
     def reports(self) -> Path:
@@ -117,10 +127,12 @@ def configure(request: Request) -> Configuration:
     workspace = find_workspace(request.start, noted)
     plans = _plans(workspace, request, noted)
     findings = list(noted)
-    catalogue = _gather(lambda: load_catalogue(workspace.root, plans), findings)
-    parameters = {plan.name: _gather(partial(load_parameters, workspace.root, plan), findings) for plan in plans}
-    bench = _gather(lambda: _bench(workspace, request), findings)
-    duts = _gather(lambda: _duts(workspace), findings)
+    inputs = Inputs(workspace, plans, request.bench)
+    with inputs.snapshot.reading():  # what is frozen is what is used
+        catalogue = _gather(lambda: load_catalogue(workspace.root, plans), findings)
+        parameters = {plan.name: _gather(partial(load_parameters, workspace.root, plan), findings) for plan in plans}
+        bench = _gather(lambda: _bench(workspace, request), findings)
+        duts = _gather(lambda: _duts(workspace), findings)
     if findings or catalogue is None or bench is None or duts is None:
         raise ConfigurationError(tuple(findings))
     register = workspace.shown(workspace.duts)
@@ -134,6 +146,7 @@ def configure(request: Request) -> Configuration:
         parameters=_overridden({name: item for name, item in parameters.items() if item is not None}, request),
         bench=bench,
         dut=_dut(dut, request),
+        inputs=inputs,
     )
 
 

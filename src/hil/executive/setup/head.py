@@ -5,7 +5,7 @@ from __future__ import annotations
 import getpass
 import hashlib
 import platform
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -30,9 +30,6 @@ from hil.executive.setup.software import software_identity, version
 from hil.model.bench import BenchSpec, InstrumentSpec
 from hil.model.errors import EvidenceError
 from hil.registers.instruments import INSTRUMENTS
-from hil.requirements.lock import LOCK
-from hil.requirements.parameters import PARAMETERS
-from hil.requirements.schema import REQUIREMENTS
 
 __all__ = ["DESELECTED", "ENDED_BEFORE", "Frozen", "PlannedCase", "freeze", "write_head"]
 
@@ -140,7 +137,6 @@ def _live(configuration: Configuration) -> events.Live | None:
 
 _OF_THIS_PLACE = frozenset({"data/software.json", "data/place.json"})
 _READABLE = "every file of plans, fixtures and bench must be readable"
-_CATALOGUE_FILES = frozenset({REQUIREMENTS, LOCK, PARAMETERS})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,7 +158,7 @@ class Frozen:
 
 
 def freeze(configuration: Configuration, folder: Path) -> Frozen:
-    """Copy catalogue, parameters, sources, bench file and registers into the package.
+    """Write catalogue, parameters, sources, bench file and registers into the package, from the bytes that were read.
 
     Raises:
         EvidenceError: if one of them cannot be read or written, or has a name that is not a text.
@@ -176,18 +172,15 @@ def freeze(configuration: Configuration, folder: Path) -> Frozen:
 
 
 def _freeze(configuration: Configuration, folder: Path) -> Frozen:
-    workspace = configuration.workspace
+    workspace, inputs = configuration.workspace, configuration.inputs
     entries = entries_of(configuration.catalogue.requirement(id_) for id_ in configuration.catalogue.ids)
     catalogue = freeze_catalogue(folder, entries)
     parameters = _parameters(configuration, folder)
     sources = hashlib.sha256()
-    for path in sorted(_sources(configuration)):
-        shown_path = path.relative_to(workspace.root).as_posix()
-        data = path.read_bytes()
-        of_plan = path.name in _CATALOGUE_FILES and path.parent in configuration.plans
-        name = f"catalogue/{path.parent.name}/{path.name}" if of_plan else f"sources/{shown_path}"
-        _put(folder / "data" / name, data)
-        sources.update(f"{hashlib.sha256(data).hexdigest()}  {shown_path}\n".encode())
+    for path in sorted({*inputs.sources, *inputs.used}):
+        data = inputs.snapshot.take(path)
+        _put(folder / inputs.name_of(path), data)
+        sources.update(f"{hashlib.sha256(data).hexdigest()}  {path.relative_to(workspace.root).as_posix()}\n".encode())
     bench = _bench(configuration, folder)
     _registers(configuration, folder)
     calibration = freeze_calibration(folder, _calibrations(configuration.bench, folder))
@@ -206,32 +199,25 @@ def _freeze(configuration: Configuration, folder: Path) -> Frozen:
     )
 
 
-def _sources(configuration: Configuration) -> Iterator[Path]:
-    for plan in configuration.plans:
-        yield from (path for path in plan.iterdir() if path.is_file() and path.suffix in {".py", ".yaml", ".json"})
-    yield from (path for path in configuration.workspace.testplans.iterdir() if path.suffix in {".py", ".yaml"})
-    yield from configuration.workspace.fixtures.glob("*.py")
-
-
 def _bench(configuration: Configuration, folder: Path) -> str:
+    inputs, whole = configuration.inputs, hashlib.sha256()
     bench_folder = configuration.workspace.benches / configuration.bench.name
-    whole = hashlib.sha256()
-    for path in sorted(path for path in bench_folder.rglob("*") if path.is_file()):
-        data = path.read_bytes()
+    for path in inputs.bench_files:
+        data = inputs.snapshot.take(path)
         shown = path.relative_to(bench_folder).as_posix()
         _put(folder / "data/bench" / shown, data)
         whole.update(f"{hashlib.sha256(data).hexdigest()}  {shown}\n".encode())
-    _put(folder / "data/bench/duts.yaml", configuration.workspace.duts.read_bytes())
+    _put(folder / "data/bench/duts.yaml", inputs.snapshot.take(configuration.workspace.duts))
     return whole.hexdigest()
 
 
 def _registers(configuration: Configuration, folder: Path) -> None:
     """Freeze the register of instruments with the certificates that the bench uses, where it uses any."""
-    fixtures = configuration.workspace.fixtures
+    fixtures, snapshot = configuration.workspace.fixtures, configuration.inputs.snapshot
     records = (item.calibration for item in configuration.bench.instruments)
     used = {record.certificate for record in records if record and record.registered}
     for name in (INSTRUMENTS, *sorted(used)) if used else ():
-        _put(folder / REGISTERS / name, (fixtures / name).read_bytes())
+        _put(folder / REGISTERS / name, snapshot.take(fixtures / name))
 
 
 def _calibrations(bench: BenchSpec, folder: Path) -> dict[str, FrozenCalibration]:

@@ -10,8 +10,9 @@ from types import ModuleType
 
 import pytest
 
-from hil.executive.setup.workspace import Workspace
+from hil.executive.setup.configuration import Configuration
 from hil.model.errors import ConfigurationError, Finding
+from hil.plugin.plans.frozen_code import FrozenCode
 from hil.plugin.plans.plan_sources import hook_findings, imported_hooks
 
 __all__ = ["load_fixture_modules"]
@@ -20,21 +21,22 @@ _ANYTHING = (Exception, SystemExit, pytest.skip.Exception)
 """What importing somebody's module can raise."""
 
 
-def load_fixture_modules(workspace: Workspace) -> dict[str, ModuleType]:
-    """Return every module of the workspace's fixtures by its name.
+def load_fixture_modules(configuration: Configuration, code: FrozenCode) -> dict[str, ModuleType]:
+    """Return every module of the workspace's fixtures by its name, from its frozen source.
 
     Raises:
         ConfigurationError: with every module that cannot be loaded, or that brings hooks, and why.
     """
     modules: dict[str, ModuleType] = {}
     findings: list[Finding] = []
-    for path in sorted(workspace.fixtures.glob("*.py")):
+    workspace, inputs = configuration.workspace, configuration.inputs
+    for path in (path for path in inputs.below(workspace.fixtures) if path.parent == workspace.fixtures):
         shown = workspace.shown(path)
-        if hooks := list(hook_findings(path, shown)):
+        if hooks := list(hook_findings(path, inputs)):
             findings += hooks
             continue
         try:
-            modules[path.stem] = _load(path)
+            modules[path.stem] = _load(path, code)
             findings += imported_hooks(modules[path.stem], shown)
         except _ANYTHING as error:
             findings.append(_finding(shown, path, error))
@@ -43,14 +45,13 @@ def load_fixture_modules(workspace: Workspace) -> dict[str, ModuleType]:
     return modules
 
 
-def _load(path: Path) -> ModuleType:
+def _load(path: Path, code: FrozenCode) -> ModuleType:
     name = f"hil_workspace_fixtures.{path.stem}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise ImportError(f"{path.name} is not a Python module")
+    spec = code.spec_of(name, path)
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
-    spec.loader.exec_module(module)
+    if spec.loader is not None:
+        spec.loader.exec_module(module)
     return module
 
 

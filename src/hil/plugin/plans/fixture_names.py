@@ -66,7 +66,7 @@ def name_findings(item: pytest.Item, configuration: Configuration) -> Iterator[F
             yield Finding(path, (line or 0) + 1, 1, message)
     ours = {name for name in own & set(provided) if _is_ours(provided[name])}
     yield from _outliving(provided, ours, configuration)
-    helpers = _helpers(item)
+    helpers = _helpers(item, configuration)
     for function in (*functions, *helpers):
         # A function that is not a fixture may be given anything as its `supply`; `parameters` were handed on by name.
         known = ours & {"parameters"} if function in helpers else ours
@@ -151,11 +151,11 @@ def _functions(
     return (*([function] if function else []), *mine)
 
 
-def _helpers(item: pytest.Item) -> tuple[Callable[..., object], ...]:
+def _helpers(item: pytest.Item, configuration: Configuration) -> tuple[Callable[..., object], ...]:
     """Return the functions of the case's module that take `parameters` and that some function hands its own to."""
     module = getattr(item, "module", None)
     functions = [each for each in vars(module).values() if inspect.isfunction(each)] if module else []
-    names = given_to(item.path.read_bytes(), "parameters")
+    names = given_to(configuration.inputs.snapshot.take(item.path), "parameters")
     return tuple(each for each in functions if _file(each) == item.path and each.__name__ in names)
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ast
 import inspect
-from collections.abc import Iterator, Sequence
+import sys
+from collections.abc import Collection, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
@@ -12,6 +13,7 @@ from types import ModuleType
 import pytest
 
 from hil.executive.setup.configuration import Configuration
+from hil.executive.setup.inputs import Inputs
 from hil.executive.setup.workspace import Workspace
 from hil.model.errors import ConfigurationError, Finding
 
@@ -23,7 +25,7 @@ _OWN = frozenset({"pytest_plugins", "collect_ignore", "collect_ignore_glob"})
 _BRINGS = "pytest hooks and plugins would come between a case and its verdict: take it out, fixtures are enough"
 
 
-def refuse_sources(workspace: Workspace, plans: Sequence[Path]) -> None:
+def refuse_sources(configuration: Configuration) -> None:
     """Refuse, before pytest reads anything of it, what in and around the plans would decide what a case is worth.
 
     Raises:
@@ -31,8 +33,11 @@ def refuse_sources(workspace: Workspace, plans: Sequence[Path]) -> None:
             hook in the modules of a plan, every case that another of its name replaces, and every second fixture of one
             name in a file of a plan, or in all files of the workspace's fixtures.
     """
-    findings = [*_conftests(workspace, plans), *(finding for plan in plans for finding in _in_plan(plan, workspace))]
-    findings += _fixtures_twice(sorted(workspace.fixtures.glob("*.py")), workspace)
+    fixtures, inputs = configuration.workspace.fixtures, configuration.inputs
+    findings = list(_conftests(configuration.workspace, configuration.plans))
+    for plan in configuration.plans:
+        findings += _in_plan([path for path in inputs.below(plan) if path.parent == plan], inputs)
+    findings += _fixtures_twice([path for path in inputs.below(fixtures) if path.parent == fixtures], inputs)
     if findings:
         raise ConfigurationError(tuple(findings))
 
@@ -43,13 +48,18 @@ def _parsed(source: bytes) -> ast.Module:
     return ast.parse(source)
 
 
-def hook_findings(path: Path, shown: str) -> Iterator[Finding]:
-    """Yield every hook that a module of fixtures writes out; a file that Python cannot read has none."""
+def _tree(path: Path, inputs: Inputs) -> ast.Module | None:
+    """Return the tree of a frozen file, None for one that Python cannot read: importing it shows the error."""
     try:
-        tree = _parsed(path.read_bytes())
-    except (SyntaxError, ValueError):
-        return
-    yield from _hooks(tree, shown)
+        return _parsed(inputs.snapshot.take(path))
+    except (OSError, SyntaxError, ValueError):
+        return None
+
+
+def hook_findings(path: Path, inputs: Inputs) -> Iterator[Finding]:
+    """Yield every hook that a module of fixtures writes out; a file that Python cannot read has none."""
+    if (tree := _tree(path, inputs)) is not None:
+        yield from _hooks(tree, inputs.shown(path))
 
 
 def imported_hooks(module: ModuleType, shown: str) -> Iterator[Finding]:
@@ -68,15 +78,13 @@ def _conftests(workspace: Workspace, plans: Sequence[Path]) -> Iterator[Finding]
     yield from (Finding(workspace.shown(path), 0, 0, message) for path in (*around, *inside) if path.exists())
 
 
-def _in_plan(plan: Path, workspace: Workspace) -> Iterator[Finding]:
-    for path in sorted(set(plan.glob("*.py")) - {plan / _CONFTEST}):
-        try:
-            tree = _parsed(path.read_bytes())
-        except (SyntaxError, ValueError):  # importing it shows the error
-            continue
-        yield from _hooks(tree, workspace.shown(path))
-        yield from _replaced(tree.body, workspace.shown(path))
-        yield from _fixtures_twice([path], workspace)
+def _in_plan(paths: Sequence[Path], inputs: Inputs) -> Iterator[Finding]:
+    for path in paths:
+        tree = _tree(path, inputs)
+        if tree is not None and path.name != _CONFTEST:
+            yield from _hooks(tree, inputs.shown(path))
+            yield from _replaced(tree.body, inputs.shown(path))
+            yield from _fixtures_twice([path], inputs)
 
 
 def _hooks(tree: ast.Module, shown: str) -> Iterator[Finding]:
@@ -103,16 +111,12 @@ def _replaced(body: Sequence[ast.stmt], shown: str) -> Iterator[Finding]:
             yield from _replaced(node.body, shown)
 
 
-def _fixtures_twice(paths: Sequence[Path], workspace: Workspace) -> Iterator[Finding]:
+def _fixtures_twice(paths: Sequence[Path], inputs: Inputs) -> Iterator[Finding]:
     """Yield every second fixture of one name: which one a case gets would be nobody's decision."""
     first: dict[str, str] = {}
     for path in paths:
-        try:
-            tree = _parsed(path.read_bytes())
-        except (SyntaxError, ValueError):  # importing it shows the error
-            continue
-        shown = workspace.shown(path)
-        for node in tree.body:
+        tree, shown = _tree(path, inputs), inputs.shown(path)
+        for node in tree.body if tree else ():
             if not isinstance(node, ast.FunctionDef) or (name := _fixture_name(node)) is None:
                 continue
             before = first.setdefault(name, f"{shown}:{node.lineno}")
@@ -166,31 +170,43 @@ def _names(target: ast.expr) -> Iterator[str]:
 
 _Function = ast.FunctionDef | ast.AsyncFunctionDef
 _MARKER = "requirement"
+_LITERALS = (ast.Constant, ast.Dict, ast.JoinedStr, ast.List, ast.Set, ast.Tuple, ast.UnaryOp)
 _WHY = (
-    "looks like a case, and pytest does not collect it: cases are functions test_* in a file test_*.py, in no class or"
-    " in a class Test* without __init__; rename anything that is not a case"
+    "looks like a case, and pytest does not collect it: cases are functions test_* in a file test_*.py, in no function"
+    " and in no class or in a class Test* without __init__, directly in the plan's folder; rename anything that is not"
+    " a case"
 )
 
 
 def lost_cases(items: Sequence[pytest.Item], configuration: Configuration) -> Iterator[Finding]:
-    """Yield every function in the files of the plans that is a case by its name or its marker, and was not collected.
+    """Yield everything in the plans that is a case by its name or its marker, and was not collected.
+
+    Every file below a plan's folder is looked at, whatever its folders are called, and everything in it: functions in
+    functions, and names that something was assigned to.
 
     Args:
         items: what was collected from the plans as a whole.
-        configuration: names plans and workspace.
+        configuration: names plans and their frozen files.
     """
+    inputs = configuration.inputs
     collected = {place for item in items for place in _places(item)}
-    for path in sorted(path for plan in configuration.plans for path in plan.glob("*.py")):
-        try:
-            tree = _parsed(path.read_bytes())
-        except (SyntaxError, ValueError):  # importing it shows the error, if anybody does
-            continue
-        for name, node in _candidates(tree.body):
-            if not {(path, name), (path, _first_line(node))} & collected:
-                yield Finding(configuration.workspace.shown(path), node.lineno, node.col_offset + 1, f"'{name}' {_WHY}")
+    for path in (path for plan in configuration.plans for path in inputs.below(plan)):
+        tree = _tree(path, inputs)
+        for name, node in _candidates(tree) if tree else ():
+            if isinstance(node, _Function):
+                lost = not {(path, name), (path, _first_line(node))} & collected
+            else:
+                lost = not _is_collected(path, name, collected) and _is_case(path, name, node.value)
+            if lost:
+                shown = name.rpartition(".")[2]
+                yield Finding(inputs.shown(path), node.lineno, node.col_offset + 1, f"'{shown}' {_WHY}")
 
 
-def _places(item: pytest.Item) -> Iterator[tuple[Path, str | int]]:
+_Assigned = ast.Assign | ast.AnnAssign | ast.NamedExpr | ast.Expr
+_Place = tuple[Path, str | int]
+
+
+def _places(item: pytest.Item) -> Iterator[_Place]:
     """Yield where a case stands: its name in its file, and the first line of its code, which a base class may hold."""
     yield item.path, item.nodeid.partition("::")[2].partition("[")[0].replace("::", ".")
     code = getattr(inspect.unwrap(getattr(item, "function", item.runtest)), "__code__", None)
@@ -198,18 +214,57 @@ def _places(item: pytest.Item) -> Iterator[tuple[Path, str | int]]:
         yield Path(code.co_filename), code.co_firstlineno
 
 
-def _candidates(body: Sequence[ast.stmt], within: str = "") -> Iterator[tuple[str, _Function]]:
-    """Yield what a person takes for a case, with its qualified name, also below conditions."""
-    for node in body:
+def _candidates(tree: ast.AST, within: str = "") -> Iterator[tuple[str, _Function | _Assigned]]:
+    """Yield what a person takes for a case, with its qualified name, wherever it stands."""
+    for node in ast.iter_child_nodes(tree):
         if isinstance(node, _Function):
             marks = {_last_name(each) for each in node.decorator_list}
             if _MARKER in marks or (node.name.startswith("test") and "fixture" not in marks):
                 yield f"{within}{node.name}", node
+            yield from _candidates(node, f"{within}{node.name}.{_LOCALS}")
         elif isinstance(node, ast.ClassDef):
-            yield from _candidates(node.body, f"{within}{node.name}.")
+            yield from _candidates(node, f"{within}{node.name}.")
+        elif isinstance(node, _Assigned):
+            yield from ((f"{within}{name}", node) for name in _assigned(node))
         else:
-            for part in ("body", "orelse", "finalbody"):
-                yield from _candidates(getattr(node, part, ()), within)
+            yield from _candidates(node, within)
+
+
+_LOCALS = "<locals>."
+
+
+def _assigned(node: _Assigned) -> Iterator[str]:
+    """Yield the names that a statement binds to what may be a case; a marker that is applied makes one of anything."""
+    if node.value is None:
+        return
+    targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", ast.Constant(None))]
+    names = [name for target in targets for name in _names(target)]
+    found = [name for name in names if name.startswith(_CASES)]
+    if not found and any(_is_applied(each) for each in ast.walk(node.value)):
+        found = names or [_MARKER]
+    yield from found
+
+
+def _is_applied(node: ast.AST) -> bool:
+    return isinstance(node, ast.Call) and isinstance(node.func, ast.Call) and _last_name(node.func) == _MARKER
+
+
+def _is_collected(path: Path, name: str, collected: Collection[_Place]) -> bool:
+    """Return whether a name is a collected case, or a class of them."""
+    cases = (place for file, place in collected if file == path and isinstance(place, str))
+    return any(case == name or case.startswith(f"{name}.") for case in cases)
+
+
+def _is_case(path: Path, name: str, value: ast.expr | None) -> bool:
+    """Return whether what was assigned to a name can be called; where nobody can know, whether it was written so."""
+    written = value is not None and any(isinstance(each, ast.Lambda) or _is_applied(each) for each in ast.walk(value))
+    module = next((each for each in tuple(sys.modules.values()) if getattr(each, "__file__", None) == str(path)), None)
+    if written or module is None or _LOCALS in name or isinstance(value, _LITERALS):
+        return written
+    found: object = module
+    for part in name.split("."):
+        found = getattr(found, part, None)
+    return callable(found)
 
 
 def _first_line(node: _Function) -> int:

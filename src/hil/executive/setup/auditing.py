@@ -1,0 +1,114 @@
+"""What the code of a workspace opens, writes and executes, as the interpreter's audit events tell it."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from errno import ENOENT
+from pathlib import Path
+from types import CodeType, FrameType
+
+from hil.executive.setup.ground import COMPILED, PRODUCT, Ground
+from hil.executive.setup.inputs import CodeFromOutside, Inputs
+
+__all__ = ["watched"]
+
+_WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+
+
+class _Watch:
+    """Looks at the audit events of one run.
+
+    Args:
+        inputs: is told what the workspace's code does with files.
+        ground: the workspace, and what in it is no input of a run.
+    """
+
+    def __init__(self, inputs: Inputs, ground: Ground) -> None:
+        self._inputs = inputs
+        self._ground = ground
+        self._process = os.getpid()
+        self._events: dict[str, Callable[..., None]] = {
+            "open": self._open,
+            "exec": self._exec,
+            "os.remove": lambda path, *_: self._write(path),
+            "os.truncate": lambda path, *_: self._write(path),
+            "os.rename": lambda source, target, *_: self._write(source, target),
+            "os.link": lambda _source, target, *_: self._write(target),
+            "os.symlink": lambda _source, target, *_: self._write(target),
+        }
+
+    def take(self, event: str, args: tuple[object, ...]) -> None:
+        """Take an audit event."""
+        look = self._events.get(event)
+        if look is not None and os.getpid() == self._process:
+            look(*args)
+
+    def _open(self, path: object, _mode: object, flags: object) -> None:
+        place = self._ground.place(path)
+        if not place or not self._is_asked():
+            return
+        if COMPILED in place:  # what it was compiled from is nobody's to tell
+            raise FileNotFoundError(ENOENT, os.strerror(ENOENT), place)
+        if isinstance(flags, int) and flags & _WRITES:
+            self._inputs.written(Path(place))
+        elif os.path.isfile(place):  # noqa: PTH113 - on every open in the workspace
+            self._inputs.opened(Path(place))
+
+    def _write(self, *paths: object) -> None:
+        for path in paths:
+            place = self._ground.place(path)
+            if place and self._is_asked():
+                self._inputs.written(Path(place))
+
+    def _exec(self, code: object) -> None:
+        """Refuse code of a file that is neither part of the package nor named by its version in `software.json`."""
+        file = code.co_filename if isinstance(code, CodeType) else ""
+        if file.startswith(os.sep) and not self._ground.knows(file) and os.path.exists(file) and self._is_asked():  # noqa: PTH110 - as `_open`
+            raise CodeFromOutside(
+                f"{file} is neither in the workspace nor installed, so no package would hold it",
+                "move it into the workspace, or install it",
+            )
+
+    def _is_asked(self) -> bool:
+        """Return whether code of the workspace asks, and not the executive, or pytest for itself."""
+        frame: FrameType | None = sys._getframe(1)  # noqa: SLF001 - there is no other way to who asks
+        while frame is not None:
+            file = frame.f_code.co_filename
+            if file.startswith(PRODUCT) and file != __file__:
+                return False
+            if self._ground.is_own(file):
+                return True
+            frame = frame.f_back
+        return threading.current_thread() is not threading.main_thread()
+
+
+_watches: list[_Watch] = []
+_hooked: list[bool] = []
+
+
+def _hook(event: str, args: tuple[object, ...]) -> None:
+    if _watches:
+        _watches[-1].take(event, args)
+
+
+@contextmanager
+def watched(inputs: Inputs, ground: Ground) -> Iterator[None]:
+    """Let inputs know what the workspace's code opens, until the context is left.
+
+    Args:
+        inputs: is told.
+        ground: the workspace, and what in it is no input of a run.
+    """
+    if not _hooked:  # nobody can take a hook away again
+        sys.addaudithook(_hook)
+        _hooked.append(True)
+    watch = _Watch(inputs, ground)
+    _watches.append(watch)
+    try:
+        yield
+    finally:
+        _watches.remove(watch)

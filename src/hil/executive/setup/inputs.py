@@ -1,0 +1,169 @@
+"""The files of the workspace that a run is made of: read once, frozen, and used from what was read."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from hil.documents.snapshot import Snapshot
+from hil.executive.setup.workspace import Workspace
+from hil.model.errors import HilError
+from hil.requirements.lock import LOCK
+from hil.requirements.parameters import PARAMETERS
+from hil.requirements.schema import REQUIREMENTS
+
+__all__ = ["CodeFromOutside", "Inputs", "SourceChanged", "SourceWritten"]
+
+_OF_PLANS = frozenset({".py", ".yaml", ".json"})
+_SOURCES = "data/sources/"
+_AROUND = frozenset({".py", ".yaml"})
+_CATALOGUE_FILES = frozenset({REQUIREMENTS, LOCK, PARAMETERS})
+
+
+class SourceChanged(HilError, OSError):
+    """A file was opened whose content is no longer what was frozen."""
+
+
+class SourceWritten(HilError, OSError):
+    """Code of a run would change the files that the run is judged by."""
+
+
+class CodeFromOutside(HilError, ImportError):
+    """Code was loaded that is neither in the workspace nor installed."""
+
+
+class Inputs:
+    """What a run reads of its workspace.
+
+    Plans, fixtures, the bench's folder and the register are read when this is made, before any code of the workspace
+    has run. Whatever else that code imports or opens is read when it first does.
+
+    Args:
+        workspace: where all of it lies.
+        plans: the folders of the run's plans.
+        bench: the bench's name.
+
+    Attributes:
+        snapshot: the contents.
+        sources: plans and fixtures, sorted.
+        bench_files: everything in the bench's folder, sorted.
+        used: what code opened or imported, in that order.
+    """
+
+    def __init__(self, workspace: Workspace, plans: Sequence[Path], bench: str) -> None:
+        self.snapshot = Snapshot()
+        self.used: dict[Path, None] = {}
+        self._workspace = workspace
+        self._plans = tuple(plans)
+        self._own: set[Path] = set()
+        self._refused: list[HilError] = []
+        self._listener: Callable[[Path], None] | None = None
+        self.sources = tuple(sorted(dict.fromkeys(self._sources())))
+        self.bench_files = tuple(sorted(path for path in (workspace.benches / bench).rglob("*") if path.is_file()))
+        for path in (*self.sources, *self.bench_files, workspace.duts):
+            with suppress(OSError):  # whoever needs it says so
+                self.snapshot.take(path)
+
+    def _sources(self) -> Iterator[Path]:
+        for plan in self._plans:
+            for place, _, names in os.walk(plan):
+                yield from (Path(place, name) for name in names if Path(name).suffix in _OF_PLANS)
+        for folder, suffixes in ((self._workspace.testplans, _AROUND), (self._workspace.fixtures, {".py"})):
+            if folder.is_dir():
+                yield from (path for path in folder.iterdir() if path.suffix in suffixes and path.is_file())
+
+    def below(self, folder: Path, suffix: str = ".py") -> list[Path]:
+        """Return the sources in a folder and its folders."""
+        return [path for path in self.sources if path.suffix == suffix and path.is_relative_to(folder)]
+
+    def name_of(self, path: Path) -> str:
+        """Return the path of a file in the package."""
+        if path.parent in self._plans and path.name in _CATALOGUE_FILES:
+            return f"data/catalogue/{path.parent.name}/{path.name}"
+        return f"{_SOURCES}{path.relative_to(self._workspace.root).as_posix()}"
+
+    def shown(self, path: Path) -> str:
+        """Return a path as people see it."""
+        return self._workspace.shown(path)
+
+    def code(self, path: Path) -> bytes:
+        """Return the source of a module that code imports.
+
+        Raises:
+            OSError: if it cannot be read.
+        """
+        data = self.snapshot.take(path)
+        self._use(path)
+        return data
+
+    def opened(self, path: Path) -> None:
+        """Come before code reads a file of the workspace.
+
+        Raises:
+            SourceChanged: if the disk no longer holds what was frozen.
+        """
+        if path in self._own:
+            return
+        if path not in self.snapshot:
+            try:
+                self.snapshot.take(path)
+            except OSError:
+                return  # opening it says why
+        elif not self.snapshot.is_as_on_disk(path):
+            raise SourceChanged(
+                f"{self.shown(path)} changed on the disk after it was frozen, and code opens it again",
+                "leave the files of a plan alone while it runs, and start a new run",
+            )
+        self._use(path)
+
+    def written(self, path: Path) -> None:
+        """Come before code changes, moves or removes a file of the workspace.
+
+        Raises:
+            SourceWritten: if it is in the plans or the fixtures.
+        """
+        folders = (self._workspace.testplans, self._workspace.fixtures)
+        if any(path.is_relative_to(folder) for folder in folders):
+            where = " or ".join(f"{self.shown(folder)}/" for folder in folders)
+            error = SourceWritten(
+                f"code of the run writes to {self.shown(path)}",
+                f"nothing in {where} may change during a run: keep results with `artifact`, or use a temporary folder",
+            )
+            self._refused.append(error)
+            raise error
+        self._own.add(path)
+
+    def use_again(self, names: Iterable[str]) -> None:
+        """Read what code used in an earlier part of the run, by the paths of the package."""
+        within = (name.removeprefix(_SOURCES) for name in names if name.startswith(_SOURCES))
+        for path in (self._workspace.root / name for name in within):
+            if path not in self.sources:
+                with suppress(OSError):  # it is missing, and told as such
+                    self.snapshot.take(path)
+                    self.used[path] = None
+
+    def take_refused(self) -> list[HilError]:
+        """Return what was refused since the last call, whatever the code made of it."""
+        found, self._refused = self._refused, []
+        return found
+
+    def listen(self, listener: Callable[[Path], None] | None) -> None:
+        """Tell of every further file that code uses, the first time it does."""
+        self._listener = listener
+
+    def changed(self) -> Iterator[Path]:
+        """Yield every file that the run used and that is no longer the same on the disk, sorted."""
+        used = {*self.sources, *self.used, *(path for path in self.snapshot if path.is_relative_to(self._workspace.fixtures))}
+        yield from (
+            path
+            for path in sorted(used - self._own)
+            if path in self.snapshot and not self.snapshot.is_as_on_disk(path)
+        )
+
+    def _use(self, path: Path) -> None:
+        if path not in self.used:
+            self.used[path] = None
+            if self._listener is not None:
+                self._listener(path)

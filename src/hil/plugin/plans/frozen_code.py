@@ -1,0 +1,142 @@
+"""Modules of the workspace, compiled from what is frozen and not from what is on the disk by then."""
+
+from __future__ import annotations
+
+import ast
+import linecache
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ExtensionFileLoader, ModuleSpec, PathFinder, SourceFileLoader, SourcelessFileLoader
+from importlib.util import spec_from_file_location
+from pathlib import Path
+from types import CodeType, ModuleType
+
+import pytest
+from _pytest.assertion.rewrite import rewrite_asserts  # pytest has no public way to it
+
+from hil.executive.setup.auditing import watched
+from hil.executive.setup.configuration import Configuration
+from hil.executive.setup.ground import Ground
+from hil.executive.setup.inputs import Inputs
+
+__all__ = ["FrozenCode", "frozen_code"]
+
+
+@contextmanager
+def frozen_code(configuration: Configuration) -> Iterator[FrozenCode]:
+    """Load the workspace's modules from what is frozen, and notice what they open, until the context is left."""
+    inputs, ground = configuration.inputs, configuration.ground
+    code = FrozenCode(inputs, ground, configuration.workspace.testplans)
+    with watched(inputs, ground), code.first():
+        yield code
+
+
+class FrozenCode(MetaPathFinder):
+    """Finds the workspace's modules before anybody else does, and compiles them from their frozen source.
+
+    Paths, tracebacks and sources that people see are those of the workspace. What is imported for the first time in
+    the middle of a case is read, and frozen, then. No compiled copy is read or written.
+
+    Args:
+        inputs: gives the source.
+        ground: where modules are found.
+        testplans: the folder whose modules hold cases.
+    """
+
+    def __init__(self, inputs: Inputs, ground: Ground, testplans: Path) -> None:
+        self._inputs = inputs
+        self._ground = ground
+        self._testplans = testplans
+        self._config: pytest.Config | None = None
+        self._shown: list[str] = []
+
+    @contextmanager
+    def first(self) -> Iterator[None]:
+        """Be asked first for every module, until the context is left."""
+        self._come_first()
+        try:
+            yield
+        finally:
+            if self in sys.meta_path:
+                sys.meta_path.remove(self)
+            for name in self._shown:
+                linecache.cache.pop(name, None)
+
+    def serve(self, config: pytest.Config) -> None:
+        """Rewrite the assertions of cases as this pytest does, and be asked before it."""
+        self._config = config if config.getoption("assertmode", "rewrite") == "rewrite" else None
+        self._come_first()
+
+    def _come_first(self) -> None:
+        if self in sys.meta_path:
+            sys.meta_path.remove(self)
+        sys.meta_path.insert(0, self)
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Find a module of the workspace; None for any other.
+
+        Raises:
+            ImportError: for one that has no source.
+        """
+        if path is None and fullname.partition(".")[0] in sys.builtin_module_names:
+            return None
+        if not any(self._ground.folder(folder) for folder in (sys.path if path is None else path)):
+            return None
+        spec = PathFinder.find_spec(fullname, path, target)
+        if spec is None or spec.origin is None or not self._ground.place(spec.origin):
+            return None
+        if isinstance(spec.loader, SourcelessFileLoader):
+            what = f"{spec.origin} has no source that a package could hold"
+            raise ImportError(what, name=fullname, path=spec.origin)  # noqa: TRY004 - of a module, not of a value
+        if isinstance(spec.loader, ExtensionFileLoader):
+            self._inputs.opened(Path(spec.origin))
+        return self.spec_of(fullname, Path(spec.origin)) if type(spec.loader) is SourceFileLoader else None
+
+    def spec_of(self, name: str, path: Path) -> ModuleSpec:
+        """Return how a file of the workspace becomes the module of this name."""
+        loader = _FrozenLoader(name, str(path), self)
+        package = [str(path.parent)] if path.name == "__init__.py" else None
+        spec = spec_from_file_location(name, path, loader=loader, submodule_search_locations=package)
+        if spec is None:
+            raise ImportError(f"{path} is not a Python module", name=name, path=str(path))
+        return spec
+
+    def source(self, path: str) -> bytes:
+        """Return a module's frozen source, which is also shown wherever a traceback goes through it."""
+        data = self._inputs.code(Path(path))
+        text = data.decode("utf-8", "replace")
+        linecache.cache[path] = (len(data), None, text.splitlines(keepends=True), path)
+        self._shown.append(path)
+        return data
+
+    def compiled(self, data: bytes, path: str) -> CodeType:
+        """Return the code of a module, with rewritten assertions where it holds cases."""
+        tree = ast.parse(data, path)
+        file = Path(path)
+        if self._config is not None and file.is_relative_to(self._testplans) and file.name.startswith("test_"):
+            rewrite_asserts(tree, data, path, self._config)
+        return compile(tree, path, "exec", dont_inherit=True)
+
+
+class _FrozenLoader(SourceFileLoader):
+    """Loads a module from its frozen source."""
+
+    def __init__(self, name: str, path: str, frozen: FrozenCode) -> None:
+        super().__init__(name, path)
+        self._frozen = frozen
+
+    def get_data(self, path: str) -> bytes:
+        """Return the frozen source; what else somebody wants of a package is opened like any other file."""
+        return self._frozen.source(path) if path == self.path else super().get_data(path)
+
+    def path_stats(self, path: str) -> dict[str, object]:
+        """Know of no time at which the source was changed, so that no compiled copy is ever used."""
+        raise OSError(path)
+
+    def source_to_code(self, data: bytes, path: str, *, _optimize: int = -1) -> CodeType:  # type: ignore[override]
+        """Return the code of the module."""
+        return self._frozen.compiled(data, path)
