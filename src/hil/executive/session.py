@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
-import threading
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -12,7 +10,6 @@ from typing import Protocol
 
 from hil.bench.bound import BoundBench
 from hil.evidence import events
-from hil.evidence.durable import write_whole
 from hil.evidence.folder import ATTACHMENTS
 from hil.evidence.package.sealing import ReportWriter
 from hil.executive.cases.artifacts import Artifacts
@@ -27,6 +24,7 @@ from hil.executive.ending.copies import kept_from_copies
 from hil.executive.ending.signals import handle_signals
 from hil.executive.ending.stop import Astray, StopFlags, Stopped, Turn
 from hil.executive.journaling.events import Caller, Unheard
+from hil.executive.journaling.freezing import freezing
 from hil.executive.journaling.record import Record
 from hil.executive.people.answers import Answering
 from hil.executive.resuming.beginnings import Entering, NewRun
@@ -121,10 +119,7 @@ class Session:
         self.current: CaseRun | None = None
         self._beginning = beginning or NewRun()
         self._caller = caller or Unheard()
-        self._home = threading.get_ident()
         self._made: set[Path] = set()
-        self._frozen: set[str] = set()
-        self._waiting: list[Path] = []
         self._verdicts: list[Verdict] = []
         self._attempts: dict[str, int] = {}
         self._stopped = False
@@ -154,10 +149,10 @@ class Session:
             configuration, self.flags, leases, spectators, self._beginning, self._caller, self._closing
         )
         self._events = record.events
-        self._events.listen(self._frozen_first, events.Frozen)
+        self._freezing = self._closing.enter_context(
+            freezing(configuration.inputs, record.folder, record.events, self.flags)
+        )
         record.begin(planned)
-        configuration.inputs.listen(self._freeze)
-        self._closing.callback(configuration.inputs.listen, None)
         self.bench = bench = binder(record.transcript, self._where)
         self._closing.callback(bench.close)
         record.follow(bench, checkpoints=bool(leases))  # nobody resumes a rehearsal
@@ -191,27 +186,6 @@ class Session:
     def _descriptors(self) -> list[int]:
         """Return what no copy of this process may keep."""
         return [*self.record.descriptors, *(self.machine.descriptors if self.machine else ())]
-
-    def _frozen_first(self, event: events.Event) -> None:
-        if isinstance(event, events.Frozen):
-            self._frozen.update(event.files)
-
-    def _freeze(self, path: Path) -> None:
-        """Freeze a file that code used for the first time; from another thread, when the case has ended."""
-        inputs = self.configuration.inputs
-        name = inputs.name_of(path)
-        if name in self._frozen or self.flags.is_copy:
-            return
-        if threading.get_ident() != self._home:
-            self._waiting.append(path)
-            return
-        self._frozen.add(name)
-        data = inputs.snapshot.take(path)
-        with self.flags.undisturbed():
-            (self.folder / name).parent.mkdir(parents=True, exist_ok=True)
-            write_whole(self.folder / name, data)
-        case = self.current.planned.id if self.current else ""
-        self._events.write(events.FrozenLater(file=name, sha256=hashlib.sha256(data).hexdigest(), case=case))
 
     def before_event(self) -> None:
         """Come to where a resumed or replayed run is, before an event is stamped."""
@@ -293,9 +267,7 @@ class Session:
     def _conclude(self, run: CaseRun) -> Verdict:
         self._own()
         self.keeper.scheduler.catch_up()  # up to here the record says what the case did
-        while self._waiting:
-            self._freeze(self._waiting.pop(0))
-        for error in self.configuration.inputs.take_refused():
+        for error in self._freezing.end_of_case():
             run.raised(error)
         if self.flags.astray:
             run.raised(Astray(self.flags.astray))
@@ -369,10 +341,7 @@ class Session:
     def seal(self, exit_code: int, write_reports: ReportWriter) -> str:
         """Seal the package and return its evidence digest."""
         with self.flags.shielded(), self._closing:
-            inputs = self.configuration.inputs
-            for path in inputs.changed():
-                text = f"{inputs.shown(path)} changed on the disk while the run lasted; the run used the frozen bytes"
-                self._events.write(events.Anomaly(text=text))
+            self._freezing.tell_changes()
             return self.record.seal(exit_code, write_reports)
 
     @property

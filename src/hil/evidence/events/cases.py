@@ -19,6 +19,7 @@ __all__ = [
     "Check",
     "Effect",
     "Fault",
+    "FrozenLater",
     "NotRun",
     "Question",
     "Recording",
@@ -39,6 +40,22 @@ class Case(Event, frozen=True, kw_only=True):
 
     case: str
     attempt: int
+
+    synced: ClassVar[bool] = True
+
+
+class FrozenLater(Event, frozen=True, kw_only=True):
+    """A file of the workspace was frozen when code of the run first imported or opened it, after the run had begun.
+
+    Attributes:
+        file: its path in the package.
+        sha256: its hash.
+        case: the case that used it, empty between cases.
+    """
+
+    file: str
+    sha256: str
+    case: str
 
     synced: ClassVar[bool] = True
 

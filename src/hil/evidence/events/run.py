@@ -17,7 +17,6 @@ __all__ = [
     "Entry",
     "Failed",
     "Frozen",
-    "FrozenLater",
     "Live",
     "Notified",
     "NotifyFailed",
@@ -127,22 +126,6 @@ class Frozen(Event, frozen=True, kw_only=True):
     """
 
     files: Mapping[str, str]
-
-
-class FrozenLater(Event, frozen=True, kw_only=True):
-    """A file of the workspace was frozen when code of the run first imported or opened it, after the run had begun.
-
-    Attributes:
-        file: its path in the package.
-        sha256: its hash.
-        case: the case that used it, empty between cases.
-    """
-
-    file: str
-    sha256: str
-    case: str
-
-    synced: ClassVar[bool] = True
 
 
 class PlannedCase(Part, frozen=True, kw_only=True):
