@@ -155,11 +155,13 @@ class Inputs:
 
     def changed(self) -> Iterator[Path]:
         """Yield every file that the run used and that is no longer the same on the disk, sorted."""
-        used = {*self.sources, *self.used, *(path for path in self.snapshot if path.is_relative_to(self._workspace.fixtures))}
+        used = {
+            *self.sources,
+            *self.used,
+            *(path for path in self.snapshot if path.is_relative_to(self._workspace.fixtures)),
+        }
         yield from (
-            path
-            for path in sorted(used - self._own)
-            if path in self.snapshot and not self.snapshot.is_as_on_disk(path)
+            path for path in sorted(used - self._own) if path in self.snapshot and not self.snapshot.is_as_on_disk(path)
         )
 
     def _use(self, path: Path) -> None:
