@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import fields
 from pathlib import Path
 
 import click
@@ -61,3 +62,13 @@ def test_a_section_shows_the_call(name):
     for argument in TREE[name].params:
         if isinstance(argument, click.Argument):
             assert argument.make_metavar(click.Context(TREE[name])).strip("[].") in call
+
+
+def test_the_page_has_every_key_of_a_workspace():
+    """A key that `hil.toml` knows and the page does not tell would be found by nobody."""
+    from hil.executive.setup import workspace  # noqa: PLC0415 - only this test reads settings
+
+    section = PAGE.read_text(encoding="utf-8").split("## The workspace and `hil.toml`")[1].split("\n## ")[0]
+    told = set(re.findall(r"^\| (?:`\[\w+\]` )?`(\w+)`", section, flags=re.MULTILINE))
+    hardware = {field.name for field in fields(workspace._Hardware)}
+    assert told == {field.name for field in fields(workspace._Settings)} - {"hardware"} | hardware
