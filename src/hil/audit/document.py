@@ -47,47 +47,56 @@ class Code(StrEnum):
     """Why a requirement is open, one code for each condition; declared in the order in which they are told."""
 
     NO_EVIDENCE = "NO_EVIDENCE"
-    """No package says anything of it."""
     NO_VERDICT = "NO_VERDICT"
-    """A package says something of it, but its verdict is neither PASS nor RECORDED."""
     FAILED = "FAILED"
-    """A FAIL from hardware stands, and nothing newer is good."""
     SUPERSEDED_BY_FAIL = "SUPERSEDED_BY_FAIL"
-    """The evidence is good, and a FAIL from hardware came later."""
     OPEN_NCR = "OPEN_NCR"
-    """A FAIL from hardware came before the good evidence, and nobody has disposed of it."""
     NOT_ELIGIBLE = "NOT_ELIGIBLE"
-    """The run itself says why it cannot close the requirement."""
     SIM_ONLY = "SIM_ONLY"
-    """The evidence is not from hardware."""
     SUSPECT_REQ = "SUSPECT_REQ"
-    """The meaning of the requirement changed since the evidence was made."""
     INTEGRITY = "INTEGRITY"
-    """A package is damaged or incomplete, or is not what the ledger saw."""
     UNKNOWN_TO_LEDGER = "UNKNOWN_TO_LEDGER"
-    """The ledger has no entry of the package's seal."""
     MISSING_PACKAGE = "MISSING_PACKAGE"
-    """The ledger has the seal of a package that is not there."""
     UNSIGNED = "UNSIGNED"
-    """The workspace asks for a signature that the package does not have."""
     AWAITING_APPROVAL = "AWAITING_APPROVAL"
-    """The workspace asks for approvals that the package does not have."""
     WRONG_DUT = "WRONG_DUT"
-    """The device under test is not one that the register and the plan name."""
     STALE_DUT = "STALE_DUT"
-    """The device under test changed, or had an event, after the evidence was made."""
     STALE_CAL = "STALE_CAL"
-    """An instrument was out of calibration when it was used, or the register no longer has it."""
     CAL_RETRO = "CAL_RETRO"
-    """An instrument was later found out of tolerance, and was used since its last good calibration."""
     STALE_ANALYSIS = "STALE_ANALYSIS"
-    """The analysis that gave the verdict changed, and was not replayed with the same verdict."""
     EXPIRED = "EXPIRED"
-    """The evidence is older than the requirement allows."""
     CHILD_OPEN = "CHILD_OPEN"
-    """A requirement below it is open."""
     NO_CHILDREN = "NO_CHILDREN"
-    """It is met by the requirements below it, and there are none."""
+
+    @property
+    def meaning(self) -> str:
+        """What the code means, in a sentence without a full stop."""
+        return _MEANINGS[self]
+
+
+_MEANINGS = {
+    Code.NO_EVIDENCE: "no package says anything of it",
+    Code.NO_VERDICT: "a package says something of it, but its verdict is neither PASS nor RECORDED",
+    Code.FAILED: "a FAIL from hardware stands, and nothing newer is good",
+    Code.SUPERSEDED_BY_FAIL: "the evidence is good, and a FAIL from hardware came later",
+    Code.OPEN_NCR: "a FAIL from hardware came before the good evidence, and nobody has disposed of it",
+    Code.NOT_ELIGIBLE: "the run itself says why it cannot close the requirement",
+    Code.SIM_ONLY: "the evidence is not from hardware",
+    Code.SUSPECT_REQ: "the meaning of the requirement changed since the evidence was made",
+    Code.INTEGRITY: "a package is damaged or incomplete, or is not what the ledger saw",
+    Code.UNKNOWN_TO_LEDGER: "the ledger has no entry of the package's seal",
+    Code.MISSING_PACKAGE: "the ledger has the seal of a package that is not there",
+    Code.UNSIGNED: "the workspace asks for a signature that the package does not have",
+    Code.AWAITING_APPROVAL: "the workspace asks for approvals that the package does not have",
+    Code.WRONG_DUT: "the device under test is not one that the register and the plan name",
+    Code.STALE_DUT: "the device under test changed, or had an event, after the evidence was made",
+    Code.STALE_CAL: "an instrument was out of calibration when it was used, or the register no longer has it",
+    Code.CAL_RETRO: "an instrument was later found out of tolerance, and was used since its last good calibration",
+    Code.STALE_ANALYSIS: "the analysis that gave the verdict changed, and was not replayed with the same verdict",
+    Code.EXPIRED: "the evidence is older than the requirement allows",
+    Code.CHILD_OPEN: "a requirement below it is open",
+    Code.NO_CHILDREN: "it is met by the requirements below it, and there are none",
+}
 
 
 class Reason(msgspec.Struct, frozen=True, kw_only=True, order=True):
@@ -229,6 +238,7 @@ class Inputs(msgspec.Struct, frozen=True, kw_only=True):
         catalogue: SHA-256 over the fingerprints of all requirements.
         duts: SHA-256 of the register of devices under test, empty without one.
         instruments: SHA-256 of the register of instruments, empty without one.
+        analysis: SHA-256 over the analysis and the judging of the version that computed it.
         ledger: head of the ledger, empty without one.
         entries: how many entries the ledger has up to that head.
         packages: folder and evidence digest of every package that was read, empty for one that is not verified.
@@ -237,6 +247,7 @@ class Inputs(msgspec.Struct, frozen=True, kw_only=True):
     catalogue: str
     duts: str = ""
     instruments: str = ""
+    analysis: str = ""
     ledger: str = ""
     entries: int = 0
     packages: Mapping[str, str] = {}

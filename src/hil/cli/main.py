@@ -25,6 +25,7 @@ COMMANDS: Mapping[str, str] = {
     "analyse": "Characterise an existing log.",
     "answer": "Answer a question that a run has asked.",
     "attach": "Attach a file to a run in progress.",
+    "audit": "Compute the status of every requirement.",
     "bench": "Check a bench, make it safe, or set up its computer.",
     "export": "Export the recordings of a package as CSV or MATLAB files.",
     "hold": "Hold a run in progress, or release it.",

@@ -13,6 +13,7 @@ __all__ = [
     "WallStamp",
     "clocks",
     "compact_utc",
+    "days_between",
     "is_date",
     "monotonic",
     "pause",
@@ -74,6 +75,11 @@ def is_date(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def days_between(first: str, last: str) -> int:
+    """Return how many days lie between two days or moments of UTC, ISO 8601; negative if the second is earlier."""
+    return (datetime.fromisoformat(last[:10]) - datetime.fromisoformat(first[:10])).days
 
 
 def monotonic() -> float:

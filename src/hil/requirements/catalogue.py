@@ -49,6 +49,11 @@ class Catalogue:
         return tuple(self._files)
 
     @property
+    def above(self) -> tuple[Requirement, ...]:
+        """The requirements outside the asked plans that could be read: the workspace's, and those of other plans."""
+        return tuple(self._parents.values())
+
+    @property
     def digest(self) -> str:
         """SHA-256 over the fingerprints of the asked plans."""
         return digest({item.id: item.fingerprint for item in self._requirements.values()})

@@ -127,6 +127,7 @@ class Requirement:
         plan: the plan it belongs to; empty for those of `testplans/requirements.yaml`.
         parents: ids of the requirements that this one serves.
         over: case parameters to the values that planned cases must cover between them.
+        max_age_s: how old its evidence may get, or None.
         withdrawn: no longer asked for; its id is never used again.
         anomaly: what is wrong with the text at its source.
         place: where it is written.
@@ -145,6 +146,7 @@ class Requirement:
     limits: tuple[Limit, ...] = ()
     records: Records | None = None
     over: Mapping[str, tuple[Text, ...]] = field(default_factory=dict)
+    max_age_s: Seconds | None = field(default=None, metadata={"alias": "max_age"})
     withdrawn: Flag = False
     anomaly: AnyText = ""
     rationale: AnyText = ""
@@ -163,6 +165,8 @@ class Requirement:
             "limits": [_limit(limit) for limit in sorted(self.limits, key=lambda limit: limit.parameter)],
             "records": _records(self.records),
             "over": {name: sorted(values) for name, values in self.over.items()},
+            # Left out where it is not given, so that the requirements from before it keep their fingerprints.
+            **({} if self.max_age_s is None else {"max_age_s": self.max_age_s}),
         }
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,6 +32,7 @@ __all__ = [
     "LEDGER",
     "Ledger",
     "append",
+    "append_all",
     "append_once",
     "check",
     "head",
@@ -155,7 +156,17 @@ def append(reports: Path, entry: _Entry) -> _Entry:
         EvidenceError: if the ledger cannot be written, or its last line cannot be read.
     """
     with _locked(ledger_file(reports)) as descriptor:
-        return _write(reports, descriptor, entry)
+        return _write(reports, descriptor, entry)[0]  # type: ignore[return-value]  # what it was given
+
+
+def append_all(reports: Path, entries: Iterable[Entry]) -> None:
+    """Append entries one after the other, on the disk together when this returns.
+
+    Raises:
+        EvidenceError: as `append`.
+    """
+    with _locked(ledger_file(reports)) as descriptor:
+        _write(reports, descriptor, *entries)
 
 
 def append_once(reports: Path, entry: _Entry, stands: Callable[[Ledger], bool]) -> _Entry | None:
@@ -165,7 +176,7 @@ def append_once(reports: Path, entry: _Entry, stands: Callable[[Ledger], bool]) 
         EvidenceError: as `append`.
     """
     with _locked(ledger_file(reports)) as descriptor:
-        return None if stands(read(reports)) else _write(reports, descriptor, entry)
+        return None if stands(read(reports)) else _write(reports, descriptor, entry)[0]  # type: ignore[return-value]
 
 
 def put_object(reports: Path, data: bytes) -> str:
@@ -264,8 +275,8 @@ def _locked(path: Path) -> Iterator[int]:
             os.close(descriptor)
 
 
-def _write(reports: Path, descriptor: int, entry: _Entry) -> _Entry:
-    """Append an entry after the last whole line, and before it what must be said first."""
+def _write(reports: Path, descriptor: int, *entries: Entry) -> list[Entry]:
+    """Append entries after the last whole line, and before them what must be said first; return them in place."""
     size = os.fstat(descriptor).st_size
     lines, torn = _lines(os.pread(descriptor, size, 0))
     seq, prev = _end_of(reports, lines)
@@ -274,16 +285,18 @@ def _write(reports: Path, descriptor: int, entry: _Entry) -> _Entry:
     if torn:
         first.append(Repaired(bytes=len(torn), object=put_object(reports, torn)))
         os.ftruncate(descriptor, size - len(torn))
-    new = b""
-    for each in first:
-        seq, line = seq + 1, encode(stamped(each, seq=seq + 1, prev=prev, utc=utc))
-        new, prev = new + line, line_hash(line)
-    written = stamped(entry, seq=seq + 1, prev=prev, utc=utc)
-    _put(descriptor, new + encode(written))
+    written: list[Entry] = []
+    new: list[bytes] = []
+    for each in (*first, *entries):
+        seq, placed = seq + 1, stamped(each, seq=seq + 1, prev=prev, utc=utc)
+        new.append(encode(placed))
+        prev = line_hash(new[-1])
+        written.append(placed)
+    _put(descriptor, b"".join(new))
     if not lines:
         sync_folder(ledger_file(reports).parent)
         sync_folder(reports)
-    return written
+    return written[len(first) :]
 
 
 def _put(descriptor: int, data: bytes) -> None:

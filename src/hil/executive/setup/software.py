@@ -13,6 +13,7 @@ from pathlib import Path
 
 import hil
 from hil.evidence.durable import sha256_of
+from hil.evidence.results.judging_code import judging_digest
 
 __all__ = ["PINNED", "pinned_environment", "software_identity", "version"]
 
@@ -51,6 +52,7 @@ def software_identity(workspace: Path) -> dict[str, object]:
         "packages": dict(_packages()),
         "numeric": {name: os.environ.get(name, "") for name in PINNED},
         "byte_order": sys.byteorder,
+        "analysis": judging_digest(),
     }
 
 

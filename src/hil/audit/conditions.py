@@ -1,0 +1,209 @@
+"""The conditions that evidence must meet to close a requirement: one function each, which says why it does not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from hil.audit.document import Code, Reason
+from hil.audit.inputs import Asked, Instrument, Package, Register, Result, World
+from hil.audit.ledgered import Ledgered
+from hil.clock.wall import days_between
+from hil.model.identity import Dut, Source
+from hil.model.verdict import Verdict
+from hil.registers.history import calibration_problem, doubts, events_after
+from hil.registers.instruments import RegisteredInstrument
+
+__all__ = ["CONDITIONS", "Claim", "of_claim"]
+
+_SHORT = 8
+_DAY_S = 86_400.0
+_ELSEWHERE = frozenset({"SIMULATED", "REPLAYED", "UNKNOWN"})
+"""How a run's own reasons begin where bytes did not come from hardware."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Claim:
+    """What one package says of one requirement, and what it is judged by."""
+
+    asked: Asked
+    package: Package
+    result: Result
+    world: World
+    ledgered: Ledgered
+
+
+def of_claim(claim: Claim) -> tuple[Reason, ...]:
+    """Return every reason why this package does not close the requirement; none means that it does."""
+    return tuple(
+        Reason(code=code, text=text, package=claim.package.folder)
+        for condition in CONDITIONS
+        for code, text in condition(claim)
+    )
+
+
+_Found = Iterator[tuple[Code, str]]
+
+
+def _verdict(claim: Claim) -> _Found:
+    """The verdict is good."""
+    if not Verdict(claim.result.verdict).good:
+        yield Code.NO_VERDICT, f"its verdict is {claim.result.verdict}"
+
+
+def _eligibility(claim: Claim) -> _Found:
+    """The run's own results say that it can close the requirement, and its source is hardware."""
+    elsewhere = False
+    for reason in claim.result.reasons:
+        if reason.startswith("its verdict is "):
+            continue
+        word = reason.partition(":")[0]
+        elsewhere |= word in _ELSEWHERE
+        yield (Code.SIM_ONLY if word in _ELSEWHERE else Code.NOT_ELIGIBLE), reason
+    if claim.package.source != Source.HARDWARE and not elsewhere:
+        yield Code.SIM_ONLY, f"{claim.package.source.upper() or 'UNKNOWN'}: the run's source"
+    if not claim.result.eligible and not claim.result.reasons:
+        yield Code.NOT_ELIGIBLE, "its results say that it cannot close the requirement, and not why"
+
+
+def _meaning(claim: Claim) -> _Found:
+    """The requirement means now what it meant in the run."""
+    asked, result = claim.asked, claim.result
+    if result.fingerprint != asked.fingerprint:
+        then = f"rev {result.rev} ({result.fingerprint[:_SHORT]})" if result.fingerprint else "no recorded meaning"
+        yield (
+            Code.SUSPECT_REQ,
+            f"it was judged against {then}, and is now rev {asked.rev} ({asked.fingerprint[:_SHORT]})",
+        )
+
+
+def _integrity(claim: Claim) -> _Found:
+    """The package is whole, and it is the one that the ledger saw sealed."""
+    package = claim.package
+    sealed = claim.ledgered.evidence_of(package)
+    if not package.sealed:
+        yield Code.INTEGRITY, package.problem or "the package is not sealed"
+    elif sealed and sealed != package.digest:
+        yield (
+            Code.INTEGRITY,
+            (
+                f"the package has the evidence digest {package.digest[:_SHORT]}, "
+                f"and the ledger saw {sealed[:_SHORT]} sealed: it was rewritten"
+            ),
+        )
+    elif package.before and package.before not in claim.ledgered.heads:
+        yield (
+            Code.INTEGRITY,
+            "it names a head of the ledger that the ledger never had: the ledger was cut off or rewritten",
+        )
+    elif not sealed:
+        yield Code.UNKNOWN_TO_LEDGER, "the ledger has no seal of this package"
+
+
+def _signature(claim: Claim) -> _Found:
+    """The package is signed, where the workspace asks for it."""
+    if claim.world.policy.signatures and not claim.world.policy.valid.get(claim.package.digest):
+        yield Code.UNSIGNED, "the package has no valid signature, and the workspace asks for one"
+
+
+def _approval(claim: Claim) -> _Found:
+    """Everybody has approved the package whom the workspace asks for."""
+    valid = claim.world.policy.valid.get(claim.package.digest, frozenset())
+    for role in claim.world.policy.approvals:
+        if role not in valid:
+            yield Code.AWAITING_APPROVAL, f"the approval by {role} is missing"
+
+
+def _unit(claim: Claim) -> _Found:
+    """The unit is one that the plan is for, and is now as it was then."""
+    package, known = claim.package, claim.world.register.duts
+    parts = claim.asked.part_numbers
+    if parts and package.part not in parts:
+        yield Code.WRONG_DUT, f"the plan is for {', '.join(parts)}, and {package.serial} is {package.part}"
+    dut = known.get(package.serial)
+    if dut is None:
+        yield Code.WRONG_DUT, f"the register has no unit {package.serial or 'without serial number'}"
+        return
+    if dut.part != package.part:
+        yield Code.WRONG_DUT, f"{dut.serial} is {dut.part} in the register, and was {package.part} in the run"
+    yield from _unit_since(dut, package)
+
+
+def _unit_since(dut: Dut, package: Package) -> _Found:
+    for what, then, now in (
+        ("hardware", package.hardware, dut.hardware),
+        ("firmware", package.firmware, dut.firmware),
+    ):
+        if then != now:
+            yield Code.STALE_DUT, f"{dut.serial} has {what} {now or 'not recorded'} now, and had {then or 'none'} then"
+    for event in events_after(dut.events, package.began):
+        yield Code.STALE_DUT, f"{dut.serial}: {event.kind} on {event.date}: {event.text}"
+
+
+def _calibration(claim: Claim) -> _Found:
+    """Every instrument behind the value was in calibration, and is not in doubt since."""
+    package, register = claim.package, claim.world.register
+    for name in claim.result.instruments:
+        used = package.instruments.get(name, Instrument())
+        entry = _registered(used, register)
+        if entry is None and used.entry:
+            yield Code.STALE_CAL, f"the register no longer has {used.entry}, which was {name} then"
+        if entry is None:
+            continue
+        if problem := calibration_problem(entry, package.began, package.ended):
+            yield Code.STALE_CAL, problem
+        if used.certificate and all(used.certificate != each.file for each in entry.certificates):
+            yield Code.STALE_CAL, f"the register no longer has the certificate {used.certificate} of {entry.id}"
+        for doubt in doubts(entry):
+            if doubt.covers(package.began, package.ended):
+                yield Code.CAL_RETRO, doubt.reason
+
+
+def _registered(used: Instrument, register: Register) -> RegisteredInstrument | None:
+    """Return the entry of an instrument: by its name in the register, else by its certificate."""
+    if used.entry or not used.certificate:
+        return register.instruments.get(used.entry)
+    by_file = (
+        each for each in register.instruments.values() if used.certificate in {it.file for it in each.certificates}
+    )
+    return next(by_file, None)
+
+
+def _analysis(claim: Claim) -> _Found:
+    """The analysis is the one that gave the verdict, or gave the same verdict again."""
+    package, now = claim.package, claim.world.analysis
+    if package.analysis == now or claim.ledgered.replayed(package.digest, now):
+        return
+    then = f"the analysis {package.analysis[:_SHORT]}" if package.analysis else "an analysis that is not recorded"
+    yield (
+        Code.STALE_ANALYSIS,
+        (
+            f"it was judged by {then} of hil {package.version or 'of an unknown version'}, "
+            f"and the analysis is now {now[:_SHORT]}: replay the package"
+        ),
+    )
+
+
+def _age(claim: Claim) -> _Found:
+    """The evidence is as young as the requirement asks for."""
+    allowed = claim.asked.max_age_s
+    if allowed is None or not claim.package.ended or not claim.world.date:
+        return
+    age = days_between(claim.package.ended, claim.world.date)
+    if age * _DAY_S > allowed:
+        yield Code.EXPIRED, f"it is {age} days old, and may be {allowed / _DAY_S:g}"
+
+
+CONDITIONS = (
+    _verdict,
+    _eligibility,
+    _meaning,
+    _integrity,
+    _signature,
+    _approval,
+    _unit,
+    _calibration,
+    _analysis,
+    _age,
+)
+"""Every condition, in the order in which they are told."""

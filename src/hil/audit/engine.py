@@ -1,0 +1,270 @@
+"""The engine: the status of every requirement, from catalogue, registers, ledger and packages; it reads nothing."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+from hil.audit.conditions import Claim, of_claim
+from hil.audit.document import (
+    FORMAT,
+    CloseOut,
+    Code,
+    Compliance,
+    Document,
+    Evidence,
+    Gap,
+    GapKind,
+    Inputs,
+    Planning,
+    Reason,
+    Row,
+    Summary,
+)
+from hil.audit.inputs import Asked, Package, World, catalogue_digest
+from hil.audit.ledgered import Ledgered, ledgered
+from hil.model.identity import Purpose, Source
+from hil.model.verdict import Verdict
+from hil.requirements.requirement import Kind, Method
+
+__all__ = ["audit"]
+
+_RANK = {code: rank for rank, code in enumerate(Code)}
+_BY_CASES = frozenset({Method.TEST, Method.INSPECTION})
+_FAILS = frozenset({Code.FAILED, Code.SUPERSEDED_BY_FAIL})
+_HARDWARE = frozenset({Source.HARDWARE, ""})
+"""The sources whose FAIL counts; one that is not known may be hardware."""
+
+
+def audit(world: World) -> Document:
+    """Return the document: a row per requirement that is asked for, closed only if every condition holds."""
+    asked = {each.id: each for each in sorted(world.asked, key=lambda each: each.id) if not each.withdrawn}
+    book = ledgered(world.entries, world.packages, world.policy, world.head)
+    packages = sorted(world.packages, key=book.place_of)
+    children = _children(asked)
+    by_requirement: dict[str, list[Package]] = defaultdict(list)
+    for package in packages:
+        for identifier in package.results:
+            by_requirement[identifier].append(package)
+    rows: dict[str, Row] = {}
+    for identifier in _from_below(asked, children):
+        claims = tuple(
+            Claim(asked=asked[identifier], package=each, result=each.results[identifier], world=world, ledgered=book)
+            for each in by_requirement[identifier]
+        )
+        rows[identifier] = _row(asked[identifier], claims, [rows[child] for child in children[identifier]], book)
+    ordered = tuple(rows[identifier] for identifier in asked)
+    gaps = tuple(sorted(_gaps(ordered, packages, {each.id for each in world.asked})))
+    return Document(
+        format=FORMAT,
+        workspace=world.name,
+        as_of=world.as_of,
+        version=world.version,
+        inputs=Inputs(
+            catalogue=catalogue_digest(world.asked),
+            duts=world.register.sha256.get("units", ""),
+            instruments=world.register.sha256.get("instruments", ""),
+            analysis=world.analysis,
+            ledger=world.head,
+            entries=len(world.entries),
+            packages={each.folder: each.digest for each in packages},
+        ),
+        summary=_summary(ordered, gaps),
+        rows=ordered,
+        gaps=gaps,
+        problems=(*world.problems, *(each.text for each in book.missing), *_problems(packages)),
+    )
+
+
+def _children(asked: Mapping[str, Asked]) -> dict[str, tuple[str, ...]]:
+    found: dict[str, list[str]] = {identifier: [] for identifier in asked}
+    for each in asked.values():
+        for parent in each.parents:
+            if parent in found:
+                found[parent].append(each.id)
+    return {identifier: tuple(sorted(below)) for identifier, below in found.items()}
+
+
+def _from_below(asked: Mapping[str, Asked], children: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    """Give every requirement after those below it, without recursion: a chain may be as long as the catalogue."""
+    waiting = {identifier: len(below) for identifier, below in children.items()}
+    ready = [identifier for identifier, count in waiting.items() if not count]
+    while ready:
+        identifier = ready.pop()
+        yield identifier
+        for parent in asked[identifier].parents:
+            if parent in waiting:
+                waiting[parent] -= 1
+                if not waiting[parent]:
+                    ready.append(parent)
+
+
+def _row(asked: Asked, claims: Sequence[Claim], below: Sequence[Row], book: Ledgered) -> Row:
+    evidence = tuple(map(_evidence, claims))
+    by_itself = asked.kind != Kind.PARENT
+    own = tuple(_against(asked, claims, evidence, book)) if by_itself else ()
+    inherited = tuple(_inherited(below))
+    closing = next((each for each in reversed(evidence) if each.closes), None)
+    if by_itself and closing is None:
+        own += tuple(reason for each in evidence for reason in each.reasons)
+    if not by_itself and not below:
+        own += (Reason(code=Code.NO_CHILDREN, text="it is met by the requirements below it, and there are none"),)
+    reasons = (*_in_order(own), *inherited)
+    cases = next((each.cases for each in reversed(evidence) if each.cases), ())
+    return Row(
+        id=asked.id,
+        rev=asked.rev,
+        fingerprint=asked.fingerprint,
+        text=asked.text,
+        kind=asked.kind,
+        method=asked.method,
+        source=asked.source,
+        anomaly=asked.anomaly,
+        parents=asked.parents,
+        children=tuple(row.id for row in below),
+        level=asked.level,
+        stage=asked.stage,
+        planning=Planning(plan=asked.plan, document=asked.document, issue=asked.issue, place=asked.place, cases=cases),
+        evidence=evidence,
+        compliance=_compliance(reasons, evidence, below, by_itself=by_itself),
+        close_out=CloseOut.OPEN if reasons else CloseOut.CLOSED,
+        reasons=reasons,
+        closed_by=closing.package if closing and not reasons else "",
+    )
+
+
+def _evidence(claim: Claim) -> Evidence:
+    package, result = claim.package, claim.result
+    reasons = of_claim(claim)
+    return Evidence(
+        package=package.folder,
+        digest=package.digest,
+        date=package.ended,
+        verdict=result.verdict,
+        cases=result.cases,
+        rev=result.rev,
+        source=package.source,
+        purpose=package.purpose,
+        dut=package.serial,
+        eligible=result.eligible,
+        closes=not reasons,
+        reasons=reasons,
+    )
+
+
+def _against(asked: Asked, claims: Sequence[Claim], evidence: Sequence[Evidence], book: Ledgered) -> Iterator[Reason]:
+    """Give what keeps a requirement open whatever else there is, so that no evidence can be left out to close it."""
+    if not claims:
+        yield Reason(code=Code.NO_EVIDENCE, text=_no_evidence(asked))
+    good = [place for place, each in enumerate(evidence) if Verdict(each.verdict).good and each.source in _HARDWARE]
+    for place, claim in enumerate(claims):
+        if counts_as_fail(claim) and not book.disposed(claim.package):
+            yield _fail(claim, later=bool(good) and place > good[0], earlier=bool(good) and place < good[-1])
+        if _doubtful(claim) and claim.package.problem:
+            yield Reason(code=Code.INTEGRITY, text=claim.package.problem, package=claim.package.folder)
+    for each in book.missing:
+        yield Reason(code=Code.MISSING_PACKAGE, text=each.text, package=each.run)
+
+
+def counts_as_fail(claim: Claim) -> bool:
+    """Return whether a result speaks against its requirement: a FAIL from hardware, for a purpose that can close."""
+    package = claim.package
+    serious = package.purpose in {Purpose.QUALIFICATION, Purpose.ACCEPTANCE, ""}
+    return claim.result.failed and package.source in _HARDWARE and serious
+
+
+def _doubtful(claim: Claim) -> bool:
+    """Return whether a package that is not whole may hide a FAIL: unless the ledger saw that it was not hardware."""
+    seal = claim.ledgered.seals.get(claim.package.run) or claim.ledgered.seals.get(claim.package.folder)
+    source = seal.source if seal else claim.package.source
+    return not claim.package.sealed and source in _HARDWARE
+
+
+def _fail(claim: Claim, *, later: bool, earlier: bool) -> Reason:
+    folder, day = claim.package.folder, claim.package.ended[:10]
+    if later:
+        text = f"it failed on {day}, after evidence that was good"
+        return Reason(code=Code.SUPERSEDED_BY_FAIL, text=text, package=folder)
+    if earlier:
+        text = f"it failed on {day}, and nobody has signed what was done about it"
+        return Reason(code=Code.OPEN_NCR, text=text, package=folder)
+    return Reason(code=Code.FAILED, text=f"it failed on {day}", package=folder)
+
+
+def _no_evidence(asked: Asked) -> str:
+    if asked.method not in _BY_CASES:
+        return f"it is verified by {asked.method}, and no package shows that"
+    return "no package says anything of it"
+
+
+def _inherited(below: Iterable[Row]) -> Iterator[Reason]:
+    """Give what the requirements below keep open; a FAIL is told all the way up, with the requirement that it is of."""
+    for row in below:
+        if not row.closed:
+            codes = ", ".join(dict.fromkeys(reason.code for reason in row.reasons))
+            yield Reason(code=Code.CHILD_OPEN, text=f"{row.id} is open: {codes}", origin=row.id)
+        for reason in row.reasons:
+            if reason.code in _FAILS:
+                yield Reason(code=reason.code, text=reason.text, package=reason.package, origin=reason.origin or row.id)
+
+
+def _in_order(reasons: Iterable[Reason]) -> list[Reason]:
+    """Return reasons by their codes, each sentence once, with the newest package that it is true of."""
+    newest = {(reason.code, reason.text): reason for reason in reasons}
+    return sorted(newest.values(), key=lambda reason: (_RANK[reason.code], reason.text))
+
+
+def _compliance(
+    reasons: Sequence[Reason], evidence: Sequence[Evidence], below: Sequence[Row], *, by_itself: bool
+) -> Compliance:
+    if not reasons:
+        return Compliance.YES
+    if any(reason.code in _FAILS for reason in reasons):
+        return Compliance.NO
+    own = any(Verdict(each.verdict).good and each.source == Source.HARDWARE for each in evidence)
+    if own or (not by_itself and any(row.compliance is not Compliance.NO for row in below)):
+        return Compliance.PARTIAL
+    return Compliance.NO
+
+
+def _gaps(rows: Sequence[Row], packages: Sequence[Package], known: set[str]) -> Iterator[Gap]:
+    for row in rows:
+        if row.kind == Kind.PARENT and not row.children:
+            yield Gap(kind=GapKind.WITHOUT_CHILDREN, name=row.id, where=row.planning.place)
+        if row.kind != Kind.PARENT and row.method in _BY_CASES and not row.planning.cases:
+            yield Gap(kind=GapKind.WITHOUT_CASE, name=row.id, where=row.planning.place)
+    newest = {plan: package for package in packages for plan in package.plans}
+    for package in {package.folder: package for package in newest.values()}.values():
+        for case in package.orphans:
+            yield Gap(kind=GapKind.WITHOUT_REQUIREMENT, name=case, where=package.folder)
+        for identifier in package.results:
+            if identifier not in known:
+                yield Gap(kind=GapKind.NOT_IN_CATALOGUE, name=identifier, where=package.folder)
+
+
+def _summary(rows: Sequence[Row], gaps: Sequence[Gap]) -> Summary:
+    closed = sum(row.closed for row in rows)
+    counted = Counter(code for row in rows for code in {reason.code for reason in row.reasons})
+    compliance = Counter(row.compliance for row in rows)
+    return Summary(
+        requirements=len(rows),
+        closed=closed,
+        open=len(rows) - closed,
+        compliance={each.value: compliance[each] for each in Compliance},
+        reasons={code.value: counted[code] for code in Code if counted[code]},
+        gaps={str(kind): count for kind, count in sorted(Counter(gap.kind for gap in gaps).items())},
+        on_hardware=tuple(row.id for row in rows if _on_hardware(row)),
+    )
+
+
+def _on_hardware(row: Row) -> bool:
+    """Return whether only the simulated source keeps the newest evidence from closing a requirement."""
+    if row.closed or not row.evidence or any(not reason.package for reason in row.reasons):
+        return False
+    return {reason.code for reason in row.evidence[-1].reasons} == {Code.SIM_ONLY}
+
+
+def _problems(packages: Sequence[Package]) -> Iterator[str]:
+    for package in packages:
+        if package.problem:
+            yield f"{package.folder}: {package.problem}"

@@ -1,0 +1,218 @@
+"""What an audit is computed from: catalogue, registers, ledger and packages, each typed and nothing of it a path."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import msgspec
+
+from hil.evidence.ledger.entries import Entry
+from hil.model.identity import Dut
+from hil.registers.instruments import RegisteredInstrument
+
+__all__ = ["Asked", "Instrument", "Package", "Policy", "Register", "Result", "World", "catalogue_digest"]
+
+
+class Asked(msgspec.Struct, frozen=True, kw_only=True):
+    """One requirement of the workspace, as the audit needs it.
+
+    Attributes:
+        id: its id.
+        rev: its revision.
+        fingerprint: SHA-256 of its meaning.
+        text: its text.
+        kind: its kind.
+        method: its verification method.
+        source: where it comes from.
+        anomaly: what is wrong with the text at its source.
+        parents: the requirements that it serves.
+        level: level of verification, or empty.
+        stage: stage of verification, or empty.
+        withdrawn: whether it is no longer asked for.
+        max_age_s: how old its evidence may be in s, None for any age.
+        plan: the name of its plan, empty for one of the workspace.
+        document: id of the document that its file stands for.
+        issue: the document's issue.
+        place: file and line.
+        part_numbers: the part numbers that its plan is for, none for any.
+    """
+
+    id: str
+    rev: int
+    fingerprint: str
+    text: str
+    kind: str
+    method: str
+    source: str = ""
+    anomaly: str = ""
+    parents: tuple[str, ...] = ()
+    level: str = ""
+    stage: str = ""
+    withdrawn: bool = False
+    max_age_s: float | None = None
+    plan: str = ""
+    document: str = ""
+    issue: str = ""
+    place: str = ""
+    part_numbers: tuple[str, ...] = ()
+
+
+class Instrument(msgspec.Struct, frozen=True, kw_only=True):
+    """One instrument of a run, as its package froze it.
+
+    Attributes:
+        certificate: the file of its certificate, empty without one.
+        entry: its name in the register of instruments, empty if the bench file gave its calibration itself.
+    """
+
+    certificate: str = ""
+    entry: str = ""
+
+
+class Result(msgspec.Struct, frozen=True, kw_only=True):
+    """What one package says of one requirement.
+
+    Attributes:
+        rev: the revision that it was judged against, 0 if it is not recorded.
+        fingerprint: SHA-256 of that revision's meaning, empty if it is not recorded.
+        verdict: the verdict.
+        failed: whether any check of it failed, however the case went on.
+        eligible: whether the run's results say that it can close the requirement.
+        reasons: why not, a sentence each.
+        cases: the cases that carry it.
+        instruments: the names of the instruments behind its checks and recordings.
+    """
+
+    rev: int
+    fingerprint: str
+    verdict: str
+    failed: bool
+    eligible: bool
+    reasons: tuple[str, ...]
+    cases: tuple[str, ...]
+    instruments: tuple[str, ...]
+
+
+class Package(msgspec.Struct, frozen=True, kw_only=True):
+    """What one package says, and whether that can be trusted.
+
+    Attributes:
+        folder: the name of its folder.
+        run: the name that the folder had at its seal.
+        sealed: whether it is whole and verified.
+        problem: what is wrong with it in one line, empty where nothing is.
+        named: the evidence digest that its manifest gives, also where it is damaged; empty before the seal.
+        digest: its evidence digest, empty unless it is verified.
+        before: the head that the ledger had before the seal, empty if the package does not name it.
+        source: where the run's bytes came from.
+        purpose: why the run was made.
+        bench: the bench's name.
+        began: UTC of its first event.
+        ended: UTC of its last event.
+        serial: serial number of the device under test.
+        part: its part number.
+        hardware: its hardware revision.
+        firmware: its firmware revision.
+        version: the version of hil that made the run.
+        analysis: SHA-256 over the analysis and the judging that gave its verdicts, empty if it is not recorded.
+        plans: its plans.
+        instruments: its instruments by name.
+        results: what it says of each requirement, by id.
+        orphans: its cases without requirement.
+    """
+
+    folder: str
+    run: str = ""
+    sealed: bool = False
+    problem: str = ""
+    named: str = ""
+    digest: str = ""
+    before: str = ""
+    source: str = ""
+    purpose: str = ""
+    bench: str = ""
+    began: str = ""
+    ended: str = ""
+    serial: str = ""
+    part: str = ""
+    hardware: str = ""
+    firmware: str = ""
+    version: str = ""
+    analysis: str = ""
+    plans: tuple[str, ...] = ()
+    instruments: Mapping[str, Instrument] = {}
+    results: Mapping[str, Result] = {}
+    orphans: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Register:
+    """The registers of the workspace.
+
+    Attributes:
+        duts: the units under test by serial number.
+        instruments: the instruments by their names in the register.
+        sha256: SHA-256 of each register's content, by `units` and `instruments`; without it there is no such register.
+    """
+
+    duts: Mapping[str, Dut] = field(default_factory=dict)
+    instruments: Mapping[str, RegisteredInstrument] = field(default_factory=dict)
+    sha256: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Policy:
+    """What the workspace asks for beyond the seal.
+
+    Attributes:
+        signatures: whether a package must be signed.
+        approvals: the roles of which each must have approved it.
+        valid: evidence digest to the roles under which it has valid signatures; an empty role is the package's own.
+        replayed: evidence digests with the analysis by which a replay gave the same verdicts.
+    """
+
+    signatures: bool = False
+    approvals: tuple[str, ...] = ()
+    valid: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    replayed: frozenset[tuple[str, str]] = frozenset()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class World:
+    """Everything that an audit is computed from.
+
+    Attributes:
+        asked: the requirements of the workspace.
+        packages: what the packages say; no run stands twice among them.
+        register: the registers.
+        entries: the entries of the ledger, in order.
+        head: its head.
+        problems: what is wrong with ledger and packages as a whole, a sentence each.
+        policy: what the workspace asks for beyond the seal.
+        analysis: SHA-256 over the analysis and the judging of now.
+        date: the day on which it is asked, ISO 8601; ages are counted up to it.
+        as_of: the day at whose end the state is told, empty for now.
+        name: the name of the workspace.
+        version: the version of hil that computes it.
+    """
+
+    asked: tuple[Asked, ...]
+    packages: tuple[Package, ...] = ()
+    register: Register = field(default_factory=Register)
+    entries: tuple[Entry, ...] = ()
+    head: str = ""
+    problems: tuple[str, ...] = ()
+    policy: Policy = field(default_factory=Policy)
+    analysis: str = ""
+    date: str = ""
+    as_of: str = ""
+    name: str = ""
+    version: str = ""
+
+
+def catalogue_digest(asked: tuple[Asked, ...]) -> str:
+    """Return the SHA-256 over id and fingerprint of every requirement, in the order of their ids."""
+    lines = sorted(f"{each.id} {each.fingerprint}\n" for each in asked)
+    return hashlib.sha256("".join(lines).encode()).hexdigest()

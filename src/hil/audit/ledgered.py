@@ -1,0 +1,84 @@
+"""What the ledger says of packages: their seals, their order, what is missing, and what was said of them later."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from hil.audit.inputs import Package, Policy
+from hil.evidence.ledger.entries import ZERO, Entry, Sealed
+from hil.model.identity import Source
+
+__all__ = ["DISPOSITION", "Ledgered", "Missing", "ledgered"]
+
+DISPOSITION = "nonconformance"
+"""The role in which a FAIL is disposed of: by a signed approval of the package that holds it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Missing:
+    """A package that the ledger saw sealed and that is not there as it was; what it said is not known."""
+
+    run: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ledgered:
+    """The ledger by what an audit asks of it.
+
+    Attributes:
+        seals: the first seal of each run: whoever enters another one does not change what was sealed.
+        heads: every head that the ledger had.
+        policy: which signatures are valid.
+        missing: packages of hardware that are not there.
+    """
+
+    seals: dict[str, Sealed] = field(default_factory=dict)
+    heads: frozenset[str] = frozenset()
+    policy: Policy = field(default_factory=Policy)
+    missing: tuple[Missing, ...] = ()
+
+    def evidence_of(self, package: Package) -> str:
+        """Return the evidence digest with which a package was sealed, empty if the ledger does not have its run."""
+        found = self.seals.get(package.run) or self.seals.get(package.folder)
+        return found.evidence if found else ""
+
+    def place_of(self, package: Package) -> tuple[bool, int, str, str]:
+        """Return what packages are put in order by: their seals in the ledger; those without one come last."""
+        found = self.seals.get(package.run) or self.seals.get(package.folder)
+        return (found is None, found.seq if found else 0, package.ended, package.folder)
+
+    def disposed(self, package: Package) -> bool:
+        """Return whether somebody signed what is done about a FAIL in this package."""
+        return bool(package.digest) and DISPOSITION in self.policy.valid.get(package.digest, frozenset())
+
+    def replayed(self, digest: str, analysis: str) -> bool:
+        """Return whether the package gave the same verdicts when this analysis judged it again."""
+        return (digest, analysis) in self.policy.replayed
+
+
+def ledgered(entries: Sequence[Entry], packages: Sequence[Package], policy: Policy, head: str) -> Ledgered:
+    """Return the ledger as the audit asks it.
+
+    A package of hardware that is missing, or whose list of results cannot be trusted, may hold a FAIL of anything.
+    One of a simulated bench cannot speak against anything, so that nobody misses it.
+    """
+    seals: dict[str, Sealed] = {}
+    for entry in entries:
+        if isinstance(entry, Sealed):
+            seals.setdefault(entry.run, entry)
+    trusted = {(name, package.named) for package in packages for name in (package.run, package.folder)}
+    missing = [
+        Missing(run=seal.run, text=_why(seal, packages))
+        for seal in seals.values()
+        if (seal.run, seal.evidence) not in trusted and seal.source not in {Source.SIMULATED, Source.REPLAYED}
+    ]
+    heads = frozenset({ZERO, head, *(each.prev for each in entries)})
+    return Ledgered(seals=seals, heads=heads, policy=policy, missing=tuple(missing))
+
+
+def _why(seal: Sealed, packages: Sequence[Package]) -> str:
+    there = any(seal.run in {package.run, package.folder} for package in packages)
+    what = "is there with another content" if there else "is not there"
+    return f"{seal.run} was sealed with {seal.dut} on {seal.bench} and {what}: what it said is not known"

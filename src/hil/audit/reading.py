@@ -1,0 +1,150 @@
+"""What the audit reads of a workspace: catalogue, registers, ledger and packages, as they are now."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from hil.audit.cache import Cache
+from hil.audit.inputs import Asked, Register, World
+from hil.audit.packages import read_packages
+from hil.audit.recorded import encoded
+from hil.clock import wall
+from hil.documents.findings import Findings, shown
+from hil.evidence.ledger.book import read
+from hil.evidence.results.judging_code import judging_digest
+from hil.registers.instruments import INSTRUMENTS, load_instruments
+from hil.registers.units import DUTS, load_duts
+from hil.requirements.catalogue import Catalogue, load_catalogue
+from hil.requirements.lock import LOCK
+from hil.requirements.requirement import Document, Requirement
+from hil.requirements.schema import REQUIREMENTS
+
+__all__ = ["Folders", "asked_of", "read_catalogue", "read_register", "read_world"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Folders:
+    """The folders of a workspace.
+
+    Attributes:
+        root: the workspace.
+        testplans: its plans.
+        fixtures: its registers.
+        reports: its packages.
+        name: its name.
+    """
+
+    root: Path
+    testplans: Path
+    fixtures: Path
+    reports: Path
+    name: str
+
+
+def read_world(folders: Folders, cache: Cache, *, version: str, locked: bool = True) -> World:
+    """Return everything that an audit of the workspace as it is now is computed from.
+
+    Args:
+        folders: the folders of the workspace.
+        cache: what is known of files that did not change.
+        version: the version of the product.
+        locked: whether the locks of the plans must agree with what they lock.
+
+    Raises:
+        ConfigurationError: with everything that is wrong in catalogue and registers.
+        EvidenceError: if the ledger or the reports cannot be read, or two packages contradict each other.
+    """
+    ledger = read(folders.reports)
+    return World(
+        asked=cache.requirements(_contents(folders, locked=locked), lambda: read_catalogue(folders, locked=locked)),
+        packages=read_packages(folders.reports, cache),
+        register=read_register(folders),
+        entries=ledger.entries,
+        head=ledger.head if ledger.hashes else "",
+        problems=tuple(str(each) for each in ledger.findings),
+        analysis=judging_digest(),
+        date=wall.utc_now()[:10],
+        name=folders.name,
+        version=version,
+    )
+
+
+def read_catalogue(folders: Folders, *, locked: bool = True) -> tuple[Asked, ...]:
+    """Return the requirements of every plan and of the workspace.
+
+    Raises:
+        ConfigurationError: with everything that is wrong.
+    """
+    plans = sorted(file.parent for file in folders.testplans.glob(f"*/{REQUIREMENTS}"))
+    catalogue = load_catalogue(folders.root, plans, locked=locked)
+    return (*_above(catalogue), *_of_plans(catalogue))
+
+
+def read_register(folders: Folders) -> Register:
+    """Return the registers of a workspace; one need not have them.
+
+    Raises:
+        ConfigurationError: with everything that is wrong.
+    """
+    findings = Findings()
+    units, instruments = folders.fixtures / DUTS, folders.fixtures / INSTRUMENTS
+    duts = load_duts(units, shown(units, folders.root), findings) if units.exists() else ()
+    known = load_instruments(instruments, shown(instruments, folders.root), findings)
+    findings.raise_if_any()
+    return Register(
+        duts={each.serial: each for each in duts},
+        instruments=known,
+        sha256={
+            subject: hashlib.sha256(encoded(subject, content)).hexdigest()
+            for subject, content in (("units", duts), ("instruments", tuple(known.values())))
+            if content
+        },
+    )
+
+
+def _contents(folders: Folders, *, locked: bool) -> tuple[bytes, ...]:
+    """Return names and contents of every file that says what is asked, and whether locks must agree."""
+    files = sorted((*folders.testplans.glob(f"*/{REQUIREMENTS}"), *folders.testplans.glob(f"*/{LOCK}")))
+    above = folders.testplans / REQUIREMENTS
+    named = [*files, above] if above.exists() else files
+    told = (part for file in named for part in (shown(file, folders.root).encode(), file.read_bytes()))
+    return (str(locked).encode(), *told)
+
+
+def _above(catalogue: Catalogue) -> Iterator[Asked]:
+    for item in catalogue.above:
+        yield asked_of(item, Document(id=""), ())
+
+
+def _of_plans(catalogue: Catalogue) -> Iterator[Asked]:
+    for plan in catalogue.plans:
+        document, parts = catalogue.document(plan), catalogue.part_numbers(plan)
+        for item in catalogue.of_plan(plan):
+            yield asked_of(item, document, parts)
+
+
+def asked_of(item: Requirement, document: Document, part_numbers: Iterable[str]) -> Asked:
+    """Return a requirement as the audit needs it."""
+    return Asked(
+        id=item.id,
+        rev=item.rev,
+        fingerprint=item.fingerprint,
+        text=item.text,
+        kind=item.kind,
+        method=item.method,
+        source=item.source,
+        anomaly=item.anomaly,
+        parents=item.parents,
+        level=item.level,
+        stage=item.stage,
+        withdrawn=item.withdrawn,
+        max_age_s=item.max_age_s,
+        plan=item.plan,
+        document=document.id,
+        issue=document.issue,
+        place=f"{item.place.path}:{item.place.line}",
+        part_numbers=tuple(part_numbers),
+    )

@@ -1,0 +1,163 @@
+"""What an audit enters into the ledger, and the state of a past day from what was entered up to then."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Generic, TypeVar
+
+import msgspec
+
+from hil.audit.document import Document, Row
+from hil.audit.inputs import Asked, Register, World
+from hil.evidence.ledger.book import append_all, put_object, read_object
+from hil.evidence.ledger.entries import Baseline, Entry, Reason, Sealed, Status
+from hil.model.errors import EvidenceError, Refused
+from hil.model.identity import Dut
+from hil.registers.instruments import RegisteredInstrument
+
+__all__ = ["ANALYSIS", "CATALOGUE", "INSTRUMENTS", "UNITS", "baseline", "encoded", "past", "record"]
+
+ANALYSIS, CATALOGUE, UNITS, INSTRUMENTS = "analysis", "catalogue", "units", "instruments"
+"""The subjects of baselines."""
+
+_Item = TypeVar("_Item")
+
+
+class _Recorded(msgspec.Struct, Generic[_Item], frozen=True, kw_only=True):
+    """The object of a baseline."""
+
+    format: int
+    subject: str
+    entries: tuple[_Item, ...]
+
+
+def encoded(subject: str, items: Sequence[object]) -> bytes:
+    """Return the object of a baseline: the same bytes for the same entries."""
+    return msgspec.json.encode(_Recorded(format=1, subject=subject, entries=tuple(items)), order="sorted")
+
+
+def record(reports: Path, world: World, document: Document) -> tuple[int, int]:
+    """Enter into the ledger what changed since it last heard: catalogue, registers, and the status of requirements.
+
+    Args:
+        reports: the folder of reports.
+        world: what the document was computed from; nothing of it known from a cache.
+        document: the document.
+
+    Returns:
+        How many baselines and how many changes of status were entered.
+
+    Raises:
+        EvidenceError: if the ledger cannot be written.
+    """
+    entered = {each.subject: each.object for each in world.entries if isinstance(each, Baseline)}
+    baselines: list[Entry] = []
+    for subject, items in (
+        (CATALOGUE, sorted(world.asked, key=lambda each: each.id)),
+        (UNITS, list(world.register.duts.values())),
+        (INSTRUMENTS, list(world.register.instruments.values())),
+        (ANALYSIS, [world.analysis]),
+    ):
+        name = put_object(reports, encoded(subject, items))
+        if entered.get(subject) != name:
+            baselines.append(Baseline(subject=subject, object=name))
+    changes = list(_changes(world, document))
+    if baselines or changes:
+        append_all(reports, [*baselines, *changes])
+    return len(baselines), len(changes)
+
+
+def _changes(world: World, document: Document) -> Iterator[Entry]:
+    known = {each.requirement: _told(each) for each in world.entries if isinstance(each, Status)}
+    for row in document.rows:
+        status = _status(row)
+        if known.get(row.id) != _told(status):
+            yield status
+
+
+def _told(status: Status) -> Status:
+    return msgspec.structs.replace(status, seq=-1, prev="", utc="", own="")
+
+
+def _status(row: Row) -> Status:
+    return Status(
+        requirement=row.id,
+        status=row.close_out,
+        compliance=row.compliance,
+        reasons=tuple(Reason(code=each.code, text=each.text) for each in row.reasons),
+        fingerprint=row.fingerprint,
+        evidence=tuple(each.digest for each in row.evidence if each.digest),
+    )
+
+
+def past(world: World, reports: Path, day: str) -> World:
+    """Return what an audit at the end of a day of UTC was computed from.
+
+    It takes the entries up to then, the packages that were sealed by then, and the catalogue and registers that were
+    entered last by then.
+
+    Args:
+        world: as it is now.
+        reports: the folder of reports, for the objects of the ledger.
+        day: ISO 8601.
+
+    Raises:
+        Refused: where nothing was entered by then.
+        EvidenceError: if an object of the ledger is missing or was changed.
+    """
+    entries = tuple(each for each in world.entries if each.utc[:10] <= day)
+    sealed = {each.evidence for each in entries if isinstance(each, Sealed)}
+    duts = baseline(reports, entries, UNITS, Dut)
+    instruments = baseline(reports, entries, INSTRUMENTS, RegisteredInstrument)
+    asked = baseline(reports, entries, CATALOGUE, Asked)
+    analysis = baseline(reports, entries, ANALYSIS, str)
+    if asked is None:
+        first = next((each.utc[:10] for each in world.entries if isinstance(each, Baseline)), "")
+        known = f"the first one is of {first}" if first else "there is none yet"
+        raise Refused(
+            f"no catalogue was recorded up to {day}: {known}",
+            "hil audit --record enters the present one into the ledger; past ones cannot be made up",
+        )
+    register = Register(
+        duts={each.serial: each for each in duts or ()},
+        instruments={each.id: each for each in instruments or ()},
+        sha256={each.subject: each.object for each in entries if isinstance(each, Baseline)},
+    )
+    return replace(
+        world,
+        asked=asked,
+        packages=tuple(each for each in world.packages if each.digest in sealed or each.named in sealed),
+        register=register,
+        entries=entries,
+        analysis=analysis[-1] if analysis else world.analysis,
+        head=_head(entries, world),
+        as_of=day,
+        date=day,
+    )
+
+
+def _head(entries: Sequence[Entry], world: World) -> str:
+    """Return the head that the ledger had after these entries: what the next one names."""
+    later = world.entries[len(entries) :]
+    return later[0].prev if later else world.head
+
+
+def baseline(reports: Path, entries: Sequence[Entry], subject: str, kind: type[_Item]) -> tuple[_Item, ...] | None:
+    """Return the entries of the newest baseline of a subject; None if there is none.
+
+    Raises:
+        EvidenceError: if its object is missing, was changed, or cannot be read.
+    """
+    names = [each.object for each in entries if isinstance(each, Baseline) and each.subject == subject]
+    if not names:
+        return None
+    try:
+        found = msgspec.json.decode(read_object(reports, names[-1]), type=_Recorded[kind])  # type: ignore[valid-type]
+    except msgspec.MsgspecError as error:
+        raise EvidenceError(
+            f"the {subject} that the ledger names cannot be read: {error}", "it was written by another version of hil"
+        ) from error
+    items: tuple[_Item, ...] = found.entries
+    return items

@@ -1,0 +1,75 @@
+"""An audit's document as canonical JSON and as CSV: equal inputs give equal bytes."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable
+
+import msgspec
+
+from hil.audit.document import Document, Row
+
+__all__ = ["COLUMNS", "as_csv", "as_json"]
+
+COLUMNS = (
+    "requirement",
+    "text",
+    "parents",
+    "children",
+    "level",
+    "stage",
+    "method",
+    "planning",
+    "evidence",
+    "compliance",
+    "close-out",
+    "reasons",
+)
+"""The columns of the table; traceability, and level and stage, have two each."""
+
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""How a cell begins that a spreadsheet would compute."""
+
+
+def as_json(document: Document) -> bytes:
+    """Return the document as canonical JSON (RFC 8785); it holds no number but whole ones."""
+    return msgspec.json.encode(document, order="sorted")
+
+
+def as_csv(document: Document) -> bytes:
+    """Return a line per requirement as CSV in UTF-8; no cell of it is a formula to a spreadsheet."""
+    written = io.StringIO()
+    lines = csv.writer(written, lineterminator="\r\n")
+    lines.writerow(COLUMNS)
+    lines.writerows([_guarded(cell) for cell in _cells(row)] for row in document.rows)
+    return written.getvalue().encode()
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    planning = row.planning
+    named = " ".join(part for part in (planning.document, planning.issue) if part)
+    plan = (part for part in (planning.plan, named, planning.place, *planning.cases) if part)
+    return (
+        row.id,
+        row.text,
+        _lines(row.parents),
+        _lines(row.children),
+        row.level,
+        row.stage,
+        row.method,
+        _lines(plan),
+        _lines(f"{each.date[:10]} {each.verdict} {each.package} {each.digest}".strip() for each in row.evidence),
+        row.compliance,
+        row.close_out,
+        _lines(f"{each.code}: {each.text}" + (f" ({each.package})" if each.package else "") for each in row.reasons),
+    )
+
+
+def _lines(parts: Iterable[str]) -> str:
+    return "\n".join(parts)
+
+
+def _guarded(cell: str) -> str:
+    """Return a cell that no spreadsheet takes for a formula: one that begins like it gets an apostrophe."""
+    return f"'{cell}" if cell.startswith(_FORMULA) else cell

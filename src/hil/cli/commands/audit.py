@@ -1,0 +1,195 @@
+"""`hil audit`: the status of every requirement over all packages."""
+
+from __future__ import annotations
+
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hil.clock.wall import is_date
+from hil.documents.text import visible
+from hil.executive.setup.workspace import find_workspace
+from hil.model.errors import Refused
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from hil.audit.changes import Change
+    from hil.audit.document import Document
+    from hil.audit.inputs import World
+    from hil.audit.reading import Folders
+
+__all__ = ["command"]
+
+_FORMATS = ("csv", "json")
+_MOST = 10
+_OPEN, _DAMAGED = 1, 2
+_DAMAGES = frozenset({"INTEGRITY", "MISSING_PACKAGE"})
+
+
+@click.command(name="audit", epilog="Example: hil audit --strict --format json --output build")
+@click.option("--as-of", metavar="DATE", help="The state at the end of a past day of UTC, from the ledger.")
+@click.option("--if", "supposed", metavar="FILE", help="Only what a changed catalogue or register would reopen.")
+@click.option("--strict", is_flag=True, help="Exit with 1 if a requirement is open.")
+@click.option("--record", is_flag=True, help="Enter catalogue, registers and changes of status into the ledger.")
+@click.option("--format", "formats", metavar="FORMAT", multiple=True, help=f"Write a file: {', '.join(_FORMATS)}.")
+@click.option("--output", metavar="DIR", type=click.Path(path_type=Path), help="Where the files go.")
+@click.option("--no-cache", is_flag=True, help="Verify every package again, also those that did not change.")
+def command(
+    as_of: str | None,
+    supposed: str | None,
+    strict: bool,
+    record: bool,
+    formats: tuple[str, ...],
+    output: Path | None,
+    no_cache: bool,
+) -> int:
+    """Compute the status of every requirement over all packages.
+
+    A requirement is closed if evidence from hardware meets every condition now: it is good, eligible, whole, known to
+    the ledger, of this text, this unit and this analysis, and its instruments are not in doubt. Otherwise it is open,
+    with every reason. Nothing is typed in by hand.
+
+    --if takes a changed requirements.yaml, duts.yaml or instruments.yaml, or the word analysis.
+
+    Exit code 0; 1 with --strict if a requirement is open; 2 if a package or the ledger is damaged.
+    """
+    from hil.audit.cache import Cache, cache_folder, product_key  # noqa: PLC0415 - heavy
+    from hil.audit.engine import audit  # noqa: PLC0415 - heavy
+    from hil.audit.reading import read_world  # noqa: PLC0415 - heavy
+    from hil.audit.recorded import past  # noqa: PLC0415 - heavy
+
+    _require_sense(as_of=as_of, supposed=supposed, record=record, formats=formats, output=output)
+    folders = _folders()
+    cache = Cache(None if no_cache or record else cache_folder(), product_key())
+    world = read_world(folders, cache, version=metadata.version("hil"), locked=supposed is None)
+    if as_of:
+        world = past(world, folders.reports, as_of)
+    if supposed:
+        return _suppose(world, folders, supposed)
+    document = audit(world)
+    if record:
+        _record(world, document, folders)
+    if formats:
+        _write(document, formats, output)
+    if not formats or output:
+        for line in _lines(document):
+            click.echo(visible(line))
+    if _is_damaged(document, world):
+        return _DAMAGED
+    return _OPEN if strict and document.summary.open else 0
+
+
+def _require_sense(
+    *, as_of: str | None, supposed: str | None, record: bool, formats: Sequence[str], output: Path | None
+) -> None:
+    if as_of is not None and not is_date(as_of):
+        raise Refused(f"--as-of {as_of} is not a day", "write it as 2026-11-22")
+    if record and (as_of or supposed):
+        raise Refused("--record enters the present state only", "leave out --as-of and --if")
+    if supposed and formats:
+        raise Refused("--if prints what would change, and writes no files", "leave out --format")
+    for each in formats:
+        if each not in _FORMATS:
+            raise Refused(f"there is no format '{each}'", f"there are: {', '.join(_FORMATS)}")
+    if output is None and len(formats) > 1:
+        raise Refused(f"{len(formats)} formats cannot go to standard output together", "add --output DIR")
+
+
+def _folders() -> Folders:
+    from hil.audit.reading import Folders  # noqa: PLC0415 - heavy
+
+    found = find_workspace(Path.cwd())
+    return Folders(
+        root=found.root, testplans=found.testplans, fixtures=found.fixtures, reports=found.reports, name=found.name
+    )
+
+
+def _write(document: Document, formats: Sequence[str], output: Path | None) -> None:
+    writers = _writers()
+    for each in dict.fromkeys(formats):
+        data = writers[each](document)
+        if output is None:
+            click.echo(data, nl=False)
+            return
+        output.mkdir(parents=True, exist_ok=True)
+        (output / f"audit.{each}").write_bytes(data)
+
+
+def _writers() -> Mapping[str, Callable[[Document], bytes]]:
+    from hil.audit.tables import as_csv, as_json  # noqa: PLC0415 - heavy
+
+    return {"csv": as_csv, "json": as_json}
+
+
+def _record(world: World, document: Document, folders: Folders) -> None:
+    from hil.audit.recorded import record  # noqa: PLC0415 - heavy
+
+    baselines, changes = record(folders.reports, world, document)
+    click.echo(f"recorded: {_counted(baselines, 'baseline')}, {_counted(changes, 'change')} of status", err=True)
+
+
+def _suppose(world: World, folders: Folders, changed: str) -> int:
+    from hil.audit.changes import changes  # noqa: PLC0415 - heavy
+    from hil.audit.engine import audit  # noqa: PLC0415 - heavy
+    from hil.audit.supposed import suppose  # noqa: PLC0415 - heavy
+
+    before, after = map(audit, suppose(world, folders, changed))
+    found = changes(before, after)
+    for line in _changed_lines(found, before):
+        click.echo(visible(line))
+    return 0
+
+
+def _is_damaged(document: Document, world: World) -> bool:
+    return (
+        bool(world.problems) or "INTEGRITY" in document.summary.reasons or "MISSING_PACKAGE" in document.summary.reasons
+    )
+
+
+def _lines(document: Document) -> Iterator[str]:
+    from hil.audit.document import Code  # noqa: PLC0415 - heavy
+    from hil.report.tables import aligned  # noqa: PLC0415 - heavy
+
+    summary = document.summary
+    day = f" at the end of {document.as_of}" if document.as_of else ""
+    asked = _counted(summary.requirements, "requirement")
+    yield f"{document.workspace}{day}: {asked}, {summary.closed} closed, {summary.open} open"
+    yield "compliance: " + ", ".join(f"{count} {word}" for word, count in summary.compliance.items())
+    if summary.reasons:
+        yield "open because"
+        rows = [(str(count), code, Code(code).meaning) for code, count in summary.reasons.items()]
+        yield from aligned(rows, right={0}, indent="  ")
+    for kind in summary.gaps:
+        names = [gap.name for gap in document.gaps if gap.kind == kind]
+        yield f"{_counted(len(names), 'gap')}, {kind}: {_some(names)}"
+    if summary.on_hardware:
+        count = len(summary.on_hardware)
+        yield f"the same runs on hardware would close {count} of them: {_some(summary.on_hardware)}"
+    for problem in document.problems[:_MOST]:
+        yield f"problem: {problem}"
+    if len(document.problems) > _MOST:
+        yield f"and {len(document.problems) - _MOST} more problems"
+
+
+def _changed_lines(found: Sequence[Change], before: Document) -> Iterator[str]:
+    reopened = sum(change.what == "reopened" for change in found)
+    closed = _counted(before.summary.closed, "closed requirement")
+    yield f"{reopened} of {closed} would be reopened, {len(found) - reopened} more changed"
+    for change in found:
+        yield f"{change.what:9} {change.id}"
+        for reason in change.gained:
+            yield f"  + {reason.code}: {reason.text}"
+        for reason in change.lost:
+            yield f"  - {reason.code}: {reason.text}"
+
+
+def _some(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:_MOST])
+    return shown if len(names) <= _MOST else f"{shown} and {len(names) - _MOST} more"
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -1,0 +1,165 @@
+"""Each condition keeps a requirement open by itself, with its code and a sentence; nothing else does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import msgspec
+import pytest
+from audited import ASKED, DUT, INSTRUMENT, certificate, closed_world, codes, package, result, row, world_of
+
+from hil.audit.inputs import Policy, Register, World
+from hil.model.identity import UnitEvent, UnitEventKind
+from hil.registers.instruments import AsFound
+
+
+def changed(**fields: Any) -> World:
+    """Return the closed world with a changed result."""
+    return closed_world(results={ASKED.id: result(**fields)})
+
+
+def register(**fields: Any) -> Register:
+    """Return the register of the closed world with changes."""
+    return replace(closed_world().register, **fields)
+
+
+def test_evidence_that_meets_every_condition_closes_a_requirement_and_its_parent():
+    """Evidence that meets every condition closes a requirement and its parent."""
+    world = closed_world()
+    assert codes(world) == codes(world, "EPS-001") == []
+    assert row(world).closed_by == "run-1"
+    assert row(world).compliance == row(world, "EPS-001").compliance == "yes"
+
+
+FM7_AGAIN = {"duts": {"FM-7": replace(DUT, hardware="C")}}
+REPAIRED = UnitEvent(kind=UnitEventKind.REPAIR, date="2026-07-01", text="resistor replaced", reverify=True)
+RECALLED = replace(
+    INSTRUMENT,
+    certificates=(
+        *INSTRUMENT.certificates,
+        certificate("C-2", "2026-09-01", "2027-09-01", as_found=AsFound.OUT_OF_TOLERANCE),
+    ),
+)
+WORLDS = {
+    "no package": (world_of([]), "NO_EVIDENCE", "no package says anything of it"),
+    "a verdict that is not good": (changed(verdict="INCONCLUSIVE"), "NO_VERDICT", "its verdict is INCONCLUSIVE"),
+    "the run says why not": (
+        changed(eligible=False, reasons=("the operator is not named",)),
+        "NOT_ELIGIBLE",
+        "the operator is not named",
+    ),
+    "not eligible without a word": (changed(eligible=False), "NOT_ELIGIBLE", "and not why"),
+    "a simulated instrument": (
+        changed(eligible=False, reasons=("SIMULATED: dmm",)),
+        "SIM_ONLY",
+        "SIMULATED: dmm",
+    ),
+    "a simulated run whose results claim otherwise": (
+        closed_world(source="simulated"),
+        "SIM_ONLY",
+        "SIMULATED: the run's source",
+    ),
+    "a text that changed": (
+        changed(fingerprint="0" * 64),
+        "SUSPECT_REQ",
+        "rev 1 (00000000), and is now rev 1 (ffffffff)",
+    ),
+    "a package that the ledger does not know": (world_of([package()], []), "UNKNOWN_TO_LEDGER", "no seal"),
+    "a missing signature": (
+        replace(closed_world(), policy=Policy(signatures=True)),
+        "UNSIGNED",
+        "no valid signature",
+    ),
+    "a missing approval": (
+        replace(closed_world(), policy=Policy(approvals=("quality",))),
+        "AWAITING_APPROVAL",
+        "the approval by quality is missing",
+    ),
+    "another part": (
+        replace(closed_world(), asked=(msgspec.structs.replace(ASKED, part_numbers=("LOAD-2",)),)),
+        "WRONG_DUT",
+        "the plan is for LOAD-2, and FM-7 is LOAD-1",
+    ),
+    "a unit that nobody registered": (
+        replace(closed_world(), register=register(duts={})),
+        "WRONG_DUT",
+        "the register has no unit FM-7",
+    ),
+    "another hardware revision": (
+        replace(closed_world(), register=register(**FM7_AGAIN)),
+        "STALE_DUT",
+        "FM-7 has hardware C now, and had B then",
+    ),
+    "a repair since": (
+        replace(closed_world(), register=register(duts={"FM-7": replace(DUT, events=(REPAIRED,))})),
+        "STALE_DUT",
+        "FM-7: repair on 2026-07-01: resistor replaced",
+    ),
+    "used after its due date": (closed_world(day="2027-03-01"), "STALE_CAL", "its calibration was due on 2027-01-10"),
+    "an instrument that was taken out of the register": (
+        replace(closed_world(), register=register(instruments={})),
+        "STALE_CAL",
+        "the register no longer has dmm-1",
+    ),
+    "found out of tolerance later": (
+        replace(closed_world(), register=register(instruments={"dmm-1": RECALLED})),
+        "CAL_RETRO",
+        "was found out of tolerance on 2026-09-01",
+    ),
+    "another analysis": (replace(closed_world(), analysis="b" * 64), "STALE_ANALYSIS", "the analysis is now bbbbbbbb"),
+    "evidence of an age that is not allowed": (
+        replace(closed_world(), asked=(msgspec.structs.replace(ASKED, max_age_s=90 * 86400.0),)),
+        "EXPIRED",
+        "it is 174 days old, and may be 90",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_a_condition_that_does_not_hold_keeps_the_requirement_open(name: str):
+    """A condition that does not hold keeps the requirement open."""
+    world, code, sentence = WORLDS[name]
+    found = row(world)
+    assert [str(reason.code) for reason in found.reasons] == [code]
+    assert sentence in found.reasons[0].text
+    assert (found.close_out, found.closed_by) == ("open", "")
+
+
+def test_every_reason_that_applies_is_told():
+    """Every reason that applies is told."""
+    world = closed_world(source="simulated", results={ASKED.id: result(fingerprint="0" * 64, verdict="NOT_RUN")})
+    assert codes(replace(world, analysis="b" * 64, entries=())) == [
+        "NO_VERDICT",
+        "SIM_ONLY",
+        "SUSPECT_REQ",
+        "UNKNOWN_TO_LEDGER",
+        "STALE_ANALYSIS",
+    ]
+
+
+def test_evidence_may_be_as_old_as_is_allowed_to_the_day():
+    """Evidence may be as old as is allowed to the day."""
+    asked = (msgspec.structs.replace(ASKED, max_age_s=174 * 86400.0),)
+    assert codes(replace(closed_world(), asked=asked)) == []
+
+
+def test_an_analysis_that_gave_the_same_verdict_again_counts():
+    """An analysis that gave the same verdict again counts."""
+    world = replace(closed_world(), analysis="b" * 64)
+    assert codes(replace(world, policy=Policy(replayed=frozenset({("run-1-digest", "b" * 64)})))) == []
+    assert codes(replace(world, policy=Policy(replayed=frozenset({("run-1-digest", "c" * 64)})))) == ["STALE_ANALYSIS"]
+
+
+def test_an_instrument_is_known_by_its_certificate_where_the_package_does_not_name_its_entry():
+    """An instrument is known by its certificate where the package does not name its entry."""
+    instruments = {"dmm": msgspec.structs.replace(package().instruments["dmm"], entry="")}
+    world = closed_world(instruments=instruments)
+    assert codes(replace(world, register=register(instruments={"dmm-1": RECALLED}))) == ["CAL_RETRO"]
+    assert codes(replace(world, register=register(instruments={}))) == []  # the bench file gave its calibration itself
+
+
+def test_a_certificate_that_was_taken_out_of_the_register_is_missed():
+    """A certificate that was taken out of the register is missed."""
+    other = replace(INSTRUMENT, certificates=(certificate("C-9", "2026-01-10", "2027-01-10"),))
+    assert codes(replace(closed_world(), register=register(instruments={"dmm-1": other}))) == ["STALE_CAL"]

@@ -1,0 +1,174 @@
+"""The engine: what stands against evidence, roll-up, gaps, counts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import msgspec
+from audited import ASKED, PARENT, changed_package, closed_world, codes, package, result, row, seal_of, world_of
+
+from hil.audit.engine import audit
+from hil.audit.inputs import Policy
+from hil.audit.ledgered import DISPOSITION
+
+FAIL = {ASKED.id: result(verdict="FAIL", failed=True, eligible=False, reasons=("its verdict is FAIL",))}
+
+
+def test_a_fail_after_good_evidence_opens_the_requirement_again():
+    """A fail after good evidence opens the requirement again."""
+    world = world_of([package(), package("run-2", "2026-06-02", results=FAIL)])
+    assert codes(world) == ["SUPERSEDED_BY_FAIL"]
+    assert row(world).compliance == "no"
+    assert "it failed on 2026-06-02" in row(world).reasons[0].text
+
+
+def test_running_again_until_it_passes_leaves_the_fail_open():
+    """A flaky case is run again until it passes, without anybody saying what was done about the FAIL."""
+    world = world_of([package("run-0", "2026-05-01", results=FAIL), package()])
+    assert codes(world) == ["OPEN_NCR"]
+    assert row(world).compliance == "partial"
+
+
+def test_a_fail_that_was_disposed_of_no_longer_counts():
+    """A fail that was disposed of no longer counts."""
+    world = world_of([package("run-0", "2026-05-01", results=FAIL), package()])
+    said = Policy(valid={"run-0-digest": frozenset({DISPOSITION})})
+    assert codes(replace(world, policy=said)) == []
+
+
+def test_a_fail_alone():
+    """A fail alone."""
+    world = world_of([package(results=FAIL)])
+    assert codes(world) == ["NO_VERDICT", "FAILED"]
+    assert row(world).compliance == "no"
+
+
+def test_a_fail_below_a_worse_verdict_is_still_a_fail():
+    """A fail below a worse verdict is still a fail."""
+    aborted = {ASKED.id: result(verdict="ABORTED", failed=True)}
+    assert codes(world_of([package(), package("run-2", "2026-06-02", results=aborted)])) == ["SUPERSEDED_BY_FAIL"]
+
+
+def test_a_fail_of_a_simulated_or_a_development_run_speaks_against_nothing():
+    """A fail of a simulated or a development run speaks against nothing."""
+    for field in ({"source": "simulated"}, {"purpose": "development"}):
+        assert codes(world_of([package(), package("run-2", "2026-06-02", results=FAIL, **field)])) == []
+
+
+def test_a_damaged_package_opens_its_requirements_and_no_other():
+    """One flipped bit in a raw file: everything that the package speaks of is open, and nothing else."""
+    other = msgspec.structs.replace(ASKED, id="LOAD-020")
+    results = {"LOAD-020": result()}
+    damaged = package(
+        "run-2", "2026-06-02", sealed=False, digest="", problem="data/journal.jsonl: changed", results=results
+    )
+    world = replace(world_of([package(), package("run-3", results=results), damaged]), asked=(PARENT, ASKED, other))
+    assert codes(world, "LOAD-010") == []
+    assert codes(world, "LOAD-020") == ["INTEGRITY"]
+    assert row(world, "LOAD-020").reasons[0].package == "run-2"
+
+
+def test_a_rewritten_package_is_not_the_one_that_was_sealed():
+    """A full rewrite, bagged again: whole in itself, and another than the ledger saw."""
+    rewritten = package(digest="other", named="other")
+    assert codes(world_of([rewritten], [seal_of(package())])) == ["INTEGRITY", "MISSING_PACKAGE"]
+
+
+def test_a_package_that_was_taken_away_opens_everything_that_it_may_have_spoken_of():
+    """A package that was taken away opens everything that it may have spoken of."""
+    failing = package("run-2", "2026-06-02", results=FAIL)
+    world = world_of([package()], [seal_of(package(), 1), seal_of(failing, 2)])
+    assert codes(world) == ["MISSING_PACKAGE"]
+    assert "run-2" in audit(world).problems[0]
+
+
+def test_nobody_misses_a_simulated_package():
+    """Nobody misses a simulated package."""
+    simulated = package("run-2", source="simulated")
+    assert codes(world_of([package()], [seal_of(package(), 1), seal_of(simulated, 2)])) == []
+
+
+def test_a_parent_is_closed_by_its_children_and_tells_whose_fail_it_has():
+    """A parent is closed by its children and tells whose fail it has."""
+    world = world_of([package(results=FAIL)])
+    found = row(world, "EPS-001")
+    assert [(reason.code, reason.origin) for reason in found.reasons] == [
+        ("CHILD_OPEN", "LOAD-010"),
+        ("FAILED", "LOAD-010"),
+    ]
+    assert found.compliance == "no"
+
+
+def test_a_parent_with_some_children_met_is_met_in_part():
+    """A parent with some children met is met in part."""
+    other = msgspec.structs.replace(ASKED, id="LOAD-020")
+    world = replace(closed_world(), asked=(PARENT, ASKED, other))
+    assert row(world, "EPS-001").compliance == "partial"
+    assert [reason.text for reason in row(world, "EPS-001").reasons] == ["LOAD-020 is open: NO_EVIDENCE"]
+
+
+def test_a_fail_is_told_all_the_way_up():
+    """A fail is told all the way up."""
+    top = msgspec.structs.replace(PARENT, id="SAT-001")
+    middle = msgspec.structs.replace(PARENT, parents=("SAT-001",))
+    world = replace(world_of([package(results=FAIL)]), asked=(top, middle, ASKED))
+    assert ("FAILED", "LOAD-010") in [(each.code, each.origin) for each in row(world, "SAT-001").reasons]
+
+
+def test_a_parent_without_children_is_a_gap_and_open():
+    """A parent without children is a gap and open."""
+    world = replace(closed_world(), asked=(PARENT,))
+    assert codes(world, "EPS-001") == ["NO_CHILDREN"]
+    assert ("parent without children", "EPS-001") in [(gap.kind, gap.name) for gap in audit(world).gaps]
+
+
+def test_a_withdrawn_requirement_is_not_asked_for():
+    """A withdrawn requirement is not asked for."""
+    world = replace(
+        closed_world(), asked=(PARENT, ASKED, msgspec.structs.replace(ASKED, id="LOAD-099", withdrawn=True))
+    )
+    assert [found.id for found in audit(world).rows] == ["EPS-001", "LOAD-010"]
+    assert codes(world, "EPS-001") == []
+
+
+def test_gaps_in_both_directions():
+    """Gaps in both directions."""
+    unasked = changed_package(package(), orphans=("test_load.py::test_x",), results={"OLD-010": result(cases=())})
+    gaps = [(gap.kind, gap.name) for gap in audit(world_of([unasked])).gaps]
+    assert gaps == [
+        ("case without requirement", "test_load.py::test_x"),
+        ("evidence without requirement", "OLD-010"),
+        ("requirement without case", "LOAD-010"),
+    ]
+
+
+def test_what_no_case_can_verify_says_so():
+    """What no case can verify says so."""
+    review = msgspec.structs.replace(ASKED, method="review")
+    found = row(replace(world_of([]), asked=(review,)))
+    assert found.reasons[0].text == "it is verified by review, and no package shows that"
+    assert not audit(replace(world_of([]), asked=(review,))).gaps
+
+
+def test_a_simulated_campaign_closes_nothing_and_says_what_it_would_close():
+    """A simulated campaign closes nothing and says what it would close."""
+    said = {ASKED.id: result(eligible=False, reasons=("SIMULATED: the run's source", "SIMULATED: dmm"))}
+    simulated = closed_world(source="simulated", results=said)
+    assert audit(simulated).summary.on_hardware == ("LOAD-010",)
+    assert audit(simulated).summary.closed == 0
+    also = {ASKED.id: result(eligible=False, reasons=("SIMULATED: dmm", "the operator is not named"))}
+    assert audit(closed_world(source="simulated", results=also)).summary.on_hardware == ()
+
+
+def test_a_chain_of_ten_thousand_parents_is_walked():
+    """A chain of ten thousand parents is walked."""
+    chain = [msgspec.structs.replace(PARENT, id=f"A-{n:05}", parents=(f"A-{n - 1:05}",)) for n in range(10_000)]
+    assert audit(replace(world_of([]), asked=tuple(chain))).summary.open == 10_000
+
+
+def test_counts():
+    """Counts."""
+    summary = audit(world_of([package(results=FAIL)])).summary
+    assert (summary.requirements, summary.closed, summary.open) == (2, 0, 2)
+    assert summary.reasons == {"NO_VERDICT": 1, "FAILED": 2, "CHILD_OPEN": 1}
+    assert summary.compliance == {"yes": 0, "partial": 0, "no": 2}
