@@ -275,8 +275,8 @@ class Session:
         if self.flags.astray:
             run.raised(Astray(self.flags.astray))
             self.flags.astray = ""
-        for error in self._escapes.end():
-            run.raised(error, self.place_of(error))
+        for escaped in self._escapes.end():
+            run.raised(escaped, self.place_of(escaped))
         scheduler = self.keeper.scheduler
         if self.flags.reason and (scheduler.refused or scheduler.lost or self.flags.cuts):
             run.raised(Stopped(self.flags.reason))  # whatever the case made of it
