@@ -116,13 +116,14 @@ class Escapes:
     def _left_threads(self) -> list[Escaped]:
         """Return the threads that the case began and that are alive still."""
         until = wall.monotonic() + _GRACE_S
+        wall.pause(0.0)  # one that was just started has no number of its own before it runs
         while left := self._begun():
             if wall.monotonic() >= until:
                 break
             wall.pause(_GRACE_S / 20)
-        named = {thread.ident: thread.name for thread in threading.enumerate()}
+        named = {thread.ident: f"thread '{thread.name}'" for thread in threading.enumerate()}
         hint = "join it before the case ends, in a teardown if need be"
-        return [Escaped(f"thread '{named.get(each, each)}' outlives the case", hint) for each in left]
+        return [Escaped(f"{named.get(each, 'a thread')} outlives the case", hint) for each in left]
 
     def _begun(self) -> list[int]:
         return sorted({*sys._current_frames()} - self._before)  # noqa: SLF001 - as above
