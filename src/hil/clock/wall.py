@@ -14,6 +14,7 @@ __all__ = [
     "clocks",
     "compact_utc",
     "days_between",
+    "epoch",
     "is_date",
     "monotonic",
     "pause",
@@ -66,6 +67,11 @@ def seconds_since(utc: str) -> float:
 def compact_utc() -> str:
     """Return the wall's UTC for folder names: `20261121T053012Z`."""
     return datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+
+
+def epoch() -> datetime:
+    """Return a fixed moment, for files whose format wants one and whose bytes must not depend on the time."""
+    return datetime(1980, 1, 1, tzinfo=UTC)
 
 
 def is_date(text: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,7 +15,7 @@ from hil.executive.setup.workspace import find_workspace
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
     from hil.audit.changes import Change
     from hil.audit.document import Document
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["command"]
 
-_FORMATS = ("csv", "json")
+_FORMATS = ("csv", "html", "json", "xlsx")
 _MOST = 10
 _OPEN, _DAMAGED = 1, 2
 _DAMAGES = frozenset({"INTEGRITY", "MISSING_PACKAGE"})
@@ -73,7 +74,7 @@ def command(
     if record:
         _record(world, document, folders)
     if formats:
-        _write(document, formats, output)
+        _write(document, formats, output, folders.reports)
     if not formats or output:
         for line in _lines(document):
             click.echo(visible(line))
@@ -107,21 +108,29 @@ def _folders() -> Folders:
     )
 
 
-def _write(document: Document, formats: Sequence[str], output: Path | None) -> None:
-    writers = _writers()
+def _write(document: Document, formats: Sequence[str], output: Path | None, reports: Path) -> None:
+    link = os.path.relpath(reports, output or Path.cwd())
     for each in dict.fromkeys(formats):
-        data = writers[each](document)
+        pieces = _pieces(document, each, link)
         if output is None:
-            click.echo(data, nl=False)
+            for piece in pieces:
+                click.echo(piece, nl=False)
             return
         output.mkdir(parents=True, exist_ok=True)
-        (output / f"audit.{each}").write_bytes(data)
+        with (output / f"audit.{each}").open("wb") as stream:
+            stream.writelines(pieces)
 
 
-def _writers() -> Mapping[str, Callable[[Document], bytes]]:
+def _pieces(document: Document, form: str, link: str) -> Iterator[bytes]:
+    """Yield a file in pieces; `link` leads from where it will lie to the packages."""
+    from hil.audit.pages.page import as_html  # noqa: PLC0415 - heavy
+    from hil.audit.pages.workbook import as_xlsx  # noqa: PLC0415 - heavy
     from hil.audit.tables import as_csv, as_json  # noqa: PLC0415 - heavy
 
-    return {"csv": as_csv, "json": as_json}
+    if form == "html":
+        yield from map(str.encode, as_html(document, link))
+    else:
+        yield {"csv": as_csv, "json": as_json, "xlsx": as_xlsx}[form](document)
 
 
 def _record(world: World, document: Document, folders: Folders) -> None:

@@ -12,7 +12,6 @@ from hil.bench.calibration import standard_uncertainty
 from hil.documents.suggest import did_you_mean
 from hil.evidence import events
 from hil.evidence.events import EventSink
-from hil.executive.cases.escapes import OfThisProcess
 from hil.executive.cases.facade import Facade
 from hil.executive.cases.steps import Steps, one_line
 from hil.model.errors import HilError, Misused
@@ -40,7 +39,7 @@ class Evaluated:
     reason: str
 
 
-class Checks(OfThisProcess):
+class Checks:
     """The `check` fixture of one case.
 
     Args:
@@ -52,8 +51,6 @@ class Checks(OfThisProcess):
     Attributes:
         refused: why calls were refused, in order: a check that was not made is an error, whatever the case makes of it.
     """
-
-    said = "`check`"
 
     def __init__(
         self, requirements: dict[str, Requirement], steps: Steps, journal: EventSink, used: Collection[str]

@@ -8,14 +8,13 @@ from collections.abc import Callable, Sequence
 from hil.evidence import events
 from hil.evidence.events import EventSink
 from hil.executive.cases.effects import Effects, Where
-from hil.executive.cases.escapes import OfThisProcess
 from hil.executive.people.questions import AnswerSource, Declined, Question
 from hil.model.figure import Figure
 
 __all__ = ["Operator"]
 
 
-class Operator(OfThisProcess):
+class Operator:
     """The `operator` fixture of one case.
 
     Args:
@@ -25,8 +24,6 @@ class Operator(OfThisProcess):
         journal: where events are written.
         point: the scheduling point.
     """
-
-    said = "`operator`"
 
     def __init__(
         self,

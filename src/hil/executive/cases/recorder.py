@@ -15,7 +15,6 @@ from hil.evidence import events
 from hil.evidence.recordings.hdf5 import Recorded, read_recording
 from hil.executive.cases.during import During
 from hil.executive.cases.effects import Effects
-from hil.executive.cases.escapes import OfThisProcess
 from hil.executive.cases.facade import Facade, RoleSet
 from hil.executive.cases.recording import Recording
 from hil.executive.cases.steps import Steps, file_part
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
 __all__ = ["Recorder"]
 
 
-class Recorder(OfThisProcess):
+class Recorder:
     """The `record` fixture of one case.
 
     Args:
@@ -44,8 +43,6 @@ class Recorder(OfThisProcess):
         store: opens row files.
         source: where the bench's bytes come from.
     """
-
-    said = "`record`"
 
     def __init__(
         self,

@@ -10,7 +10,6 @@ from typing import Literal
 
 from hil.evidence import events
 from hil.evidence.events import EventSink
-from hil.executive.cases.escapes import OfThisProcess
 
 __all__ = ["Steps", "file_part", "one_line", "writable"]
 
@@ -45,7 +44,7 @@ def file_part(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9_]+", "-", text.rpartition("::")[2]).strip("-")[:60]
 
 
-class Steps(OfThisProcess):
+class Steps:
     """Numbers nested steps and writes their beginning and end.
 
     Args:
@@ -54,8 +53,6 @@ class Steps(OfThisProcess):
         now: bench time in seconds.
         undisturbed: keeps the bench's watching during a case from moving its time while a step begins or ends.
     """
-
-    said = "`step`"
 
     def __init__(
         self,

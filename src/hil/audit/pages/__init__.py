@@ -1,0 +1,1 @@
+"""An audit's document for people: one HTML page, and a workbook."""

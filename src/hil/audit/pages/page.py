@@ -1,0 +1,342 @@
+"""An audit's document as one HTML page that needs no network, on a screen and on A4 landscape.
+
+Rows are written as they come, without a template: a document may have ten thousand of them. The script only filters;
+the page is whole without it.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
+from itertools import groupby
+from pathlib import Path
+from urllib.parse import quote
+
+from hil.audit.document import CloseOut, Code, Compliance, Document, Evidence, Gap, GapKind, Reason, Row
+
+__all__ = ["as_html"]
+
+_FOLDER = Path(__file__).parent
+_ROWS = 100  # of one table: a browser lays out only those that are looked at
+_REPORT = "data/report/report.html"
+# Controls, and marks that reorder or hide text: they are shown by their number, never obeyed.
+_UNSAFE = re.compile(
+    "[&<>\"'\x00-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb\ud800-\udfff]"
+)
+_ESCAPED = {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "'": "&#39;"}
+
+_GAPS = {
+    GapKind.WITHOUT_CASE: "Requirements without a case",
+    GapKind.WITHOUT_REQUIREMENT: "Cases without a requirement",
+    GapKind.WITHOUT_CHILDREN: "Parents without a requirement below them",
+    GapKind.NOT_IN_CATALOGUE: "Evidence for requirements that the catalogue does not have",
+}
+_TONES = {Compliance.YES: "good", Compliance.PARTIAL: "open", Compliance.NO: "bad"}
+_GOOD = frozenset({"PASS", "RECORDED"})
+_HEAD = (
+    "<thead><tr>"
+    + "".join(
+        f'<th scope="col">{name}</th>'
+        for name in (
+            "Requirement",
+            "Text",
+            "Traceability",
+            "Level, stage",
+            "Method",
+            "Planning",
+            "Evidence",
+            "Compliance",
+            "Close-out",
+            "Reasons",
+        )
+    )
+    + "</tr></thead>"
+)
+
+
+def as_html(document: Document, reports: str) -> Iterator[str]:
+    """Yield the page in pieces; equal documents give equal text.
+
+    Args:
+        document: what the audit found.
+        reports: the folder of packages as a link from where the page will lie, such as `../reports`; empty for the
+            page's own folder.
+    """
+    yield _top(document)
+    yield "<main>"
+    yield from _summary(document)
+    yield from _requirements(document.rows, _quoted(reports.rstrip("/")) + "/" if reports else "")
+    yield from _gaps(document.gaps)
+    yield from _inputs(document)
+    yield "</main>"
+    yield _bottom(document)
+
+
+def _text(text: str) -> str:
+    """Return a text that is no markup; a mark that hides or reorders text is shown by its number."""
+    return _UNSAFE.sub(_escaped, text)
+
+
+def _escaped(match: re.Match[str]) -> str:
+    mark = match[0]
+    return _ESCAPED.get(mark) or f'<span class="unseen">U+{ord(mark):04X}</span>'
+
+
+def _plain(text: str) -> str:
+    """Return a text for an attribute or a title, in which no element may stand."""
+    return _UNSAFE.sub(lambda match: _ESCAPED.get(match[0]) or f"U+{ord(match[0]):04X}", text)
+
+
+@cache
+def _asset(name: str) -> str:
+    return (_FOLDER / name).read_text(encoding="utf-8").strip()
+
+
+def _top(document: Document) -> str:
+    script = base64.b64encode(hashlib.sha256(_asset("page.js").encode()).digest()).decode()
+    policy = f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{script}'"
+    name = _plain(document.workspace)
+    summary = document.summary
+    title = f"{summary.closed} of {summary.requirements} closed · {name}"
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
+        f"<title>{title}</title>\n<style>\n{_asset('page.css')}\n</style>\n</head>\n<body>\n"
+        f'<header class="masthead"><p class="kind">Verification control document</p>'
+        f'<p class="soft">{_state(document)}</p></header>\n'
+    )
+
+
+def _state(document: Document) -> str:
+    return (
+        f"State at the end of {_text(document.as_of)} UTC" if document.as_of else "State of the files as they are now"
+    )
+
+
+def _summary(document: Document) -> Iterator[str]:
+    summary = document.summary
+    share = 100 * summary.closed / summary.requirements if summary.requirements else 0.0
+    whole = summary.requirements > 0 and summary.open == 0
+    yield f"<h1>{_text(document.workspace)}</h1>\n"
+    yield (
+        f'<section class="verdict {"good" if whole else "open"}" aria-label="Summary">'
+        f'<p class="word">{summary.closed:,}<span class="of"> of {summary.requirements:,} closed</span></p>'
+        f'<div class="bar" role="img" aria-label="{share:.0f} % closed"><span style="width:{share:.2f}%"></span></div>'
+        '<ul class="tally">'
+    )
+    yield f"<li><b>{summary.open:,}</b> open</li>"
+    for each in Compliance:
+        count = summary.compliance.get(each.value, 0)
+        yield f'<li class="{_TONES[each]}"><b>{count:,}</b> compliance {each.value}</li>'
+    yield "</ul></section>\n"
+    yield from _problems(document.problems)
+    yield from _why(document)
+    if summary.on_hardware:
+        names = ", ".join(_link(name) for name in summary.on_hardware)
+        count = len(summary.on_hardware)
+        yield (
+            f"<details><summary>{count:,} {'is' if count == 1 else 'are'} open only because the evidence is simulated; "
+            f"the same run on hardware would close {'it' if count == 1 else 'them'}</summary>"
+            f"<p>{names}</p></details>\n"
+        )
+
+
+def _problems(problems: Sequence[str]) -> Iterator[str]:
+    if problems:
+        lines = "".join(f"<li>{_text(each)}</li>" for each in problems)
+        yield f'<section class="notice" aria-label="Problems"><strong>Not usable</strong><ul>{lines}</ul></section>\n'
+
+
+def _why(document: Document) -> Iterator[str]:
+    counts = document.summary.reasons
+    found = sorted(((count, code) for code, count in counts.items() if count), key=lambda each: (-each[0], each[1]))
+    if not found:
+        return
+    most = found[0][0]
+    yield (
+        '<h2 id="why">Why requirements are open</h2>\n'
+        '<p class="soft">A requirement may be open for several reasons.</p>'
+        '<table class="why"><thead><tr><th scope="col">Reason</th><th scope="col">What it means</th>'
+        '<th scope="col" class="num">Requirements</th><th scope="col" class="track"></th></tr></thead><tbody>\n'
+    )
+    for count, code in found:
+        link = f'<a class="code" href="#requirements" data-code="{_plain(code)}">{_text(code)}</a>'
+        yield (
+            f'<tr><th scope="row">{link}</th><td>{_text(Code(code).meaning)}</td><td class="num">{count:,}</td>'
+            f'<td class="track"><span style="width:{100 * count / most:.1f}%"></span></td></tr>\n'
+        )
+    yield "</tbody></table>\n"
+
+
+def _requirements(rows: Sequence[Row], reports: str) -> Iterator[str]:
+    codes = sorted({reason.code for row in rows for reason in row.reasons}, key=list(Code).index)
+    yield '<h2 id="requirements">Requirements</h2>\n'
+    yield _filters(codes)
+    write = _Rows(rows, reports).row
+    for first in range(0, len(rows), _ROWS):
+        yield f'<section class="chunk"><table class="matrix">{_HEAD}<tbody>\n'
+        yield "".join(map(write, rows[first : first + _ROWS]))
+        yield "</tbody></table></section>\n"
+
+
+def _filters(codes: Iterable[Code]) -> str:
+    reasons = "".join(f"<option>{code.value}</option>" for code in codes)
+    close_outs = "".join(f"<option>{each.value}</option>" for each in CloseOut)
+    compliances = "".join(f"<option>{each.value}</option>" for each in Compliance)
+    return (
+        '<form class="filters" hidden><label>Search <input type="search" name="words" autocomplete="off"></label>'
+        f'<label>Close-out <select name="close"><option value="">any</option>{close_outs}</select></label>'
+        f'<label>Compliance <select name="comply"><option value="">any</option>{compliances}</select></label>'
+        f'<label>Reason <select name="reason"><option value="">any</option>{reasons}</select></label>'
+        '<button type="reset">Show all</button><output></output></form>\n'
+    )
+
+
+def _quoted(text: str) -> str:
+    return quote(text, errors="surrogatepass")  # a folder may have any bytes for a name
+
+
+def _anchor(name: str) -> str:
+    return f"r-{_quoted(name)}"
+
+
+def _link(name: str) -> str:
+    return f'<a href="#{_quoted(_anchor(name))}">{_text(name)}</a>'
+
+
+class _Rows:
+    """Writes rows; what many rows share is made once."""
+
+    def __init__(self, rows: Iterable[Row], reports: str) -> None:
+        self._known = {row.id for row in rows}
+        self._reports = reports
+        self._packages: dict[str, str] = {}
+
+    def row(self, row: Row) -> str:
+        """Return one requirement with the ten columns of a verification control document."""
+        codes = " ".join(sorted({reason.code for reason in row.reasons}))
+        stage = "<br>".join(_text(each) for each in (row.level, row.stage) if each) or _MISSING
+        tone = "good" if row.closed else "open"
+        return (
+            f'<tr id="{_anchor(row.id)}" data-s="{row.close_out.value} {row.compliance.value} {codes}">'
+            f'<th scope="row">{_text(row.id)}<span class="soft"> rev {row.rev}</span></th>'
+            f"<td>{_text(row.text)}{_anomaly(row)}</td><td>{self._traces(row)}</td><td>{stage}</td>"
+            f"<td>{_text(row.method)}<br><span class='soft'>{_text(row.kind)}</span></td><td>{_planning(row)}</td>"
+            f"<td>{self._references(row)}</td>"
+            f'<td><span class="badge {_TONES[row.compliance]}">{row.compliance.value}</span></td>'
+            f'<td><span class="badge {tone}">{row.close_out.value}</span></td><td>{self._reasons(row)}</td></tr>\n'
+        )
+
+    def _traces(self, row: Row) -> str:
+        parts = [f'<li title="serves">↑ {self._name(each)}</li>' for each in row.parents]
+        parts += [f'<li title="is served by">↓ {self._name(each)}</li>' for each in row.children]
+        source = f'<span class="soft">{_text(row.source)}</span>' if row.source else ""
+        return (f"<ul>{''.join(parts)}</ul>{source}" if parts else source) or _MISSING
+
+    def _name(self, name: str) -> str:
+        return _link(name) if name in self._known else _text(name)
+
+    def _references(self, row: Row) -> str:
+        if not row.evidence:
+            return _MISSING
+        return f"<ul>{''.join(self._reference(each, row) for each in row.evidence)}</ul>"
+
+    def _reference(self, each: Evidence, row: Row) -> str:
+        tone = "good" if each.verdict in _GOOD else "bad" if each.verdict == "FAIL" else "open"
+        source = f' <b class="open">{_text(each.source.upper())}</b>' if each.source != "hardware" else ""
+        counts = " · <b class='good'>closes it</b>" if each.closes and each.package == row.closed_by else ""
+        unit = f" · {_text(each.dut)}" if each.dut else ""
+        return (
+            f'<li><b class="{tone}">{_text(each.verdict)}</b> {_text(each.date[:10])}{unit}{source}{counts}<br>'
+            f"{self._package(each.package)}</li>"
+        )
+
+    def _reasons(self, row: Row) -> str:
+        if not row.reasons:
+            return (
+                "closed by the requirements below it" if row.closed and not row.closed_by else "every condition holds"
+            )
+        return f"<ul>{''.join(map(self._reason, row.reasons))}</ul>"
+
+    def _reason(self, reason: Reason) -> str:
+        origin = f' <span class="soft">from {self._name(reason.origin)}</span>' if reason.origin else ""
+        package = f"<br>{self._package(reason.package)}" if reason.package else ""
+        return f'<li><span class="code">{reason.code.value}</span> {_text(reason.text)}{origin}{package}</li>'
+
+    def _package(self, folder: str) -> str:
+        found = self._packages.get(folder)
+        if found is None:
+            link = f"{self._reports}{_quoted(folder)}/{_REPORT}"
+            found = self._packages[folder] = f'<a class="package" href="{_plain(link)}">{_text(folder)}</a>'
+        return found
+
+
+_MISSING = '<span class="missing">none</span>'
+
+
+def _anomaly(row: Row) -> str:
+    return f'<p class="anomaly"><b>Anomaly of the source</b> {_text(row.anomaly)}</p>' if row.anomaly else ""
+
+
+def _planning(row: Row) -> str:
+    planning = row.planning
+    document = " ".join(part for part in (planning.document, planning.issue) if part)
+    lines = [_text(part) for part in (document, planning.plan) if part]
+    if planning.place:
+        place = planning.place.removeprefix(f"{planning.plan}/") if planning.plan else planning.place
+        lines.append(f'<span class="soft">{_text(place)}</span>')
+    cases = "".join(f"<li>{_text(case.rpartition('::')[2])}</li>" for case in planning.cases)
+    return ("<br>".join(lines) + (f"<ul>{cases}</ul>" if cases else "")) or _MISSING
+
+
+def _gaps(gaps: Sequence[Gap]) -> Iterator[str]:
+    yield '<h2 id="gaps">Gaps</h2>\n'
+    if not gaps:
+        yield "<p>Every requirement has a case, and every case a requirement.</p>\n"
+    for kind, some in groupby(gaps, key=lambda gap: gap.kind):
+        found = list(some)
+        yield (
+            f'<h3>{_GAPS[kind]} <span class="soft">{len(found):,}</span></h3>\n<table class="gaps"><thead><tr>'
+            '<th scope="col">Name</th><th scope="col">Where</th></tr></thead><tbody>\n'
+        )
+        for gap in found:
+            where = _text(gap.where) or _MISSING
+            yield f'<tr><th scope="row">{_text(gap.name)}</th><td>{where}</td></tr>\n'
+        yield "</tbody></table>\n"
+
+
+def _inputs(document: Document) -> Iterator[str]:
+    inputs = document.inputs
+    ledger = f"{inputs.ledger}, {inputs.entries:,} entries" if inputs.ledger else ""
+    yield '<h2 id="inputs">What this was computed from</h2>\n<dl class="facts">'
+    for label, value in (
+        ("Catalogue, SHA-256", inputs.catalogue),
+        ("Register of units, SHA-256", inputs.duts),
+        ("Register of instruments, SHA-256", inputs.instruments),
+        ("Analysis, SHA-256", inputs.analysis),
+        ("Head of the ledger", ledger),
+        ("Packages", f"{len(inputs.packages):,}"),
+        ("hil version", document.version),
+    ):
+        yield f'<div><dt>{label}</dt><dd class="mono">{_text(value) or _MISSING}</dd></div>'
+    yield "</dl>\n"
+    if inputs.packages:
+        yield (
+            "<details><summary>Packages with their evidence digests</summary><table><thead><tr>"
+            '<th scope="col">Package</th><th scope="col">Evidence digest</th></tr></thead><tbody>\n'
+        )
+        for folder, digest in sorted(inputs.packages.items()):
+            yield f'<tr><td>{_text(folder)}</td><td class="mono">{_text(digest) or "not verified"}</td></tr>\n'
+        yield "</tbody></table></details>\n"
+
+
+def _bottom(document: Document) -> str:
+    return (
+        "<footer><p>The columns follow ECSS-E-ST-10-02C Rev.1, Annex B. Every status is computed from the catalogue, "
+        "the registers, the ledger and the packages; none is typed in. Equal inputs give this page byte for byte.</p>"
+        f"<p>hil {_text(document.version)}</p></footer>\n<script>{_asset('page.js')}</script>\n</body>\n</html>\n"
+    )
