@@ -13,7 +13,16 @@ if TYPE_CHECKING:
     from hil.evidence.events import Event
     from hil.report.live.following import Follower
 
-__all__ = ["LATEST", "answer_of", "find_run", "find_running", "latch_word", "reports_folder", "shown"]
+__all__ = [
+    "LATEST",
+    "answer_of",
+    "find_run",
+    "find_running",
+    "fixtures_folder",
+    "latch_word",
+    "reports_folder",
+    "shown",
+]
 
 _PATIENCE_S = 10.0
 _LOOK_S = 0.1
@@ -27,6 +36,13 @@ def reports_folder() -> Path:
     from hil.executive.setup.workspace import find_workspace  # noqa: PLC0415 - only where a run is named
 
     return find_workspace(Path.cwd()).reports
+
+
+def fixtures_folder() -> Path:
+    """Return the fixtures folder of the workspace that holds the present folder."""
+    from hil.executive.setup.workspace import find_workspace  # noqa: PLC0415 - only where somebody signs
+
+    return find_workspace(Path.cwd()).fixtures
 
 
 def shown(path: Path) -> str:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hil.cli.run_names import find_run
+from hil.cli.run_names import find_run, fixtures_folder
 
 if TYPE_CHECKING:
     from hil.evidence.package.verification import Verification
@@ -21,8 +21,9 @@ def command(run: str, report: bool) -> int:
     """Verify a package, offline and from its own bytes.
 
     It checks the manifests, the journal's chain, every file against its hash in the journal, every row of every
-    recording, the results, and every verdict against value, uncertainty and frozen limit. Digests are printed only
-    if nothing is wrong. Exit code 0 for an intact package of a complete run, 1 otherwise.
+    recording, the results, and every verdict against value, uncertainty and frozen limit. Then it compares the package
+    with the ledger of its folder, and verifies signatures and approvals. Digests are printed only if nothing is wrong.
+    Exit code 0 for an intact package of a complete run whose signatures all count, 1 otherwise.
     """
     from hil.evidence.package.listing import shown  # noqa: PLC0415 - heavy
     from hil.evidence.package.verification import State, verify  # noqa: PLC0415 - heavy
@@ -47,9 +48,29 @@ def command(run: str, report: bool) -> int:
         ("evidence digest", found.evidence_digest),
         ("content digest", found.content_digest),
     )
-    for line in labelled(facts):
+    said, problems = _said(found)
+    for line in labelled((*facts, *said)):
         click.echo(line)
-    return 0 if found.ok and same else 1
+    for problem in problems:
+        click.echo(shown(problem), err=True)
+    return 0 if found.ok and same and not problems else 1
+
+
+def _said(found: Verification) -> tuple[list[tuple[str, str]], list[str]]:
+    """Return the signatures and approvals of a package that count, and a sentence for everything that does not."""
+    from hil.evidence.ledger.approvals import Subject, said_of, stray_files  # noqa: PLC0415 - heavy
+    from hil.evidence.ledger.book import read  # noqa: PLC0415 - heavy
+    from hil.evidence.ledger.entries import Approved, Signed  # noqa: PLC0415 - heavy
+    from hil.registers.signers import load_signers  # noqa: PLC0415 - heavy
+
+    ledger = read(found.folder.resolve().parent)
+    problems = list(stray_files(ledger, found.run))
+    if not ledger.of(Signed, found.run) and not ledger.of(Approved, found.run):
+        return [("signed", "by nobody")], problems
+    subject = Subject(run=found.run, evidence=found.evidence_digest, operator=found.operator)
+    said = said_of(ledger, subject, load_signers(fixtures_folder()))
+    problems += [f"does not count: {each.kind} {each}: {each.problem}" for each in said if each.problem]
+    return [(each.kind, str(each)) for each in said if not each.problem], problems
 
 
 def _worth(found: Verification) -> str:

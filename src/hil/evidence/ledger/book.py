@@ -37,6 +37,7 @@ __all__ = [
     "check",
     "head",
     "ledger_file",
+    "object_file",
     "put_object",
     "read",
     "read_object",
@@ -179,6 +180,11 @@ def append_once(reports: Path, entry: _Entry, stands: Callable[[Ledger], bool]) 
         return None if stands(read(reports)) else _write(reports, descriptor, entry)[0]  # type: ignore[return-value]
 
 
+def object_file(reports: Path, name: str) -> Path:
+    """Return the path of an object."""
+    return reports / LEDGER / _OBJECTS / name
+
+
 def put_object(reports: Path, data: bytes) -> str:
     """Keep bytes beside the ledger and return their SHA-256, which is their name.
 
@@ -186,7 +192,7 @@ def put_object(reports: Path, data: bytes) -> str:
         EvidenceError: if they cannot be written.
     """
     name = hashlib.sha256(data).hexdigest()
-    path = reports / LEDGER / _OBJECTS / name
+    path = object_file(reports, name)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.exists():
@@ -202,7 +208,7 @@ def read_object(reports: Path, name: str) -> bytes:
     Raises:
         EvidenceError: if it is missing, cannot be read, or has other bytes than its name says.
     """
-    path = reports / LEDGER / _OBJECTS / name
+    path = object_file(reports, name)
     if not _HASH.fullmatch(name):
         raise EvidenceError(f"'{name}' is not the name of an object", "it is a SHA-256 of 64 hexadecimal digits")
     try:

@@ -62,6 +62,7 @@ class Verification:
         verdict: the run's verdict; empty unless it is SEALED.
         run: the name that the folder had at its seal; empty unless it is SEALED.
         source: where the run's bytes came from; empty unless it is SEALED.
+        operator: who ran it, as the run recorded it; empty unless it is SEALED.
         deviates: whether the run differs from its plan.
         ledger: what the ledger of its folder of reports says of it; empty without a ledger, and unless it is SEALED.
         sure: False where the ledger is damaged, and so does not confirm what the package says of itself.
@@ -76,6 +77,7 @@ class Verification:
     verdict: str = ""
     run: str = ""
     source: str = ""
+    operator: str = ""
     deviates: bool = False
     ledger: str = ""
     sure: bool = True
@@ -152,6 +154,7 @@ def _verify_sealed(folder: Path) -> Verification:
         verdict=str(told.results.verdict) if told.results else "",
         run=identifier_of(read_plain(folder / INFO).decode()),
         source=told.run.source if told.run else "",
+        operator=told.run.operator if told.run else "",
         deviates=bool(told.deviations),
         complete=not fold(standing(reading.events)).interrupted,
     )

@@ -1,0 +1,241 @@
+"""Signatures and approvals of packages: how they are entered, and which of them count."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from hil.clock import wall
+from hil.documents.canonical import JsonError
+from hil.evidence.durable import read_plain, write_whole
+from hil.evidence.ledger.book import LEDGER, Ledger, append, append_once, object_file, put_object, read, read_object
+from hil.evidence.ledger.entries import Approved, Baseline, Sealed, Signed
+from hil.evidence.ledger.signing import APPROVAL, PACKAGE, Statement, problem_of, read_statement, sign
+from hil.model.errors import EvidenceError, Refused
+from hil.registers.signers import ALLOWED, REVOKED, SIGNERS, Signers
+
+__all__ = ["Said", "Subject", "approve", "said_of", "sign_package", "stray_files"]
+
+_FOLDER = "signatures"
+_LONGEST = 500
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Subject:
+    """The package that is signed, as its verification found it.
+
+    Attributes:
+        run: the name of the run.
+        evidence: its evidence digest.
+        operator: who ran it, as the run recorded it.
+    """
+
+    run: str
+    evidence: str
+    operator: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Said:
+    """A signature or an approval, and whether it counts.
+
+    Attributes:
+        entry: its entry in the ledger.
+        problem: why it does not count, in a sentence; empty if it does.
+    """
+
+    entry: Signed | Approved
+    problem: str = ""
+
+    @property
+    def kind(self) -> str:
+        """Return `signed` or `approved`."""
+        return self.entry.kind()
+
+    def __str__(self) -> str:
+        entry = self.entry
+        what = (
+            f'{entry.role} by {entry.principal}: "{entry.meaning}"' if isinstance(entry, Approved) else entry.principal
+        )
+        return f"{what}, {entry.utc[:10]}, ledger line {entry.seq + 1}"
+
+
+def sign_package(reports: Path, subject: Subject, signers: Signers, *, principal: str, key: Path) -> Said:
+    """Sign a package and enter the signature.
+
+    Raises:
+        Refused: if the signature would not count, with why; nothing is entered then.
+        EvidenceError: if the ledger cannot be read or written.
+    """
+    return _enter(reports, subject, signers, principal=principal, key=key)
+
+
+def approve(
+    reports: Path, subject: Subject, signers: Signers, *, principal: str, key: Path, role: str, meaning: str
+) -> Said:
+    """Approve a package in a role and enter the approval.
+
+    Raises:
+        Refused: if the approval would not count, with why; nothing is entered then.
+        EvidenceError: if the ledger cannot be read or written.
+    """
+    meaning = meaning.strip()
+    if not meaning or len(meaning) > _LONGEST or not meaning.isprintable():
+        raise Refused(
+            f"--meaning must be one line of 1 to {_LONGEST} characters",
+            'say what you approve: --meaning "results reviewed"',
+        )
+    return _enter(reports, subject, signers, principal=principal, key=key, role=role, meaning=meaning)
+
+
+def said_of(ledger: Ledger, subject: Subject, signers: Signers) -> tuple[Said, ...]:
+    """Return every signature and approval that the ledger has of a package, and why some do not count.
+
+    Raises:
+        Refused: if there are some, and no ssh-keygen to verify them with.
+    """
+    entries = [each for each in ledger.entries if isinstance(each, Signed | Approved) and each.run == subject.run]
+    authors = {each.principal for each in entries if isinstance(each, Signed)}
+    return tuple(Said(entry=each, problem=_problem(ledger, each, subject, signers, authors)) for each in entries)
+
+
+def stray_files(ledger: Ledger, run: str) -> Iterator[str]:
+    """Give a sentence for every file of a run's folder of signatures that is not as the ledger has it."""
+    place = ledger.reports / LEDGER / _FOLDER / run
+    due: dict[str, str] = {}
+    for entry in ledger.entries:
+        if isinstance(entry, Signed | Approved) and entry.run == run:
+            name = _file_name(entry)
+            due |= {name: entry.statement, f"{name}.sig": entry.signature}
+    there = {path.name for path in place.iterdir()} if place.is_dir() else set()
+    for name in sorted(there - due.keys()):
+        yield f"{LEDGER}/{_FOLDER}/{run}/{name}: no entry of the ledger names this file"
+    for name, digest in due.items():
+        try:
+            same = read_plain(place / name) == read_object(ledger.reports, digest)
+        except (OSError, EvidenceError):
+            same = False
+        if not same:
+            yield f"{LEDGER}/{_FOLDER}/{run}/{name}: missing, or not the bytes that the ledger names"
+
+
+def _enter(
+    reports: Path, subject: Subject, signers: Signers, *, principal: str, key: Path, role: str = "", meaning: str = ""
+) -> Said:
+    signers.find(principal)
+    ledger = read(reports)
+    statement = _statement(ledger, subject, principal, role, meaning)
+    authors = {each.principal for each in ledger.of(Signed, subject.run)}
+    if role and (problem := _not_entitled(subject, signers, principal, role, statement.utc, authors)):
+        raise _would_not_count(subject, problem)
+    data = statement.line()
+    signature = sign(data, key=key, namespace=statement.namespace)
+    said, signed = put_object(reports, data), put_object(reports, signature)
+    file = object_file(reports, signed)
+    if problem := problem_of(statement, file, utc=statement.utc, fixtures=signers.folder):
+        raise _would_not_count(subject, problem)
+    _enter_baseline(reports, signers)
+    run, evidence = subject.run, subject.evidence
+    entry: Signed | Approved = Signed(run=run, evidence=evidence, principal=principal, statement=said, signature=signed)
+    if role:
+        entry = Approved(
+            run=run,
+            evidence=evidence,
+            principal=principal,
+            statement=said,
+            signature=signed,
+            role=role,
+            meaning=meaning,
+        )
+    entry = append(reports, entry)
+    place = reports / LEDGER / _FOLDER / run
+    place.mkdir(parents=True, exist_ok=True)
+    write_whole(place / _file_name(entry), data)
+    write_whole(place / f"{_file_name(entry)}.sig", signature)
+    return Said(entry=entry)
+
+
+def _statement(ledger: Ledger, subject: Subject, principal: str, role: str, meaning: str) -> Statement:
+    """Return what is signed of a package whose seal the ledger has."""
+    sealed = next((each for each in ledger.of(Sealed, subject.run) if each.evidence == subject.evidence), None)
+    if sealed is None:
+        raise Refused(f"{subject.run}: the ledger has no seal of it", f"enter it first: hil seal {subject.run}")
+    return Statement(
+        format=1,
+        namespace=APPROVAL if role else PACKAGE,
+        run=subject.run,
+        evidence=subject.evidence,
+        content=sealed.content,
+        verdict=sealed.verdict,
+        source=sealed.source,
+        principal=principal,
+        role=role,
+        meaning=meaning,
+        utc=wall.utc_now(),
+    )
+
+
+def _would_not_count(subject: Subject, problem: str) -> Refused:
+    return Refused(f"{subject.run}: this would not count: {problem}", f"see fixtures/{SIGNERS} and fixtures/{ALLOWED}")
+
+
+def _enter_baseline(reports: Path, signers: Signers) -> None:
+    """Keep who could sign at this moment, unless that stands already."""
+    paths = (signers.folder / name for name in (SIGNERS, ALLOWED, REVOKED))
+    there = (b"# %b\n%b" % (path.name.encode(), read_plain(path)) for path in paths if path.exists())
+    kept = put_object(reports, b"".join(there))
+
+    def stands(ledger: Ledger) -> bool:
+        return [each.object for each in ledger.of(Baseline) if each.subject == "signers"][-1:] == [kept]
+
+    append_once(reports, Baseline(subject="signers", object=kept), stands)
+
+
+def _problem(ledger: Ledger, entry: Signed | Approved, subject: Subject, signers: Signers, authors: set[str]) -> str:
+    """Return why a signature or an approval does not count; empty if it does."""
+    try:
+        read_object(ledger.reports, entry.signature)
+        statement = read_statement(read_object(ledger.reports, entry.statement))
+    except (EvidenceError, JsonError) as error:
+        return f"its statement or signature was changed: {error}"
+    role, meaning = (entry.role, entry.meaning) if isinstance(entry, Approved) else ("", "")
+    namespace = APPROVAL if isinstance(entry, Approved) else PACKAGE
+    if (statement.run, statement.evidence) != (subject.run, subject.evidence):
+        return f"it signs another package: {statement.run}, evidence digest {statement.evidence}"
+    said = (statement.format, statement.namespace, statement.principal, statement.role, statement.meaning)
+    if said != (1, namespace, entry.principal, role, meaning) or entry.evidence != subject.evidence:
+        return "its statement says something else than the ledger's entry"
+    if statement.utc > entry.utc:
+        return f"it was signed {statement.utc}, after it was entered {entry.utc}"
+    for utc in (entry.utc, statement.utc):
+        file = object_file(ledger.reports, entry.signature)
+        if problem := problem_of(statement, file, utc=utc, fixtures=signers.folder):
+            return problem
+    return _not_entitled(subject, signers, entry.principal, role, entry.utc, authors) if role else ""
+
+
+def _not_entitled(subject: Subject, signers: Signers, principal: str, role: str, utc: str, authors: set[str]) -> str:
+    """Return why a person may not approve a package in a role; empty if the person may."""
+    try:
+        person = signers.find(principal)
+    except Refused as error:
+        return error.message
+    if not person.holds(role, utc[:10]):
+        held = ", ".join(f"{each.role} {each.since} to {each.until or 'now'}" for each in person.roles)
+        return f"{principal} does not hold the role {role} on {utc[:10]}, but {held or 'none'}"
+    author = signers.called(subject.operator)
+    if author is None:
+        return (
+            f"nobody can tell whether {principal} is somebody else than the operator: "
+            f"fixtures/{SIGNERS} has nobody called '{subject.operator}'"
+        )
+    if author is person or principal in authors:
+        return f"{principal} is the author of the package: somebody else must approve it"
+    return ""
+
+
+def _file_name(entry: Signed | Approved) -> str:
+    what = f"approval-{entry.role}" if isinstance(entry, Approved) else "package"
+    return f"{what}-{re.sub(r'[^A-Za-z0-9._-]+', '_', entry.principal)}-{entry.statement[:8]}.json"
