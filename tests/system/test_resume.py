@@ -117,6 +117,24 @@ def test_what_has_changed_is_named(workspace, interrupted):
     assert (interrupted / "data/journal.jsonl").read_bytes() == before
 
 
+def test_a_table_that_a_case_opened_is_part_of_the_run(tmp_path):
+    """It is frozen at its first opening: a changed one refuses the resume, the same one comes again without a word."""
+    opened = CASES.replace("    for part", "    (Path(__file__).parents[2] / 'ref.csv').read_text()\n    for part")
+    workspace = made(tmp_path / "workspace", "import contextlib\nfrom pathlib import Path", SUPPLY, opened)
+    table = workspace.root / "ref.csv"
+    table.write_text("1.0")
+    folder = begun(workspace)
+    assert killed(STARTED[-1], 0.5)
+    table.write_text("2.0")
+    ended = workspace.hil("resume", "latest")
+    assert (ended.code, "plans or fixtures (sources/ref.csv)" in ended.err) == (4, True), ended.err
+    table.write_text("1.0")
+    ended = workspace.hil("resume", "latest", timeout=300)
+    assert ended.code == 0, ended.err
+    assert [event["file"] for event in bodies(Package(folder), "frozen-later")] == ["data/sources/ref.csv"]
+    assert verify(folder).findings == ()
+
+
 def test_other_software_needs_a_reason_and_closes_nothing(workspace, interrupted):
     """With a reason it is a deviation, in results and report."""
     told = json.loads((interrupted / "data/software.json").read_bytes())

@@ -25,6 +25,8 @@ COMPILED = f"{os.sep}__pycache__{os.sep}"
 PRODUCT = f"{Path(hil.__file__).parent}{os.sep}"
 """Begins the path of every module of the product."""
 
+_PACKAGES = f"{os.sep}site-packages{os.sep}"
+
 _CACHES = frozenset(
     {".git", ".hypothesis", ".mypy_cache", ".pytest_cache", ".ruff_cache", "__pycache__", "site-packages"}
 )
@@ -62,7 +64,7 @@ class Ground:
 
     def is_own(self, file: str) -> bool:
         """Return whether code is of the workspace, by the path that it was compiled with."""
-        return file.startswith(self._root) and not file.startswith((*self._apart, PRODUCT))
+        return file.startswith(self._root) and not file.startswith((*self._apart, PRODUCT)) and _PACKAGES not in file
 
     def knows(self, file: str) -> bool:
         """Return whether code is of the workspace, or installed, by the path that it was compiled with."""

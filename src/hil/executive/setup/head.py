@@ -177,7 +177,7 @@ def _freeze(configuration: Configuration, folder: Path) -> Frozen:
     catalogue = freeze_catalogue(folder, entries)
     parameters = _parameters(configuration, folder)
     sources = hashlib.sha256()
-    for path in sorted({*inputs.sources, *inputs.used}):
+    for path in inputs.frozen:
         data = inputs.snapshot.take(path)
         _put(folder / inputs.name_of(path), data)
         sources.update(f"{hashlib.sha256(data).hexdigest()}  {path.relative_to(workspace.root).as_posix()}\n".encode())

@@ -57,6 +57,7 @@ class Inputs:
         self.used: dict[Path, None] = {}
         self._workspace = workspace
         self._plans = tuple(plans)
+        self._again: set[Path] = set()
         self._own: set[Path] = set()
         self._refused: list[HilError] = []
         self._listener: Callable[[Path], None] | None = None
@@ -73,6 +74,11 @@ class Inputs:
         for folder, suffixes in ((self._workspace.testplans, _AROUND), (self._workspace.fixtures, {".py"})):
             if folder.is_dir():
                 yield from (path for path in folder.iterdir() if path.suffix in suffixes and path.is_file())
+
+    @property
+    def frozen(self) -> list[Path]:
+        """Sources, and what code has used of the workspace, sorted."""
+        return sorted({*self.sources, *self.used, *self._again})
 
     def below(self, folder: Path, suffix: str = ".py") -> list[Path]:
         """Return the sources in a folder and its folders."""
@@ -142,7 +148,7 @@ class Inputs:
             if path not in self.sources:
                 with suppress(OSError):  # it is missing, and told as such
                     self.snapshot.take(path)
-                    self.used[path] = None
+                    self._again.add(path)
 
     def take_refused(self) -> list[HilError]:
         """Return what was refused since the last call, whatever the code made of it."""
@@ -155,14 +161,9 @@ class Inputs:
 
     def changed(self) -> Iterator[Path]:
         """Yield every file that the run used and that is no longer the same on the disk, sorted."""
-        used = {
-            *self.sources,
-            *self.used,
-            *(path for path in self.snapshot if path.is_relative_to(self._workspace.fixtures)),
-        }
-        yield from (
-            path for path in sorted(used - self._own) if path in self.snapshot and not self.snapshot.is_as_on_disk(path)
-        )
+        fixtures = (path for path in self.snapshot if path.is_relative_to(self._workspace.fixtures))
+        held = (path for path in {*self.frozen, *fixtures} - self._own if path in self.snapshot)
+        yield from sorted(path for path in held if not self.snapshot.is_as_on_disk(path))
 
     def _use(self, path: Path) -> None:
         if path not in self.used:

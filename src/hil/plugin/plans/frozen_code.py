@@ -115,10 +115,11 @@ class FrozenCode(MetaPathFinder):
 
     def compiled(self, data: bytes, path: str) -> CodeType:
         """Return the code of a module, with rewritten assertions where it holds cases."""
-        tree = ast.parse(data, path)
         file = Path(path)
-        if self._config is not None and file.is_relative_to(self._testplans) and file.name.startswith("test_"):
-            rewrite_asserts(tree, data, path, self._config)
+        if self._config is None or not file.is_relative_to(self._testplans) or not file.name.startswith("test_"):
+            return compile(data, path, "exec", dont_inherit=True)
+        tree = ast.parse(data, path)
+        rewrite_asserts(tree, data, path, self._config)
         return compile(tree, path, "exec", dont_inherit=True)
 
 
