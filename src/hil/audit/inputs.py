@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import msgspec
 
@@ -111,6 +111,7 @@ class Package(msgspec.Struct, frozen=True, kw_only=True):
         bench: the bench's name.
         began: UTC of its first event.
         ended: UTC of its last event.
+        operator: who ran it, as the run recorded it.
         serial: serial number of the device under test.
         part: its part number.
         hardware: its hardware revision.
@@ -135,6 +136,7 @@ class Package(msgspec.Struct, frozen=True, kw_only=True):
     bench: str = ""
     began: str = ""
     ended: str = ""
+    operator: str = ""
     serial: str = ""
     part: str = ""
     hardware: str = ""
@@ -170,6 +172,7 @@ class Policy:
         signatures: whether a package must be signed.
         approvals: the roles of which each must have approved it.
         valid: evidence digest to the roles under which it has valid signatures; an empty role is the package's own.
+        said: UTC, evidence digest and role of every valid signature, of which `valid` tells.
         replayed: evidence digests with the analysis by which a replay gave the same verdicts.
     """
 
@@ -177,6 +180,15 @@ class Policy:
     approvals: tuple[str, ...] = ()
     valid: Mapping[str, frozenset[str]] = field(default_factory=dict)
     replayed: frozenset[tuple[str, str]] = frozenset()
+    said: tuple[tuple[str, str, str], ...] = ()
+
+    def until(self, day: str) -> Policy:
+        """Return it with the signatures that had been entered by the end of a day of UTC, ISO 8601."""
+        valid: dict[str, frozenset[str]] = {}
+        for utc, digest, role in self.said:
+            if utc[:10] <= day:
+                valid[digest] = valid.get(digest, frozenset()) | {role}
+        return replace(self, valid=valid)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -118,6 +118,7 @@ def _told(folder: Path, package: Package) -> Package:
         bench=run.bench,
         began=min(stamps, default=""),
         ended=max(stamps, default=""),
+        operator=run.operator,
         serial=run.dut.serial,
         part=run.dut.part,
         hardware=run.dut.hardware,

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hil.audit.cache import Cache
-from hil.audit.inputs import Asked, Register, World
+from hil.audit.inputs import Asked, Package, Policy, Register, World
 from hil.audit.packages import read_packages
 from hil.audit.recorded import encoded
 from hil.clock import wall
 from hil.documents.findings import Findings, shown
-from hil.evidence.ledger.book import read
+from hil.evidence.ledger.approvals import Subject, said_of
+from hil.evidence.ledger.book import Ledger, read
+from hil.evidence.ledger.entries import Approved, Entry, Signed
 from hil.evidence.results.judging_code import judging_digest
 from hil.registers.instruments import INSTRUMENTS, load_instruments
+from hil.registers.signers import Signers, load_signers
 from hil.registers.units import DUTS, load_duts
 from hil.requirements.catalogue import Catalogue, load_catalogue
 from hil.requirements.lock import LOCK
@@ -57,19 +60,38 @@ def read_world(folders: Folders, cache: Cache, *, version: str, locked: bool = T
         ConfigurationError: with everything that is wrong in catalogue and registers.
         EvidenceError: if the ledger or the reports cannot be read, or two packages contradict each other.
     """
-    ledger = read(folders.reports)
+    ledger, date = read(folders.reports), wall.utc_now()[:10]
+    packages = read_packages(folders.reports, cache)
     return World(
         asked=cache.requirements(_contents(folders, locked=locked), lambda: read_catalogue(folders, locked=locked)),
-        packages=read_packages(folders.reports, cache),
+        packages=packages,
+        policy=_policy(ledger, packages, load_signers(folders.fixtures)).until(date),
         register=read_register(folders),
         entries=ledger.entries,
         head=ledger.head if ledger.hashes else "",
         problems=tuple(str(each) for each in ledger.findings),
         analysis=judging_digest(),
-        date=wall.utc_now()[:10],
+        date=date,
         name=folders.name,
         version=version,
     )
+
+
+def _policy(ledger: Ledger, packages: Iterable[Package], signers: Signers) -> Policy:
+    """Return what the register of signers asks for, and every signature that counts."""
+    of_run: dict[str, list[Entry]] = {}
+    for entry in ledger.entries:
+        if isinstance(entry, Approved | Signed):
+            of_run.setdefault(entry.run, []).append(entry)
+    found: list[tuple[str, str, str]] = []
+    for package in packages:
+        if package.digest and package.run in of_run:
+            subject = Subject(run=package.run, evidence=package.digest, operator=package.operator)
+            its = replace(ledger, entries=tuple(of_run[package.run]))
+            for each in said_of(its, subject, signers):
+                role = each.entry.role if isinstance(each.entry, Approved) else ""
+                found += [] if each.problem else [(each.entry.utc, package.digest, role)]
+    return Policy(signatures=signers.required.signature, approvals=signers.required.approvals, said=tuple(found))
 
 
 def read_catalogue(folders: Folders, *, locked: bool = True) -> tuple[Asked, ...]:

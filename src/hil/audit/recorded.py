@@ -131,6 +131,7 @@ def past(world: World, reports: Path, day: str) -> World:
         packages=tuple(each for each in world.packages if each.digest in sealed or each.named in sealed),
         register=register,
         entries=entries,
+        policy=world.policy.until(day),
         analysis=analysis[-1] if analysis else world.analysis,
         head=_head(entries, world),
         as_of=day,

@@ -6,7 +6,7 @@ Their keys stand beside it, in OpenSSH's own files: `allowed_signers` and, if th
 from __future__ import annotations
 
 import unicodedata
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
@@ -16,10 +16,10 @@ from hil.documents.findings import Findings
 from hil.documents.suggest import did_you_mean
 from hil.model.errors import Refused
 from hil.model.identity import Day
+from hil.model.notation import Flag, Text, matching
 from hil.model.notation import Path as Keys
-from hil.model.notation import Text, matching
 
-__all__ = ["ALLOWED", "REVOKED", "SIGNERS", "HeldRole", "Signer", "Signers", "load_signers"]
+__all__ = ["ALLOWED", "REVOKED", "SIGNERS", "HeldRole", "Required", "Signer", "Signers", "load_signers"]
 
 SIGNERS = "signers.yaml"
 """The file's name, in the folder of fixtures."""
@@ -74,16 +74,31 @@ class Signer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Required:
+    """What a package needs before it can close anything.
+
+    Attributes:
+        signature: whether it must be signed.
+        approvals: the roles of which each must have approved it.
+    """
+
+    signature: Flag = False
+    approvals: tuple[_Role, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Signers:
     """The register and the files of keys beside it.
 
     Attributes:
         people: everybody in the register.
         folder: the folder of fixtures.
+        required: what a package needs.
     """
 
     people: tuple[Signer, ...]
     folder: Path
+    required: Required = field(default_factory=Required)
 
     def find(self, principal: str) -> Signer:
         """Return the signer of a principal.
@@ -108,6 +123,7 @@ class Signers:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Register:
     signers: tuple[Signer, ...]
+    required: Required = field(default_factory=Required)
 
 
 def load_signers(fixtures: Path) -> Signers:
@@ -134,7 +150,7 @@ def load_signers(fixtures: Path) -> Signers:
                 if document and day and not is_date(day):
                     findings.add(document.place((*at, "roles", number, key)), f"the date {day} does not exist")
     findings.raise_if_any()
-    return Signers(people=people, folder=fixtures)
+    return Signers(people=people, folder=fixtures, required=document.model.required if document else Required())
 
 
 def _plain(name: str) -> str:

@@ -45,6 +45,13 @@ def test_a_person_has_several_names_and_holds_roles_for_a_time(tmp_path):
         signers.find("bo@example.com")
 
 
+def test_a_workspace_says_what_a_package_needs(tmp_path):
+    """Nothing, unless it says so."""
+    assert (loaded(tmp_path, GOOD).required.signature, loaded(tmp_path, GOOD).required.approvals) == (False, ())
+    asked = loaded(tmp_path, f"{GOOD}required: {{signature: true, approvals: [quality]}}\n").required
+    assert (asked.signature, asked.approvals) == (True, ("quality",))
+
+
 def test_without_a_register_nobody_signs(tmp_path):
     """A workspace need not have one."""
     assert load_signers(tmp_path).people == ()

@@ -209,10 +209,9 @@ def _problem(ledger: Ledger, entry: Signed | Approved, subject: Subject, signers
         return "its statement says something else than the ledger's entry"
     if statement.utc > entry.utc:
         return f"it was signed {statement.utc}, after it was entered {entry.utc}"
-    for utc in (entry.utc, statement.utc):
-        file = object_file(ledger.reports, entry.signature)
-        if problem := problem_of(statement, file, utc=utc, fixtures=signers.folder):
-            return problem
+    file = object_file(ledger.reports, entry.signature)
+    if problem := problem_of(statement, file, utc=entry.utc, fixtures=signers.folder):
+        return problem
     return _not_entitled(subject, signers, entry.principal, role, entry.utc, authors) if role else ""
 
 

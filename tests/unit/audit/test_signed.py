@@ -1,0 +1,63 @@
+"""Signatures in an audit: what a workspace asks for, and what it has at which day."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from dataclasses import replace
+
+import pytest
+from audited import closed_world, codes
+from evidence_runs import sealed_run
+
+from hil.audit.cache import Cache
+from hil.audit.inputs import Policy
+from hil.audit.reading import Folders, read_world
+from hil.evidence.ledger.approvals import Subject, approve, sign_package
+from hil.evidence.package.verification import verify
+from hil.registers.signers import load_signers
+
+SIGNERS = """schema: hil/signers/1
+signers:
+- {principal: ada@x, name: Ada}
+- {principal: bo@x, name: Bo, roles: [{role: quality, since: "2026-01-01"}]}
+required: {signature: true, approvals: [quality]}
+"""
+
+
+def test_an_approval_counts_from_its_day_on():
+    """The past is told as it was."""
+    world = closed_world()
+    digest = world.packages[0].digest
+    asked = Policy(approvals=("quality",), said=(("2026-05-02T10:00:00Z", digest, "quality"),))
+    assert codes(replace(world, policy=asked.until("2026-05-01"))) == ["AWAITING_APPROVAL"]
+    assert codes(replace(world, policy=asked.until("2026-05-02"))) == []
+
+
+@pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="ssh-keygen is not installed")
+def test_an_audit_reads_the_signatures_that_count(tmp_path):
+    """Those of people in the register, of packages that verify; a signature that does not count is none."""
+    fixtures, reports = tmp_path / "fixtures", tmp_path / "reports"
+    fixtures.mkdir()
+    (tmp_path / "testplans").mkdir()
+    (fixtures / "signers.yaml").write_text(SIGNERS)
+    allowed = ""
+    for name in ("ada", "bo"):
+        subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", "", "-f", tmp_path / name], check=True)
+        allowed += f"{name}@x {(tmp_path / f'{name}.pub').read_text()}"
+    (fixtures / "allowed_signers").write_text(allowed)
+    sealed_run(reports / "20261121T093100Z-flight-SN1-ab12cd")
+    found = verify(reports / "20261121T093100Z-flight-SN1-ab12cd")
+    subject = Subject(run=found.run, evidence=found.evidence_digest, operator=found.operator)
+    signers = load_signers(fixtures)
+    sign_package(reports, subject, signers, principal="ada@x", key=tmp_path / "ada")
+    approve(reports, subject, signers, principal="bo@x", key=tmp_path / "bo", role="quality", meaning="read")
+    folders = Folders(root=tmp_path, testplans=tmp_path / "testplans", fixtures=fixtures, reports=reports, name="w")
+
+    def policy() -> Policy:
+        return read_world(folders, Cache(None, ""), version="1").policy
+
+    assert (policy().signatures, policy().approvals) == (True, ("quality",))
+    assert policy().valid == {found.evidence_digest: frozenset({"", "quality"})}
+    (fixtures / "allowed_signers").write_text(allowed.replace("bo@x", "cy@x"))
+    assert policy().valid == {found.evidence_digest: frozenset({""})}
