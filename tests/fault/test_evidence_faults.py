@@ -208,14 +208,15 @@ def test_a_disk_that_is_full_at_the_conversion_gets_the_space_of_converted_rows(
 
 
 def test_a_row_file_whose_beginning_was_lost_is_kept(tmp_path):
-    """The power fails before the event that begins a recording is on the disk: the file is sealed with the rest."""
+    """The power fails before the event that begins a recording is on the disk: the file is set aside, and told."""
     folder = create(tmp_path, bench="b", dut="d")
     begin(folder).close()
     Rows(folder / RECORDINGS / "002-rest.rows", recording="002-rest", channels=[("x", "V")], on_block=print)
     recover(folder, write_reports=write_report)
     verification = verify(folder)
     assert (verification.state, verification.findings) == (State.SEALED, ())
-    assert (folder / RECORDINGS / "002-rest.rows").exists()
+    assert (tmp_path / ".aside" / folder.name / RECORDINGS / "002-rest.rows").exists()
+    assert "002-rest.rows: no event introduced this file" in bodies(Package(folder), "anomaly")[0]["text"]
 
 
 def test_a_seal_without_space_can_be_finished_later(tmp_path, monkeypatch):

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 import itertools
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import msgspec
 from typed_events import event_of
 
 from hil.clock.wall import WallStamp
-from hil.documents.canonical import canonical, digest
+from hil.documents.canonical import canonical
 from hil.evidence.folder import CALIBRATION as CALIBRATION_FILE
 from hil.evidence.folder import CATALOGUE as CATALOGUE_FILE
 from hil.evidence.folder import JOURNAL, PARAMETERS, RECORDINGS, RESERVE, RESULTS, TRANSCRIPT
@@ -18,20 +21,26 @@ from hil.evidence.package.bag import inventory
 from hil.evidence.package.contents import Package
 from hil.evidence.package.sealing import seal
 from hil.evidence.recordings.rows import Rows
-from hil.evidence.results.facts import FrozenCalibration, entries_of, freeze_calibration, freeze_catalogue
+from hil.evidence.results.facts import FrozenCalibration, FrozenRange, entries_of, freeze_calibration, freeze_catalogue
 from hil.model.figure import Figure
 from hil.requirements.decision import judge
 from hil.requirements.requirement import Kind, Limit, Requirement
 
 __all__ = [
+    "BENCH_FILE",
+    "CALIBRATION",
+    "DUT",
+    "DUTS_FILE",
     "LIMIT",
     "OF_ALL_RUNS",
     "OF_THIS_PLACE",
     "REQUIREMENTS",
+    "REQUIREMENTS_FILE",
     "WRITTEN_BY_THE_RUN",
     "begin",
     "case_end",
     "check",
+    "frozen_hashes",
     "planned",
     "record",
     "run_fields",
@@ -42,22 +51,77 @@ __all__ = [
 
 LIMIT = Limit(parameter="rate_error", of=("x", "y"), unit="deg/s", minimum="-0.5", maximum="0.5")
 REQUIREMENTS = (
-    Requirement(id="GYR-030", rev=1, text="The error shall be small.", kind=Kind.LIMIT, limits=(LIMIT,), source="s 30"),
-    Requirement(id="GYR-010", rev=1, text="The rest shall be recorded.", kind=Kind.RECORD),
+    Requirement(
+        id="GYR-030",
+        rev=1,
+        text="The error shall be small.",
+        kind=Kind.LIMIT,
+        limits=(LIMIT,),
+        source="s 30",
+        plan="gyro",
+    ),
+    Requirement(id="GYR-010", rev=1, text="The rest shall be recorded.", kind=Kind.RECORD, plan="gyro"),
 )
-CATALOGUE = digest({"format": 1, "requirements": msgspec.to_builtins(entries_of(REQUIREMENTS))})
-CALIBRATION = {"psu1": FrozenCalibration(certificate="C-1", due="2026-12-31")}
+REQUIREMENTS_FILE = """\
+schema: hil/requirements/1
+document: {id: GYR, issue: "1.0", title: Gyroscope}
+requirements:
+- id: GYR-030
+  rev: 1
+  text: The error shall be small.
+  kind: limit
+  method: test
+  source: s 30
+  limits:
+  - {parameter: rate_error, of: [x, y], unit: deg/s, min: "-0.5", max: "0.5"}
+- id: GYR-010
+  rev: 1
+  text: The rest shall be recorded.
+  kind: record
+  method: test
+"""
+BENCH_FILE = """\
+schema: hil/bench/1
+bench: {name: flight}
+instruments:
+  psu1:
+    calibration:
+      certificate: C-1
+      due: "2026-12-31"
+      ranges:
+      - {quantity: rate, unit: deg/s, from: "-10", to: "10", absolute: "0.01"}
+"""
+DUT = {"serial": "SN1", "part": "P1", "model": "QM", "hardware": "A", "firmware": "", "title": "Gyroscope"}
+DUTS_FILE = """\
+schema: hil/duts/1
+duts:
+- {serial: SN1, part: P1, model: QM, hardware: A, firmware: "", title: Gyroscope}
+"""
+CERTIFICATE = b"Certificate C-1\n"
+RANGE = {"from": "-10.0", "to": "10.0", "absolute": "0.01", "relative": "0.0", "k": "2.0"}
+CALIBRATION = {
+    "psu1": FrozenCalibration(
+        certificate="C-1",
+        due="2026-12-31",
+        sha256=hashlib.sha256(CERTIFICATE).hexdigest(),
+        size=len(CERTIFICATE),
+        ranges=(msgspec.convert({"quantity": "rate", "unit": "deg/s", **RANGE}, FrozenRange),),
+    )
+}
 OF_ALL_RUNS = {
-    "data/bench/bench.yaml": b"schema: hil/bench/1\n",
-    "data/bench/certificates/psu1.txt": b"Certificate C-1\n",
-    "data/bench/duts.yaml": b"schema: hil/duts/1\n",
-    "data/catalogue/gyro/requirements.yaml": b"schema: hil/requirements/1\n",
-    "data/dut.json": b'{"format":1}',
+    "data/bench/bench.yaml": BENCH_FILE.encode(),
+    "data/bench/C-1": CERTIFICATE,
+    "data/bench/duts.yaml": DUTS_FILE.encode(),
+    "data/catalogue/gyro/requirements.yaml": REQUIREMENTS_FILE.encode(),
+    "data/dut.json": canonical({**DUT, "format": 1}),
     "data/sources/testplans/gyro/test_rest.py": b"def test_rest(): ...\n",
-    PARAMETERS: canonical({"format": 1, "plans": {}}),
+    PARAMETERS: canonical({"format": 1, "plans": {"gyro": []}}),
 }
 WRITTEN_BY_THE_RUN = (CATALOGUE_FILE, CALIBRATION_FILE, RESULTS, TRANSCRIPT, "data/recordings/001-rest.h5")
-OF_THIS_PLACE = {"data/place.json": b'{"format":1,"host":"here"}', "data/software.json": b'{"format":1}'}
+OF_THIS_PLACE = {
+    "data/place.json": b'{"format":1,"host":"here","workspace":{"fixtures":"fixtures","testplans":"testplans"}}',
+    "data/software.json": b'{"format":1}',
+}
 
 
 def stamps(day: str = "2026-11-21"):
@@ -68,13 +132,11 @@ def stamps(day: str = "2026-11-21"):
 
 def run_fields(**changes):
     """Return the fields of the `run` event."""
-    dut = {"serial": "SN1", "part": "P1", "model": "QM", "hardware": "A", "firmware": "", "title": "Gyroscope"}
     fields = {
-        "format": 1, "bench": "flight", "source": "hardware", "purpose": "qualification", "dut": dut, "operator": "Ada",
-        "plans": ["gyro"], "seed": "7", "catalogue": CATALOGUE,
-        "parameters": digest({"format": 1, "plans": {}}),
-        "calibration": digest({"format": 2, "instruments": msgspec.to_builtins(CALIBRATION)}),
-        "sources": "0" * 64, "version": "0.1.0", "deviations": [],
+        "format": 1, "bench": "flight", "source": "hardware", "purpose": "qualification", "dut": DUT, "operator": "Ada",
+        "plans": ["gyro"], "seed": "7", "catalogue": "0" * 64, "parameters": "0" * 64, "calibration": "0" * 64,
+        "sources": "0" * 64, "bench_files": "0" * 64, "version": "0.1.0", "overrides": {}, "skips": {},
+        "deviations": [],
     }  # fmt: skip
     return fields | changes
 
@@ -86,19 +148,50 @@ def planned(case: str = "test_rest", requirements=("GYR-010", "GYR-030"), plan: 
     }  # fmt: skip
 
 
-def begin(folder: Path, **changes) -> Journal:
-    """Write what stands in a journal before the first case, freeze the catalogue, and return the journal."""
+def frozen_hashes(folder: Path) -> dict[str, str]:
+    """Return the hashes that the `run` event has of what is frozen in a run's folder."""
+    data = folder / "data"
+    catalogue = {path: f"testplans/gyro/{path.name}" for path in data.glob("catalogue/gyro/*")}
+    sources = {path: str(path.relative_to(data / "sources")) for path in data.glob("sources/**/*.*")}
+    bench = {path: str(path.relative_to(data / "bench")) for path in data.glob("bench/*")}
+    own = {path: shown for path, shown in bench.items() if shown not in {"calibration.json", "duts.yaml"}}
+    return {
+        "catalogue": _hash(folder / CATALOGUE_FILE),
+        "parameters": _hash(folder / PARAMETERS),
+        "calibration": _hash(folder / CALIBRATION_FILE),
+        "sources": _hash_over(catalogue | sources),
+        "bench_files": _hash_over(own),
+    }
+
+
+def _hash(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _hash_over(files: dict[Path, str]) -> str:
+    lines = sorted((shown, f"{_hash(path)}  {shown}\n") for path, shown in files.items())
+    return hashlib.sha256("".join(line for _, line in lines).encode()).hexdigest()
+
+
+def begin(folder: Path, *, files: Mapping[str, bytes] = MappingProxyType({}), **changes) -> Journal:
+    """Write what stands in a journal before the first case, freeze everything, and return the journal.
+
+    Args:
+        folder: the run's folder.
+        files: frozen files, by path, that are others than usual.
+        changes: fields of the `run` event that are others than usual.
+    """
     folder.joinpath(RECORDINGS).mkdir(parents=True, exist_ok=True)
     freeze_catalogue(folder, entries_of(REQUIREMENTS))
     freeze_calibration(folder, CALIBRATION)
-    for path, data in (OF_ALL_RUNS | OF_THIS_PLACE).items():
+    for path, data in {**OF_ALL_RUNS, **OF_THIS_PLACE, **files}.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_bytes(data)
     named = inventory(folder)
     beside = {path: named.pop(path) for path in OF_THIS_PLACE}
     (folder / TRANSCRIPT).write_bytes(b"hil/transcript/1\n")
     journal = Journal(folder / JOURNAL, reserve=folder / RESERVE, stamp=stamps())
-    journal.write(event_of("run", **run_fields(**changes)), 0.0)
+    journal.write(event_of("run", **run_fields(**(frozen_hashes(folder) | changes))), 0.0)
     journal.write(event_of("frozen", files=named), 0.0, beside={"files": beside})
     journal.write(event_of("planned", cases=[planned()]), 0.0)
     journal.write(event_of("gate", name="identity", ok=True, detail="as expected"), 0.0)
@@ -201,7 +294,7 @@ def write_report(package: Package) -> None:
 
 
 def sealed_run(folder: Path, **changes) -> str:
-    """Write a whole run, seal it, and return its evidence digest."""
+    """Write a whole run, seal it, and return its evidence digest; `changes` are those of `begin`."""
     journal = begin(folder, **changes)
     whole_case(folder, journal)
     return seal(folder, journal, exit_code=0, write_reports=write_report)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from pathlib import Path
 from typing import NoReturn
 
 import pytest
@@ -164,7 +163,7 @@ class Campaign:
             raise
         except BaseException as error:
             if run is not None:
-                run.raised(error, self._where(pytest.ExceptionInfo.from_exception(error)))
+                run.raised(error, self.running.place_of(error))
             raise
 
     @pytest.hookimpl(wrapper=True)
@@ -179,9 +178,9 @@ class Campaign:
         if call.excinfo is not None and call.excinfo.errisinstance((pytest.skip.Exception, pytest.xfail.Exception)):
             _skip_within(run, call.excinfo.value)
         elif call.excinfo is not None:
-            found = _behind(call.excinfo)
-            run.raised(found.value, self._where(found))
-            self._stop(item.session, found.value)
+            run.raised(call.excinfo.value, self.running.place_of(call.excinfo.value))
+            self._stop(item.session, call.excinfo.value)
+        self.running.hear(run)
         if call.when == "call":
             run.finish()
             _judge(report, run)
@@ -220,15 +219,6 @@ class Campaign:
             return "marked xfail: a failure that is expected is no verdict"
         return ""
 
-    def _where(self, error: pytest.ExceptionInfo[BaseException]) -> str:
-        """Return file and line of the innermost code of the plan or the fixtures that the error came through."""
-        workspace = self.configuration.workspace
-        for entry in reversed(error.traceback):
-            path = Path(str(entry.path))
-            if path.is_relative_to(workspace.testplans) or path.is_relative_to(workspace.fixtures):
-                return f"{workspace.shown(path)}:{entry.lineno + 1}"
-        return ""
-
     def _skip(self, item: pytest.Item, reason: str) -> None:
         self.running.not_run(item.nodeid, reason)
         self._ended.add(item.nodeid)
@@ -241,14 +231,6 @@ class Campaign:
         for case in self._planned:
             if case not in self._ended:
                 self.running.not_run(case, DESELECTED if case in self._deselected else reason)
-
-
-def _behind(error: pytest.ExceptionInfo[BaseException]) -> pytest.ExceptionInfo[BaseException]:
-    """Return what ended a thread in place of the warning that says so, and any other error as it is."""
-    cause = error.value.__cause__
-    if isinstance(error.value, pytest.PytestUnhandledThreadExceptionWarning) and cause is not None:
-        return pytest.ExceptionInfo.from_exception(cause)
-    return error
 
 
 def _skip_within(run: CaseRun | None, error: BaseException) -> None:

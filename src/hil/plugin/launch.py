@@ -30,9 +30,7 @@ addopts =
 norecursedirs =
 filterwarnings =
     default
-    error::pytest.PytestUnhandledThreadExceptionWarning
 """
-"""What ends a thread of a case is an error of the case."""
 
 _KNOWN = (*(each.partition("(")[0] for each in MARKERS), "parametrize", "skip", "skipif", "usefixtures", "xfail")
 

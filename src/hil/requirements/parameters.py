@@ -218,6 +218,19 @@ class Parameters:
         """Return every parameter in the order of the file."""
         return tuple(self._parameters.values())
 
+    def facts(self) -> list[dict[str, str]]:
+        """Return what a package keeps of every parameter, in the order of the file."""
+        return [
+            {
+                "name": row.name,
+                "value": row.shown,
+                "unit": row.unit,
+                "text": row.text,
+                "deviation": row.deviation,
+            }
+            for row in self.rows()
+        ]
+
     def _parameter(self, name: str) -> Parameter:
         if name not in self._parameters:
             known = ", ".join(self._parameters) or "none"

@@ -3,7 +3,18 @@
 from __future__ import annotations
 
 import pytest
-from evidence_runs import LIMIT, REQUIREMENTS, begin, case_end, check, planned, recorded_check, run_fields, whole_case
+from evidence_runs import (
+    LIMIT,
+    REQUIREMENTS,
+    begin,
+    case_end,
+    check,
+    frozen_hashes,
+    planned,
+    recorded_check,
+    run_fields,
+    whole_case,
+)
 from told_as_json import results_as_json
 from typed_events import event_of
 
@@ -82,7 +93,7 @@ def test_a_whole_run_is_derived(tmp_path):
     results = derived(tmp_path)
     assert results["verdict"] == "PASS"
     assert results["counts"] == {"PASS": 1}
-    assert results["run"] == run_fields()
+    assert results["run"] == run_fields(**frozen_hashes(tmp_path))
     assert (results["interrupted"], results["tripped"], results["safe"]) == (False, False, True)
     (case,) = results["cases"]
     assert (case["title"], case["plan"], case["recordings"]) == ("test_rest.", "gyro", ["001-rest"])

@@ -18,6 +18,7 @@ from hil.evidence.package.introduced import introduced_findings
 from hil.evidence.package.judging import judge_again
 from hil.evidence.package.listing import shown
 from hil.evidence.package.sealing import info_of
+from hil.evidence.package.twice import LOOKS
 from hil.evidence.recordings.hdf5 import hashes_of
 from hil.evidence.results.derived import results_of
 from hil.evidence.results.facts import Catalogue, DamagedFile, facts_of
@@ -48,6 +49,7 @@ def content_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> I
         _file_findings,
         introduced_findings,
         _begun_findings,
+        _repeated_findings,
         _results_findings,
         _recording_findings,
         _attachment_findings,
@@ -174,6 +176,14 @@ def _begun_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterato
     for field, path in (("catalogue", CATALOGUE), ("parameters", PARAMETERS), ("calibration", CALIBRATION)):
         if getattr(run, field, None) != hashes.get(path):
             yield Finding(path, 0, 0, f"this is not the {field} that the run started with")
+
+
+def _repeated_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterator[Finding]:
+    """Compare what stands twice; a run that was killed before anything was frozen has used none of it."""
+    run = fold(reading.events).run
+    if run is not None and any(isinstance(event, Frozen) for event in reading.events):
+        for look, path in LOOKS:
+            yield from guarded(partial(look, folder, run, reading), path)
 
 
 def named_results(reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:

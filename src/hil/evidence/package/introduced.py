@@ -12,6 +12,7 @@ from hil.evidence.folder import (
     GUARDIAN,
     JOURNAL,
     RECORDINGS,
+    REGISTERS,
     REPORT,
     REPORT_FILES,
     RESULTS,
@@ -29,7 +30,15 @@ __all__ = ["ASIDE", "introduced_findings", "set_aside", "strangers"]
 ASIDE = ".aside"
 """The folder beside the packages for what lay in a run's folder and was no evidence."""
 
-_FROZEN = ("data/bench/", "data/catalogue/", "data/sources/", "data/dut.json", "data/place.json", "data/software.json")
+_FROZEN = (
+    "data/bench/",
+    "data/catalogue/",
+    f"{REGISTERS}/",
+    "data/sources/",
+    "data/dut.json",
+    "data/place.json",
+    "data/software.json",
+)
 """What is frozen before the first event, and is all that there is of a run that was killed before the second."""
 
 _SHORT = 12

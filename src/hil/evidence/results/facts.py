@@ -15,8 +15,9 @@ from hil.documents.canonical import JsonError, canonical, parse_strict
 from hil.evidence.durable import read_plain, write_whole
 from hil.evidence.events import Results
 from hil.evidence.events.codec import convert
-from hil.evidence.folder import CALIBRATION, CATALOGUE
+from hil.evidence.folder import CALIBRATION, CATALOGUE, REGISTERS
 from hil.evidence.journal.reader import JournalReading
+from hil.model.bench import Calibration as Calibrated
 from hil.model.errors import EvidenceError, Finding
 from hil.requirements.requirement import Decision, Limit, Requirement
 
@@ -33,6 +34,7 @@ __all__ = [
     "facts_of",
     "freeze_calibration",
     "freeze_catalogue",
+    "frozen_calibration",
     "read_json",
 ]
 
@@ -187,6 +189,54 @@ def freeze_catalogue(folder: Path, requirements: Catalogue) -> str:
         requirements: what `entries_of` gives.
     """
     return _freeze(folder / CATALOGUE, {"format": 1, "requirements": requirements})
+
+
+def frozen_calibration(folder: Path, record: Calibrated | None, *, dut: bool, register: str) -> FrozenCalibration:
+    """Return the record of an instrument, with what the frozen file of its certificate is.
+
+    Args:
+        folder: the run's folder.
+        record: what the bench file, or the register of instruments, says; None where it is not calibrated.
+        dut: whether the instrument is a device under test.
+        register: the instrument's name in the register, empty where the bench file has the record.
+
+    Raises:
+        OSError: if the certificate cannot be read.
+    """
+    if record is None:
+        return FrozenCalibration(dut=dut, register=register)
+    registered = record.registered
+    data = read_plain(folder / (REGISTERS if registered else "data/bench") / record.certificate)
+    found = FrozenCalibration(
+        certificate=record.certificate,
+        due=record.due,
+        dut=dut,
+        sha256=hashlib.sha256(data).hexdigest(),
+        size=len(data),
+        ranges=tuple(
+            FrozenRange(
+                quantity=each.quantity,
+                unit=each.unit,
+                low=repr(each.low),
+                high=repr(each.high),
+                absolute=repr(each.absolute),
+                relative=repr(each.relative),
+                k=repr(each.k),
+            )
+            for each in record.ranges
+        ),
+    )
+    if registered is None:
+        return found
+    return msgspec.structs.replace(
+        found,
+        register=registered.id,
+        serial=registered.serial,
+        number=registered.number,
+        laboratory=registered.laboratory,
+        date=registered.date,
+        as_left=registered.as_left,
+    )
 
 
 def freeze_calibration(folder: Path, instruments: Calibration) -> str:

@@ -11,6 +11,7 @@ from hil.evidence import events
 from hil.evidence.durable import read_plain, write_whole
 from hil.evidence.events import EventSink
 from hil.executive.cases.effects import Effects
+from hil.executive.cases.escapes import OfThisProcess
 from hil.executive.cases.steps import Steps, file_part
 from hil.model.errors import Misused
 
@@ -20,7 +21,7 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 _LARGEST = 50_000_000
 
 
-class Artifacts:
+class Artifacts(OfThisProcess):
     """The `artifact` fixture of one case.
 
     What is kept is an effect with its hash: a replay has to make the same bytes again.
@@ -32,6 +33,8 @@ class Artifacts:
         folder: where attachments lie.
         made: the files that cases of this run have made; what is made here is added.
     """
+
+    said = "`artifact`"
 
     def __init__(self, steps: Steps, effects: Effects, journal: EventSink, folder: Path, made: set[Path]) -> None:
         self._steps = steps

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import cast
 
 from hil.evidence import events
 from hil.evidence.attempts import Abandoned
@@ -13,6 +14,7 @@ from hil.evidence.results.ruling import rule, silence
 from hil.executive.cases.artifacts import Artifacts
 from hil.executive.cases.checks import CheckFailed, Checks
 from hil.executive.cases.effects import Effects
+from hil.executive.cases.escapes import OfThisProcess
 from hil.executive.cases.operator import Operator
 from hil.executive.cases.recorder import Recorder
 from hil.executive.cases.recording import data_checks
@@ -43,8 +45,10 @@ class Outcome:
 
 
 @dataclass
-class CaseRun:
+class CaseRun(OfThisProcess):
     """One case while it runs; its verdict comes from here, not from what its code lets through."""
+
+    said = "its turn at the bench"
 
     planned: PlannedCase
     requirements: dict[str, Requirement]
@@ -65,6 +69,7 @@ class CaseRun:
     _problems: list[str] = field(default_factory=list)
     _raised: list[BaseException] = field(default_factory=list)
     _refused: list[HilError] = field(default_factory=list)
+    _judged: int = 0
     _aborted: str = ""
     _skipped: str = ""
 
@@ -125,9 +130,16 @@ class CaseRun:
             self._problems.append(f"{told} ({where})" if where else told)
 
     def finish(self) -> None:
-        """Evaluate the criteria of the recordings that requirements ask for."""
+        """Evaluate the criteria of the recordings that requirements ask for.
+
+        Called again after the teardown, which may take another recording of a name that was judged already: all of
+        them are looked at then, and the poorest counts.
+        """
+        taken = self.record.taken
+        names = {cast("events.Recording", each["facts"]).name for each in taken[self._judged :]}
+        self._judged = len(taken)
         for requirement in self.requirements.values():
-            if requirement.records is not None:
+            if requirement.records is not None and requirement.records.recording in names:
                 for limit, value, reason in data_checks(requirement.records, self.record.taken):
                     self.check.data(requirement, limit, value, reason)
 

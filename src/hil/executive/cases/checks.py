@@ -12,6 +12,7 @@ from hil.bench.calibration import standard_uncertainty
 from hil.documents.suggest import did_you_mean
 from hil.evidence import events
 from hil.evidence.events import EventSink
+from hil.executive.cases.escapes import OfThisProcess
 from hil.executive.cases.facade import Facade
 from hil.executive.cases.steps import Steps, one_line
 from hil.model.errors import HilError, Misused
@@ -39,7 +40,7 @@ class Evaluated:
     reason: str
 
 
-class Checks:
+class Checks(OfThisProcess):
     """The `check` fixture of one case.
 
     Args:
@@ -51,6 +52,8 @@ class Checks:
     Attributes:
         refused: why calls were refused, in order: a check that was not made is an error, whatever the case makes of it.
     """
+
+    said = "`check`"
 
     def __init__(
         self, requirements: dict[str, Requirement], steps: Steps, journal: EventSink, used: Collection[str]

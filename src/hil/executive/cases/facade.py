@@ -10,6 +10,7 @@ from typing import Any, Protocol, TypeVar
 from hil.bench.calibration import calibrated
 from hil.documents.suggest import did_you_mean
 from hil.executive.cases.effects import Effects
+from hil.executive.cases.escapes import OfThisProcess
 from hil.instruments.registry import ROLES
 from hil.instruments.role import Operation
 from hil.instruments.sampled import Sampled, Streamed
@@ -45,7 +46,7 @@ class UsingCase(Protocol):
         ...
 
 
-class Facade:
+class Facade(OfThisProcess):
     """One role instance as a case sees it.
 
     Every operation of the role is a scheduling point and an effect; readings carry the uncertainty
@@ -59,6 +60,8 @@ class Facade:
         case: the case that holds it.
         instruments: every instrument of the bench by name: what fails may be one on the way to this one.
     """
+
+    said = "a role"
 
     wire: Wire
     instrument: InstrumentSpec

@@ -8,13 +8,14 @@ from collections.abc import Callable, Sequence
 from hil.evidence import events
 from hil.evidence.events import EventSink
 from hil.executive.cases.effects import Effects, Where
+from hil.executive.cases.escapes import OfThisProcess
 from hil.executive.people.questions import AnswerSource, Declined, Question
 from hil.model.figure import Figure
 
 __all__ = ["Operator"]
 
 
-class Operator:
+class Operator(OfThisProcess):
     """The `operator` fixture of one case.
 
     Args:
@@ -24,6 +25,8 @@ class Operator:
         journal: where events are written.
         point: the scheduling point.
     """
+
+    said = "`operator`"
 
     def __init__(
         self,

@@ -15,6 +15,7 @@ from hil.evidence import events
 from hil.evidence.recordings.hdf5 import Recorded, read_recording
 from hil.executive.cases.during import During
 from hil.executive.cases.effects import Effects
+from hil.executive.cases.escapes import OfThisProcess
 from hil.executive.cases.facade import Facade, RoleSet
 from hil.executive.cases.recording import Recording
 from hil.executive.cases.steps import Steps, file_part
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 __all__ = ["Recorder"]
 
 
-class Recorder:
+class Recorder(OfThisProcess):
     """The `record` fixture of one case.
 
     Args:
@@ -43,6 +44,8 @@ class Recorder:
         store: opens row files.
         source: where the bench's bytes come from.
     """
+
+    said = "`record`"
 
     def __init__(
         self,

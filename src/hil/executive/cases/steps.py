@@ -10,6 +10,7 @@ from typing import Literal
 
 from hil.evidence import events
 from hil.evidence.events import EventSink
+from hil.executive.cases.escapes import OfThisProcess
 
 __all__ = ["Steps", "file_part", "one_line", "writable"]
 
@@ -44,7 +45,7 @@ def file_part(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9_]+", "-", text.rpartition("::")[2]).strip("-")[:60]
 
 
-class Steps:
+class Steps(OfThisProcess):
     """Numbers nested steps and writes their beginning and end.
 
     Args:
@@ -53,6 +54,8 @@ class Steps:
         now: bench time in seconds.
         undisturbed: keeps the bench's watching during a case from moving its time while a step begins or ends.
     """
+
+    said = "`step`"
 
     def __init__(
         self,

@@ -6,7 +6,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import NoReturn, Protocol
 
 from hil.clock import wall
@@ -55,6 +55,7 @@ class StopFlags:
         cuts: how often a case's own code was cut.
         turns: how many cases had or have their turn.
         astray: why another thread, process or case was turned away, empty if none was.
+        word_home: the descriptor at which a copy of this process tells why it was turned away; -1 for none.
     """
 
     def __init__(self) -> None:
@@ -69,6 +70,7 @@ class StopFlags:
         self.leave_open = False
         self.urgent = False
         self.astray = ""
+        self.word_home = -1
         self._run: EndableRun | None = None
 
     @property
@@ -194,6 +196,9 @@ class StopFlags:
             Astray: always.
         """
         self.astray = why
+        if self.is_copy and self.word_home >= 0:
+            with suppress(OSError):  # a full pipe holds enough of them
+                os.write(self.word_home, f"{why}\n".encode())
         raise Astray(why, hint)
 
 

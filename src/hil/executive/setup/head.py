@@ -9,8 +9,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import msgspec
-
 from hil.clock import wall
 from hil.documents.canonical import canonical
 from hil.evidence import events
@@ -20,14 +18,14 @@ from hil.evidence.package.bag import inventory
 from hil.evidence.package.listing import shown
 from hil.evidence.results.facts import (
     FrozenCalibration,
-    FrozenRange,
     entries_of,
     freeze_calibration,
     freeze_catalogue,
+    frozen_calibration,
 )
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.software import software_identity, version
-from hil.model.bench import BenchSpec, InstrumentSpec
+from hil.model.bench import BenchSpec
 from hil.model.errors import EvidenceError
 from hil.registers.instruments import INSTRUMENTS
 
@@ -221,62 +219,14 @@ def _registers(configuration: Configuration, folder: Path) -> None:
 
 
 def _calibrations(bench: BenchSpec, folder: Path) -> dict[str, FrozenCalibration]:
-    return {item.name: _calibration(item, folder) for item in bench.instruments}
-
-
-def _calibration(item: InstrumentSpec, folder: Path) -> FrozenCalibration:
-    """Return the record of an instrument, with what the frozen file of its certificate is."""
-    record = item.calibration
-    if record is None:
-        return FrozenCalibration(dut=item.dut, register=item.register)
-    registered = record.registered
-    data = (folder / (REGISTERS if registered else "data/bench") / record.certificate).read_bytes()
-    found = FrozenCalibration(
-        certificate=record.certificate,
-        due=record.due,
-        dut=item.dut,
-        sha256=hashlib.sha256(data).hexdigest(),
-        size=len(data),
-        ranges=tuple(
-            FrozenRange(
-                quantity=each.quantity,
-                unit=each.unit,
-                low=repr(each.low),
-                high=repr(each.high),
-                absolute=repr(each.absolute),
-                relative=repr(each.relative),
-                k=repr(each.k),
-            )
-            for each in record.ranges
-        ),
-    )
-    if registered is None:
-        return found
-    return msgspec.structs.replace(
-        found,
-        register=registered.id,
-        serial=registered.serial,
-        number=registered.number,
-        laboratory=registered.laboratory,
-        date=registered.date,
-        as_left=registered.as_left,
-    )
+    return {
+        item.name: frozen_calibration(folder, item.calibration, dut=item.dut, register=item.register)
+        for item in bench.instruments
+    }
 
 
 def _parameters(configuration: Configuration, folder: Path) -> str:
-    rows = {
-        plan: [
-            {
-                "name": row.name,
-                "value": row.shown,
-                "unit": row.unit,
-                "text": row.text,
-                "deviation": row.deviation,
-            }
-            for row in parameters.rows()
-        ]
-        for plan, parameters in configuration.parameters.items()
-    }
+    rows = {plan: parameters.facts() for plan, parameters in configuration.parameters.items()}
     data = canonical({"format": 1, "plans": rows})
     _put(folder / "data/catalogue/parameters.json", data)
     return hashlib.sha256(data).hexdigest()

@@ -1,0 +1,299 @@
+"""Facts that stand twice in a package are compared: the files as they were frozen, and what was written of them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import msgspec
+
+from hil.documents.canonical import canonical, parse_strict
+from hil.documents.declared import validated
+from hil.documents.findings import Findings
+from hil.documents.node import Mapping as MappingNode
+from hil.documents.node import Node, Scalar, ScalarKind, node_at
+from hil.documents.node import Sequence as SequenceNode
+from hil.documents.strict_yaml import read_yaml
+from hil.evidence.events import Armed, Effect, Entry, Frozen, Gate, Resumed, Run
+from hil.evidence.folder import CALIBRATION, CATALOGUE, JOURNAL, PARAMETERS, REGISTERS
+from hil.evidence.journal.reader import JournalReading
+from hil.evidence.package.listing import shown
+from hil.evidence.results.facts import FrozenCalibration, entries_of, facts_of, frozen_calibration, read_json
+from hil.model.bench import Calibration
+from hil.model.errors import EvidenceError, Finding
+from hil.registers.instruments import INSTRUMENTS, load_instruments
+from hil.registers.units import load_duts
+from hil.requirements.lock import LOCK
+from hil.requirements.parameters import PARAMETERS as PARAMETERS_FILE
+from hil.requirements.parameters import Parameters, load_parameters
+from hil.requirements.schema import REQUIREMENTS, read_requirements
+
+__all__ = ["LOOKS", "Look"]
+
+_BENCH = "data/bench/bench.yaml"
+_DUTS = "data/bench/duts.yaml"
+_DUT = "data/dut.json"
+_INSTRUMENTS = f"{REGISTERS}/{INSTRUMENTS}"
+_PLANS = "data/catalogue"
+_SOURCES = "data/sources"
+_PLACE = "data/place.json"
+_BENCH_ITSELF = "data/bench"
+_MADE = frozenset({CALIBRATION, _DUTS})
+"""What stands among the files of the bench, and is none of them."""
+
+_LONGEST = 60
+_OLDEST = frozenset({"rev", "text", "kind", "method", "source", "plan", "parents", "fingerprint", "limits"})
+"""What the catalogue of every package tells of a requirement; other fields came later."""
+
+Look = Callable[[Path, Run, JournalReading], Iterator[Finding]]
+"""Compares what a run's folder holds with its first event and its journal."""
+
+
+def _digests(folder: Path, run: Run, reading: JournalReading) -> Iterator[Finding]:
+    """Compute again the two hashes that the first event has of many files."""
+    frozen = {
+        path: digest for event in reading.events if isinstance(event, Frozen) for path, digest in event.files.items()
+    }
+    if not frozen:
+        return
+    of_bench = {
+        str(PurePosixPath(path).relative_to(_BENCH_ITSELF)): digest
+        for path, digest in frozen.items()
+        if path.startswith(f"{_BENCH_ITSELF}/") and path not in _MADE
+    }
+    if run.bench_files is not None and _digest(of_bench) != run.bench_files:
+        yield _of_journal("field 'bench_files' is not the hash over the frozen files of the bench")
+    if _digest(_sources(folder, frozen)) != run.sources:
+        yield _of_journal("field 'sources' is not the hash over the frozen sources")
+
+
+def _sources(folder: Path, frozen: Mapping[str, str]) -> dict[str, str]:
+    """Return the frozen sources by their paths in the workspace."""
+    layout = _object(folder, _PLACE).get("workspace")
+    testplans = PurePosixPath(layout.get("testplans", "") if isinstance(layout, dict) else "")
+    found = {}
+    for path, digest in frozen.items():
+        where = PurePosixPath(path)
+        if where.is_relative_to(_SOURCES):
+            found[str(where.relative_to(_SOURCES))] = digest
+        elif where.is_relative_to(_PLANS) and path not in {CATALOGUE, PARAMETERS}:
+            found[str(testplans / where.relative_to(_PLANS))] = digest
+    return found
+
+
+def _digest(files: Mapping[str, str]) -> str:
+    ordered = sorted(map(PurePosixPath, files))
+    return hashlib.sha256("".join(f"{files[str(path)]}  {path}\n" for path in ordered).encode()).hexdigest()
+
+
+def _dut(folder: Path, run: Run, _: JournalReading) -> Iterator[Finding]:
+    """Compare the device under test: as the journal has it, as it was frozen, and as the register has it."""
+    frozen = _object(folder, _DUT)
+    for field, value in _as_json(run.dut).items():
+        if frozen.get(field) != value:
+            yield _differs(_DUT, field, frozen.get(field), "the journal", value)
+    register = {dut.serial: dut for dut in load_duts(folder / _DUTS, _DUTS, Findings())}
+    if (entry := register.get(run.dut.serial)) is None:
+        yield Finding(_DUTS, 0, 0, f"it has no entry '{shown(run.dut.serial)}', which the run was for")
+        return
+    told = _as_json(asdict(entry))
+    for field in sorted((frozen.keys() & told.keys()) - {"format"}):
+        if frozen[field] != told[field]:
+            yield _differs(_DUT, field, frozen[field], _DUTS, told[field])
+
+
+def _calibration(folder: Path, run: Run, reading: JournalReading) -> Iterator[Finding]:
+    """Compare every instrument's certificate and due date with the bench file, or the register that it names."""
+    root = _tree(folder, _BENCH)
+    if (name := _scalar(root, "bench", "name")) != run.bench:
+        yield _differs(_BENCH, "bench.name", name, "the journal", run.bench)
+    frozen = facts_of(folder, reading).calibration
+    if run.calibration is None:
+        return  # the oldest packages have none
+    told = {str(key.text) for key, _ in getattr(node_at(root, ("instruments",)), "entries", ())}
+    for name in sorted(frozen.keys() ^ told):
+        where, other = (CALIBRATION, _BENCH) if name in frozen else (_BENCH, CALIBRATION)
+        yield Finding(where, 0, 0, f"instrument '{shown(name)}' is missing in {other}")
+    whole = _object(folder, CALIBRATION).get("format") != 1  # which had nothing but these three
+    register = load_instruments(folder / _INSTRUMENTS, _INSTRUMENTS, Findings())
+    for name in sorted(frozen.keys() & told):
+        at = ("instruments", name)
+        registered = _scalar(root, *at, "register")
+        dut = _scalar(root, *at, "dut") == "true"
+        source = _INSTRUMENTS if registered else _BENCH
+        if whole:
+            record = register[registered].calibration if registered in register else _record(root, name)
+            due = frozen_calibration(folder, record, dut=dut, register=registered)
+        else:
+            certificate, day = (_scalar(root, *at, "calibration", key) for key in ("certificate", "due"))
+            due = FrozenCalibration(certificate=certificate, due=day, dut=dut)
+        was, right = _as_json(frozen[name]), _as_json(due)
+        for field in sorted(right):
+            if was[field] != right[field]:
+                yield _differs(CALIBRATION, f"{name}.{field}", was[field], source, right[field])
+
+
+def _record(root: Node, name: str) -> Calibration | None:
+    """Return the calibration of an instrument that stands in the bench file itself."""
+    node = node_at(root, ("instruments", name, "calibration"))
+    found = None if node is None else _plain(node)
+    return validated(Calibration, found, "calibration") if isinstance(found, dict) else None
+
+
+def _catalogue(folder: Path, run: Run, reading: JournalReading) -> Iterator[Finding]:
+    """Compare the frozen requirements with the plans' own files and their locks."""
+    entries = facts_of(folder, reading).catalogue
+    raw = _object(folder, CATALOGUE).get("requirements")
+    known = _OLDEST.union(*(each for each in raw.values() if isinstance(each, dict)) if isinstance(raw, dict) else ())
+    frozen = _as_json(entries)
+    due: dict[str, Any] = {}
+    for plan in run.plans:
+        path = f"{_PLANS}/{plan}/{REQUIREMENTS}"
+        file = read_requirements(folder / path, path, plan, Findings())
+        if file is None:
+            yield Finding(shown(path), 0, 0, "its requirements cannot be read, and not be compared")
+            return
+        due |= _as_json(entries_of(file.requirements))
+        yield from _lock(folder, plan, frozen)
+    for name in sorted(frozen.keys() ^ due.keys()):
+        where = "the plans do not have it" if name in frozen else "it is missing, and the plans have it"
+        yield Finding(CATALOGUE, 0, 0, f"requirement {shown(name)}: {where}")
+    for name in sorted(frozen.keys() & due.keys()):
+        for field in sorted(known & due[name].keys()):
+            if frozen[name].get(field) != due[name][field]:
+                source = f"{REQUIREMENTS} of {due[name]['plan']}"
+                yield _differs(CATALOGUE, f"{name}.{field}", frozen[name].get(field), source, due[name][field])
+
+
+def _lock(folder: Path, plan: str, frozen: Mapping[str, Any]) -> Iterator[Finding]:
+    path = f"{_PLANS}/{plan}/{LOCK}"
+    if not (folder / path).exists():
+        return
+    locked = _object(folder, path).get("requirements")
+    for name, entry in frozen.items():
+        if entry["plan"] != plan:
+            continue
+        told = locked.get(name) if isinstance(locked, dict) else None
+        for field in ("fingerprint", "rev"):
+            if not isinstance(told, dict) or told.get(field) != entry[field]:
+                value = told.get(field) if isinstance(told, dict) else None
+                yield _differs(CATALOGUE, f"{name}.{field}", entry[field], shown(path), value)
+
+
+def _parameters(folder: Path, run: Run, _: JournalReading) -> Iterator[Finding]:
+    """Compare the frozen parameters with the plans' own files and what was changed on the command line."""
+    if run.overrides is None or run.skips is None:
+        return  # the oldest packages do not tell them
+    frozen = _object(folder, PARAMETERS).get("plans")
+    if not isinstance(frozen, dict) or sorted(frozen) != sorted(run.plans):
+        yield Finding(PARAMETERS, 0, 0, "its plans are not those of the run")
+        return
+    parameters = {plan: load_parameters(folder, folder / _PLANS / plan) for plan in run.plans}
+    for name, text in run.overrides.items():
+        for plan, each in parameters.items():
+            if name in {row.name for row in each.rows()}:
+                parameters[plan] = each.override(name, text)
+    for plan, each in parameters.items():
+        yield from _rows(plan, frozen[plan], each)
+    changed = sum(len(each.deviations) for each in parameters.values())
+    if len(run.deviations) < changed + len(run.skips):
+        yield _of_journal("field 'deviations' does not name every changed parameter and every skipped case")
+
+
+def _rows(plan: str, frozen: object, parameters: Parameters) -> Iterator[Finding]:
+    due = parameters.facts()
+    rows = frozen if isinstance(frozen, list) else []
+    if len(rows) != len(due) or not all(isinstance(row, dict) for row in rows):
+        many = "parameter" if len(due) == 1 else "parameters"
+        text = f"plan {shown(plan)} has {len(due)} {many} in {PARAMETERS_FILE}, and {len(rows)} here"
+        yield Finding(PARAMETERS, 0, 0, text)
+        return
+    for row, right in zip(rows, due, strict=True):
+        for field, value in right.items():
+            if row.get(field) != value:
+                source = f"{PARAMETERS_FILE} of {plan}"
+                yield _differs(PARAMETERS, f"{right['name']}.{field}", row.get(field), source, value)
+
+
+def _armed(_: Path, __: Run, reading: JournalReading) -> Iterator[Finding]:
+    """Give a finding where a case drove the bench before it was armed, at the start or again after a stop."""
+    armed = gated = False
+    for line in reading.lines:
+        match line.event:
+            case Gate(ok=True):
+                gated = True
+            case Armed():
+                if not gated:
+                    yield Finding(JOURNAL, line.number, 1, "the bench was armed without a gate")
+                armed = True
+            case Resumed(entry=Entry()):  # a run that was killed continues where it was
+                armed = False
+            case Effect(effect="drives", name=name) if not armed:
+                yield Finding(JOURNAL, line.number, 1, f"{shown(name)} drives the bench, which is not armed")
+                return
+
+
+def _of_journal(text: str) -> Finding:
+    return Finding(JOURNAL, 1, 1, text)
+
+
+def _differs(path: str, field: str, found: object, where: str, due: object) -> Finding:
+    return Finding(path, 0, 0, f"field '{shown(field)}' is {_short(found)}, and {where} has {_short(due)}")
+
+
+def _short(value: object) -> str:
+    text = shown(canonical(value).decode())
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+
+
+def _as_json(value: object) -> dict[str, Any]:
+    """Return an object as a canonical file would give it back."""
+    found: dict[str, Any] = parse_strict(canonical(msgspec.to_builtins(value)))  # type: ignore[assignment]
+    return found
+
+
+def _object(folder: Path, path: str) -> dict[str, Any]:
+    found = read_json(folder / path)
+    if not isinstance(found, dict):
+        raise EvidenceError(f"{path}: not an object", "see hil verify")
+    return found
+
+
+def _tree(folder: Path, path: str) -> Node:
+    findings = Findings()
+    root = read_yaml(folder / path, path, findings)
+    findings.raise_if_any()
+    if root is None:
+        raise EvidenceError(f"{path}: cannot be read", "see hil verify")
+    return root
+
+
+def _plain(node: Node) -> object:
+    """Return a part of a document as texts, flags, lists and mappings."""
+    if isinstance(node, MappingNode):
+        return {key.text: _plain(value) for key, value in node.entries}
+    if isinstance(node, SequenceNode):
+        return [_plain(item) for item in node.items]
+    if isinstance(node, Scalar) and node.kind is ScalarKind.FLAG:
+        return node.text == "true"
+    return node.text if isinstance(node, Scalar) else None
+
+
+def _scalar(root: Node, *keys: str) -> str:
+    """Return the text at a place of a document, empty if there is none."""
+    node = node_at(root, keys)
+    return node.text if isinstance(node, Scalar) else ""
+
+
+LOOKS: tuple[tuple[Look, str], ...] = (
+    (_digests, JOURNAL),
+    (_dut, _DUT),
+    (_calibration, CALIBRATION),
+    (_catalogue, CATALOGUE),
+    (_parameters, PARAMETERS),
+    (_armed, JOURNAL),
+)
+"""Each with the path that it is about."""

@@ -1,0 +1,153 @@
+"""What a case lets escape: threads and copies of the process that outlive it, and what is tried or raised in them."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import threading
+from typing import ClassVar, NoReturn, SupportsIndex
+
+from hil.clock import wall
+from hil.executive.ending.stop import Astray, StopFlags
+from hil.model.errors import HilError
+
+__all__ = ["Escaped", "Escapes", "OfThisProcess"]
+
+_GRACE_S = 0.2
+"""A thread or a copy that is just ending may take so long."""
+
+_MOST = 1 << 16
+_HINT = "call roles, record, check and step where the case runs; compute elsewhere"
+_present: list[StopFlags] = []
+
+
+class Escaped(HilError):
+    """Something of a case goes on after its end, or hid how its threads ended."""
+
+
+class OfThisProcess:
+    """What a case is given, and can be given to no other process: it cannot be pickled."""
+
+    said: ClassVar[str] = "what belongs to the case"
+
+    def __reduce_ex__(self, _protocol: SupportsIndex) -> NoReturn:
+        """Turn away, also where nobody looks at what the other process was to do.
+
+        Raises:
+            Astray: always.
+        """
+        why = f"the case copies {self.said}, or hands it to another process"
+        for flags in _present:
+            flags.turn_away(why, _HINT)
+        raise Astray(why, _HINT)
+
+
+class Escapes:
+    """Looks after the threads and the forked copies of one case, from before its set-up to after its teardown.
+
+    Args:
+        flags: turn away whatever drives the bench or writes evidence from there.
+    """
+
+    def __init__(self, flags: StopFlags) -> None:
+        self._flags = flags
+        self._before = frozenset(sys._current_frames())  # noqa: SLF001 - the only list of threads that has all of them
+        self._raised: list[BaseException] = []
+        self._hooks = threading.excepthook, sys.unraisablehook
+        self._mine = self._of_thread, self._of_start
+        threading.excepthook, sys.unraisablehook = self._mine
+        self._reader = -1
+        if hasattr(os, "fork"):
+            self._reader, self._writer = os.pipe()
+            os.set_blocking(self._reader, False)
+            os.set_blocking(self._writer, False)
+            flags.word_home = self._writer
+        _present.append(flags)
+
+    def heard(self) -> list[BaseException]:
+        """Return what has been raised in threads and tried in copies since this was asked last."""
+        raised = self._raised
+        self._raised = []
+        return [*raised, *(Astray(each, _HINT) for each in dict.fromkeys(self._words()))]
+
+    def end(self) -> list[BaseException]:
+        """Return what has escaped, and look after it no longer; ended again, return nothing."""
+        if self._flags not in _present:
+            return []
+        _present.remove(self._flags)
+        found: list[BaseException] = [*self._replaced(), *self._left_threads()]
+        if self._reader >= 0:
+            self._flags.word_home = -1
+            os.close(self._writer)
+            copies = self._left_copies()
+            found += [*self.heard(), *copies]
+            os.close(self._reader)
+            self._reader = -1
+        else:
+            found += self.heard()
+        return found
+
+    def _of_thread(self, args: threading.ExceptHookArgs) -> None:
+        """Be the hook for what ends a thread; what was turned away is noted where that was done."""
+        old = args.thread is not None and args.thread.ident in self._before
+        if not old and args.exc_value is not None and not isinstance(args.exc_value, Astray | SystemExit):
+            self._raised.append(args.exc_value)
+
+    def _of_start(self, unraisable: sys.UnraisableHookArgs) -> None:
+        """Be the hook for what ends a thread that was started without an object of its own."""
+        of_thread = "thread started by" in (unraisable.err_msg or "")
+        if not of_thread:
+            self._hooks[1](unraisable)
+        elif unraisable.exc_value is not None and not isinstance(unraisable.exc_value, Astray):
+            self._raised.append(unraisable.exc_value)
+
+    def _replaced(self) -> list[Escaped]:
+        """Put the hooks back, and tell which of them the case had replaced."""
+        names = ("threading.excepthook", "sys.unraisablehook")
+        found = [
+            Escaped(f"the case replaced {name}, so that nobody saw what ended its threads", f"leave {name} as it is")
+            for name, mine, now in zip(names, self._mine, (threading.excepthook, sys.unraisablehook), strict=True)
+            if now != mine
+        ]
+        threading.excepthook, sys.unraisablehook = self._hooks
+        return found
+
+    def _left_threads(self) -> list[Escaped]:
+        """Return the threads that the case began and that are alive still."""
+        until = wall.monotonic() + _GRACE_S
+        wall.pause(0.0)  # one that was just started has no number of its own before it runs
+        while left := self._begun():
+            if wall.monotonic() >= until:
+                break
+            wall.pause(_GRACE_S / 20)
+        named = {thread.ident: f"thread '{thread.name}'" for thread in threading.enumerate()}
+        hint = "join it before the case ends, in a teardown if need be"
+        return [Escaped(f"{named.get(each, 'a thread')} outlives the case", hint) for each in left]
+
+    def _begun(self) -> list[int]:
+        return sorted({*sys._current_frames()} - self._before)  # noqa: SLF001 - as above
+
+    def _left_copies(self) -> list[Escaped]:
+        """Return whether a copy of the process lives still: it has the other end of the pipe open."""
+        until = wall.monotonic() + _GRACE_S
+        while not self._all_gone():
+            if wall.monotonic() >= until:
+                return [Escaped("a process that the case forked outlives it", "wait for it before the case ends")]
+            select.select([self._reader], [], [], max(0.0, until - wall.monotonic()))
+        return []
+
+    def _all_gone(self) -> bool:
+        """Keep what copies told, and return whether none is left that could."""
+        try:
+            told = os.read(self._reader, _MOST)
+        except BlockingIOError:
+            return False
+        self._raised += [Astray(line, _HINT) for line in dict.fromkeys(told.decode().splitlines())]
+        return not told
+
+    def _words(self) -> list[str]:
+        try:
+            return os.read(self._reader, _MOST).decode().splitlines() if self._reader >= 0 else []
+        except BlockingIOError:
+            return []
