@@ -187,6 +187,9 @@ def make():
         def test_method(self, check):
             check("T-010", "ratio", 9.0)
 
+    test_local = mark(lambda check: check("T-010", "ratio", 9.0))
+    test, rest = divmod(max(7, 9, key=lambda each: -each), 2)
+
     @mark
     def test_made(check):
         check("T-010", "ratio", 1.0)
@@ -212,6 +215,7 @@ def test_no_way_to_write_a_case_hides_it(tmp_path):
     assert {(name, text.partition("(")[0]) for name, text in told} == {
         ("test_nested", "def test_nested"),
         ("test_method", "def test_method"),
+        ("test_local", "test_local = mark"),
         ("test_l", "test_l = mark"),
         ("other", "other = pytest.mark.requirement"),
     }

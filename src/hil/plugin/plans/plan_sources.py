@@ -257,14 +257,24 @@ def _is_collected(path: Path, name: str, collected: Collection[_Place]) -> bool:
 
 def _is_case(path: Path, name: str, value: ast.expr | None) -> bool:
     """Return whether what was assigned to a name can be called; where nobody can know, whether it was written so."""
-    written = value is not None and any(isinstance(each, ast.Lambda) or _is_applied(each) for each in ast.walk(value))
+    local = _LOCALS in name
+    parts = () if value is None else _wrapped(value) if local else ast.walk(value)
+    written = any(isinstance(each, ast.Lambda) or _is_applied(each) for each in parts)
     module = next((each for each in tuple(sys.modules.values()) if getattr(each, "__file__", None) == str(path)), None)
-    if written or module is None or _LOCALS in name or isinstance(value, _LITERALS):
+    if written or module is None or local or isinstance(value, _LITERALS):
         return written
     found: object = module
     for part in name.split("."):
         found = getattr(found, part, None)
     return callable(found)
+
+
+def _wrapped(value: ast.expr) -> Iterator[ast.expr]:
+    """Yield a value and what it wraps as a decorator does: a lambda among other arguments is no case."""
+    yield value
+    while isinstance(value, ast.Call) and len(value.args) == 1 and not value.keywords:
+        value = value.args[0]
+        yield value
 
 
 def _first_line(node: _Function) -> int:
