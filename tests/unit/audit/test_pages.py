@@ -186,7 +186,9 @@ def test_the_summary_says_how_much_and_why():
     assert "Requirements without a case 1" in shown
     assert "Cases without a requirement 1" in shown
     assert "one package cannot be used" in shown
-    assert "from ADCS-GYR-00001" in shown  # where a parent has its reason from
+    assert "CHILD_OPEN ADCS-GYR-00001 is open" in shown  # where a parent has its reason from
+    other = document_of([row(1, reasons=(Reason(code=Code.FAILED, text="it failed", origin="ADCS-2"),))])
+    assert "it failed from ADCS-2" in "".join(page(other)[1].shown)
 
 
 @pytest.mark.parametrize("kind", GapKind)

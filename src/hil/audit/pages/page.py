@@ -263,9 +263,13 @@ class _Rows:
         return f"<ul>{''.join(map(self._reason, row.reasons))}</ul>"
 
     def _reason(self, reason: Reason) -> str:
-        origin = f' <span class="soft">from {self._name(reason.origin)}</span>' if reason.origin else ""
+        told = _text(reason.text)
+        if reason.origin and reason.text.startswith(f"{reason.origin} "):
+            told = f"{self._name(reason.origin)}{_text(reason.text.removeprefix(reason.origin))}"
+        elif reason.origin:
+            told = f'{told} <span class="soft">from {self._name(reason.origin)}</span>'
         package = f"<br>{self._package(reason.package)}" if reason.package else ""
-        return f'<li><span class="code">{reason.code.value}</span> {_text(reason.text)}{origin}{package}</li>'
+        return f'<li><span class="code">{reason.code.value}</span> {told}{package}</li>'
 
     def _package(self, folder: str) -> str:
         found = self._packages.get(folder)
