@@ -45,8 +45,13 @@ def test_a_package_is_laid_out_as_its_workspace_was(copied, root):
     place = copied / "data/place.json"
     odd = 'fix"\nnotify = ["x"]'
     place.write_text(json.dumps({"workspace": {"testplans": "testplans", "fixtures": odd}}))
+    (copied / "data/registers/certificates").mkdir(parents=True)
+    (copied / "data/registers/instruments.yaml").write_text("schema: hil/instruments/1\n")
+    (copied / "data/registers/certificates/a.pdf").write_bytes(b"certificate")
     unpack(Package(copied), root)
     assert (root / odd / "duts.yaml").is_file()
+    assert (root / odd / "instruments.yaml").is_file()
+    assert (root / odd / "certificates/a.pdf").read_bytes() == b"certificate"
     assert (root / "testplans/jig/requirements.yaml").is_file()
     assert len((root / "hil.toml").read_text().splitlines()) == 2
 
