@@ -15,6 +15,7 @@ from hil.executive.cases.artifacts import Artifacts
 from hil.executive.cases.case_run import CaseRun
 from hil.executive.cases.checks import Checks
 from hil.executive.cases.effects import Effects
+from hil.executive.cases.escapes import Escapes
 from hil.executive.cases.facade import Facade
 from hil.executive.cases.operator import Operator
 from hil.executive.cases.recorder import Recorder
@@ -23,6 +24,7 @@ from hil.executive.ending.stop import StopFlags
 from hil.executive.journaling.row_store import RowStore
 from hil.executive.people.answers import Nobody
 from hil.executive.setup.head import PlannedCase
+from hil.executive.setup.workspace import Workspace
 from hil.executive.watching.ports import Distress, NoMachine
 from hil.executive.watching.scheduler import Scheduler
 from hil.executive.watching.timeline import OnBench
@@ -276,6 +278,9 @@ class Case:
             artifact=Artifacts(steps, effects, self.written, folder / "data/attachments", set()),
             operator=Operator(answers or Nobody(), effects, steps, self.written, self.scheduler.point),
             scheduler=self.scheduler,
+            escapes=Escapes(
+                self.flags, Workspace(folder, "", folder / "testplans", folder / "fixtures", folder / "reports")
+            ),
             journal=self.written,
             source=Source.SIMULATED,
             used=used,

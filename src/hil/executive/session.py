@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from traceback import walk_tb
 from typing import Protocol
 
 from hil.bench.bound import BoundBench
@@ -233,7 +232,6 @@ class Session:
         effects = Effects(journal, steps, self._beginning.recall, turn.undisturbed)
         requirements = {name: self.configuration.catalogue.requirement(name) for name in planned.requirements}
         self._began_ns = self.bench.clock.now_ns()
-        self._escapes = Escapes(self.flags)
         used: dict[str, Source] = {}
         self.current = CaseRun(
             planned=planned,
@@ -245,10 +243,12 @@ class Session:
             operator=Operator(self._answers, effects, steps, journal, scheduler.point),
             artifact=Artifacts(steps, effects, journal, self.folder / ATTACHMENTS, self._made),
             scheduler=scheduler,
+            escapes=Escapes(self.flags, self.configuration.workspace),
             journal=journal,
             source=self.bench.source,
             used=used,
         )
+        self.current.escapes.begin()
         self._keep_failed()
         scheduler.begin_case(self.current, round(planned.max_duration_s * 1e9))
         if self.machine is None:  # of any other the guardian ends what does not return
@@ -275,8 +275,7 @@ class Session:
         if self.flags.astray:
             run.raised(Astray(self.flags.astray))
             self.flags.astray = ""
-        for escaped in self._escapes.end():
-            run.raised(escaped, self.place_of(escaped))
+        run.escapes.end(run.raised)
         scheduler = self.keeper.scheduler
         if self.flags.reason and (scheduler.refused or scheduler.lost or self.flags.cuts):
             run.raised(Stopped(self.flags.reason))  # whatever the case made of it
@@ -300,20 +299,6 @@ class Session:
         with suppress(OSError):  # a full disk is reported by its own watch
             self.record.transcript.flush()
         return outcome.verdict
-
-    def hear(self, run: CaseRun) -> None:
-        """Note what was raised in threads of a case so far, and tried in copies of the process."""
-        for error in self._escapes.heard():
-            run.raised(error, self.place_of(error))
-
-    def place_of(self, error: BaseException) -> str:
-        """Return file and line of the innermost code of the plan or the fixtures that an error came through."""
-        workspace, found = self.configuration.workspace, ""
-        for frame, line in walk_tb(error.__traceback__):
-            path = Path(frame.f_code.co_filename)
-            if path.is_relative_to(workspace.testplans) or path.is_relative_to(workspace.fixtures):
-                found = f"{workspace.shown(path)}:{line}"
-        return found
 
     def not_run(self, case: str, reason: str) -> None:
         """Note that a planned case is not run."""

@@ -163,7 +163,7 @@ class Campaign:
             raise
         except BaseException as error:
             if run is not None:
-                run.raised(error, self.running.place_of(error))
+                run.raised(error, run.escapes.place_of(error))
             raise
 
     @pytest.hookimpl(wrapper=True)
@@ -178,9 +178,9 @@ class Campaign:
         if call.excinfo is not None and call.excinfo.errisinstance((pytest.skip.Exception, pytest.xfail.Exception)):
             _skip_within(run, call.excinfo.value)
         elif call.excinfo is not None:
-            run.raised(call.excinfo.value, self.running.place_of(call.excinfo.value))
+            run.raised(call.excinfo.value, run.escapes.place_of(call.excinfo.value))
             self._stop(item.session, call.excinfo.value)
-        self.running.hear(run)
+        run.escapes.hear(run.raised)
         if call.when == "call":
             run.finish()
             _judge(report, run)

@@ -77,6 +77,11 @@ class JournalLine:
     rest: bytes
 
     @property
+    def sha256(self) -> str:
+        """The SHA-256 of the line, as the next one names it."""
+        return hashlib.sha256(_START + self.raw + self.rest).hexdigest()
+
+    @property
     def canonical(self) -> bool:
         """Whether every byte of the line is as the writer writes it."""
         end = len(_BEFORE_PREVIOUS) + len(FIRST)

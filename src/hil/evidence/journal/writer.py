@@ -79,6 +79,16 @@ class Journal:
         return self._lost
 
     @property
+    def count(self) -> int:
+        """How many events it holds."""
+        return self._sequence
+
+    @property
+    def head(self) -> str:
+        """The SHA-256 of its last line, as the next one will name it."""
+        return self._head.decode()
+
+    @property
     def last_t(self) -> float:
         """Bench time of the newest event."""
         return self._last_t

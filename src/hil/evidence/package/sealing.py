@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from hil.evidence.journal.reader import JournalReading, cut_torn_tail, read_jour
 from hil.evidence.journal.writer import Journal
 from hil.evidence.ledger.book import head
 from hil.evidence.ledger.entries import Sealed
+from hil.evidence.ledger.heads import require_uncut
 from hil.evidence.ledger.packages import enter
 from hil.evidence.package.bag import (
     MANIFEST,
@@ -331,6 +333,8 @@ def _seal_as_it_is(folder: Path, write_reports: ReportWriter) -> str:
             f"{folder.name}: cannot seal: the journal is damaged: {reading.findings[0]}",
             "keep the folder; hil verify shows what is wrong",
         )
+    with suppress(EvidenceError):  # evidence does not wait for a ledger that cannot be read
+        require_uncut(folder, reading, "seal")
     if not reading.lines:
         raise Refused(f"{folder.name}: nothing was recorded", "the folder can be deleted")
     state = fold(reading.events)

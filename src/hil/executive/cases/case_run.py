@@ -14,7 +14,7 @@ from hil.evidence.results.ruling import rule, silence
 from hil.executive.cases.artifacts import Artifacts
 from hil.executive.cases.checks import CheckFailed, Checks
 from hil.executive.cases.effects import Effects
-from hil.executive.cases.escapes import OfThisProcess
+from hil.executive.cases.escapes import Escapes, OfThisProcess
 from hil.executive.cases.operator import Operator
 from hil.executive.cases.recorder import Recorder
 from hil.executive.cases.recording import data_checks
@@ -59,6 +59,7 @@ class CaseRun(OfThisProcess):
     operator: Operator
     artifact: Artifacts
     scheduler: Scheduler
+    escapes: Escapes
     journal: EventSink
     source: Source
     used: dict[str, Source] = field(default_factory=dict)

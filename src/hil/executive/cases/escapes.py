@@ -6,10 +6,14 @@ import os
 import select
 import sys
 import threading
+from collections.abc import Callable
+from pathlib import Path
+from traceback import walk_tb
 from typing import ClassVar, NoReturn, SupportsIndex
 
 from hil.clock import wall
 from hil.executive.ending.stop import Astray, StopFlags
+from hil.executive.setup.workspace import Workspace
 from hil.model.errors import HilError
 
 __all__ = ["Escaped", "Escapes", "OfThisProcess"]
@@ -19,6 +23,9 @@ _GRACE_S = 0.2
 
 _MOST = 1 << 16
 _HINT = "call roles, record, check and step where the case runs; compute elsewhere"
+Tell = Callable[[BaseException, str], None]
+"""Takes what escaped, and the place in the plan that it came from."""
+
 _present: list[StopFlags] = []
 
 
@@ -48,45 +55,61 @@ class Escapes:
 
     Args:
         flags: turn away whatever drives the bench or writes evidence from there.
+        workspace: where the case's code is.
     """
 
-    def __init__(self, flags: StopFlags) -> None:
+    def __init__(self, flags: StopFlags, workspace: Workspace) -> None:
         self._flags = flags
-        self._before = frozenset(sys._current_frames())  # noqa: SLF001 - the only list of threads that has all of them
+        self._workspace = workspace
         self._raised: list[BaseException] = []
+        self._reader = self._writer = -1
+
+    def begin(self) -> None:
+        """Begin to look."""
+        self._before = frozenset(sys._current_frames())  # noqa: SLF001 - the only list of threads that has all of them
         self._hooks = threading.excepthook, sys.unraisablehook
         self._mine = self._of_thread, self._of_start
         threading.excepthook, sys.unraisablehook = self._mine
-        self._reader = -1
         if hasattr(os, "fork"):
             self._reader, self._writer = os.pipe()
             os.set_blocking(self._reader, False)
             os.set_blocking(self._writer, False)
-            flags.word_home = self._writer
-        _present.append(flags)
+            self._flags.word_home = self._writer
+        _present.append(self._flags)
 
-    def heard(self) -> list[BaseException]:
-        """Return what has been raised in threads and tried in copies since this was asked last."""
-        raised = self._raised
-        self._raised = []
-        return [*raised, *(Astray(each, _HINT) for each in dict.fromkeys(self._words()))]
+    def place_of(self, error: BaseException) -> str:
+        """Return file and line of the innermost code of the plan or the fixtures that an error came through."""
+        workspace, found = self._workspace, ""
+        for frame, line in walk_tb(error.__traceback__):
+            path = Path(frame.f_code.co_filename)
+            if path.is_relative_to(workspace.testplans) or path.is_relative_to(workspace.fixtures):
+                found = f"{workspace.shown(path)}:{line}"
+        return found
 
-    def end(self) -> list[BaseException]:
-        """Return what has escaped, and look after it no longer; ended again, return nothing."""
+    def hear(self, tell: Tell) -> None:
+        """Tell what has been raised in threads and tried in copies since this was asked last."""
+        if self._reader >= 0:
+            self._all_gone()
+        raised, self._raised = self._raised, []
+        for error in raised:
+            tell(error, self.place_of(error))
+
+    def end(self, tell: Tell) -> None:
+        """Tell what has escaped, and look after it no longer; ended again, tell nothing."""
         if self._flags not in _present:
-            return []
+            return
         _present.remove(self._flags)
-        found: list[BaseException] = [*self._replaced(), *self._left_threads()]
+        found = [*self._replaced(), *self._left_threads()]
         if self._reader >= 0:
             self._flags.word_home = -1
             os.close(self._writer)
-            copies = self._left_copies()
-            found += [*self.heard(), *copies]
+            found += self._left_copies()
+        self.hear(tell)
+        for error in found:
+            tell(error, "")
+        if self._reader >= 0:
             os.close(self._reader)
             self._reader = -1
-        else:
-            found += self.heard()
-        return found
 
     def _of_thread(self, args: threading.ExceptHookArgs) -> None:
         """Be the hook for what ends a thread; what was turned away is noted where that was done."""
@@ -145,9 +168,3 @@ class Escapes:
             return False
         self._raised += [Astray(line, _HINT) for line in dict.fromkeys(told.decode().splitlines())]
         return not told
-
-    def _words(self) -> list[str]:
-        try:
-            return os.read(self._reader, _MOST).decode().splitlines() if self._reader >= 0 else []
-        except BlockingIOError:
-            return []

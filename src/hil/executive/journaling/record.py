@@ -20,6 +20,7 @@ from hil.evidence.package.sealing import ReportWriter, event_of, seal
 from hil.executive.ending.stop import StopFlags
 from hil.executive.journaling.checkpoints import Checkpoints
 from hil.executive.journaling.events import DISK_FULL, Caller, Events, Listener, Retraced
+from hil.executive.journaling.heads import Heads
 from hil.executive.journaling.row_store import RowStore
 from hil.executive.people.questions import Elsewhere
 from hil.executive.setup.configuration import Configuration
@@ -244,6 +245,8 @@ class Record:
         self.events = Events(self._journal, flags, beginning.past(self._journal), caller)
         for listener in listeners:
             self.events.listen(listener)
+        if leases:  # nobody resumes a rehearsal
+            self.events.listen(self._heads(live=configuration.reach is not None), *Heads.hears)
         self.store = RowStore(self.folder, self.events, again=beginning.resumes, caller=caller)
         past = past_lines(self.folder / TRANSCRIPT) if beginning.resumes else None
         self._sink = FileIO(self.folder / TRANSCRIPT, "a" if past else "w")
@@ -269,6 +272,11 @@ class Record:
         if checkpoints:
             self._checkpoints = Checkpoints(self.folder, bench)
             self.events.listen(self._released, HoldEnd)
+
+    def _heads(self, *, live: bool) -> Heads:
+        return Heads(
+            self.folder, self._journal, lambda text: self.events.write(events.Anomaly(text=text)), all_of_them=live
+        )
 
     def leave_open(self) -> None:
         """Write down where the bench is, and close everything without a seal, so that the run can be resumed."""

@@ -16,6 +16,7 @@ from hil.evidence import events
 from hil.evidence.folder import JOURNAL, hold, is_sealed
 from hil.evidence.journal.past import entries
 from hil.evidence.journal.reader import Body, JournalLine, cut_torn_tail, read_journal, require_known_format
+from hil.evidence.ledger.heads import require_uncut
 from hil.evidence.state import RunState, fold, standing
 from hil.executive.journaling.checkpoints import read_checkpoint
 from hil.executive.watching.arming import FIRST_ARMING
@@ -222,6 +223,7 @@ def find_earlier(folder: Path) -> Earlier:
             f"{folder.name}: cannot resume: the journal is damaged: {reading.findings[0]}",
             "keep the folder; hil verify shows what is wrong",
         )
+    require_uncut(folder, reading, "resume")
     head = tuple(takewhile(lambda line: isinstance(line.event, _HEAD), reading.lines))
     earlier = Earlier(
         folder=folder,

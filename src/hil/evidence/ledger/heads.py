@@ -1,0 +1,43 @@
+"""Heads of journals in the ledger: a journal that is shorter than one of them, or another one, was cut or rewritten."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hil.evidence.journal.reader import JournalReading
+from hil.evidence.ledger.book import read
+from hil.evidence.ledger.entries import Head
+from hil.model.errors import Refused
+
+__all__ = ["require_uncut"]
+
+_HINT = "keep the folder as it is, and find out who changed it; the run is repeated as a new one"
+
+
+def require_uncut(folder: Path, reading: JournalReading, what: str) -> None:
+    """Require that a journal holds every event that the ledger of its folder of reports saw of it.
+
+    Args:
+        folder: the run's folder.
+        reading: its journal, whose chain is whole.
+        what: what is to be done with the run, such as `resume`.
+
+    Raises:
+        Refused: if it is shorter, or has another event in a place.
+        EvidenceError: if the ledger is there and cannot be read.
+    """
+    heads = read(folder.parent).of(Head, folder.name)
+    for seen in sorted(heads, key=lambda each: -each.events):
+        count = len(reading.lines)
+        if count < seen.events:
+            raise Refused(
+                f"{folder.name}: cannot {what}: the journal has {count} events, and the ledger saw event {seen.events}"
+                f" on {seen.utc}: it was cut",
+                _HINT,
+            )
+        if reading.lines[seen.events - 1].sha256 != seen.sha256:
+            raise Refused(
+                f"{folder.name}: cannot {what}: event {seen.events} of the journal is not the one that the ledger saw"
+                f" on {seen.utc}: it was rewritten",
+                _HINT,
+            )

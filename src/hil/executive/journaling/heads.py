@@ -1,0 +1,101 @@
+"""Heads of the running journal in the ledger, outside of the package: what is known there cannot be cut off again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import ClassVar
+
+from hil.clock import wall
+from hil.evidence import events
+from hil.evidence.journal.writer import Journal
+from hil.evidence.ledger.book import append
+from hil.evidence.ledger.entries import Head
+from hil.model.errors import EvidenceError
+from hil.model.verdict import Verdict
+
+__all__ = ["Heads"]
+
+_APART_S = 1.0
+"""Heads of checks that are good come so far apart; the next event brings what waits."""
+
+_LEARNS = frozenset({"asks", "reads", "records"})
+
+
+class Heads:
+    """Enters the head of a run's journal in the ledger, at every event that nobody may take back.
+
+    That is the plan, the first reading of an attempt, every check, the end of a case, a loss, a stop. The journal is
+    on the disk up to there before: after a power cut it holds all that the ledger saw. Of a bench in the process of
+    the run, which closes nothing, only plan and stop are entered.
+
+    Args:
+        folder: the run's folder; the ledger is beside it.
+        journal: its journal.
+        tell: is told once that the ledger cannot be written; the run goes on.
+        all_of_them: whether more than plan and stop are entered.
+
+    Attributes:
+        hears: the kinds of events that it has to be shown.
+    """
+
+    hears: ClassVar[tuple[type[events.Event], ...]] = (
+        events.Case,
+        events.CaseEnd,
+        events.Check,
+        events.Effect,
+        events.Lost,
+        events.Planned,
+        events.Recording,
+        events.Step,
+        events.Stop,
+    )
+
+    def __init__(self, folder: Path, journal: Journal, tell: Callable[[str], None], *, all_of_them: bool) -> None:
+        self._folder = folder
+        self._journal = journal
+        self._tell = tell
+        self._all = all_of_them
+        self._learnt = self._told = self._waits = False
+        self._entered = journal.count
+        self._last = -_APART_S
+
+    def __call__(self, event: events.Event) -> None:
+        """Enter the head, if this event is new and one of those; what comes again is known already."""
+        if self._journal.count <= self._entered:
+            return
+        if isinstance(event, events.Planned | events.Stop):
+            self._enter(event)
+        elif self._all and self._counts(event):
+            patient = isinstance(event, events.Check) and event.verdict in {Verdict.PASS, Verdict.RECORDED}
+            if patient and wall.monotonic() - self._last < _APART_S:
+                self._waits = True
+            else:
+                self._enter(event)
+        elif self._waits and wall.monotonic() - self._last >= _APART_S:
+            self._enter(event)
+
+    def _counts(self, event: events.Event) -> bool:
+        """Return whether nobody may take an event back; of what a case reads the first of an attempt is enough."""
+        match event:
+            case events.Case() | events.Step():
+                if isinstance(event, events.Case) or event.turn is not None:
+                    self._learnt = False
+                return False
+            case events.Effect() | events.Recording():
+                learns = isinstance(event, events.Recording) or (event.effect in _LEARNS and not event.raised)
+                first, self._learnt = learns and not self._learnt, self._learnt or learns
+                return first
+        return True
+
+    def _enter(self, event: events.Event) -> None:
+        state = "INTERRUPTED" if isinstance(event, events.Stop) else "RUNNING"
+        self._waits, self._last, self._entered = False, wall.monotonic(), self._journal.count
+        try:
+            self._journal.sync()
+            count, head = self._journal.count, self._journal.head
+            append(self._folder.parent, Head(run=self._folder.name, events=count, sha256=head, state=state))
+        except (OSError, EvidenceError) as error:
+            if not self._told:
+                self._told = True
+                self._tell(f"the ledger does not know how far this run came: {error}")
