@@ -279,7 +279,7 @@ class Case:
             operator=Operator(answers or Nobody(), effects, steps, self.written, self.scheduler.point),
             scheduler=self.scheduler,
             escapes=Escapes(
-                self.flags, Workspace(folder, "", folder / "testplans", folder / "fixtures", folder / "reports")
+                self.flags, Workspace(root=folder, name="", testplans=folder, fixtures=folder, reports=folder)
             ),
             journal=self.written,
             source=Source.SIMULATED,
