@@ -10,7 +10,17 @@ from typing import Any
 
 from hil.documents.canonical import JsonError, canonical, parse_strict
 from hil.evidence.durable import read_plain
-from hil.evidence.events import Check, End, Frozen, FrozenLater, Recovered, Results, Run
+from hil.evidence.events import (
+    Check,
+    End,
+    Frozen,
+    FrozenLater,
+    Recording,
+    RecordingEnd,
+    Recovered,
+    Results,
+    Run,
+)
 from hil.evidence.folder import ATTACHMENTS, CALIBRATION, CATALOGUE, JOURNAL, PARAMETERS, RECORDINGS, RESULTS
 from hil.evidence.journal.reader import JournalReading
 from hil.evidence.package.bag import INFO, identifier_of, is_named
@@ -19,7 +29,7 @@ from hil.evidence.package.judging import judge_again
 from hil.evidence.package.listing import shown
 from hil.evidence.package.sealing import info_of
 from hil.evidence.package.twice import LOOKS
-from hil.evidence.recordings.hdf5 import hashes_of
+from hil.evidence.recordings.hdf5 import differing_facts, hashes_of
 from hil.evidence.results.derived import results_of
 from hil.evidence.results.facts import Catalogue, DamagedFile, facts_of
 from hil.evidence.results.outcome import FORMAT, write_outcome
@@ -276,6 +286,13 @@ def _recording_findings(folder: Path, reading: JournalReading, hashes: Hashes) -
             yield Finding(shown(path), 0, 0, "the recording is missing")
         elif hashes[path] == written.get(path):
             yield from guarded(partial(_row_findings, folder, path, claim, ended.rows), shown(path))
+            if (begun := state.recordings.get(identifier)) is not None:
+                yield from guarded(partial(_fact_findings, folder / path, begun, ended), shown(path))
+
+
+def _fact_findings(path: Path, begun: Recording, ended: RecordingEnd) -> Iterator[Finding]:
+    for text in differing_facts(path, begun=begun, ended=ended):
+        yield Finding(f"{RECORDINGS}/{path.name}", 0, 0, shown(text))
 
 
 def _row_findings(folder: Path, path: str, claim: Mapping[int, str], rows: int) -> Iterator[Finding]:

@@ -10,7 +10,17 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Dataset", "add_dataset", "describe", "listed_words", "open_dataset", "read_part", "write_part"]
+__all__ = [
+    "Dataset",
+    "add_dataset",
+    "describe",
+    "listed_words",
+    "open_dataset",
+    "read_part",
+    "require_own",
+    "told_of",
+    "write_part",
+]
 
 Dataset = Any
 """An open dataset of one dimension; h5py publishes no types."""
@@ -30,14 +40,77 @@ def add_dataset(group: Any, name: str, rows: int) -> Dataset:  # noqa: ANN401 - 
 
 
 def open_dataset(group: Any, name: str) -> Dataset:  # noqa: ANN401 - h5py publishes no types
-    """Open a dataset of an open file or group.
+    """Open a dataset of an open file or group, whose numbers must all be in that file itself.
 
     Raises:
         KeyError: if there is no such dataset.
+        ValueError: if its numbers are elsewhere, or cannot be read without somebody's filter.
     """
-    from h5py import h5d  # noqa: PLC0415 - slow to import
+    from h5py import h5d, h5t  # noqa: PLC0415 - slow to import
 
-    return h5d.open(group.id, name.encode(), _access())
+    require_own(group, name)
+    dataset = h5d.open(group.id, name.encode(), _access())
+    made = dataset.get_create_plist()
+    if made.get_external_count():
+        raise ValueError(f"the numbers of '{name}' are in another file")
+    if made.get_layout() == h5d.VIRTUAL:
+        raise ValueError(f"'{name}' is a view of other datasets")
+    if foreign := {made.get_filter(place)[0] for place in range(made.get_nfilters())} - _filters():
+        raise ValueError(f"'{name}' is stored with a filter that no recording has: {min(foreign)}")
+    if dataset.get_type() != h5t.IEEE_F64LE:
+        raise ValueError(f"'{name}' does not hold numbers of 64 bits, little-endian")
+    return dataset
+
+
+def require_own(group: Any, name: str) -> None:  # noqa: ANN401 - h5py publishes no types
+    """Require that a name of an open file or group leads to an object of this file, and not to a link.
+
+    Raises:
+        KeyError: if there is no such name.
+        ValueError: if it is a link to another place or file; it is not followed.
+    """
+    from h5py import h5l  # noqa: PLC0415 - slow to import
+
+    if group.id.links.get_info(name.encode()).type != h5l.TYPE_HARD:
+        raise ValueError(f"'{name}' is a link to another place")
+
+
+def told_of(thing: Any) -> dict[str, Any]:  # noqa: ANN401 - h5py publishes no types
+    """Return the attributes of an open file or dataset: words, numbers, flags, lists of words.
+
+    Raises:
+        ValueError: for one of another type, such as a reference to an object.
+    """
+    from h5py import h5a, h5t  # noqa: PLC0415 - slow to import
+
+    found: dict[str, Any] = {}
+    for place in range(h5a.get_num_attrs(thing)):
+        attribute = h5a.open(thing, index=place)
+        name, kind = attribute.name.decode(), attribute.get_type().get_class()
+        if kind not in {h5t.INTEGER, h5t.FLOAT, h5t.STRING, h5t.ENUM}:
+            raise ValueError(f"attribute '{name}' is neither a word nor a number")
+        if kind == h5t.STRING:
+            words = listed_words(thing, name)
+            found[name] = words if attribute.shape else words[0]
+        else:
+            found[name] = _number(attribute)
+    return found
+
+
+def _number(attribute: Any) -> Any:  # noqa: ANN401 - h5py publishes no types
+    import numpy as np  # noqa: PLC0415 - slow to import
+
+    values = np.empty(attribute.shape, attribute.dtype)
+    attribute.read(values)
+    return values.item() if not attribute.shape else values.tolist()
+
+
+@cache
+def _filters() -> frozenset[int]:
+    """Return the filters that every HDF5 library has built in."""
+    from h5py import h5z  # noqa: PLC0415 - slow to import
+
+    return frozenset({h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE, h5z.FILTER_FLETCHER32})
 
 
 def write_part(dataset: Dataset, start: int, values: NDArray[np.float64]) -> None:
@@ -96,7 +169,7 @@ def listed_words(thing: Any, name: str) -> list[str]:  # noqa: ANN401 - h5py pub
     attribute = h5a.open(thing, name.encode())
     array = np.empty(attribute.shape, dtype=_words())
     attribute.read(array, _kinds(array.dtype)[1])
-    return [word.decode() for word in array]
+    return [word.decode() for word in array.ravel()]
 
 
 @cache

@@ -18,6 +18,8 @@ from hil.evidence.recordings.datasets import (
     listed_words,
     open_dataset,
     read_part,
+    require_own,
+    told_of,
     write_part,
 )
 from hil.evidence.recordings.row_file import BLOCK, PIECE, Columns, RowsFile, header_line, read_rows, row_blocks, table
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Recorded",
     "convert",
+    "differing_facts",
     "hashes_of",
     "read_blocks",
     "read_column",
@@ -249,6 +252,35 @@ def hashes_of(path: Path, at: Sequence[int]) -> list[tuple[int, str]]:
         return list(_hashes([*sets.values()], at))
 
 
+def differing_facts(path: Path, *, begun: Recording, ended: RecordingEnd) -> Iterator[str]:
+    """Give a sentence for every attribute of an HDF5 file that is not what the journal says of the recording.
+
+    Raises:
+        EvidenceError: if the file cannot be read.
+    """
+    with _open(path) as sets:
+        names = [channel.name for channel in begun.channels]
+        if [*sets] != ["time", *names]:
+            yield f"its channels are {', '.join([*sets][1:])}, and the journal has {', '.join(names)}"
+            return
+        import h5py  # noqa: PLC0415 - slow to import
+
+        due = [(h5py.h5i.get_file_id(sets["time"]), "", _facts(begun, ended) | {"order": names or [""]})]
+        facts = [_TIME, *map(_facts_of_channel, begun.channels)]
+        due += [(dataset, f"{name}: ", each) for (name, dataset), each in zip(sets.items(), facts, strict=True)]
+        for thing, where, right in due:
+            told, known = told_of(thing), {key: value for key, value in right.items() if value is not None}
+            for key in sorted(told.keys() | known.keys()):
+                if told.get(key) != known.get(key):
+                    was, is_due = map(_plain, (told.get(key), known.get(key)))
+                    yield f"{where}attribute '{key}' is {was!r}, and the journal has {is_due!r}"
+
+
+def _plain(value: object) -> object:
+    """Return a value as it is shown: the words of an enumeration as texts."""
+    return str(value) if isinstance(value, str) else value
+
+
 @contextmanager
 def _open(path: Path) -> Iterator[dict[str, Dataset]]:
     """Open a recording's HDF5 file: `time`, and the channels in their order.
@@ -279,8 +311,12 @@ def _hashes(sets: Sequence[Dataset], at: Sequence[int]) -> Iterator[tuple[int, s
 
 def _sets(file: Any) -> dict[str, Dataset]:  # noqa: ANN401 - h5py publishes no types
     """Return `time` and the channels in their order, open."""
+    require_own(file, "channels")
     group = file["channels"]
     channels = {name: open_dataset(group, name) for name in listed_words(file.id, "order") if name}
+    for holder, names in ((file, {"channels", "time"}), (group, {*channels})):
+        if more := sorted({*holder} - names):
+            raise ValueError(f"'{more[0]}' is no part of a recording")
     return {"time": open_dataset(file, "time"), **channels}
 
 
