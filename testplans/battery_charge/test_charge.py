@@ -158,8 +158,7 @@ def end_currents(lines):
     """Return the current [A] of the last line of each charge, by number of the cycle."""
     charging = lines["phase"] == 1.0
     return {
-        int(cycle): float(current)
-        for cycle, current in zip(lines["cycle"][charging], lines["current"][charging], strict=True)
+        int(cycle): current for cycle, current in zip(lines["cycle"][charging], lines["current"][charging], strict=True)
     }
 
 

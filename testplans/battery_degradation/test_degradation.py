@@ -17,6 +17,7 @@ from hil.analysis import (
     not_observable,
     observed,
     series,
+    share_known,
 )
 from hil.analysis import (
     cycles as cycles_of,
@@ -161,8 +162,8 @@ def row_of(number, part, limits):
     found = cycles_of(data, limits)
     charge, discharge = (found[0].charge, found[0].discharge) if found else (None, None)
     charging = part["current"][part["phase"] == 1.0]
-    row["end_current"] = float(charging[-1]) if len(charging) else math.nan
-    row["duration"] = float(part["time"][-1] - part["time"][0]) + LINE_S
+    row["end_current"] = charging[-1] if len(charging) else math.nan
+    row["duration"] = part["time"][-1] - part["time"][0] + LINE_S
     for name, half in (("charge", charge), ("discharge", discharge)):
         if half is not None:
             row |= {
@@ -240,13 +241,13 @@ def total(rows, column):
 
 def share(rows, column):
     """Return which part of the cycles has a number there."""
-    return Figure(value=sum(math.isfinite(row[column]) for row in rows) / len(rows), unit="1")
+    return share_known([row[column] for row in rows])
 
 
 def elapsed_ratio(rows, test, parts):
     """Return cycles times their mean duration over the time of the lines that count, without stops of the run."""
     durations = [row["duration"] for row in rows if math.isfinite(row["duration"])]
-    spans = [float(test.time[end - 1] - test.time[first]) + LINE_S for _, first, end in parts if end > first]
+    spans = [test.time[end - 1] - test.time[first] + LINE_S for _, first, end in parts if end > first]
     if not durations or not spans:
         return not_observable("1")
     elapsed = sum(spans)

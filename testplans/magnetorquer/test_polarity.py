@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from hil.analysis import direction, expected_field, field_ratio, linearity, odd_response, resistance
-from hil.plan import Figure
 
 BOARDS = ("x_plus", "x_minus", "y_plus", "y_minus", "z_plus", "z_minus")
 OUTWARD_NORMAL = (0.0, 0.0, 1.0)
@@ -74,9 +73,9 @@ def test_polarity(board, operator, coil, field, record, check, step, iterations,
     voltages, currents = zip(*readings, strict=True)
     expected = expected_field(
         parameters.turns,
-        Figure(value=parameters.side_a, unit="m", uncertainty=parameters.side_uncertainty),
-        Figure(value=parameters.side_b, unit="m", uncertainty=parameters.side_uncertainty),
-        Figure(value=parameters.distance, unit="m", uncertainty=parameters.distance_uncertainty),
+        parameters.figure("side_a", uncertainty="side_uncertainty"),
+        parameters.figure("side_b", uncertainty="side_uncertainty"),
+        parameters.figure("distance", uncertainty="distance_uncertainty"),
         currents[0],
     )
     gain = scale_uncertainty(repetitions[0][0])

@@ -31,7 +31,7 @@ class Sink:
 def test_a_check(cost):
     """Limit, unit, expanded uncertainty and decision; without the disk."""
     sink = Sink()
-    check = Checks({REQUIREMENT.id: REQUIREMENT}, Steps("case", sink, lambda: 0.0), sink, used=())
+    check = Checks({REQUIREMENT.id: REQUIREMENT}, Steps("case", sink, lambda: 0.0), sink)
 
     def many():
         for _ in range(CALLS):

@@ -10,8 +10,8 @@ from scipy.signal import lfilter
 from scipy.stats import binom
 from scipy.stats import t as student
 
-from hil.analysis.statistics import correlation_time, effective_dof, mean, root_sum_square
-from hil.model.figure import Figure, FigureStatus
+from hil.analysis.statistics import correlation_time, mean, root_sum_square
+from hil.model.figure import Figure, FigureStatus, effective_dof
 
 
 def wandering(generator, phi, size):

@@ -273,7 +273,7 @@ class Case:
             requirements=chosen,
             steps=steps,
             effects=effects,
-            check=Checks(chosen, steps, self.written, used),
+            check=Checks(chosen, steps, self.written),
             record=Recorder(steps, self.scheduler, effects, self.store, Source.SIMULATED),
             artifact=Artifacts(steps, effects, self.written, folder / "data/attachments", set()),
             operator=Operator(answers or Nobody(), effects, steps, self.written, self.scheduler.point),

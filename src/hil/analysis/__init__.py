@@ -23,12 +23,20 @@ if TYPE_CHECKING:
     from hil.analysis.coil import expected_field, field_ratio, linearity, resistance
     from hil.analysis.gyroscope.calibrate import calibrate
     from hil.analysis.gyroscope.interchange import as_c_header, as_json, from_json
-    from hil.analysis.gyroscope.readings import Reading
-    from hil.analysis.gyroscope.self_check import export_disagreements
+    from hil.analysis.gyroscope.readings import Reading, reading
+    from hil.analysis.gyroscope.self_check import export_disagreements, reproduction
     from hil.analysis.magnetics import direction, odd_response
     from hil.analysis.quality import Facts, tripped
     from hil.analysis.sampling import assess
-    from hil.analysis.statistics import mean, not_observable, observed
+    from hil.analysis.statistics import (
+        magnitude,
+        mean,
+        not_observable,
+        observed,
+        share_known,
+        standard_deviation,
+        widened,
+    )
     from hil.analysis.tables import Column, as_csv
 
 __all__ = [
@@ -57,15 +65,21 @@ __all__ = [
     "field_ratio",
     "from_json",
     "linearity",
+    "magnitude",
     "mean",
     "not_observable",
     "observed",
     "odd_response",
+    "reading",
+    "reproduction",
     "resistance",
     "rest_mean",
     "series",
+    "share_known",
+    "standard_deviation",
     "summarise",
     "tripped",
+    "widened",
 ]
 
 _MODULES = {
@@ -82,12 +96,12 @@ _MODULES = {
     "coil": ("expected_field", "field_ratio", "linearity", "resistance"),
     "gyroscope.calibrate": ("calibrate",),
     "gyroscope.interchange": ("as_c_header", "as_json", "from_json"),
-    "gyroscope.readings": ("Reading",),
-    "gyroscope.self_check": ("export_disagreements",),
+    "gyroscope.readings": ("Reading", "reading"),
+    "gyroscope.self_check": ("export_disagreements", "reproduction"),
     "magnetics": ("direction", "odd_response"),
     "quality": ("Facts", "tripped"),
     "sampling": ("assess",),
-    "statistics": ("mean", "not_observable", "observed"),
+    "statistics": ("magnitude", "mean", "not_observable", "observed", "share_known", "standard_deviation", "widened"),
     "tables": ("Column", "as_csv"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}

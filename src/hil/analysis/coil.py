@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.analysis.statistics import effective_dof, not_observable, root_sum_square
-from hil.model.figure import Figure, FigureStatus
+from hil.analysis.statistics import not_observable, root_sum_square
+from hil.analysis.tracing import traced
+from hil.model.figure import Figure, FigureStatus, effective_dof
 
 __all__ = ["copper_at", "expected_field", "field_ratio", "linearity", "on_axis_rectangle", "resistance"]
 
@@ -40,6 +41,7 @@ def on_axis_rectangle(turns: float, side_a: float, side_b: float, distance: floa
     return factor * (1 / (square + quarter_a) + 1 / (square + quarter_b))
 
 
+@traced
 def expected_field(turns: float, side_a: Figure, side_b: Figure, distance: Figure, current: Figure) -> Figure:
     """Return `on_axis_rectangle` in uT with the uncertainties of its arguments carried along (GUM 10).
 
@@ -59,6 +61,7 @@ def expected_field(turns: float, side_a: Figure, side_b: Figure, distance: Figur
     return Figure(value=_microtesla(turns, point), unit="uT", uncertainty=uncertainty, dof=dof)
 
 
+@traced
 def field_ratio(measured: Figure, expected: Figure, *, gain: float = 0.0) -> Figure:
     """Return measured over expected field in `1`; below zero where the field points the wrong way.
 
@@ -78,6 +81,7 @@ def field_ratio(measured: Figure, expected: Figure, *, gain: float = 0.0) -> Fig
     return Figure(value=ratio, unit="1", uncertainty=uncertainty, dof=dof)
 
 
+@traced
 def resistance(voltages: Sequence[Figure], currents: Sequence[Figure]) -> Figure:
     """Return the resistance in ohm from pairs of voltage and current.
 
@@ -113,6 +117,7 @@ def resistance(voltages: Sequence[Figure], currents: Sequence[Figure]) -> Figure
     return Figure(value=value, unit="ohm", uncertainty=spread, dof=effective_dof(parts))
 
 
+@traced
 def copper_at(measured: Figure, temperature: Figure, *, reference: float = _REFERENCE) -> Figure:
     """Return what a copper resistance measured at one temperature is at another one.
 
@@ -133,6 +138,7 @@ def copper_at(measured: Figure, temperature: Figure, *, reference: float = _REFE
     return Figure(value=value, unit="ohm", uncertainty=uncertainty, dof=dof)
 
 
+@traced
 def linearity(currents: Sequence[Figure], fields: Sequence[Figure]) -> Figure:
     """Return the largest distance of the fields from a straight line over the current, relative to full scale.
 

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hil.analysis.statistics import effective_dof, mean, not_observable
-from hil.model.figure import Figure
+from hil.analysis.statistics import mean, not_observable
+from hil.analysis.tracing import traced
+from hil.model.figure import Figure, effective_dof
 
 __all__ = ["Direction", "Response", "direction", "odd_response"]
 
@@ -52,6 +53,7 @@ class Response:
         """Whether the data show the field and its uncertainty."""
         return bool(np.isfinite(self.odd_covariance).all())
 
+    @traced
     def component(self, axis: str) -> Figure:
         """Return one axis (`x`, `y` or `z`) of the odd part."""
         if axis not in _AXES:
@@ -80,6 +82,7 @@ class Direction:
     sense: Figure
 
 
+@traced
 def odd_response(
     plus: _Phase,
     zero: _Phase,
@@ -140,6 +143,7 @@ def odd_response(
     )
 
 
+@traced
 def direction(
     response: Response, outward_normal: ArrayLike, *, alignment: float = 0.0, significant: float = 5.0
 ) -> Direction:

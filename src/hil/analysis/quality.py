@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hil.analysis.allan.deviation import deviation
 from hil.analysis.sampling import SamplingReport, assess
+from hil.analysis.tracing import traced
 from hil.model.errors import Refused
 
 __all__ = [
@@ -343,6 +344,7 @@ def judge(time: ArrayLike, channels: Mapping[str, ArrayLike], facts: Facts) -> t
     return tuple(found)
 
 
+@traced
 def tripped(time: ArrayLike, channels: Mapping[str, ArrayLike], facts: Facts) -> tuple[Gate, ...]:
     """Return the gates that a recording does not pass; see `judge`. A gate that lacks a fact is not among them."""
     return tuple(gate for gate in judge(time, channels, facts) if gate.ok is False)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hil.analysis.tracing import traced
 from hil.model.errors import Refused
 
 __all__ = ["SamplingReport", "assess", "with_holes"]
@@ -49,6 +50,7 @@ class SamplingReport:
         return not (self.gaps or self.duplicates or self.reversals)
 
 
+@traced
 def assess(timestamps: ArrayLike) -> SamplingReport:
     """Judge the timestamps of a record.
 

@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hil.model.figure import Figure, FigureStatus
+from hil.analysis.tracing import traced
+from hil.model.figure import Figure, FigureStatus, effective_dof
 
-__all__ = ["correlation_time", "effective_dof", "mean", "not_observable", "observed", "root_sum_square"]
+__all__ = [
+    "correlation_time",
+    "magnitude",
+    "mean",
+    "not_observable",
+    "observed",
+    "root_sum_square",
+    "share_known",
+    "standard_deviation",
+    "widened",
+]
 
 
+@traced
 def mean(samples: ArrayLike, unit: str, *, systematic: float | None = None) -> Figure:
     """Return the mean of equally spaced samples, with an uncertainty that allows for their correlation.
 
@@ -72,19 +85,6 @@ def correlation_time(samples: NDArray[np.float64]) -> float:
     return min(max(tau, 1.0), size / 2)
 
 
-def effective_dof(parts: Iterable[tuple[float, float]]) -> float:
-    """Return the effective degrees of freedom of a sum of variances (Welch and Satterthwaite; GUM G.2b).
-
-    Args:
-        parts: pairs of variance and its degrees of freedom; all variances in one unit.
-    """
-    pairs = list(parts)
-    total = sum(variance for variance, _ in pairs)
-    # Shares of the total, because squares of small variances would be lost below the smallest number.
-    spread = sum((variance / total) ** 2 / dof for variance, dof in pairs) if total > 0 else 0.0
-    return 1.0 / spread if spread > 0 else math.inf
-
-
 def root_sum_square(parts: Iterable[tuple[float, Figure]]) -> tuple[float | None, float]:
     """Return uncertainty and degrees of freedom of a sum of independent figures (GUM 10).
 
@@ -99,11 +99,71 @@ def root_sum_square(parts: Iterable[tuple[float, Figure]]) -> tuple[float | None
     return math.sqrt(sum(variance for variance, _ in variances)), effective_dof(variances)
 
 
+@traced
+def standard_deviation(samples: ArrayLike, unit: str) -> Figure:
+    """Return the standard deviation s of independent samples with its standard uncertainty s / sqrt(2 (n - 1)).
+
+    Source: JCGM 100:2008 (GUM), E.4.3. One sample, or one that is not finite, makes it NOT_OBSERVABLE.
+
+    Args:
+        samples: shape (n,), in `unit`.
+        unit: unit of samples and result.
+    """
+    values = np.asarray(samples, dtype=float)
+    if values.size < 2 or not np.isfinite(values).all():
+        return not_observable(unit)
+    spread = float(np.std(values, ddof=1))
+    dof = values.size - 1
+    return Figure(value=spread, unit=unit, uncertainty=float(spread / np.sqrt(2 * dof)), dof=dof)
+
+
+@traced
+def magnitude(components: Sequence[Figure]) -> Figure:
+    """Return the length of a vector, with the uncertainty of independent components carried along (GUM 10).
+
+    Args:
+        components: in one unit.
+    """
+    unit = components[0].unit
+    if any(each.unit != unit for each in components):
+        raise ValueError(f"the components of a vector are in one unit, got {', '.join(x.unit for x in components)}")
+    vector = np.array([each.value for each in components])
+    length = float(np.linalg.norm(vector))
+    if not length > 0:
+        return not_observable(unit)
+    uncertainty, dof = root_sum_square(zip((vector / length).tolist(), components, strict=True))
+    return Figure(value=length, unit=unit, uncertainty=uncertainty, dof=dof)
+
+
+@traced
+def share_known(values: Sequence[float]) -> Figure:
+    """Return which part of these numbers, of at least one, is finite."""
+    return Figure(value=sum(map(math.isfinite, values)) / len(values), unit="1")
+
+
+@traced
+def widened(figure: Figure, *, absolute: float = 0.0, relative: float = 0.0) -> Figure:
+    """Return a figure with more uncertainty, added in quadrature: it can become larger only.
+
+    Args:
+        figure: of known uncertainty, else it stays unknown.
+        absolute: further standard uncertainty in the figure's unit, taken as exact.
+        relative: further standard uncertainty over |value|, taken as exact.
+    """
+    if figure.uncertainty is None:
+        return figure
+    more = math.hypot(absolute, relative * figure.value)
+    uncertainty = math.hypot(figure.uncertainty, more)
+    dof = effective_dof([(figure.uncertainty**2, figure.dof), (more**2, math.inf)])
+    return replace(figure, uncertainty=uncertainty, dof=dof)
+
+
 def not_observable(unit: str, value: float = math.nan) -> Figure:
     """Return the figure of something that the data do not show; it never passes a check."""
     return Figure(value=value, unit=unit, status=FigureStatus.NOT_OBSERVABLE)
 
 
+@traced
 def observed(value: float | None, unit: str, uncertainty: float | None = None) -> Figure:
     """Return a number that something told, NOT_OBSERVABLE where it told none.
 

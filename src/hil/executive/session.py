@@ -238,7 +238,7 @@ class Session:
             requirements=requirements,
             steps=steps,
             effects=effects,
-            check=Checks(requirements, steps, journal, used),
+            check=Checks(requirements, steps, journal),
             record=Recorder(steps, scheduler, effects, self.record.store, self.bench.source),
             operator=Operator(self._answers, effects, steps, journal, scheduler.point),
             artifact=Artifacts(steps, effects, journal, self.folder / ATTACHMENTS, self._made),

@@ -1,14 +1,16 @@
-"""A figure: a number that knows its unit and how well it is known, and its form in JSON."""
+"""A figure: a number that knows its unit, how well it is known and where it comes from, and its form in JSON."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from numbers import Integral, Real
 
-__all__ = ["Figure", "FigureStatus", "decoded", "encoded"]
+from hil.model.provenance import Issued, Provenance, Word, merged
+
+__all__ = ["Figure", "FigureStatus", "decoded", "effective_dof", "encoded"]
 
 
 class FigureStatus(StrEnum):
@@ -24,12 +26,18 @@ class FigureStatus(StrEnum):
 class Figure:
     """A value with unit and standard uncertainty.
 
+    Figures are added, subtracted, multiplied and divided, also with plain numbers, which count as exact. Uncertainties
+    follow to first order (GUM 5.1.2), degrees of freedom by Welch and Satterthwaite (GUM G.2b). Figures of different
+    instruments or units are independent. Those of one instrument in one unit share an unknown part of their errors:
+    where these would add up, they are added as fully correlated; where they would cancel, as independent.
+
     Attributes:
         value: the number, in `unit`; NaN is allowed and never passes a check.
         unit: a unit string of the catalogue's notation (`deg/s/sqrt(Hz)`, `1` for a plain number).
         uncertainty: standard uncertainty (k = 1) in the same unit, None if unknown.
         dof: degrees of freedom of the uncertainty, infinite where it is taken as exact.
         status: what the analysis says of the number; only MEASURED and UPPER_LIMIT can pass.
+        provenance: where it comes from, None where somebody wrote it; a changed copy says what was changed.
     """
 
     value: float
@@ -37,12 +45,188 @@ class Figure:
     uncertainty: float | None = None
     dof: float = math.inf
     status: FigureStatus = FigureStatus.MEASURED
+    provenance: Provenance | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.uncertainty is not None and not self.uncertainty >= 0:
             raise ValueError(f"uncertainty must be a number not below zero, got {self.uncertainty}")
         if not self.dof > 0:
             raise ValueError(f"degrees of freedom must be above zero, got {self.dof}")
+        if self.provenance is None or not _same(self.provenance.issued, self._numbers):
+            self._trace()
+
+    @property
+    def written_by_hand(self) -> str:
+        """The figure as text where somebody wrote it and nothing was measured, empty elsewhere."""
+        if self.provenance is not None or self.status in {FigureStatus.NOT_OBSERVABLE, FigureStatus.MODEL_REJECTED}:
+            return ""
+        return f"the figure {self.value:.6g} {self.unit}".removesuffix(" 1")
+
+    def with_provenance(self, provenance: Provenance) -> Figure:
+        """Return it as issued with this provenance; only the executive and the library call this."""
+        bare = (float(self.value), self.unit, _plain(self.uncertainty), float(self.dof), self.status)
+        value, unit, uncertainty, dof, status = bare
+        issued = replace(provenance, issued=bare)
+        return Figure(value=value, unit=unit, uncertainty=uncertainty, dof=dof, status=status, provenance=issued)
+
+    @property
+    def _numbers(self) -> Issued:
+        return self.value, self.unit, self.uncertainty, self.dof, self.status
+
+    def _trace(self) -> None:
+        """Find where the numbers are from that a provenance was not issued for."""
+        own = getattr(self.value, "provenance", None)
+        of_uncertainty = getattr(self.uncertainty, "provenance", None)
+        before = None if self.provenance is None else self.provenance.issued
+        found: Provenance | None = merged(own, of_uncertainty) if own is not None else None
+        if self.provenance is not None and found is None:
+            found = self.provenance.but(*_changed(before, self._numbers))
+        elif found is not None and self.uncertainty is not None and of_uncertainty is None:
+            found = found.but("its uncertainty was written by hand")
+        if found is not None:
+            value, uncertainty = self.value, self.uncertainty
+            object.__setattr__(self, "value", float(value) if hasattr(value, "provenance") else value)
+            object.__setattr__(self, "uncertainty", uncertainty if of_uncertainty is None else _plain(uncertainty))
+            object.__setattr__(self, "provenance", replace(found, issued=self._numbers))
+
+    def __neg__(self) -> Figure:
+        return self._made(-self.value, self.unit, [(-1.0, self)])
+
+    def __abs__(self) -> Figure:
+        return self if self.value >= 0 else -self
+
+    def __add__(self, other: Figure | float) -> Figure:
+        if not isinstance(other, Figure):
+            return self._shifted(other)
+        return self._made(self.value + other.value, self._common(other), [(1.0, self), (1.0, other)])
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Figure | float) -> Figure:
+        if not isinstance(other, Figure):
+            return self._shifted(-other)
+        return self._made(self.value - other.value, self._common(other), [(1.0, self), (-1.0, other)])
+
+    def __rsub__(self, other: float) -> Figure:
+        return (-self)._shifted(other)
+
+    def __mul__(self, other: Figure | float) -> Figure:
+        if not isinstance(other, Figure):
+            return self._made(self.value * other, self.unit, [(float(other), self)])
+        parts = [(other.value, self), (self.value, other)]
+        return self._made(self.value * other.value, _product(self.unit, other.unit), parts)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Figure | float) -> Figure:
+        if not isinstance(other, Figure):
+            return self._made(self.value / other, self.unit, [(1.0 / other, self)])
+        if not other.value:
+            return self._made(math.nan, _quotient(self.unit, other.unit), [(math.nan, self), (math.nan, other)])
+        ratio = self.value / other.value
+        parts = [(1.0 / other.value, self), (-ratio / other.value, other)]
+        return self._made(ratio, _quotient(self.unit, other.unit), parts)
+
+    def __rtruediv__(self, other: float) -> Figure:
+        value = float(other) / self.value if self.value else math.nan
+        return self._made(value, _quotient("1", self.unit), [(-value / self.value if self.value else math.nan, self)])
+
+    def _shifted(self, constant: float) -> Figure:
+        if self.unit != "1":
+            raise ValueError(f"a plain number cannot be added to a figure in {self.unit!r}: give a Figure in that unit")
+        return self._made(self.value + constant, self.unit, [(1.0, self)])
+
+    def _common(self, other: Figure) -> str:
+        if self.unit != other.unit:
+            raise ValueError(f"figures in {self.unit!r} and {other.unit!r} cannot be added: bring them to one unit")
+        return self.unit
+
+    def _made(self, value: float, unit: str, parts: list[tuple[float, Figure]]) -> Figure:
+        statuses = [figure.status for _, figure in parts]
+        poor = (FigureStatus.MODEL_REJECTED, FigureStatus.NOT_OBSERVABLE, FigureStatus.UPPER_LIMIT)
+        status = next((each for each in poor if each in statuses), FigureStatus.MEASURED)
+        if status is FigureStatus.UPPER_LIMIT:
+            status = FigureStatus.NOT_OBSERVABLE  # what bounds one figure from above need not bound another so
+        uncertainty, dof = _propagated(parts)
+        made = Figure(value=value, unit=unit, uncertainty=uncertainty, dof=dof, status=status)
+        found = merged(*(_of_operand(figure) for _, figure in parts))
+        return made if found is None else made.with_provenance(found.through("arithmetic of figures"))
+
+
+def _of_operand(figure: Figure) -> Provenance | None:
+    if figure.written_by_hand:
+        return Provenance(unproven=(f"the plan itself wrote {figure.written_by_hand}, which stands behind it",))
+    return None if figure.provenance is None else replace(figure.provenance, issued=None)
+
+
+def _propagated(parts: list[tuple[float, Figure]]) -> tuple[float | None, float]:
+    """Return uncertainty and degrees of freedom of a sum of figures, each with its sensitivity."""
+    if any(figure.uncertainty is None for _, figure in parts):
+        return None, math.inf
+    shares = [(abs(sensitivity) * (figure.uncertainty or 0.0), figure.dof) for sensitivity, figure in parts]
+    if any(math.isnan(share) for share, _ in shares):
+        return None, math.inf
+    if len(parts) == 1:
+        return shares[0]
+    if parts[0][0] * parts[1][0] > 0 and _share_instrument(parts[0][1], parts[1][1]):
+        return sum(share for share, _ in shares), min(dof for _, dof in shares)
+    return math.hypot(*(share for share, _ in shares)), effective_dof((share**2, dof) for share, dof in shares)
+
+
+def _share_instrument(one: Figure, other: Figure) -> bool:
+    if one.provenance is None or other.provenance is None or one.unit != other.unit:
+        return False
+    return not set(one.provenance.instruments).isdisjoint(other.provenance.instruments)
+
+
+def effective_dof(parts: Iterable[tuple[float, float]]) -> float:
+    """Return the effective degrees of freedom of a sum of variances (Welch and Satterthwaite; GUM G.2b).
+
+    Args:
+        parts: pairs of variance and its degrees of freedom; all variances in one unit.
+    """
+    pairs = list(parts)
+    total = sum(variance for variance, _ in pairs)
+    # Shares of the total, because squares of small variances would be lost below the smallest number.
+    spread = sum((variance / total) ** 2 / dof for variance, dof in pairs) if total > 0 else 0.0
+    return 1.0 / spread if spread > 0 else math.inf
+
+
+def _product(one: str, other: str) -> str:
+    return other if one == "1" else one if other == "1" else f"{_factor(one)}.{_factor(other)}"
+
+
+def _quotient(above: str, below: str) -> str:
+    if above == below:
+        return "1"
+    return above if below == "1" else f"{_factor(above)}/{_factor(below)}"
+
+
+def _factor(unit: str) -> str:
+    return unit if unit.isalpha() or unit == "1" else f"({unit})"
+
+
+_NAMES = ("value was", "unit was", "uncertainty was", "degrees of freedom were", "status was")
+
+
+def _same(one: Issued | None, other: Issued) -> bool:
+    return one is not None and not _different(one, other)
+
+
+def _different(one: Issued, other: Issued) -> list[str]:
+    pairs = zip(_NAMES, one, other, strict=True)
+    return [name for name, before, now in pairs if before != now and (before == before or now == now)]  # noqa: PLR0124 - NaN
+
+
+def _changed(before: Issued | None, now: Issued) -> list[str]:
+    """Return a sentence for each number that is not the one that was issued."""
+    if before is None:
+        return ["its value was written by hand"]
+    return [f"its {name} replaced by hand" for name in _different(before, now)]
+
+
+def _plain(number: float | None) -> float | None:
+    return None if number is None else float(number)
 
 
 def encoded(value: object) -> object:
@@ -61,7 +245,7 @@ def encoded(value: object) -> object:
         return {str(key): encoded(item) for key, item in value.items()}
     if isinstance(value, tuple | list):
         return [encoded(item) for item in value]
-    return value
+    return str(value) if type(value) is Word else value
 
 
 def _number(value: Real) -> int | float | None:

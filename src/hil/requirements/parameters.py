@@ -17,7 +17,9 @@ from hil.documents.findings import Findings, shown
 from hil.documents.suggest import did_you_mean
 from hil.documents.text import is_there
 from hil.model.errors import HilError, Refused
+from hil.model.figure import Figure
 from hil.model.notation import AnyText, Complaint, Flag, Number, Path, Text, read_number, slug, whole
+from hil.model.provenance import Provenance
 from hil.requirements.units import UnitError, check_unit, compatible, convert, is_plain
 
 __all__ = ["PARAMETERS", "Allowed", "Ambiguous", "Parameter", "Parameters", "UnknownParameter", "load_parameters"]
@@ -168,6 +170,30 @@ class Parameters:
         values = parameter.value if isinstance(parameter.value, tuple) else (parameter.value,)
         converted = tuple(convert(float(value), parameter.unit, unit) for value in values)
         return converted if isinstance(parameter.value, tuple) else converted[0]
+
+    def figure(self, name: str, *, uncertainty: str = "") -> Figure:
+        """Return a parameter as a figure for a function of `hil.analysis`, in its unit; its provenance names it.
+
+        A result to which only parameters contributed closes nothing.
+
+        Args:
+            name: of a number.
+            uncertainty: name of the parameter that holds its standard uncertainty, empty if there is none.
+
+        Raises:
+            UnknownParameter: if the plan does not have one of them.
+            HilError: if one is no single number, or their units do not convert.
+        """
+        parameter = self._parameter(name)
+        value, known = self.in_unit(name, parameter.unit), None
+        if uncertainty:
+            known = self.in_unit(uncertainty, parameter.unit)
+        if isinstance(value, tuple) or isinstance(known, tuple):
+            raise HilError(f"parameter '{name}' as a figure: a list is no single number", "make it a parameter of one")
+        figure = Figure(value=value, unit=parameter.unit, uncertainty=known)
+        return figure.with_provenance(
+            Provenance(sources=tuple(f"parameter {each}" for each in (name, uncertainty) if each))
+        )
 
     def problem_with(self, name: str) -> str:
         """Return why `parameters.name` cannot be read, empty if it can."""

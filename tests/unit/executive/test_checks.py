@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 from case_parts import REQUIREMENTS, Case
@@ -247,3 +248,95 @@ def test_doubts_are_sentences(tmp_path, doubts):
     case = Case(tmp_path, "T-010")
     with pytest.raises(Misused, match="sentences"):
         case.run.check("T-010", "ratio", 1.0, doubts=doubts)
+
+
+FROM_NOWHERE = "no reading, recording or answer stands behind this value"
+
+
+def last(case):
+    """Return the event of the last check."""
+    return event_of(**case.written.events[-1])
+
+
+def of_last(case):
+    """Return why the value of the last check proves nothing, and what no certificate covers."""
+    return last(case).unproven, last(case).uncovered
+
+
+def test_a_constant_comes_from_nowhere(tmp_path):
+    """A bare number, and a figure built of a reading's number, close nothing, whatever was used before."""
+    case = Case(tmp_path, "T-010", "T-050")
+    reading = case.coil.voltage()
+    case.run.check("T-010", "ratio", 1.0)
+    assert of_last(case) == ((FROM_NOWHERE,), ())
+    case.run.check("T-050", "voltage", volts(reading.value, uncertainty=reading.uncertainty))
+    assert of_last(case) == ((FROM_NOWHERE,), ())
+    assert last(case).instruments == ()
+
+
+def test_a_reading_names_its_instrument_and_nothing_else(tmp_path):
+    """Not what the case has touched besides."""
+    case = Case(tmp_path, "T-050")
+    case.field.sample()
+    case.run.check("T-050", "voltage", case.coil.voltage())
+    check = last(case)
+    assert (check.instruments, check.provenance) == (("psu1",), ("supply.coil.voltage",))
+    assert of_last(case) == ((), ())
+
+
+def test_a_word_written_into_the_plan_comes_from_nowhere(tmp_path):
+    """As a number does."""
+    case = Case(tmp_path, "T-040")
+    case.run.check("T-040", "answers", "yes")
+    assert of_last(case) == ((FROM_NOWHERE,), ())
+
+
+def test_an_uncertainty_replaced_by_hand_is_told(tmp_path):
+    """`replace(reading, uncertainty=1e-9)` passes a guarded limit, and closes nothing."""
+    case = Case(tmp_path, "T-050")
+    case.run.check("T-050", "voltage", replace(case.coil.voltage(), uncertainty=1e-9))
+    assert of_last(case) == (("its uncertainty was replaced by hand",), ())
+
+
+def test_an_instrument_without_calibration_shows_nothing(tmp_path):
+    """Under a guarded rule it is INCONCLUSIVE, however small the uncertainty is that an analysis found."""
+    case = Case(tmp_path, "T-050")
+    case.coil.__dict__["instrument"] = replace(case.instrument, calibration=None)
+    known = volts(case.coil.voltage().value, uncertainty=0.001).with_provenance(case.coil.voltage().provenance)
+    assert case.run.check("T-050", "voltage", known) == "INCONCLUSIVE"
+    assert last(case).reason == "psu1 has no calibration record"
+    assert of_last(case) == ((), ("psu1 has no calibration record",))
+
+
+def test_nothing_read_of_the_device_under_test_needs_a_certificate(tmp_path):
+    """What it says of itself is what is tested."""
+    case = Case(tmp_path, "T-050", dut=True)
+    case.coil.__dict__["instrument"] = replace(case.instrument, calibration=None)
+    case.run.check("T-050", "voltage", case.coil.voltage())
+    assert of_last(case) == ((), ())
+
+
+def test_a_named_instrument_is_looked_up_in_its_own_unit(tmp_path):
+    """Millivolts add what volts add, and what no range covers makes a guarded check INCONCLUSIVE."""
+    case = Case(tmp_path, "T-050")
+    assert case.run.check("T-050", "voltage", volts(5.0, uncertainty=1e-6), instrument=case.coil) == "PASS"
+    in_volts = last(case)
+    small = Figure(value=5000.0, unit="mV", uncertainty=1e-3)
+    assert case.run.check("T-050", "voltage", small, instrument=case.coil) == "PASS"
+    in_millivolts = last(case)
+    assert in_millivolts.uncertainty == pytest.approx(in_volts.uncertainty)
+    assert in_millivolts.instruments == ("psu1",)
+    assert of_last(case) == ((FROM_NOWHERE,), ())
+    beyond = Figure(value=1e6, unit="V", uncertainty=1e-3)
+    assert case.run.check("T-050", "voltage", beyond, instrument=case.coil) == "INCONCLUSIVE"
+    assert of_last(case)[1] == ("no range in the certificate of psu1 covers 1e+06 V",)
+
+
+def test_what_no_certificate_covers_is_judged_again(tmp_path):
+    """Verification finds a PASS written beside such a sentence, where the rule is guarded."""
+    case = Case(tmp_path, "T-050")
+    case.run.check("T-050", "voltage", volts(5.0, uncertainty=0.001))
+    check, entries = last(case), entries_of(case.requirements.values())
+    assert list(judge_again(check, entries)) == []
+    forged = msgspec.structs.replace(check, uncovered=("psu1 has no calibration record",))
+    assert ["field 'verdict' is PASS" in told for told in judge_again(forged, entries)] == [True]

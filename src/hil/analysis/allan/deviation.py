@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hil.analysis.allan import confidence as trust
 from hil.analysis.allan.results import AllanCurve
+from hil.analysis.tracing import traced
 from hil.model.errors import Refused
 
 __all__ = [
@@ -171,6 +172,7 @@ _DENSE = 20  # averaging times in a decade: neighbours correlate by more than 0.
 _SPANS = {"overlapping": 2, "modified": 3, "hadamard": 3, "total": 2}  # averages that one term takes
 
 
+@traced
 def deviation(
     data: ArrayLike,
     rate: float,

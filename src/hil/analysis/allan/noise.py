@@ -16,6 +16,7 @@ from hil.analysis.allan import fit as allan_fit
 from hil.analysis.allan.deviation import deviation
 from hil.analysis.allan.results import AllanCurve, NoiseModel
 from hil.analysis.statistics import not_observable
+from hil.analysis.tracing import traced
 from hil.model.errors import Refused
 from hil.model.figure import Figure, FigureStatus
 
@@ -29,6 +30,7 @@ _KNOWN = 2.0  # a measured square is at least twice its standard uncertainty
 _WELL_KNOWN_DOF = 10.0  # of a deviation that may be the smallest: averaging times up to about an eighth of the record
 
 
+@traced
 def characterise(
     data: ArrayLike, rate: float, unit: str, *, confidence: float = 0.68, tau_min: float = 0.0, holes: bool = False
 ) -> NoiseModel:
@@ -179,6 +181,7 @@ class MovingAverage:
             )
 
     @property
+    @traced
     def delay(self) -> float:
         """Group delay in s, the same at all frequencies: (N - 1) / 2 samples."""
         return (self.samples - 1) / (2.0 * self.rate)
@@ -206,6 +209,7 @@ class MovingAverage:
         sums = np.concatenate([[0.0], np.cumsum(np.asarray(data, dtype=np.float64))])
         return np.asarray((sums[self.samples :] - sums[: -self.samples]) / self.samples)
 
+    @traced
     def noise(self, curve: AllanCurve) -> float:
         """Return the deviation between neighbouring averages over sqrt(2), in the curve's unit: its value at N samples.
 
@@ -220,6 +224,7 @@ class MovingAverage:
         return float(np.exp(np.interp(math.log(length), np.log(curve.tau), np.log(curve.deviation))))
 
 
+@traced
 def best_average(model: NoiseModel) -> MovingAverage:
     """Return the moving average at the minimum of the Allan deviation: averaging longer lets slower noise in.
 
@@ -240,6 +245,7 @@ _PART = 8  # averaging times up to this part of the record have ten degrees of f
 _POWERS = {-1: 0, -2: 1}  # of tau, in the Allan variance; white noise and bluer ones: -1
 
 
+@traced
 def rest_mean(samples: ArrayLike, rate: float, unit: str, *, systematic: float = 0.0) -> Figure:
     """Return the mean of a record at rest as a measure of the bias.
 

@@ -12,6 +12,7 @@ import numpy as np
 from hil.analysis.battery.half_cycle import Flow, HalfCycle, Limits, flow, half_cycle
 from hil.analysis.battery.series import Series
 from hil.analysis.battery.steps import Segmentation, Step, StepKind, gaps, segment
+from hil.analysis.tracing import traced
 
 __all__ = ["Cycle", "Group", "Resistance", "Rest", "cycles", "equivalent_full_cycles", "groups", "resistances"]
 
@@ -198,6 +199,7 @@ class Cycle:
     resistances: tuple[Resistance, ...]
 
 
+@traced
 def cycles(data: Series, limits: Limits | None = None, how: Segmentation | None = None) -> tuple[Cycle, ...]:
     """Return the cycles of a series.
 

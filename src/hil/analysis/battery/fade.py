@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hil.analysis.tracing import traced
 from hil.model.errors import Refused
 from hil.model.figure import Figure
 
@@ -76,6 +77,7 @@ class _Line:
     size: int
 
 
+@traced
 def fade(
     cycles: ArrayLike,
     values: ArrayLike,

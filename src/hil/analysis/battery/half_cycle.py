@@ -13,6 +13,7 @@ from hil.analysis.battery.counted import counted
 from hil.analysis.battery.integration import one_way
 from hil.analysis.battery.series import Series, can_be_warm
 from hil.analysis.battery.steps import Segmentation, Step, StepKind, gaps
+from hil.analysis.tracing import traced
 
 __all__ = ["Flow", "HalfCycle", "Limits", "end_uncertainty", "first_fall", "first_rise", "flow", "half_cycle"]
 
@@ -243,6 +244,7 @@ def half_cycle(data: Series, steps: Sequence[Step], flows: Flow, limits: Limits)
     )
 
 
+@traced
 def end_uncertainty(meter: float, last_change: float) -> float:
     """Return the standard uncertainty in V of the voltage at the end of a half-cycle, which no sample shows.
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hil.analysis.tracing import traced
 from hil.model.errors import Refused
 
 __all__ = ["SECONDS_PER_HOUR", "Series", "can_be_warm", "series", "usual_interval"]
@@ -62,6 +63,7 @@ def can_be_warm(temperature: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray((temperature >= _WARMTH[0]) & (temperature <= _WARMTH[1]))
 
 
+@traced
 def series(  # noqa: PLR0913 - one argument per column
     time: ArrayLike,
     voltage: ArrayLike,

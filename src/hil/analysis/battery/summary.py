@@ -17,6 +17,7 @@ from hil.analysis.battery.series import Series, usual_interval
 from hil.analysis.battery.singles import judge_singles
 from hil.analysis.battery.steps import Segmentation, StepKind, segment
 from hil.analysis.quality import Gate
+from hil.analysis.tracing import traced
 from hil.model.errors import Refused
 
 __all__ = ["FADING", "Summary", "incremental_capacities", "summarise"]
@@ -48,6 +49,7 @@ class Summary:
     gates: tuple[Gate, ...]
 
 
+@traced
 def summarise(
     data: Series,
     *,

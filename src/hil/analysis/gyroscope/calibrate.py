@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from hil.analysis.gyroscope.calibration import ALIGNED, CalibratedRate, Calibration, Matrix, Polynomial
 from hil.analysis.gyroscope.fitting import Fit, fit
 from hil.analysis.gyroscope.readings import Reading, Response, responses
-from hil.analysis.statistics import effective_dof
+from hil.analysis.tracing import traced
 from hil.model.errors import Refused
-from hil.model.figure import Figure
+from hil.model.figure import Figure, effective_dof
 
 __all__ = ["CalibrationReport", "calibrate"]
 
@@ -41,6 +41,7 @@ class CalibrationReport:
     remarks: tuple[str, ...]
 
 
+@traced
 def calibrate(
     readings: Sequence[Reading],
     *,

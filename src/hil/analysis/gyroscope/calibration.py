@@ -10,9 +10,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hil.analysis.statistics import effective_dof
+from hil.analysis.tracing import traced
 from hil.model.errors import Refused
-from hil.model.figure import Figure, FigureStatus
+from hil.model.figure import Figure, FigureStatus, effective_dof
 
 __all__ = ["ALIGNED", "CalibratedRate", "Calibration", "Matrix", "Polynomial"]
 
@@ -41,6 +41,12 @@ class Polynomial:
     covariance: tuple[tuple[float, ...], ...] | None = None
     dof: float = math.inf
 
+    @property
+    @traced
+    def degree(self) -> int:
+        """The highest power of the temperature, 0 for a constant."""
+        return len(self.coefficients) - 1
+
     def at(self, temperature: ArrayLike) -> _Array:
         """Return the values at temperatures in degC, of the same shape.
 
@@ -58,6 +64,7 @@ class Polynomial:
         powers = range(1, len(self.coefficients))
         return self._evaluated(self._inside(temperature), tuple(k * self.coefficients[k] for k in powers) or (0.0,))
 
+    @traced
     def figure(self, temperature: float) -> Figure:
         """Return the value at a temperature in degC with its standard uncertainty.
 
@@ -108,6 +115,7 @@ class CalibratedRate:
     bias: Polynomial
     scale: Polynomial
 
+    @traced
     def correct(self, measured: ArrayLike, temperature: ArrayLike) -> _Array:
         """Return rates for readings at temperatures in degC; the two shapes broadcast.
 
@@ -117,6 +125,7 @@ class CalibratedRate:
         values = np.asarray(measured, dtype=np.float64)
         return np.asarray(self.scale.at(temperature) * (values - self.bias.at(temperature)), dtype=np.float64)
 
+    @traced
     def figure(self, measured: Figure, temperature: float, temperature_uncertainty: float = 0.0) -> Figure:
         """Return the rate for one reading, its uncertainty that of reading, bias, scale and temperature together.
 
@@ -175,6 +184,7 @@ class Calibration:
         """Highest temperature at which every part was measured, in degC."""
         return min(part.high for axis in self.axes.values() for part in (axis.bias, axis.scale))
 
+    @traced
     def correct(self, measured: Mapping[str, ArrayLike], temperature: ArrayLike) -> dict[str, _Array]:
         """Return rates by axis for readings by axis, at temperatures in degC.
 
@@ -191,6 +201,7 @@ class Calibration:
         ]
         return dict(zip(self.axes, rows, strict=True))
 
+    @traced
     def figures(
         self, measured: Mapping[str, Figure], temperature: float, temperature_uncertainty: float = 0.0
     ) -> dict[str, Figure]:

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.analysis.gyroscope.calibration import Polynomial
-from hil.analysis.statistics import effective_dof
 from hil.model.errors import Refused
-from hil.model.figure import Figure
+from hil.model.figure import Figure, effective_dof
 
 __all__ = ["MOST_DEGREE", "Candidate", "Fit", "fit"]
 

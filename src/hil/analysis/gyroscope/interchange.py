@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from hil.analysis.gyroscope.calibration import CalibratedRate, Calibration, Matrix, Polynomial
+from hil.analysis.tracing import traced
 from hil.documents.canonical import JsonError, digest, parse_strict
 from hil.model.errors import Refused
 
@@ -76,6 +77,7 @@ def _rows(matrix: Matrix | None) -> list[list[float]] | None:
     return None if matrix is None else [list(row) for row in matrix]
 
 
+@traced
 def as_json(calibration: Calibration) -> str:
     """Return the document as JSON text, the same for the same calibration."""
     return json.dumps(as_document(calibration), indent=2, allow_nan=False) + "\n"
@@ -86,6 +88,7 @@ def fingerprint(calibration: Calibration) -> str:
     return str(as_document(calibration)["fingerprint"])
 
 
+@traced
 def from_json(text: str) -> Calibration:
     """Return the calibration that a JSON text holds.
 
@@ -202,6 +205,7 @@ static const double gyroscope_alignment[GYROSCOPE_AXES][GYROSCOPE_AXES] = {{
 """
 
 
+@traced
 def as_c_header(calibration: Calibration) -> str:
     """Return a C99 header with the numbers that the JSON export prints, and its fingerprint.
 

@@ -10,11 +10,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.analysis.statistics import effective_dof
+from hil.analysis.tracing import traced
 from hil.model.errors import Refused
-from hil.model.figure import Figure
+from hil.model.figure import Figure, effective_dof
 
-__all__ = ["Reading", "Response", "responses"]
+__all__ = ["Reading", "Response", "reading", "responses"]
 
 _Array: TypeAlias = NDArray[np.float64]
 
@@ -40,6 +40,20 @@ class Reading:
     def turning(self) -> tuple[str, ...]:
         """The axes about which the table turns."""
         return tuple(axis for axis, rate in self.rates.items() if rate)
+
+
+@traced
+def reading(temperature: float, means: Mapping[str, Figure], rates: Mapping[str, Figure] | None = None) -> Reading:
+    """Return a reading of which the true rates were measured, too.
+
+    Args:
+        temperature: in degC.
+        means: mean by axis.
+        rates: true rate by axis, in the same unit; None at rest.
+    """
+    return Reading(
+        temperature=temperature, means=means, rates={axis: rate.value for axis, rate in (rates or {}).items()}
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

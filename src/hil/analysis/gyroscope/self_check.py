@@ -10,8 +10,9 @@ import numpy as np
 from hil.analysis.gyroscope.calibrate import CalibrationReport
 from hil.analysis.gyroscope.calibration import Calibration, Polynomial
 from hil.analysis.gyroscope.fitting import Fit
+from hil.analysis.tracing import traced
 
-__all__ = ["Rejection", "disagreements", "export_disagreements"]
+__all__ = ["Rejection", "disagreements", "export_disagreements", "reproduction"]
 
 _PRINTED = 1e-6  # of the largest value: what nine printed digits may change, with room
 
@@ -56,6 +57,13 @@ def disagreements(
     return tuple(rejection for rejection in found if rejection is not None)
 
 
+@traced
+def reproduction(exported: Calibration, report: CalibrationReport) -> str:
+    """Return `reproduced` if an export gives what the report holds, else every disagreement in a sentence."""
+    return "; ".join(map(str, export_disagreements(exported, report))) or "reproduced"
+
+
+@traced
 def export_disagreements(exported: Calibration, report: CalibrationReport) -> tuple[Rejection, ...]:
     """Return where a calibration, as it was exported and read back, misses the tables that it was fitted to.
 

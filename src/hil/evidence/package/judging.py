@@ -10,7 +10,7 @@ from hil.evidence.results.facts import Catalogue, FrozenRequirement
 from hil.model.figure import Figure, FigureStatus
 from hil.model.verdict import Verdict
 from hil.requirements.decision import Judgement, judge
-from hil.requirements.requirement import Kind, Limit
+from hil.requirements.requirement import Decision, Kind, Limit
 from hil.requirements.units import UnitError, convert
 
 __all__ = ["judge_again"]
@@ -42,7 +42,7 @@ def judge_again(check: Check, catalogue: Catalogue) -> Iterator[str]:
         return
     again = _judge(check, frozen or written)
     due = Verdict.RECORDED if entry.kind == Kind.RECORD and again.verdict is Verdict.PASS else again.verdict
-    if check.doubts:
+    if check.doubts or (check.uncovered and written.bounded and written.decision is Decision.GUARDED):
         due = Verdict.INCONCLUSIVE
     verdict = check.verdict
     if verdict is not due and (verdict.good or not _may_be_worse(check, again)):

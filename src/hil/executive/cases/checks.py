@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
 from typing import TypeGuard
 
-from hil.bench.calibration import standard_uncertainty
 from hil.documents.suggest import did_you_mean
 from hil.evidence import events
 from hil.evidence.events import EventSink
+from hil.executive.cases.certificate import standard_uncertainty, uncovered
 from hil.executive.cases.escapes import OfThisProcess
 from hil.executive.cases.facade import Facade
 from hil.executive.cases.steps import Steps, one_line
 from hil.model.errors import HilError, Misused
 from hil.model.figure import Figure, FigureStatus
+from hil.model.provenance import Provenance, merged
 from hil.model.verdict import Verdict
 from hil.requirements.decision import Judgement, combined, judge
-from hil.requirements.requirement import Kind, Limit, Requirement
+from hil.requirements.requirement import Decision, Kind, Limit, Requirement
 from hil.requirements.units import UnitError
 
 __all__ = ["CheckFailed", "Checks", "Evaluated", "given"]
@@ -47,7 +48,6 @@ class Checks(OfThisProcess):
         requirements: the requirements of the case's marker, by id.
         steps: knows case and step.
         journal: where events are written.
-        used: the instruments that the case has used so far; any of them may have contributed to a figure.
 
     Attributes:
         refused: why calls were refused, in order: a check that was not made is an error, whatever the case makes of it.
@@ -55,13 +55,10 @@ class Checks(OfThisProcess):
 
     said = "`check`"
 
-    def __init__(
-        self, requirements: dict[str, Requirement], steps: Steps, journal: EventSink, used: Collection[str]
-    ) -> None:
+    def __init__(self, requirements: dict[str, Requirement], steps: Steps, journal: EventSink) -> None:
         self._requirements = requirements
         self._steps = steps
         self._journal = journal
-        self._used = used
         self._evaluated: list[Evaluated] = []
         self._kept: list[Evaluated] = []
         self.refused: list[HilError] = []
@@ -109,8 +106,8 @@ class Checks(OfThisProcess):
             parameter: a parameter of its limits.
             value: a figure; a bare number only where the unit is `1`; a text where the limit is one.
             of: which member of the limit's denominator (axis, channel).
-            instrument: the role whose certificate adds its uncertainty in quadrature; readings and
-                recordings of roles carry theirs already.
+            instrument: the role whose certificate adds its uncertainty in quadrature, and which then stands behind the
+                value, too; readings and recordings of roles carry theirs already.
             doubts: why the data of the value cannot be trusted, a sentence each, such as gates that tripped;
                 with one of them the check is INCONCLUSIVE, whatever the value.
 
@@ -121,8 +118,10 @@ class Checks(OfThisProcess):
         try:
             limit = self._limit(requirement, parameter, of)
             found = given(value, limit, f"{requirement} {parameter}")
-            added = _of_instrument(instrument, found)
-            self._evaluate(requirement, limit, of, found, added, doubts=_sentences(doubts))
+            added, named = _of_instrument(instrument, found)
+            behind = merged(getattr(value, "provenance", None), named)
+            unproven = _unproven(getattr(value, "provenance", None))
+            self._evaluate(requirement, limit, of, found, _Behind(added, behind, unproven), doubts=_sentences(doubts))
         except (Misused, UnitError) as error:
             self.refused.append(error)
             raise
@@ -148,16 +147,24 @@ class Checks(OfThisProcess):
             last = self._evaluated[-1]
             raise CheckFailed(f"{requirement} {parameter} is {verdict}: {last.reason}")
 
-    def data(self, requirement: Requirement, limit: Limit, value: Figure | str, reason: str = "") -> None:
+    def data(
+        self,
+        requirement: Requirement,
+        limit: Limit,
+        value: Figure | str,
+        provenance: Provenance | None,
+        reason: str = "",
+    ) -> None:
         """Evaluate one criterion that a recording has to meet; met, it is RECORDED.
 
         Args:
             requirement: what asks for the recording.
             limit: the criterion.
             value: what was found.
+            provenance: of the recording.
             reason: why it is not met, where that says more than value and limit.
         """
-        self._evaluate(requirement.id, limit, None, value, None, reason)
+        self._evaluate(requirement.id, limit, None, value, _Behind(None, provenance, _unproven(provenance)), reason)
 
     def _limit(self, requirement: str, parameter: str, of: str | None) -> Limit:
         if requirement not in self._requirements:
@@ -183,20 +190,23 @@ class Checks(OfThisProcess):
         limit: Limit,
         of: str | None,
         found: Figure | str,
-        added: float | None,
+        behind: _Behind,
         reason: str = "",
         doubts: tuple[str, ...] = (),
     ) -> None:
         """Judge what will be written down, to the digits that will be written down, so that anybody can judge again."""
-        judgement = judge(found if isinstance(found, str) else _written(found, limit, added), limit)
+        judgement = judge(found if isinstance(found, str) else _written(found, limit, behind.added), limit)
         status = found.status.value if isinstance(found, Figure) else ""
         if judgement.verdict is Verdict.INCONCLUSIVE and _too_coarse(judgement, limit):
             judgement = replace(judgement, reason=self._placed(requirement, judgement.reason))
         if reason and not judgement.verdict.good:
             judgement = replace(judgement, reason=reason)
+        missing = behind.provenance.uncovered if behind.provenance else ()
+        if missing and limit.bounded and limit.decision is Decision.GUARDED:
+            judgement = replace(judgement, verdict=Verdict.INCONCLUSIVE, reason="; ".join(missing))
         if doubts:
             judgement = replace(judgement, verdict=Verdict.INCONCLUSIVE, reason="; ".join(doubts))
-        self._note(requirement, limit, of, judgement, status, doubts)
+        self._note(requirement, limit, of, judgement, status, doubts, behind)
 
     def _placed(self, requirement: str, reason: str) -> str:
         """Return a reason with where the requirement stands that asks for so much."""
@@ -211,7 +221,9 @@ class Checks(OfThisProcess):
         judgement: Judgement,
         status: str,
         doubts: tuple[str, ...],
+        behind: _Behind,
     ) -> None:
+        provenance = behind.provenance or Provenance()
         verdict = judgement.verdict
         if verdict is Verdict.PASS and self._requirements[requirement].kind is Kind.RECORD:
             verdict = Verdict.RECORDED
@@ -235,7 +247,10 @@ class Checks(OfThisProcess):
             tur=_told(judgement.tur),
             verdict=verdict,
             reason=judgement.reason,
-            instruments=tuple(sorted(self._used)),
+            instruments=provenance.instruments,
+            provenance=(*provenance.sources, *provenance.by),
+            unproven=behind.unproven,
+            uncovered=provenance.uncovered,
         )
         self._journal.write(check)
         self._evaluated.append(
@@ -256,12 +271,34 @@ def _sentences(doubts: object) -> tuple[str, ...]:
     return tuple(map(one_line, doubts))
 
 
-def _of_instrument(instrument: Facade | None, found: Figure | str) -> float | None:
+@dataclass(frozen=True, slots=True)
+class _Behind:
+    """What stands behind a value: uncertainty that an instrument adds, provenance, and why it proves nothing."""
+
+    added: float | None
+    provenance: Provenance | None
+    unproven: tuple[str, ...]
+
+
+def _unproven(provenance: Provenance | None) -> tuple[str, ...]:
+    if provenance is None:
+        return (_FROM_NOWHERE,)
+    return provenance.unproven if provenance.measured else (_FROM_NOWHERE, *provenance.unproven)
+
+
+_FROM_NOWHERE = "no reading, recording or answer stands behind this value"
+
+
+def _of_instrument(instrument: Facade | None, found: Figure | str) -> tuple[float | None, Provenance | None]:
+    """Return the uncertainty that an instrument's certificate adds, and what it says of where the value is from."""
     if instrument is None or isinstance(found, str):
-        return None
+        return None, None
     if not isinstance(instrument, Facade):
         raise Misused(f"instrument is a role of this case, found a {type(instrument).__name__}", "give supply.coil")
-    return standard_uncertainty(instrument.instrument.calibration, found.unit, found.value)
+    spec = instrument.instrument
+    added = standard_uncertainty(spec.calibration, found.unit, found.value)
+    missing = uncovered(spec, found.unit, found.value)
+    return added, Provenance(instruments=(spec.name,), sources=(instrument.wire.name,), uncovered=missing)
 
 
 def _digits(number: float) -> float:

@@ -8,15 +8,16 @@ from contextlib import suppress
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self
 
-from hil.bench.calibration import calibrated
 from hil.clock.port import NANOSECONDS
 from hil.documents.suggest import did_you_mean
+from hil.executive.cases.certificate import calibrated, uncovered
 from hil.executive.cases.effects import Effects
 from hil.executive.cases.streaming import Condition
 from hil.executive.cases.taking import Taking
 from hil.executive.watching.scheduler import Scheduler
 from hil.model.errors import HilError, Misused, NotInTime
 from hil.model.figure import Figure
+from hil.model.provenance import Provenance
 
 if TYPE_CHECKING:
     from hil.executive.cases.recording import Recording
@@ -140,9 +141,16 @@ class During:
         """
         column = self._column(channel)
         self._scheduler.point()
-        return self._effects.perform(
+        found = self._effects.perform(
             f"record.{self._name}.latest", "reads", {"channel": channel}, lambda: self._latest(column)
         )
+        source, unit = self._taking.measures[column - 1]
+        provenance = Provenance(
+            instruments=(source.instrument.name,),
+            sources=(f"recording {self._name}, {channel}",),
+            uncovered=uncovered(source.instrument, unit, found.value),
+        )
+        return found.with_provenance(provenance)
 
     def _end(self, *, complete: bool) -> None:
         name, arguments = f"record.{self._name}.end", {"complete": complete}

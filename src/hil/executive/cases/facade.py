@@ -7,8 +7,8 @@ from numbers import Real
 from types import MappingProxyType
 from typing import Any, Protocol, TypeVar
 
-from hil.bench.calibration import calibrated
 from hil.documents.suggest import did_you_mean
+from hil.executive.cases.certificate import calibrated, uncovered
 from hil.executive.cases.effects import Effects
 from hil.executive.cases.escapes import OfThisProcess
 from hil.instruments.registry import ROLES
@@ -17,6 +17,7 @@ from hil.instruments.sampled import Sampled, Streamed
 from hil.model.bench import BenchSpec, InstrumentSpec, Wire
 from hil.model.errors import ClampExceeded, DeviceFault, HilError, Misused, Refused
 from hil.model.figure import Figure
+from hil.model.provenance import Provenance, stamped
 
 __all__ = ["Facade", "RoleSet", "UsingCase", "facades"]
 
@@ -49,8 +50,8 @@ class UsingCase(Protocol):
 class Facade(OfThisProcess):
     """One role instance as a case sees it.
 
-    Every operation of the role is a scheduling point and an effect; readings carry the uncertainty
-    of the instrument's certificate.
+    Every operation of the role is a scheduling point and an effect; readings carry the uncertainty of the instrument's
+    certificate, and all that is returned its provenance, also where it comes from a journal.
 
     Args:
         wire: the role instance.
@@ -133,7 +134,9 @@ class Facade(OfThisProcess):
             try:
                 _require_numbers(what, operation, arguments)
                 self._case.point()
-                return self._effects.perform(what, kind, arguments, lambda: self._act(name, arguments))
+                return self._traced(
+                    what, self._effects.perform(what, kind, arguments, lambda: self._act(name, arguments))
+                )
             except _NOT_DONE as error:
                 self._case.refused(error)
                 raise
@@ -144,6 +147,15 @@ class Facade(OfThisProcess):
     def _act(self, name: str, arguments: dict[str, Any]) -> object:
         result = self.guarded(lambda: getattr(self._role, name)(**arguments))
         return calibrated(result, self.instrument.calibration) if isinstance(result, Figure) else result
+
+    def _traced(self, what: str, result: object) -> object:
+        """Return what an operation gave with its provenance."""
+        figures = [each for each in (result if isinstance(result, tuple) else (result,)) if isinstance(each, Figure)]
+        missing = [sentence for each in figures for sentence in uncovered(self.instrument, each.unit, each.value)]
+        provenance = Provenance(
+            instruments=(self.instrument.name,), sources=(what,), uncovered=tuple(dict.fromkeys(missing))
+        )
+        return stamped(result, provenance)
 
     def guarded(self, action: Callable[[], _Result]) -> _Result:
         """Do something with the role; a fault is reported before it is raised, and counts for the device it names."""

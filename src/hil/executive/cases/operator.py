@@ -11,6 +11,7 @@ from hil.executive.cases.effects import Effects, Where
 from hil.executive.cases.escapes import OfThisProcess
 from hil.executive.people.questions import AnswerSource, Declined, Question
 from hil.model.figure import Figure
+from hil.model.provenance import Provenance, Word, answer_to
 
 __all__ = ["Operator"]
 
@@ -59,12 +60,15 @@ class Operator(OfThisProcess):
 
     def choose(self, text: str, options: Sequence[str], *, name: str) -> str:
         """Ask for one of the options and return it."""
-        return str(self._ask(Question(name=name, form="choose", text=text, options=tuple(options))))
+        chosen = str(self._ask(Question(name=name, form="choose", text=text, options=tuple(options))))
+        return Word(chosen, Provenance(sources=(answer_to(name),)))
 
     def measure(self, text: str, unit: str, *, name: str, uncertainty: float | None = None) -> Figure:
         """Ask for a number that the person reads off, in `unit`, with its standard uncertainty if known."""
         value = self._ask(Question(name=name, form="measure", text=text, unit=unit))
-        return Figure(value=float(value), unit=unit, uncertainty=uncertainty)
+        unknown = f"the {answer_to(name)} was read off an instrument that the bench does not know"
+        provenance = Provenance(sources=(answer_to(name),), unproven=(unknown,))
+        return Figure(value=float(value), unit=unit, uncertainty=uncertainty).with_provenance(provenance)
 
     def attach(self, what: str, text: str, *, name: str, options: Sequence[str] = ()) -> None:
         """Ask the person to connect `what` to the bench, and wait until that is confirmed.

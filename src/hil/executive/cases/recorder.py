@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from hil.bench.calibration import standard_uncertainty
 from hil.clock.port import FOREVER_NS, NANOSECONDS
 from hil.evidence import events
 from hil.evidence.recordings.hdf5 import Recorded, read_recording
+from hil.executive.cases.certificate import standard_uncertainty, uncovered
 from hil.executive.cases.during import During
 from hil.executive.cases.effects import Effects
 from hil.executive.cases.escapes import OfThisProcess
@@ -26,6 +26,7 @@ from hil.executive.watching.scheduler import Scheduler
 from hil.instruments.sampled import StreamReport
 from hil.model.errors import Misused
 from hil.model.identity import Source
+from hil.model.provenance import Provenance
 
 if TYPE_CHECKING:
     import numpy as np
@@ -195,8 +196,11 @@ class Recorder(OfThisProcess):
     def _finished(self, facts: events.Recording, sources: tuple[Facade, ...], report: StreamReport | None) -> Recording:
         recorded = replace(read_recording(self._store.recordings, facts, None), complete=True)
         voids = self._store.voids(facts.recording)
-        self._taken.append({"facts": facts, "recorded": recorded, "voids": voids})
-        return Recording(recorded, _uncertainties(facts, recorded, sources), report, voids)
+        uncertainties, provenances = _known(facts, recorded, sources)
+        recording = Recording(recorded, uncertainties, provenances, report, voids)
+        taken = {"facts": facts, "recorded": recorded, "voids": voids, "provenances": provenances}
+        self._taken.append(taken)
+        return recording
 
 
 def _channels(sources: tuple[Facade, ...]) -> tuple[events.Channel, ...]:
@@ -213,19 +217,26 @@ def _channels(sources: tuple[Facade, ...]) -> tuple[events.Channel, ...]:
     )
 
 
-def _uncertainties(facts: events.Recording, recorded: Recorded, sources: tuple[Facade, ...]) -> dict[str, float | None]:
-    """Return what the certificates say at the largest reading of every channel, the least certain one."""
-    calibrations = {source.instrument.name: source.instrument.calibration for source in sources}
-    return {
-        channel.name: standard_uncertainty(
-            calibrations[channel.instrument], channel.unit, _largest(recorded[channel.name])
+def _known(
+    facts: events.Recording, recorded: Recorded, sources: tuple[Facade, ...]
+) -> tuple[dict[str, float | None], dict[str, Provenance]]:
+    """Return by channel what the certificates say at its largest reading, the least certain one, and its provenance."""
+    instruments = {source.instrument.name: source.instrument for source in sources}
+    uncertainties, provenances = {}, {}
+    for channel in facts.channels:
+        instrument, ends = instruments[channel.instrument], _ends(recorded[channel.name])
+        largest = max(ends, key=abs)
+        uncertainties[channel.name] = standard_uncertainty(instrument.calibration, channel.unit, largest)
+        provenances[channel.name] = Provenance(
+            instruments=(instrument.name,),
+            sources=(f"recording {facts.name}, {channel.name}",),
+            uncovered=uncovered(instrument, channel.unit, *ends),
         )
-        for channel in facts.channels
-    }
+    return uncertainties, provenances
 
 
-def _largest(numbers: NDArray[np.float64]) -> float:
-    """Return the number that is farthest from zero, 0 if there is none."""
+def _ends(numbers: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the least and the greatest number, 0 if there is none."""
     known = numbers == numbers  # noqa: PLR0124 - NaN is what differs from itself
     finite = numbers if known.all() else numbers[known]
-    return max(float(finite.min()), float(finite.max()), key=abs) if len(finite) else 0.0
+    return (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)

@@ -9,13 +9,14 @@ from hil.evidence import events
 from hil.evidence.recordings.hdf5 import Recorded
 from hil.instruments.sampled import StreamReport
 from hil.model.figure import Figure, FigureStatus
+from hil.model.provenance import Number, Provenance, merged, stamped
 from hil.requirements.requirement import Decision, Limit, Records
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Criterion", "Recording", "data_checks"]
+__all__ = ["Criterion", "Recording", "behind_channels", "data_checks", "recorded_as"]
 
 
 class Recording:
@@ -25,12 +26,14 @@ class Recording:
         id: its id in the run.
         rate: nominal samples per second.
         stream: how the stream went, None if the samples were taken one by one.
+        provenance: of all channels together; each channel has its own.
     """
 
     def __init__(
         self,
         recorded: Recorded,
         uncertainties: Mapping[str, float | None],
+        provenances: Mapping[str, Provenance],
         stream: StreamReport | None = None,
         voids: Sequence[events.Voided] = (),
     ) -> None:
@@ -39,12 +42,15 @@ class Recording:
         self._uncertainties = uncertainties
         self.id = recorded.id
         self.rate = recorded.rate
-        self.stream = stream
+        self._provenances = provenances
+        self.provenance = merged(*provenances.values()) or Provenance()
+        self._times = Provenance(instruments=self.provenance.instruments, sources=(f"recording {recorded.name}",))
+        self.stream = stream and cast("StreamReport", stamped(stream, self._times))
 
     @property
     def time(self) -> NDArray[np.float64]:
         """Bench time of every sample in s, shape (samples,); it cannot be written to."""
-        return _read_only(self._recorded.time)
+        return _known(_read_only(self._recorded.time), self._times)
 
     @property
     def valid(self) -> NDArray[np.bool_]:
@@ -58,14 +64,15 @@ class Recording:
 
     def __getitem__(self, channel: str) -> NDArray[np.float64]:
         """Return one channel, shape (samples,); it cannot be written to, copy it to work on it."""
-        return _read_only(self._recorded[channel])
+        return _known(_read_only(self._recorded[channel]), self._provenances[channel])
 
     def __len__(self) -> int:
         return len(self._recorded)
 
     def part(self, first: int, end: int) -> dict[str, NDArray[np.float64]]:
         """Return `time` and every channel of the samples from `first` to before `end`, without the others in memory."""
-        return self._recorded.part(first, end)
+        part = self._recorded.part(first, end)
+        return {name: _known(part[name], self._provenances.get(name, self._times)) for name in part}
 
     def unit(self, channel: str) -> str:
         """Return the unit of one channel."""
@@ -73,7 +80,14 @@ class Recording:
 
     def uncertainty(self, channel: str) -> float | None:
         """Return the standard uncertainty that the certificate gives this channel, None if unknown."""
-        return self._uncertainties[channel]
+        found = self._uncertainties[channel]
+        return None if found is None else Number(found, self._provenances[channel])
+
+
+def _known(array: NDArray[np.float64], provenance: Provenance) -> NDArray[np.float64]:
+    from hil.analysis.tracing import samples  # noqa: PLC0415 - slow to import
+
+    return samples(array, provenance)
 
 
 def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -87,6 +101,17 @@ Criterion = tuple[Limit, Figure | str, str]
 """What must hold, what was found, and a reason where that says more than the two; else empty."""
 
 
+def recorded_as(records: Records, taken: Sequence[Mapping[str, object]]) -> list[Mapping[str, object]]:
+    """Return the recordings of the name that a requirement asks for."""
+    return [item for item in taken if cast("events.Recording", item["facts"]).name == records.recording]
+
+
+def behind_channels(records: Records, named: Sequence[Mapping[str, object]]) -> Provenance | None:
+    """Return the provenance of the channels that a requirement asks for, in all recordings of the name."""
+    of_each = [cast("Mapping[str, Provenance]", item["provenances"]) for item in named]
+    return merged(*(each[channel] for each in of_each for channel in records.channels if channel in each))
+
+
 def data_checks(records: Records, taken: Sequence[Mapping[str, object]]) -> Iterator[Criterion]:
     """Yield every criterion of a recording with what was found; the poorest recording of that name counts.
 
@@ -94,7 +119,7 @@ def data_checks(records: Records, taken: Sequence[Mapping[str, object]]) -> Iter
 
     A recording that was never taken yields nothing, so that its requirement stays NOT_EVALUATED.
     """
-    named = [item for item in taken if cast("events.Recording", item["facts"]).name == records.recording]
+    named = recorded_as(records, taken)
     if not named:
         return
     found = [cast("Recorded", item["recorded"]) for item in named]

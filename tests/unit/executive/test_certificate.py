@@ -7,7 +7,7 @@ from math import inf, nan
 import pytest
 from adcs_bench import adcs
 
-from hil.bench.calibration import calibrated, standard_uncertainty
+from hil.executive.cases.certificate import calibrated, standard_uncertainty
 from hil.model.bench import CalibratedRange, Calibration
 from hil.model.figure import Figure
 
@@ -33,7 +33,9 @@ RECORD = Calibration(
         ("V", 5, 0.0025),
         ("A", 1.0001, None),
         ("V", -0.001, None),
-        ("mA", 0.016, None),
+        ("mA", 16, (8e-5 + 0.0025 * 0.016) / 2 * 1e3),
+        ("mV", 5000, 2.5),
+        ("ohm", 5, None),
         ("A", nan, None),
         ("A", inf, None),
     ],

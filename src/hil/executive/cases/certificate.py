@@ -1,0 +1,69 @@
+"""What an instrument's certificate says of a reading, in whatever unit the reading comes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from hil.model.bench import CalibratedRange, Calibration, InstrumentSpec
+from hil.model.figure import Figure
+from hil.requirements.units import UnitError, compatible, convert, scale
+
+__all__ = ["calibrated", "standard_uncertainty", "uncovered"]
+
+_NEEDS_NONE = frozenset({"", "1", "count", "s"})
+"""Counts, states and plain numbers measure nothing, and time is the bench clock's: none of them needs a certificate."""
+
+
+def standard_uncertainty(calibration: Calibration | None, unit: str, value: float) -> float | None:
+    """Return the standard uncertainty of a reading in its own unit, or None if no range covers it.
+
+    The reading is converted to the unit of each range. The certificate's expanded uncertainty
+    `absolute + relative * |value|` is divided by its coverage factor (GUM 4.3.3).
+    """
+    if calibration is None or not math.isfinite(value):
+        return None
+    for entry in calibration.ranges:
+        if not _covers(entry, unit):
+            continue
+        own = value if entry.unit == unit else convert(value, unit, entry.unit)
+        if entry.low <= own <= entry.high:
+            found = (entry.absolute + entry.relative * abs(own)) / entry.k
+            return found if entry.unit == unit else found * scale(entry.unit, unit)
+    return None
+
+
+def _covers(entry: CalibratedRange, unit: str) -> bool:
+    """Return whether a line of a certificate is of the quantity of this unit."""
+    if entry.unit == unit:
+        return True
+    try:
+        return compatible(entry.unit, unit)
+    except UnitError:
+        return False
+
+
+def calibrated(figure: Figure, calibration: Calibration | None) -> Figure:
+    """Return the reading with its certificate's uncertainty; a figure that has one already keeps it."""
+    if figure.uncertainty is not None:
+        return figure
+    return replace(figure, uncertainty=standard_uncertainty(calibration, figure.unit, figure.value))
+
+
+def uncovered(instrument: InstrumentSpec, unit: str, *values: float) -> tuple[str, ...]:
+    """Return what no certificate covers of readings, a sentence each; nothing of the device under test needs one.
+
+    Args:
+        instrument: what was read.
+        unit: of the readings.
+        values: of which those count that are finite numbers.
+    """
+    name, calibration = instrument.name, instrument.calibration
+    if instrument.dut or unit in _NEEDS_NONE:
+        return ()
+    if calibration is None:
+        return (f"{name} has no calibration record",)
+    if not any(_covers(entry, unit) for entry in calibration.ranges):
+        return (f"the certificate of {name} covers nothing in {unit}",)
+    outside = [each for each in values if math.isfinite(each) and standard_uncertainty(calibration, unit, each) is None]
+    return (f"no range in the certificate of {name} covers {max(outside, key=abs):.6g} {unit}",) if outside else ()

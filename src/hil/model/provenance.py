@@ -1,0 +1,253 @@
+"""Where a value comes from: what was read, recorded or answered, and what became of it on the way."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import lru_cache
+from threading import local
+from types import TracebackType
+from typing import Any, Self
+
+__all__ = ["Count", "Number", "Provenance", "Word", "answer_to", "merged", "provenance_of", "stamped", "within_library"]
+
+Issued = tuple[float, str, float | None, float, str]
+"""The numbers of one figure: value, unit, uncertainty, degrees of freedom, status."""
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """What stands behind a value.
+
+    The executive gives it to readings, recordings and answers; functions of `hil.analysis` hand it on.
+
+    Attributes:
+        instruments: names of the instruments that were read.
+        sources: what was read, recorded, answered or given, such as `supply.load.current`.
+        by: what became of it, such as `resistance`.
+        unproven: why it proves nothing, a sentence each.
+        uncovered: what no certificate covers, a sentence each.
+        issued: the numbers of the figure that it was issued for; a changed copy of that figure has others.
+    """
+
+    instruments: tuple[str, ...] = ()
+    sources: tuple[str, ...] = ()
+    by: tuple[str, ...] = ()
+    unproven: tuple[str, ...] = ()
+    uncovered: tuple[str, ...] = ()
+    issued: Issued | None = None
+
+    @property
+    def measured(self) -> bool:
+        """Whether an instrument or a person found something out."""
+        return bool(self.instruments) or any(source.startswith(_ANSWER) for source in self.sources)
+
+    def through(self, name: str) -> Provenance:
+        """Return the provenance of what a function of this name made of it."""
+        return self if name in self.by else replace(self, by=(*self.by, name))
+
+    def but(self, *sentences: str) -> Provenance:
+        """Return it with further reasons why it proves nothing."""
+        return replace(self, unproven=_union(self.unproven, sentences))
+
+
+_ANSWER = "answer to "
+
+
+def answer_to(question: str) -> str:
+    """Return how a person's answer is called among sources."""
+    return f"{_ANSWER}{question}"
+
+
+def merged(*several: Provenance | None) -> Provenance | None:
+    """Return the provenance of what was made of several things, None if none of them has one."""
+    found: Provenance | None = None
+    for each in several:
+        if each is not None and each is not found:
+            found = each if found is None else _both(found, each)
+    return found
+
+
+@lru_cache(maxsize=4096)
+def _both(one: Provenance, other: Provenance) -> Provenance:
+    return Provenance(
+        instruments=tuple(sorted({*one.instruments, *other.instruments})),
+        sources=_union(one.sources, other.sources),
+        by=_union(one.by, other.by),
+        unproven=_union(one.unproven, other.unproven),
+        uncovered=_union(one.uncovered, other.uncovered),
+    )
+
+
+def _union(one: tuple[str, ...], other: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys((*one, *other)))
+
+
+class _Library(local):
+    depth = 0
+
+
+_LIBRARY = _Library()
+
+
+class within_library:  # noqa: N801 - used as a statement
+    """While it lasts numbers and arrays compute as plain ones: the library's function says where its result is from."""
+
+    def __enter__(self) -> Self:
+        _LIBRARY.depth += 1
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        _LIBRARY.depth -= 1
+
+    @staticmethod
+    def active() -> bool:
+        """Return whether a function of the library runs in this thread."""
+        return _LIBRARY.depth > 0
+
+
+_ARITHMETIC = "arithmetic of the plan"
+
+
+def _arithmetic(name: str) -> Callable[..., Any]:
+    operation = getattr(float, name)
+
+    def compute(self: Number, *others: object) -> object:
+        result = operation(self, *others)
+        if result is NotImplemented or type(result) is not float or _LIBRARY.depth:
+            return result
+        found = merged(self.provenance, *(getattr(each, "provenance", None) for each in others))
+        return Number(result, (found or self.provenance).through(_ARITHMETIC))
+
+    compute.__name__ = name
+    return compute
+
+
+class Number(float):
+    """A number that a recording or the library gave, with its provenance; sums, products and the like keep it."""
+
+    __slots__ = ("provenance",)
+
+    provenance: Provenance
+
+    def __new__(cls, value: float, provenance: Provenance) -> Self:
+        """Return a number with its provenance."""
+        made = super().__new__(cls, value)
+        made.provenance = provenance
+        return made
+
+    def __getnewargs__(self) -> tuple[float, Provenance]:  # type: ignore[override]  # a copy needs both
+        return float(self), self.provenance
+
+    __add__ = __radd__ = _arithmetic("__add__")
+    __mul__ = __rmul__ = _arithmetic("__mul__")
+    __sub__ = _arithmetic("__sub__")
+    __rsub__ = _arithmetic("__rsub__")
+    __truediv__ = _arithmetic("__truediv__")
+    __rtruediv__ = _arithmetic("__rtruediv__")
+    __pow__ = _arithmetic("__pow__")
+    __neg__ = _arithmetic("__neg__")
+    __abs__ = _arithmetic("__abs__")
+
+
+class Count(int):
+    """A whole number with its provenance; what is computed with it is a bare number."""
+
+    provenance: Provenance
+
+    def __new__(cls, value: int, provenance: Provenance) -> Self:
+        """Return a whole number with its provenance."""
+        made = super().__new__(cls, value)
+        made.provenance = provenance
+        return made
+
+    def __getnewargs__(self) -> tuple[int, Provenance]:  # type: ignore[override]  # a copy needs both
+        return int(self), self.provenance
+
+
+class Word(str):
+    """A word that somebody chose or a device said, with its provenance."""
+
+    __slots__ = ("provenance",)
+
+    provenance: Provenance
+
+    def __new__(cls, text: str, provenance: Provenance) -> Self:
+        """Return a word with its provenance."""
+        made = super().__new__(cls, text)
+        made.provenance = provenance
+        return made
+
+    def __getnewargs__(self) -> tuple[str, Provenance]:  # type: ignore[override]  # a copy needs both
+        return str(self), self.provenance
+
+
+_PLAIN = frozenset({float, int, str, bool, bytes, type(None)})
+
+
+def provenance_of(*things: object) -> Provenance | None:
+    """Return the provenance of all that lies in these things, however deep in lists, mappings and dataclasses."""
+    return merged(*dict.fromkeys(_found(things)))
+
+
+def _found(thing: object) -> Iterator[Provenance]:
+    if type(thing) in _PLAIN:
+        return
+    own = getattr(thing, "provenance", None)
+    if isinstance(own, Provenance):
+        yield replace(own, issued=None) if own.issued else own
+    elif isinstance(thing, Mapping):
+        for each in thing.values():
+            yield from _found(each)
+    elif isinstance(thing, tuple | list | set | frozenset):
+        for each in thing:
+            yield from _found(each)
+    elif is_dataclass(thing) and not isinstance(thing, type):
+        written = getattr(thing, "written_by_hand", "")
+        if written:
+            yield Provenance(unproven=(f"the plan itself wrote {written}, which stands behind it",))
+            return
+        for field in fields(thing):
+            yield from _found(getattr(thing, field.name, None))
+
+
+def stamped(thing: Any, provenance: Provenance, arrays: Callable[[Any, Provenance], Any] | None = None) -> Any:
+    """Return a copy of a result in which every number, word, figure and array has this provenance.
+
+    Args:
+        thing: what a role or a function of the library returned.
+        provenance: of all that is in it.
+        arrays: stamps what is none of these; such things stay as they are without it.
+    """
+    kind = type(thing)
+    made = thing
+    if isinstance(thing, float):
+        made = Number(thing, provenance)
+    elif kind in _SCALARS:
+        made = _SCALARS[kind](thing, provenance)
+    elif hasattr(thing, "with_provenance"):
+        made = thing.with_provenance(provenance)
+    elif isinstance(thing, tuple | list):
+        items = [stamped(each, provenance, arrays) for each in thing]
+        made = kind(*items) if hasattr(kind, "_fields") else kind(items)
+    elif kind is dict:
+        made = {name: stamped(each, provenance, arrays) for name, each in thing.items()}
+    elif is_dataclass(thing) and not isinstance(thing, type):
+        made = _stamped_fields(thing, provenance, arrays)
+    elif arrays is not None:
+        made = arrays(thing, provenance)
+    return made
+
+
+_SCALARS: dict[type, Callable[..., Any]] = {int: Count, Count: Count, str: Word, Word: Word}
+
+
+def _stamped_fields(thing: Any, provenance: Provenance, arrays: Callable[[Any, Provenance], Any] | None) -> Any:
+    made = copy.copy(thing)
+    for field in fields(thing):
+        if hasattr(thing, field.name):
+            object.__setattr__(made, field.name, stamped(getattr(thing, field.name), provenance, arrays))
+    return made
