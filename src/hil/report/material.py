@@ -12,6 +12,7 @@ from hil.documents.node import Node, Scalar
 from hil.documents.node import Sequence as SequenceNode
 from hil.documents.strict_yaml import parse_yaml
 from hil.evidence.events import Event
+from hil.evidence.ledger.entries import ZERO
 from hil.evidence.package.bag import INFO, identifier_of
 from hil.evidence.package.contents import Package
 from hil.evidence.recordings.hdf5 import Recorded
@@ -82,9 +83,10 @@ class Material:
         return (str(lines[0].wall.get("utc", "")), str(lines[-1].wall.get("utc", ""))) if lines else ("", "")
 
     def ledger_head(self) -> str:
-        """Return the head of the ledger before the seal; empty where the package does not name it."""
+        """Return the head of the ledger before the seal; empty where there was none, or none is named."""
         lines = self._package.lines()
-        return str(lines[-1].wall.get("ledger", "")) if lines else ""
+        head = str(lines[-1].wall.get("ledger", "")) if lines else ""
+        return "" if head == ZERO else head
 
     def sent(self) -> Mapping[int, str]:
         """Return the UTC at which what came from other terminals was sent; earlier records do not tell it."""

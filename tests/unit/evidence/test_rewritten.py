@@ -5,17 +5,17 @@ from __future__ import annotations
 import shutil
 
 import pytest
-from evidence_runs import begin, sealed_run, write_report
+from evidence_runs import DUT, OF_ALL_RUNS, begin, sealed_run, write_report
 
-from hil.evidence.ledger.book import LEDGER, append, ledger_file, read
+from hil.evidence.ledger.book import LEDGER, append, head, ledger_file, read
 from hil.evidence.ledger.entries import Sealed
 from hil.evidence.package.sealing import recover
 from hil.evidence.package.verification import State, verify
 from hil.evidence.runs import find_runs, status
 from hil.model.errors import EvidenceError
+from hil.report.write import HTML, make_reports
 
 NAME = "20261121T093100Z-flight-SN1-ab12cd"
-OTHER = {"serial": "SN2", "part": "P1", "model": "QM", "hardware": "A", "firmware": "", "title": "Gyroscope"}
 
 
 @pytest.fixture
@@ -53,13 +53,21 @@ def test_a_seal_is_entered_with_what_it_names(package):
 
 
 @pytest.mark.parametrize(
-    "changes", [{"source": "hardware"}, {"dut": OTHER}, {"operator": "Eve"}, {"sources": "1" * 64}]
+    ("changes", "files"),
+    [
+        ({"source": "hardware"}, {}),
+        ({"operator": "Eve"}, {}),
+        ({"dut": DUT | {"serial": "SN2"}}, {"data/dut.json": b"SN1", "data/bench/duts.yaml": b"SN1"}),
+        ({}, {"data/sources/testplans/gyro/test_rest.py": b"..."}),
+    ],
 )
-def test_a_package_that_was_rewritten_as_a_whole_is_damaged(package, tmp_path, changes):
+def test_a_package_that_was_rewritten_as_a_whole_is_damaged(package, tmp_path, monkeypatch, changes, files):
     """Simulated turned into hardware, other serial numbers or sources: verification by its own bytes cannot see it."""
+    for path, old in files.items():
+        monkeypatch.setitem(OF_ALL_RUNS, path, OF_ALL_RUNS[path].replace(old, b"SN2"))
     rewrite(package, tmp_path / "elsewhere", **{"source": "simulated", **changes})
     shutil.copytree(package, tmp_path / "alone" / NAME)
-    assert verify(tmp_path / "alone" / NAME).state is State.SEALED
+    assert verify(tmp_path / "alone" / NAME).findings == ()
     found = verify(package)
     assert found.state is State.DAMAGED
     (entry,) = read(package.parent).of(Sealed)
@@ -130,6 +138,36 @@ def test_a_damaged_ledger_is_no_witness(package):
     assert found.ledger.startswith("DAMAGED, and has no entry of this package: .ledger/ledger.jsonl:2:1: ")
     ledger_file(package.parent).write_bytes(b"x\n" + good)
     assert verify(package).ledger.startswith("line ")
+
+
+def test_a_seal_that_was_interrupted_after_its_entry_is_finished_as_it_was_entered(tmp_path, monkeypatch):
+    """The process was killed between the entry and the seal."""
+    folder = tmp_path / "reports" / NAME
+    with begin(folder):
+        pass
+
+    def killed(_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("hil.evidence.package.sealing.put_seal", killed)
+        with pytest.raises(KeyboardInterrupt):
+            recover(folder, write_reports=write_report)
+    (entry,) = read(folder.parent).of(Sealed)
+    assert recover(folder, write_reports=write_report) == entry.evidence
+    assert read(folder.parent).of(Sealed) == (entry,)
+    assert verify(folder).ledger == f"line 2, sealed {entry.utc}"
+
+
+def test_a_report_names_the_head_before_its_seal(tmp_path):
+    """So that every report that was handed out is a witness of the ledger."""
+    before = tmp_path / "reports" / NAME
+    sealed_run(before)
+    head_before = head(before.parent)
+    second = before.with_name("20261122T093100Z-flight-SN1-ff12cd")
+    sealed_run(second)
+    assert f'<span class="mono">{head_before}</span>' in make_reports(second)[HTML].decode()
+    assert "Head of the ledger" not in make_reports(before)[HTML].decode()
 
 
 def test_a_seal_does_not_wait_for_the_ledger(tmp_path):
