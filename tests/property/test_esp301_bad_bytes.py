@@ -21,6 +21,6 @@ def test_controller_survives_any_bytes(pieces):
     controller = Controller()
     for piece in (*pieces, b"\rST\r"):
         controller.exchange(piece, 0.3)
-    assert controller.ask("VE?") == ["ESP301 Version 3.0.1 6/1/99"]
+    assert controller.ask("VE?") == ["ESP301 Version SIM.1 6/1/99"]
     errors = [controller.ask("TE?") for _ in range(11)]
     assert errors[-1] == ["0"]

@@ -36,6 +36,7 @@ __all__ = [
     "OF_THIS_PLACE",
     "REQUIREMENTS",
     "REQUIREMENTS_FILE",
+    "SOFTWARE",
     "WRITTEN_BY_THE_RUN",
     "begin",
     "case_end",
@@ -59,8 +60,11 @@ REQUIREMENTS = (
         limits=(LIMIT,),
         source="s 30",
         plan="gyro",
+        stage="qualification",
     ),
-    Requirement(id="GYR-010", rev=1, text="The rest shall be recorded.", kind=Kind.RECORD, plan="gyro"),
+    Requirement(
+        id="GYR-010", rev=1, text="The rest shall be recorded.", kind=Kind.RECORD, plan="gyro", stage="qualification"
+    ),
 )
 REQUIREMENTS_FILE = """\
 schema: hil/requirements/1
@@ -72,6 +76,7 @@ requirements:
   kind: limit
   method: test
   source: s 30
+  stage: qualification
   limits:
   - {parameter: rate_error, of: [x, y], unit: deg/s, min: "-0.5", max: "0.5"}
 - id: GYR-010
@@ -79,6 +84,7 @@ requirements:
   text: The rest shall be recorded.
   kind: record
   method: test
+  stage: qualification
 """
 BENCH_FILE = """\
 schema: hil/bench/1
@@ -108,6 +114,12 @@ CALIBRATION = {
         ranges=(msgspec.convert({"quantity": "rate", "unit": "deg/s", **RANGE}, FrozenRange),),
     )
 }
+SOFTWARE = {
+    "format": 1,
+    "hil": {"commit": {"id": "1" * 40, "changed": False}},
+    "workspace": {"commit": {"id": "2" * 40, "changed": False}},
+    "flags": {"optimize": 0},
+}
 OF_ALL_RUNS = {
     "data/bench/bench.yaml": BENCH_FILE.encode(),
     "data/bench/C-1": CERTIFICATE,
@@ -120,7 +132,7 @@ OF_ALL_RUNS = {
 WRITTEN_BY_THE_RUN = (CATALOGUE_FILE, CALIBRATION_FILE, RESULTS, TRANSCRIPT, "data/recordings/001-rest.h5")
 OF_THIS_PLACE = {
     "data/place.json": b'{"format":1,"host":"here","workspace":{"fixtures":"fixtures","testplans":"testplans"}}',
-    "data/software.json": b'{"format":1}',
+    "data/software.json": canonical(SOFTWARE),
 }
 
 
@@ -136,7 +148,7 @@ def run_fields(**changes):
         "format": 1, "bench": "flight", "source": "hardware", "purpose": "qualification", "dut": DUT, "operator": "Ada",
         "plans": ["gyro"], "seed": "7", "catalogue": "0" * 64, "parameters": "0" * 64, "calibration": "0" * 64,
         "sources": "0" * 64, "bench_files": "0" * 64, "version": "0.1.0", "overrides": {}, "skips": {},
-        "deviations": [],
+        "deviations": [], "live": {"speed": 1.0, "served": False},
     }  # fmt: skip
     return fields | changes
 
@@ -194,7 +206,10 @@ def begin(folder: Path, *, files: Mapping[str, bytes] = MappingProxyType({}), **
     journal.write(event_of("run", **run_fields(**(frozen_hashes(folder) | changes))), 0.0)
     journal.write(event_of("frozen", files=named), 0.0, beside={"files": beside})
     journal.write(event_of("planned", cases=[planned()]), 0.0)
-    journal.write(event_of("gate", name="identity", ok=True, detail="as expected"), 0.0)
+    port = {"name": "source of psu1", "detail": "/dev/psu1", "instrument": "psu1", "source": "hardware"}
+    journal.write(event_of("host-gate", ok=True, **port), 0.0)
+    journal.write(event_of("gate", name="identity of psu1", ok=True, detail="PSU 1", instrument="psu1"), 0.0)
+    journal.write(event_of("gate", name="envelope supply.voltage", ok=True, detail="trips"), 0.0)
     journal.write(event_of("armed"), 0.0)
     return journal
 

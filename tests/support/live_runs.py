@@ -144,10 +144,14 @@ def guardian_of(process: int) -> int:
 
 
 @contextmanager
-def served(folder: Path, workspace: Path = ROOT, bench: str = "battery", speed: float = 1.0) -> Iterator[Served]:
+def served(
+    folder: Path, workspace: Path = ROOT, bench: str = "battery", speed: float = 1.0, first_port: int = 0
+) -> Iterator[Served]:
     """Serve a bench in a folder of a short name until the context is left."""
     process = subprocess.Popen(
-        command_line("simulate", bench, "--folder", str(folder), "--speed", f"{speed:g}"),
+        command_line(
+            "simulate", bench, "--folder", str(folder), "--speed", f"{speed:g}", "--first-port", str(first_port)
+        ),
         cwd=workspace,
         stdout=subprocess.PIPE,
         text=True,

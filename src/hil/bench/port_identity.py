@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import Protocol
 
 from hil.bench.bound import BoundBench
+from hil.bench.connections import server_of
 from hil.bench.gate import Gate
 from hil.bench.onboard import Uart, difference, uart_at
 from hil.model.bench import BenchSpec, InstrumentSpec, OnboardPort, UsbPort
 from hil.model.errors import Refused
-from hil.model.identity import Identity
+from hil.model.identity import Identity, Source
+from hil.wire.keys import LOOPBACK, SERVED, keys_of
 from hil.wire.opening import MESSAGES, PortKind, kind_of, url_of_resource
 
 __all__ = [
@@ -24,6 +26,7 @@ __all__ = [
     "is_serial_device",
     "listed_ports",
     "port_gates",
+    "source_gates",
     "strangers_on_network",
 ]
 
@@ -155,6 +158,34 @@ def _plug(port: ListedPort) -> str:
 
 def _spoken(port: ListedPort) -> str:
     return f"{port.product or 'no USB device'}, {f'serial {port.serial_number}' if port.serial_number else 'no serial'}"
+
+
+def source_gates(spec: BenchSpec, keys: Callable[[str], Iterable[str]] = keys_of) -> Iterator[Gate]:
+    """Yield a gate for every instrument of a bench that is called hardware: where its bytes come from, and what it is.
+
+    A port that a served bench has, of this host or another name of it, is simulated whatever the bench file says. A
+    port of this computer's own network may be anybody's: it is hardware only where the bench file says why.
+    """
+    for instrument in spec.instruments:
+        port, reason = _way_to(spec, instrument)
+        name, found = f"source of {instrument.name}", list(keys(port))
+        source, detail, exception = Source.HARDWARE, port, ""
+        if any(key.startswith(SERVED) for key in found):
+            source, detail = Source.SIMULATED, f"{port} belongs to a bench that is served on this computer"
+        elif any(key.startswith(LOOPBACK) for key in found):
+            exception = f"{port} is on this computer and stands for hardware: {reason}" if reason else ""
+            source = Source.HARDWARE if reason else Source.SIMULATED
+            detail = exception or f"{port} is on this computer, and the bench file does not say why it is hardware"
+        yield Gate(name, ok=True, detail=detail, instrument=instrument.name, source=source, exception=exception)
+
+
+def _way_to(spec: BenchSpec, instrument: InstrumentSpec) -> tuple[str, str]:
+    """Return the port that carries an instrument's bytes, and why that stands for hardware, if the file says so."""
+    found = instrument
+    while server := server_of(spec, found):
+        found = server
+    bus = next((each.port for each in spec.buses if each.name == found.bus), "")
+    return found.port or bus, found.stands_for_hardware
 
 
 def strangers_on_network(bench: BoundBench) -> dict[str, str]:

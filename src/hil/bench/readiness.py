@@ -18,7 +18,7 @@ from hil.instruments.roles import Relays, Supply, Watched
 from hil.model.bench import InstrumentSpec, Position, ReducedLevel, Wire
 from hil.model.cutting import CutPath
 from hil.model.errors import HilError
-from hil.model.identity import Dut, Identity
+from hil.model.identity import Dut, Identity, Source
 from hil.model.prefixed import prefixed
 
 __all__ = ["energised_gates", "unpowered_gates"]
@@ -73,6 +73,9 @@ def energised_gates(bench: BoundBench, dut: Dut | None) -> Iterator[Gate]:
             if stayed:
                 yield Gate(f"{wire.name} off again", ok=False, detail=stayed)
                 return
+        elif wire.role == "supply":
+            told = f"{wire.name} was not tried at a reduced level: its wire has none"
+            yield Gate(f"reduced level of {wire.name}", ok=True, detail="not tried", unproven=told)
     for gate in cut_path_gates(bench):
         yield gate
         if not gate.ok:
@@ -99,7 +102,27 @@ def _identity(bench: BoundBench, instrument: InstrumentSpec, dut: Dut | None) ->
     expected = dut.recognised.get(instrument.name, "") if dut else ""
     if expected and expected not in {found.unmarked.serial, found.model}:
         return Gate(name, ok=False, detail=f"{found} answers, but the DUT is recognised by '{expected}'")
-    return Gate(name, ok=True, detail=str(found))
+    return Gate(
+        name,
+        ok=True,
+        detail=str(found),
+        instrument=instrument.name,
+        unproven=_left_open(instrument, found),
+        source=Source.SIMULATED if found.simulated else None,
+    )
+
+
+def _left_open(instrument: InstrumentSpec, found: Identity) -> str:
+    """Return why it is not proven that this is the instrument whose certificate the bench has, nothing if it is."""
+    expected, said = instrument.identity, found.unmarked
+    if not any((expected.manufacturer, expected.model, expected.serial)):
+        return f"the bench file does not say who {instrument.name} is"
+    if not any((said.manufacturer, said.model, said.serial)):
+        return f"{instrument.name} does not say who it is"
+    record = instrument.calibration
+    if said.serial and record and not record.registered and not expected.serial:
+        return f"{instrument.name} has the serial number {said.serial}, and the bench file does not name it"
+    return ""
 
 
 def _other_serial(instrument: InstrumentSpec, found: Identity) -> str:
@@ -139,7 +162,8 @@ def _polarity(bench: BoundBench, wire: Wire) -> Gate:
     name, cycler = f"polarity at {wire.name}", cast("Cycler", bench.roles[wire.name])
     try:
         if cycler.level() == "1":
-            return Gate(name, ok=True, detail="not looked at: a device of level 1 measures in a test only")
+            told = "not looked at: a device of level 1 measures in a test only"
+            return Gate(name, ok=True, detail=told, unproven=f"the polarity at {wire.name} was {told}")
         volts = cycler.voltage().value
     except HilError as error:
         return Gate(name, ok=False, detail=str(error))

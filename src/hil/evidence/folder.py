@@ -19,6 +19,7 @@ __all__ = [
     "CALIBRATION",
     "CATALOGUE",
     "CHECKPOINT",
+    "DUT",
     "GUARDIAN",
     "INBOX",
     "INBOX_FILES",
@@ -31,6 +32,7 @@ __all__ = [
     "RESERVE",
     "RESULTS",
     "SEAL",
+    "SOFTWARE",
     "TORN",
     "TRANSCRIPT",
     "create",
@@ -51,6 +53,8 @@ CATALOGUE = "data/catalogue/catalogue.json"
 PARAMETERS = "data/catalogue/parameters.json"
 CALIBRATION = "data/bench/calibration.json"
 REGISTERS = "data/registers"
+SOFTWARE = "data/software.json"
+DUT = "data/dut.json"
 TRANSCRIPT = "data/transcript.tsv"
 RECORDINGS = "data/recordings"
 ATTACHMENTS = "data/attachments"

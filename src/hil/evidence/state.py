@@ -12,6 +12,7 @@ import msgspec
 from hil.evidence.attempts import Abandoned
 from hil.evidence.events import (
     Anomaly,
+    Answer,
     Armed,
     Attachment,
     Case,
@@ -78,6 +79,7 @@ class CaseState:
     holds: list[Span[Hold, HoldEnd]] = field(default_factory=list)
     not_run: list[str] = field(default_factory=list)
     dut_fault: bool = False
+    answers: int = 0
 
     @property
     def own_verdict(self) -> Verdict:
@@ -159,6 +161,7 @@ class RunState:
         ended: the ends of recordings by id, those included whose beginning is missing.
         rows: per recording the hashes that the journal has of its first rows.
         gates: the readiness gates of the bench.
+        host_gates: those of people, the machine and the guardian.
         attachments: the files that were attached or made.
         added: notes, attachments and anomalies since the first gate.
         resumptions: when the run was resumed.
@@ -181,6 +184,7 @@ class RunState:
         self.ended: dict[str, RecordingEnd] = {}
         self.rows: dict[str, dict[int, str]] = {}
         self.gates: list[Gate] = []
+        self.host_gates: list[Gate] = []
         self.attachments: list[Attachment] = []
         self.added: list[Note | Attachment | Anomaly] = []
         self.resumptions: list[Resumed] = []
@@ -207,7 +211,7 @@ class RunState:
         """Take the next event."""
         self.t = event.t
         match event:
-            case Step() | StepEnd() | Check() | Fault() | Case() | CaseEnd() | NotRun():
+            case Answer() | Step() | StepEnd() | Check() | Fault() | Case() | CaseEnd() | NotRun():
                 self._of_case(event)
             case Recording():
                 self.recordings[event.recording] = event
@@ -221,15 +225,21 @@ class RunState:
                 self.ended[event.recording] = event
             case Hold() | HoldEnd():
                 self._hold(event)
-            case Gate() if event.origin is Origin.COURSE:
-                self.gates.append(event)
-                self.stop = None
+            case Gate():
+                self._gate(event)
             case Trip():
                 self.trip = self.trip or event
             case SafeEnd():
                 self.safe = event.ok and self.safe is not False
             case _:
                 self._of_run(event)
+
+    def _gate(self, event: Gate) -> None:
+        if event.origin is Origin.COURSE:
+            self.gates.append(event)
+            self.stop = None
+        else:
+            self.host_gates.append(event)
 
     def _of_run(self, event: Event) -> None:  # noqa: C901 - one case per kind of event
         match event:
@@ -257,7 +267,7 @@ class RunState:
                 if self.gates:  # anomalies before are those of the catalogue's sources
                     self.added.append(event)
 
-    def _of_case(self, event: Step | StepEnd | Check | Fault | Case | CaseEnd | NotRun) -> None:
+    def _of_case(self, event: Answer | Step | StepEnd | Check | Fault | Case | CaseEnd | NotRun) -> None:
         case = self._case(event.case)
         match event:
             case Case():
@@ -274,6 +284,8 @@ class RunState:
                 case.steps.append(Span(event))
             case StepEnd():
                 case.end_step(event)
+            case Answer():
+                case.answers += 1
             case Fault():
                 case.dut_fault = case.dut_fault or event.dut
 

@@ -181,6 +181,7 @@ class InstrumentSpec:
         register: its name in the register of instruments, which then says how it is calibrated; empty for none.
         terminator: what ends a line of text, both ways; empty for what the driver takes by itself.
         timeout_s: how long a reply may take [s]; 0 for what the driver takes by itself.
+        stands_for_hardware: why a port on this computer's own network is hardware; every report of a run tells it.
     """
 
     name: str = field(default="", metadata=NAMED)
@@ -200,6 +201,7 @@ class InstrumentSpec:
     serial_line: SerialLine | None = None
     terminator: Annotated[str, one_of(*TERMINATORS)] = ""
     timeout_s: Annotated[float, seconds(above=0.0)] = field(default=0.0, metadata={"alias": "timeout"})
+    stands_for_hardware: AnyText = ""
 
     @property
     def line_end(self) -> bytes:

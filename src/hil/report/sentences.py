@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from hil.evidence.results.outcome import CaseOutcome, HoldOutcome, Outcome, RequirementOutcome
+from hil.evidence.results.outcome import EXCEPTION, CaseOutcome, Condition, HoldOutcome, Outcome, RequirementOutcome
 from hil.model.identity import Source
 from hil.model.verdict import NO_CHECK, Verdict
 from hil.report.numbers import bench_time, duration
@@ -16,9 +16,11 @@ __all__ = [
     "closings",
     "common_reasons",
     "counted",
+    "exceptions",
     "headline",
     "holds",
     "in_short",
+    "proofs",
     "safe_word",
     "source_word",
     "subject",
@@ -71,6 +73,17 @@ def source_word(results: Outcome) -> str:
     return "" if results.run.source is Source.HARDWARE else results.run.source.upper()
 
 
+def exceptions(results: Outcome) -> tuple[str, ...]:
+    """Return what counts as hardware by the word of the bench file alone, a sentence each."""
+    found = (each.text for each in results.conditions or () if each.name == EXCEPTION)
+    return tuple(text.removeprefix("EXCEPTION: ") for text in found)
+
+
+def proofs(conditions: Sequence[Condition] | None) -> tuple[str, ...]:
+    """Return what was proven, a sentence each; nothing of packages that do not tell."""
+    return tuple(each.text for each in conditions or () if each.proven)
+
+
 def warnings(results: Outcome) -> tuple[tuple[str, str], ...]:
     """Return what a reader must know before reading anything else, as a word and a sentence."""
     return tuple((word, sentence) for told, word, sentence in _warnings(results) if told)
@@ -80,6 +93,8 @@ def _warnings(results: Outcome) -> Iterable[tuple[bool, str, str]]:
     source = source_word(results)
     why = "the instruments were simulated" if source == "SIMULATED" else "no hardware was driven"
     yield bool(source), source, f"{why}; this run is no evidence about hardware."
+    for exception in exceptions(results):
+        yield True, "EXCEPTION", f"{exception}."
     yield results.interrupted, "INTERRUPTED", "the run did not reach its planned end."
     yield results.tripped, "TRIPPED", "the bench left its envelope and was made safe."
     unsafe = results.safe is False

@@ -19,12 +19,17 @@ from threading import Thread
 from hil.wire.held_names import hold_name, names_held, short
 from hil.wire.opening import NETWORK, VISA_LAN, VISA_USB, url_of_resource
 
-__all__ = ["announce_served", "keys_of", "keys_of_served", "keys_of_this_port"]
+__all__ = ["LOOPBACK", "SERVED", "announce_served", "keys_of", "keys_of_served", "keys_of_this_port"]
 
 _RESOLVED_S = 2.0
 _SYSTEM = Path("/sys")
 _HERE = "localhost"
-_SERVED = "served bench "
+SERVED = "served bench "
+"""How the keys of a served bench begin."""
+
+LOOPBACK = f"socket://{_HERE}:"
+"""How the keys of a port on this host's own network begin."""
+
 _SCPI_PORTS = ("5024", "5025", "5555")
 _ONE_OF_ITS_HOST = re.compile(r"(inst0|hislip0(,\d+)?)?", re.IGNORECASE)
 """What the only instrument of a host is called; a gateway, or a mainframe, has more of them."""
@@ -67,25 +72,30 @@ def keys_of(
 
 def keys_of_this_port(port: str) -> tuple[str, ...]:
     """Return the keys of a port by itself: no host is looked up, and nobody is asked whose bench it belongs to."""
-    return tuple(key for key in keys_of(port, resolve=lambda _: ()) if not key.startswith(_SERVED))
+    return tuple(key for key in keys_of(port, resolve=lambda _: ()) if not key.startswith(SERVED))
 
 
 def keys_of_served(folder: Path) -> tuple[str, ...]:
     """Return the keys of a bench that is served in a folder; its network ports have them, too."""
-    return (f"{_SERVED}{folder.resolve()}", _served(short(str(folder.resolve()))))
+    return (f"{SERVED}{folder.resolve()}", _served(short(str(folder.resolve()))))
 
 
-def announce_served(port: int, folder: Path) -> int:
+def announce_served(port: int | str, folder: Path) -> int:
     """Let everyone on this host know that a port of it belongs to a served bench, until the descriptor is closed.
+
+    Args:
+        port: of the network, or the path of a pseudo-terminal.
+        folder: where the bench is served.
 
     Raises:
         OSError: if that is not possible.
     """
-    return hold_name(f"served-{port}-{short(str(folder.resolve()))}")
+    place = short(port) if isinstance(port, str) else port
+    return hold_name(f"served-{place}-{short(str(folder.resolve()))}")
 
 
 def _served(digest: str) -> str:
-    return f"{_SERVED}{digest}"
+    return f"{SERVED}{digest}"
 
 
 def _network(host: str, ports: Sequence[str], resolve: Callable[[str], Sequence[str]]) -> Iterator[str]:
@@ -144,6 +154,7 @@ def _addresses(host: str) -> list[str]:
 
 def _device(path: str, system: Path) -> Iterator[str]:
     """Yield what a device is called: over USB by its serial number and where it is plugged in, else by its path."""
+    yield from (_served(each.rpartition("-")[2]) for each in names_held(f"served-{short(path)}-"))
     try:
         status = os.stat(path)  # noqa: PTH116 - given as text
     except OSError:

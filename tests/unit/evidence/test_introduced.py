@@ -52,7 +52,7 @@ def anomalies(folder):
 def test_what_a_case_writes_itself_is_set_aside(folder, path):
     """A case that writes a certificate, a guardian's journal or a recording into the folder: none of it is sealed."""
     with hold(folder):
-        journal = begin(folder)
+        journal = begin(folder, live=None, source="simulated")
         put(folder, path)
         whole_case(folder, journal)
         seal(folder, journal, exit_code=0, write_reports=write_report)
@@ -67,7 +67,7 @@ def test_what_a_case_writes_itself_is_set_aside(folder, path):
 def test_an_attachment_that_is_put_there_before_the_seal_is_set_aside(folder):
     """After the run was killed, a file is put beside its attachments, and `hil seal` is called; twice the same name."""
     with hold(folder):
-        whole_case(folder, begin(folder))
+        whole_case(folder, begin(folder, live=None, source="simulated"))
     place = folder.parent / ".aside" / folder.name / STRANGERS[0]
     place.parent.mkdir(parents=True)
     place.write_bytes(b"of an earlier seal")
@@ -82,7 +82,7 @@ def test_an_attachment_that_is_put_there_before_the_seal_is_set_aside(folder):
 def test_after_the_last_word_nothing_is_taken_in(folder, monkeypatch, kind):
     """Where the journal can tell of nothing any more, `hil seal` refuses what came since."""
     with hold(folder):
-        journal = begin(folder)
+        journal = begin(folder, live=None, source="simulated")
         whole_case(folder, journal)
         stop = "write_end" if kind == "results" else "finish"
         with monkeypatch.context() as patched, pytest.raises(ZeroDivisionError):
@@ -101,7 +101,7 @@ def test_after_the_last_word_nothing_is_taken_in(folder, monkeypatch, kind):
 @pytest.mark.parametrize("path", STRANGERS)
 def test_a_stranger_in_a_package_is_found(folder, tmp_path, path):
     """Somebody adds a file, names it in the journal's end, and bags anew: no event introduced it."""
-    sealed_run(folder)
+    sealed_run(folder, live=None, source="simulated")
     copy = shutil.copytree(folder, tmp_path / "copy", copy_function=shutil.copyfile)
     for each in (copy, *copy.rglob("*")):
         each.chmod(0o755)
@@ -126,7 +126,7 @@ def test_a_stranger_in_a_package_is_found(folder, tmp_path, path):
 )
 def test_an_event_introduces_its_file(folder, events, known):
     """An attachment by its event, the guardian's journal by its gates, a torn tail by what says so."""
-    journal = begin(folder)
+    journal = begin(folder, live=None, source="simulated")
     for kind, fields in events:
         journal.write(event_of(kind, **fields), 1.0)
     journal.close()

@@ -216,9 +216,8 @@ def test_a_run_that_went_wrong_does_not_pass(event, verdict):
     [
         ({"source": "simulated"}, "SIMULATED: the run's source"),
         ({"source": "replayed"}, "REPLAYED: the run's source"),
-        ({"purpose": "development"}, "the purpose development does not close requirements"),
         ({"deviations": ["rest_duration = 1 s"]}, "deviation: rest_duration = 1 s"),
-        ({"dut": {"serial": ""}}, "the device under test has no serial number"),
+        ({"dut": {**run_fields()["dut"], "serial": ""}}, "the device under test has no serial number"),
     ],
 )
 def test_a_run_that_cannot_close_says_why(tmp_path, changes, reason):
@@ -242,29 +241,42 @@ def test_calibration_counts_until_its_last_day(tmp_path, calibration, reason):
         whole_case(tmp_path, journal)
     reading = read_journal(tmp_path / JOURNAL)
     facts = Facts(
-        catalogue=entries_of(REQUIREMENTS), calibration={"psu1": FrozenCalibration(**calibration)}, date="2026-11-21"
+        catalogue=entries_of(REQUIREMENTS),
+        calibration={"psu1": FrozenCalibration(certificate="C-1", size=16, **calibration)},
+        date="2026-11-21",
+        software=facts_of(tmp_path, reading).software,
     )
     results = results_as_json(derive(reading.events, facts, content_digest=""))
     assert [item["reasons"] for item in results["requirements"]] == 2 * [[reason] if reason else []]
 
 
 def test_one_simulated_instrument_is_enough(tmp_path):
-    """The weakest source of what a case used counts, and is named."""
+    """One that says it is simulated counts as that, and so does what is reached through the same port."""
     with begin(tmp_path) as journal:
         journal.write(event_of("case", case="test_rest", attempt=1), 0.0)
         check(journal, of="x")
         check(journal, of="y")
         recorded_check(journal)
-        case_end(journal, used={"psu1": "hardware", "mag": "simulated", "obc": "simulated"})
+        case_end(journal, used={"psu1": "hardware", "mag": "hardware", "obc": "hardware"})
+        for name in ("mag", "obc"):
+            journal.write(event_of("host-gate", name="-", ok=True, detail="/dev/obc", instrument=name), 4.0)
+        seen = {
+            "name": "identity of obc",
+            "ok": True,
+            "detail": "O1, SIMULATED",
+            "instrument": "obc",
+            "source": "simulated",
+        }
+        journal.write(event_of("gate", **seen), 4.0)
         journal.write(event_of("gate", name="found-off", ok=False, detail="psu1 was on"), 4.0)
         journal.write(event_of("safe-end", ok=True), 5.0)
     found = results_of(tmp_path, read_journal(tmp_path / JOURNAL))
-    assert list(found.requirements[0].reasons) == ["readiness gate found-off: psu1 was on", "SIMULATED: mag, obc"]
-    proven = [each.name for each in found.requirements[0].conditions if each.proven]
-    assert proven == ["verdict", "coverage", "catalogue", "instruments", "calibration"]
+    reasons = ["readiness gate found-off: psu1 was on", "SIMULATED: mag, obc", "it was not asked who mag is"]
+    assert list(found.requirements[0].reasons) == reasons
+    assert found.cases[0].used == {"psu1": "hardware", "mag": "simulated", "obc": "simulated"}
     assert [each.name for each in found.conditions if not each.proven] == ["readiness"]
     old = results_of(tmp_path, read_journal(tmp_path / JOURNAL), 2)
-    assert list(old.requirements[0].reasons) == ["SIMULATED: mag, obc", "readiness gate found-off: psu1 was on"]
+    assert list(old.requirements[0].reasons) == ["readiness gate found-off: psu1 was on"]
     assert (old.conditions, old.requirements[0].conditions) == (None, None)
 
 

@@ -118,7 +118,7 @@ def test_a_package_reads_a_run_that_goes_on(tmp_path):
         record(tmp_path, journal, 5)
         package = Package(tmp_path)
         assert not package.sealed
-        assert [event["kind"] for event in bodies(package, "gate", "armed")] == ["gate", "armed"]
+        assert [event["kind"] for event in bodies(package, "gate", "armed")] == ["gate", "gate", "armed"]
         assert len(package.recording("001-rest")) == 5
         assert results_as_json(package)["verdict"] == "ERROR"
         assert package.calibration()["psu1"].due == "2026-12-31"

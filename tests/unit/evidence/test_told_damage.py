@@ -97,16 +97,16 @@ def test_every_field_of_a_line_that_is_no_event_is_told(package):
         if body["kind"] == "case-end":
             body.update(attempt="first", verdict="SPLENDID", more=1)
             del body["reasons"]
-        of_kind("gate", ok=1)(body)
+        of_kind("host-gate", ok=1)(body)
 
     rehash(package, change)
     found = told(package)
-    (end,), (gate,) = number_of(package, "case-end"), number_of(package, "gate")
+    (end,), (gate,) = number_of(package, "case-end"), number_of(package, "host-gate")
     assert (
         f"data/journal.jsonl:{end}:1: case-end: unknown field 'more'; field 'attempt' must be a whole number,"
         " found text; field 'verdict' has the unknown value 'SPLENDID'; field 'reasons' is missing"
     ) in found
-    assert f"data/journal.jsonl:{gate}:1: gate: field 'ok' must be true or false, found a whole number" in found
+    assert f"data/journal.jsonl:{gate}:1: host-gate: field 'ok' must be true or false, found a whole number" in found
 
 
 @pytest.mark.parametrize("fresh", [False, True])

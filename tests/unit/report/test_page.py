@@ -6,6 +6,7 @@ import subprocess
 import sys
 from html.parser import HTMLParser
 
+import evidence_runs
 import msgspec
 import pytest
 import specimen_run
@@ -13,6 +14,7 @@ from typed_events import event_of, events_of
 
 from hil.evidence.events import Recording
 from hil.evidence.package.contents import Package
+from hil.evidence.package.sealing import seal
 from hil.evidence.package.verification import State, Verification
 from hil.model.errors import Finding
 from hil.model.verdict import Verdict
@@ -20,7 +22,7 @@ from hil.report.drawing.checks import bounds_by_case, charts
 from hil.report.drawing.recordings import recording_graphics
 from hil.report.material import Material
 from hil.report.page.as_run import attributed, check_row, fed_limits, recording_rows, watched_rows
-from hil.report.write import HTML, JUNIT, TEMPLATES, make_reports
+from hil.report.write import HTML, JUNIT, TEMPLATES, make_reports, write_reports
 
 VOID = {"meta", "path", "circle", "br", "use", "link", "img"}
 
@@ -254,13 +256,31 @@ def test_running_header_is_repeated_by_print():
     assert "size: A4" in css
 
 
+def hardware_page(folder, **port):
+    """Return the page of a run on hardware that is in order in every way, but for what its ports are."""
+    folder.mkdir()
+    journal = evidence_runs.begin(folder)
+    journal.write(event_of("host-gate", name="source of psu2", ok=True, detail="", instrument="psu2", **port), 0.0)
+    evidence_runs.whole_case(folder, journal)
+    seal(folder, journal, exit_code=0, write_reports=write_reports)
+    return Page((folder / "data/report/report.html").read_text(encoding="utf-8")).words
+
+
 def test_hardware_is_not_called_simulated(tmp_path):
-    """A run on hardware for acceptance, in order in every way, says what it can close."""
-    run = {"source": "hardware", "purpose": "acceptance", "deviations": []}
-    words = Page(page_of(tmp_path, run=run, events=list(one_case("PASS", instruments=["psu1"])))).words
+    """A run on hardware, in order in every way, says what it can close, and what proves it."""
+    words = hardware_page(tmp_path / "run")
     assert "SIMULATED" not in words
-    assert "This run can close 1 of " in words
-    assert "can close the verdict is good, and nothing in this run weakens the evidence ADCS-GYR-040" in words
+    assert "EXCEPTION" not in words
+    assert "This run can close all 2 requirements." in words
+    assert "can close the verdict is good, and nothing in this run weakens the evidence" in words
+    assert "Proven of the whole run: HARDWARE: the run's source; the purpose is qualification;" in words
+    assert "Proven: its verdict is PASS; one planned case carries it;" in words
+
+
+def test_what_stands_for_hardware_is_told_on_the_page(tmp_path):
+    """A port of this computer counts as hardware only with a reason, and no package hides the reason."""
+    words = hardware_page(tmp_path / "run", exception="socket://localhost:1 stands for hardware: a bridge")
+    assert "psu2: socket://localhost:1 stands for hardware: a bridge." in words
 
 
 @pytest.mark.parametrize(

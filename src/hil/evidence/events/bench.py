@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import ClassVar, Literal
 
 from hil.evidence.events.event import Event, Origin, Part
+from hil.model.identity import Source
 
 __all__ = [
     "Armed",
@@ -31,20 +32,32 @@ class Gate(Event, frozen=True, kw_only=True):
         name: its name.
         ok: whether it holds.
         detail: what was seen.
+        instrument: the instrument whose identity or port it is about, empty for any other gate.
+        unproven: what it leaves open although it holds, empty if nothing.
+        source: what the instrument counts as from here on, null if this gate does not say.
+        exception: why its port counts as hardware although it is on this computer, as the bench file says.
     """
 
     name: str
     ok: bool
     detail: str
+    instrument: str = ""
+    unproven: str = ""
+    source: Source | None = None
+    exception: str = ""
 
 
 class HostGate(Gate, frozen=True, kw_only=True):
     """A condition of readiness that people, the machine or the guardian have to meet.
 
     Attributes:
-        name: its name.
-        ok: whether it holds.
-        detail: what was seen.
+        name: as of `gate`.
+        ok: as of `gate`.
+        detail: as of `gate`.
+        instrument: as of `gate`.
+        unproven: as of `gate`.
+        source: as of `gate`.
+        exception: as of `gate`.
     """
 
     origin: ClassVar[Origin] = Origin.OUTSIDE

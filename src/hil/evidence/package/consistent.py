@@ -31,10 +31,12 @@ from hil.evidence.package.sealing import info_of
 from hil.evidence.package.twice import LOOKS
 from hil.evidence.recordings.hdf5 import differing_facts, hashes_of
 from hil.evidence.results.derived import results_of
+from hil.evidence.results.eligibility import against_hardware
 from hil.evidence.results.facts import Catalogue, DamagedFile, facts_of
 from hil.evidence.results.outcome import FORMAT, write_outcome
 from hil.evidence.state import fold
 from hil.model.errors import EvidenceError, Finding, HilError
+from hil.model.identity import Source
 
 __all__ = ["content_findings", "frozen_findings", "guarded", "named_results"]
 
@@ -61,6 +63,7 @@ def content_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> I
         _begun_findings,
         _repeated_findings,
         _results_findings,
+        _source_findings,
         _recording_findings,
         _attachment_findings,
         _check_findings,
@@ -236,6 +239,8 @@ def _results_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> 
 
 
 _MOST_FIELDS = 20
+_WITH_CONDITIONS = 3
+"""The first format of results that lists what was proven; before, not every run on hardware could be told."""
 _LONGEST_VALUE = 60
 
 
@@ -271,6 +276,16 @@ def _format(results: bytes) -> int:
         return FORMAT
     form = found.get("format") if isinstance(found, dict) else None
     return form if type(form) is int and 0 < form <= FORMAT else FORMAT
+
+
+def _source_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterator[Finding]:
+    """Compare a run that calls itself hardware with what its journal and its frozen files say; not of older formats."""
+    results = read_plain(folder / RESULTS) if (folder / RESULTS).exists() else b""
+    state = fold(reading.events)
+    if state.run is None or state.run.source is not Source.HARDWARE or _format(results) < _WITH_CONDITIONS:
+        return
+    for why in against_hardware(state, facts_of(folder, reading)):
+        yield Finding(JOURNAL, 1, 1, f"field 'source' is hardware, but {why}")
 
 
 def _recording_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:

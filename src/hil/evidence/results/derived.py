@@ -11,7 +11,7 @@ import msgspec
 from hil.evidence.attempts import abandoned
 from hil.evidence.events import Event
 from hil.evidence.journal.reader import JournalReading
-from hil.evidence.results.eligibility import of_requirement, of_run, reasons_in
+from hil.evidence.results.eligibility import of_requirement, of_run, reasons_in, sources_of
 from hil.evidence.results.facts import Facts, FrozenCalibration, FrozenRequirement, facts_of
 from hil.evidence.results.outcome import (
     FORMAT,
@@ -24,7 +24,7 @@ from hil.evidence.results.outcome import (
     RequirementOutcome,
     StepOutcome,
 )
-from hil.evidence.results.ruling import rule, silence
+from hil.evidence.results.ruling import CHANNELS, rule, silence
 from hil.evidence.state import CaseState, RunState, before_results, fold, standing
 from hil.model.identity import Purpose, Source
 from hil.model.verdict import Verdict, worst
@@ -64,9 +64,9 @@ def derive(events: Iterable[Event], facts: Facts, *, content_digest: str, form: 
     state = fold(standing(happened))
     if form > _WITHOUT_GIVEN_UP:
         state.give_up(abandoned(happened))
-    cases = tuple(_case(case, facts, form) for case in state.cases.values())
+    cases = tuple(_case(case, state, facts, form) for case in state.cases.values())
     carried = {identifier for case in cases for identifier in case.requirements}
-    conditions = of_run(state) if form > _REASONS_ONLY else None
+    conditions = of_run(state, facts) if form > _REASONS_ONLY else None
     return Outcome(
         format=form,
         run=state.run and msgspec.structs.replace(state.run, deviations=state.deviations),
@@ -84,10 +84,10 @@ def derive(events: Iterable[Event], facts: Facts, *, content_digest: str, form: 
     )
 
 
-def _case(case: CaseState, facts: Facts, form: int) -> CaseOutcome:
+def _case(case: CaseState, state: RunState, facts: Facts, form: int) -> CaseOutcome:
     checked = (check.requirement for check in case.checks)
     identifiers = sorted({*case.planned.requirements, *checked, *case.earlier})
-    requirements = {identifier: _within(identifier, case, facts) for identifier in identifiers}
+    requirements = {identifier: _within(identifier, case, facts, form) for identifier in identifiers}
     return CaseOutcome(
         case=case.planned.case,
         title=case.planned.title,
@@ -97,7 +97,7 @@ def _case(case: CaseState, facts: Facts, form: int) -> CaseOutcome:
         requirements=requirements,
         duration=case.end.duration if case.end else None,
         attempts=_attempts(case),
-        used=case.end.used if case.end else {},
+        used=_used(case, state, form),
         checks=tuple(case.checks),
         steps=tuple(
             StepOutcome(
@@ -112,6 +112,11 @@ def _case(case: CaseState, facts: Facts, form: int) -> CaseOutcome:
         holds=_holds(case) if form > 1 else None,
         repeatable=case.planned.repeatable if form > _WITHOUT_GIVEN_UP else "",
     )
+
+
+def _used(case: CaseState, state: RunState, form: int) -> Mapping[str, str]:
+    used = case.end.used if case.end else {}
+    return sources_of(used, state) if form > _REASONS_ONLY else used
 
 
 def _reasons(case: CaseState) -> tuple[str, ...]:
@@ -149,12 +154,15 @@ def _holds(case: CaseState) -> tuple[HoldOutcome, ...]:
     )
 
 
-def _within(identifier: str, case: CaseState, facts: Facts) -> Verdict:
+def _within(identifier: str, case: CaseState, facts: Facts, form: int) -> Verdict:
     """Return what one case says of one requirement: the worst of its checks, of the case's word, and of its end."""
     own = case.own_verdict
     checks = [check for check in case.checks if check.requirement == identifier]
-    limits = facts.catalogue.get(identifier, _NOTHING).limits
+    entry = facts.catalogue.get(identifier, _NOTHING)
+    limits = entry.limits
     due = {(limit.parameter, of) for limit in limits for of in limit.of or (None,)}
+    asked = form > _REASONS_ONLY and entry.records is not None
+    recorded = not asked or any(check.parameter == CHANNELS for check in checks)
     found = [*case.earlier.get(identifier, ()), *case.left_verdicts, *(check.verdict for check in checks)]
     if not case.all_begun:
         found.append(Verdict.NOT_RUN)
@@ -162,7 +170,7 @@ def _within(identifier: str, case: CaseState, facts: Facts) -> Verdict:
         found.append(case.end.requirements[identifier])
     return rule(
         found,
-        missing=not checks or not due <= {(check.parameter, check.of) for check in checks},
+        missing=not checks or not due <= {(check.parameter, check.of) for check in checks} or not recorded,
         silent=silence(limit.parameter for limit in limits) if case.dut_fault else None,
         taken_out=own is Verdict.NOT_RUN,
         ended=own,

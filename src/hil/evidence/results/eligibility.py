@@ -1,18 +1,26 @@
-"""What a run must prove before it can close a requirement: every condition is proven, or says why it is not."""
+"""What a run must prove before it can close a requirement: every condition is proven, or says why it is not.
+
+Nothing is taken for granted. What the package does not show is not proven, and whatever is not proven is a reason.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from hil.evidence.results.facts import Facts, FrozenCalibration
-from hil.evidence.results.outcome import CaseOutcome, Condition
+from hil.evidence.events import Gate
+from hil.evidence.results.facts import Commit, Facts, FrozenCalibration, FrozenRequirement
+from hil.evidence.results.outcome import EXCEPTION, CaseOutcome, Condition
 from hil.evidence.state import RunState
-from hil.model.identity import Source
+from hil.model.identity import Model, Purpose, Source
 from hil.model.verdict import Verdict
 
-__all__ = ["of_requirement", "of_run", "reasons_in"]
+__all__ = ["against_hardware", "of_requirement", "of_run", "reasons_in", "sources_of"]
 
 _NO_RECORD = FrozenCalibration()
+_NOTHING = FrozenRequirement()
+_ENVELOPE = "envelope "
+_MODELS = {Purpose.QUALIFICATION: Model.QM, Purpose.ACCEPTANCE: Model.FM}
+"""Which model of a device a purpose, and the stage of that name, asks for."""
 
 
 def reasons_in(conditions: Iterable[Condition]) -> tuple[str, ...]:
@@ -20,13 +28,21 @@ def reasons_in(conditions: Iterable[Condition]) -> tuple[str, ...]:
     return tuple(each.text for each in conditions if not each.proven)
 
 
-def of_run(state: RunState) -> tuple[Condition, ...]:
+def of_run(state: RunState, facts: Facts) -> tuple[Condition, ...]:
     """Return the conditions that a run meets or fails for all of its requirements.
 
     Args:
         state: what the events before the results tell.
+        facts: what was frozen.
     """
-    return (*_source(state), *_purpose(state), *_course(state), *_dut(state), *_gates(state))
+    return (
+        *_source(state, facts),
+        *_purpose(state),
+        *_software(facts),
+        *_course(state),
+        *_dut(state),
+        *_gates(state),
+    )
 
 
 def of_requirement(
@@ -41,10 +57,12 @@ def of_requirement(
         state: what the events before the results tell.
         facts: what was frozen.
     """
+    entry = facts.catalogue.get(identifier, _NOTHING)
     used = {name: source for case in cases for name, source in case.used.items()}
     checks = [check for case in cases for check in case.checks if check.requirement == identifier]
     names = {name for check in checks for name in check.instruments} | _recorded_by(cases, state)
     names |= {name for name in used if facts.calibration.get(name, _NO_RECORD).due}
+    open_values = dict.fromkeys(reason for check in checks for reason in check.closes_nothing)
     return (
         _condition("verdict", verdict.good, f"its verdict is {verdict}"),
         _condition("coverage", bool(cases), _told(len(cases)), "no planned case carries it"),
@@ -54,13 +72,51 @@ def of_requirement(
             "it is in the frozen catalogue",
             "it is not in the frozen catalogue",
         ),
+        _method(entry, cases, state),
+        *_stage(entry, state),
+        *_each("values", open_values, "every value came from instruments, recordings or people"),
         *_instruments(used),
+        *_identities(sorted(used), state),
         *_calibration(sorted(names), facts),
     )
 
 
+def sources_of(used: Mapping[str, str], state: RunState) -> Mapping[str, str]:
+    """Return what instruments count as: one that says that it is simulated is, and so is what shares its port."""
+    gates = [*state.gates, *state.host_gates]
+    simulated = {gate.instrument for gate in gates if gate.instrument and gate.source is Source.SIMULATED}
+    ports = {gate.instrument: gate.detail for gate in state.host_gates if gate.instrument}
+    shared = {port for name, port in ports.items() if name in simulated}
+    simulated |= {name for name, port in ports.items() if port in shared}
+    return {
+        name: Source.SIMULATED if source == Source.HARDWARE and name in simulated else source
+        for name, source in used.items()
+    }
+
+
+def against_hardware(state: RunState, facts: Facts) -> Iterator[str]:
+    """Give what in a package contradicts that its run was on hardware, a sentence each."""
+    live = state.run.live if state.run else None
+    if live is None:
+        yield "its bench was in the process of the run"
+    elif live.served:
+        yield "its bench was served by a simulation"
+    elif live.speed != 1.0:
+        yield f"its time ran {live.speed:g} times as fast"
+    if facts.dut_simulated:
+        yield "the register says that its device under test is simulated"
+
+
 def _condition(name: str, proven: bool, proof: str, reason: str = "") -> Condition:
     return Condition(name=name, proven=proven, text=proof if proven or not reason else reason)
+
+
+def _each(name: str, reasons: Iterable[str], proof: str) -> Iterator[Condition]:
+    """Give a condition per reason, or the one that is proven where there is none."""
+    told = tuple(reasons)
+    yield from (_condition(name, False, reason) for reason in told)
+    if not told:
+        yield _condition(name, True, proof)
 
 
 def _told(cases: int) -> str:
@@ -72,41 +128,101 @@ def _recorded_by(cases: Sequence[CaseOutcome], state: RunState) -> set[str]:
     return {channel.instrument for event in begun for channel in event.channels}
 
 
-def _source(state: RunState) -> Iterator[Condition]:
+def _source(state: RunState, facts: Facts) -> Iterator[Condition]:
     source = state.run.source if state.run else None
     told = f"{(source or 'unknown').upper()}: the run's source"
-    yield _condition("source", source is Source.HARDWARE, told)
+    if source is not Source.HARDWARE:
+        yield _condition("source", False, told)
+        return
+    yield from _each("source", (f"{told}, but {each}" for each in against_hardware(state, facts)), told)
+    for gate in state.host_gates:
+        if gate.exception:
+            yield _condition(EXCEPTION, True, f"EXCEPTION: {gate.instrument}: {gate.exception}")
 
 
 def _purpose(state: RunState) -> Iterator[Condition]:
     purpose = state.run.purpose if state.run else None
     closes = purpose is not None and purpose.closes
+    proof = f"the purpose is {purpose}"
+    yield _condition("purpose", closes, proof, f"the purpose {purpose} does not close requirements")
+    operator = state.run.operator if state.run else ""
+    yield _condition("operator", bool(operator), f"the operator is {operator}", "no operator is named")
+
+
+def _software(facts: Facts) -> Iterator[Condition]:
+    software = facts.software
+    optimize = None if software.flags is None else software.flags.get("optimize")
     yield _condition(
-        "purpose", closes, f"the purpose is {purpose}", f"the purpose {purpose} does not close requirements"
+        "interpreter",
+        optimize == 0,
+        "Python ran with assertions",
+        "it is not recorded that Python ran with assertions" if optimize is None else "Python ran without assertions",
     )
+    yield _version("product", software.hil.commit)
+    yield _version("workspace", software.workspace.commit)
+
+
+def _version(name: str, commit: Commit) -> Condition:
+    if not commit.id:
+        return _condition(name, False, f"the {name} is not in version control")
+    changed = f"the {name} differs from its commit {commit.id[:12]}"
+    return _condition(name, not commit.changed, f"the {name} is at commit {commit.id[:12]}, unchanged", changed)
 
 
 def _course(state: RunState) -> Iterator[Condition]:
-    yield from (_condition("deviations", False, f"deviation: {each}") for each in state.deviations)
-    if not state.deviations:
-        yield _condition("deviations", True, "nothing deviates from the plan")
+    deviations = (f"deviation: {each}" for each in state.deviations)
+    yield from _each("deviations", deviations, "nothing deviates from the plan")
     yield _condition("whole", not state.interrupted, "the run came to its own end", "the run was interrupted")
-    yield _condition("envelope", state.trip is None, "the envelope did not trip", "the envelope tripped")
+    limits = sum(gate.ok and gate.name.startswith(_ENVELOPE) for gate in state.gates)
+    yield _condition("envelope", limits > 0, f"{limits} limits of the envelope were tried", "the bench has no envelope")
+    yield _condition("trip", state.trip is None, "the envelope did not trip", "the envelope tripped")
     safe = state.safe is True
     yield _condition("safe", safe, "the bench was proven safe at the end", "the bench was not proven safe at the end")
 
 
 def _dut(state: RunState) -> Iterator[Condition]:
-    serial = state.run.dut.serial if state.run else ""
-    told = f"the device under test has the serial number {serial}"
-    yield _condition("dut", bool(serial), told, "the device under test has no serial number")
+    dut = state.run.dut if state.run else None
+    serial = dut.serial if dut else ""
+    proof = f"the device under test has the serial number {serial}"
+    yield _condition("dut", bool(serial), proof, "the device under test has no serial number")
+    model = dut.model if dut else None
+    closes = model in _MODELS.values()
+    told = f"the device under test is the model {model}: it closes nothing"
+    yield _condition("model", closes, f"the device under test is a {model}", told)
 
 
 def _gates(state: RunState) -> Iterator[Condition]:
-    bad = [gate for gate in state.gates if not gate.ok]
-    yield from (_condition("readiness", False, f"readiness gate {gate.name}: {gate.detail}") for gate in bad)
-    if not bad:
-        yield _condition("readiness", True, f"{len(state.gates)} readiness gates hold")
+    gates = [*state.gates, *state.host_gates]
+    refused = [f"readiness gate {gate.name}: {gate.detail}" for gate in gates if not gate.ok]
+    left = [gate.unproven for gate in gates if gate.unproven and not gate.instrument]
+    none = ["no readiness gate was passed"] if not state.gates else []
+    yield from _each("readiness", [*none, *refused, *left], f"{len(state.gates)} readiness gates hold")
+
+
+def _method(entry: FrozenRequirement, cases: Sequence[CaseOutcome], state: RunState) -> Condition:
+    if entry.method == "inspection":
+        answered = any(state.cases[case.case].answers for case in cases)
+        told = "its method is inspection, and nobody answered a question of its cases"
+        return _condition("method", answered, "its method is inspection, and a person answered", told)
+    told = f"its method {entry.method or 'is not known'}: a run does not close it"
+    return _condition("method", entry.method == "test", "its method is test", told)
+
+
+def _stage(entry: FrozenRequirement, state: RunState) -> Iterator[Condition]:
+    """A requirement of a stage is closed by a run for that purpose, on the model of that stage."""
+    if state.run is None:
+        return
+    purpose, model = state.run.purpose, state.run.dut.model
+    wanted = {str(each): its for each, its in _MODELS.items()}.get(entry.stage)
+    if wanted is None:
+        told = f"its stage is {entry.stage}: a run does not close it" if entry.stage else "it names no stage"
+        yield _condition("stage", False, told)
+        return
+    proof = f"its stage is {entry.stage}, and so is the purpose"
+    yield _condition("stage", purpose == entry.stage, proof, f"its stage is {entry.stage}, the purpose is {purpose}")
+    told = f"its stage is {entry.stage}, which takes a {wanted}: the device under test is a {model}"
+    if model in _MODELS.values():
+        yield _condition("stage", model is wanted, f"its stage takes a {wanted}, and it is one", told)
 
 
 def _instruments(used: Mapping[str, str]) -> Iterator[Condition]:
@@ -117,13 +233,28 @@ def _instruments(used: Mapping[str, str]) -> Iterator[Condition]:
         yield _condition("instruments", True, f"HARDWARE: {', '.join(hardware)}")
 
 
+def _identities(used: Sequence[str], state: RunState) -> Iterator[Condition]:
+    """Every instrument that was used has said who it is, and is known to be where the bench file says."""
+    for name in used:
+        seen = [gate for gate in state.gates if gate.instrument == name]
+        yield _identity(name, seen)
+        if not any(gate.instrument == name for gate in state.host_gates):
+            yield _condition("port", False, f"it is not known what is at the port of {name}")
+
+
+def _identity(name: str, seen: Sequence[Gate]) -> Condition:
+    if not seen:
+        return _condition("identity", False, f"it was not asked who {name} is")
+    left = next((gate.unproven for gate in seen if gate.unproven), "")
+    return _condition("identity", not left, f"{name} is {seen[-1].detail}, as the bench file says", left)
+
+
 def _calibration(instruments: Sequence[str], facts: Facts) -> Iterator[Condition]:
     for name in instruments:
         record = facts.calibration.get(name, _NO_RECORD)
         if record.dut:
             continue
-        problems = tuple(record.problems(facts.begun or facts.date, facts.date))
-        for problem in problems:
-            yield _condition("calibration", False, f"{name} {problem}")
-        if not problems:
-            yield _condition("calibration", True, f"{name} was in calibration: due {record.due}, used {facts.date}")
+        problems = [f"{name} {each}" for each in record.problems(facts.begun or facts.date, facts.date)]
+        if record.due and record.size is None:
+            problems.append(f"{name} has a certificate whose bytes were not frozen")
+        yield from _each("calibration", problems, f"{name} was in calibration: due {record.due}, used {facts.date}")

@@ -15,7 +15,7 @@ from hil.documents.canonical import JsonError, canonical, parse_strict
 from hil.evidence.durable import read_plain, write_whole
 from hil.evidence.events import Results
 from hil.evidence.events.codec import convert
-from hil.evidence.folder import CALIBRATION, CATALOGUE, REGISTERS
+from hil.evidence.folder import CALIBRATION, CATALOGUE, DUT, REGISTERS, SOFTWARE
 from hil.evidence.journal.reader import JournalReading
 from hil.model.bench import Calibration as Calibrated
 from hil.model.errors import EvidenceError, Finding
@@ -24,12 +24,14 @@ from hil.requirements.requirement import Decision, Limit, Requirement
 __all__ = [
     "Calibration",
     "Catalogue",
+    "Commit",
     "DamagedFile",
     "Facts",
     "FrozenCalibration",
     "FrozenLimit",
     "FrozenRange",
     "FrozenRequirement",
+    "FrozenSoftware",
     "entries_of",
     "facts_of",
     "freeze_calibration",
@@ -144,6 +146,33 @@ class FrozenCalibration(msgspec.Struct, frozen=True, kw_only=True):
             yield f"was out of calibration: due {self.due}, used {last[:10]}"
 
 
+class Commit(msgspec.Struct, frozen=True, kw_only=True):
+    """Where some software was in version control; the id is empty if it was not."""
+
+    id: str = ""
+    changed: bool = False
+
+
+class Versioned(msgspec.Struct, frozen=True, kw_only=True):
+    """Some software, by its commit."""
+
+    commit: Commit = Commit()
+
+
+class FrozenSoftware(msgspec.Struct, frozen=True, kw_only=True):
+    """What of `data/software.json` verdicts depend on.
+
+    Attributes:
+        hil: the product.
+        workspace: the workspace.
+        flags: of the interpreter; None in packages that do not record them.
+    """
+
+    hil: Versioned = Versioned()
+    workspace: Versioned = Versioned()
+    flags: Mapping[str, int] | None = None
+
+
 Catalogue = Mapping[str, FrozenRequirement]
 """The frozen requirements by id."""
 
@@ -168,12 +197,16 @@ class Facts:
         calibration: the frozen calibration records.
         date: the day on which calibrations must still count, ISO 8601; the run's last one.
         begun: the day on which they must already count, the run's first one; empty if it is not known.
+        software: product, workspace and interpreter.
+        dut_simulated: whether the device under test exists in simulated benches only.
     """
 
     catalogue: Catalogue
     calibration: Calibration = field(default_factory=dict)
     date: str = ""
     begun: str = ""
+    software: FrozenSoftware = field(default_factory=FrozenSoftware)
+    dut_simulated: bool = False
 
 
 def entries_of(requirements: Iterable[Requirement]) -> dict[str, FrozenRequirement]:
@@ -259,6 +292,8 @@ def facts_of(folder: Path, reading: JournalReading) -> Facts:
         calibration=_frozen(folder, CALIBRATION, "instruments", FrozenCalibration),
         date=max(days, default=""),
         begun=min(days, default=""),
+        software=_whole(folder, SOFTWARE, FrozenSoftware),
+        dut_simulated=_whole(folder, DUT, _FrozenDut).simulated,
     )
 
 
@@ -302,6 +337,12 @@ def _freeze(path: Path, value: Mapping[str, Any]) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
+def _object(value: object) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise JsonError("it must be an object")
+    return value
+
+
 def _objects(value: object, key: str) -> dict[str, dict[str, Any]]:
     entries = value.get(key) if isinstance(value, dict) else None
     if not isinstance(entries, dict) or not all(isinstance(entry, dict) for entry in entries.values()):
@@ -310,6 +351,23 @@ def _objects(value: object, key: str) -> dict[str, dict[str, Any]]:
 
 
 _Entry = TypeVar("_Entry", bound=msgspec.Struct)
+
+
+class _FrozenDut(msgspec.Struct, frozen=True, kw_only=True):
+    simulated: bool = False
+
+
+def _whole(folder: Path, file: str, kind: type[_Entry]) -> _Entry:
+    """Return a frozen file as a type that takes what it needs of it; all defaults where there is none."""
+    path = folder / file
+    if not path.exists():
+        return kind()
+    try:
+        return convert(_object(parse_strict(read_plain(path))), kind, file)
+    except JsonError as error:
+        raise DamagedFile(path, Finding(file, error.line, error.column, error.bare)) from error
+    except OSError as error:
+        raise DamagedFile(path, Finding(file, 0, 0, f"it cannot be read: {error.strerror}")) from error
 
 
 def _frozen(folder: Path, file: str, key: str, kind: type[_Entry]) -> dict[str, _Entry]:

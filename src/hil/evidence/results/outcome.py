@@ -12,6 +12,7 @@ from hil.evidence.events.codec import convert, decode, plain, quick_canonical
 from hil.model.verdict import Verdict
 
 __all__ = [
+    "EXCEPTION",
     "FORMAT",
     "AttemptOutcome",
     "CaseOutcome",
@@ -110,6 +111,10 @@ class CaseVerdict(Part, frozen=True, kw_only=True):
 
     case: str
     verdict: Verdict
+
+
+EXCEPTION = "exception"
+"""The name of conditions that tell what is hardware by the word of the bench file alone."""
 
 
 class Condition(Part, frozen=True, kw_only=True):

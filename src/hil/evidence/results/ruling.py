@@ -6,10 +6,13 @@ from collections.abc import Iterable
 
 from hil.model.verdict import Verdict, worst
 
-__all__ = ["ANSWERS", "rule", "silence"]
+__all__ = ["ANSWERS", "CHANNELS", "rule", "silence"]
 
 ANSWERS = "answers"
 """A requirement with a limit on this parameter speaks of whether its device answers at all."""
+
+CHANNELS = "channels"
+"""The parameter of the check that every recording gets for which a requirement asks."""
 
 _OVERRIDING = frozenset({Verdict.ERROR, Verdict.ABORTED, Verdict.NOT_RUN})
 

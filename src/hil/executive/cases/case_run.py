@@ -10,7 +10,7 @@ from typing import cast
 from hil.evidence import events
 from hil.evidence.attempts import Abandoned
 from hil.evidence.events import EventSink
-from hil.evidence.results.ruling import rule, silence
+from hil.evidence.results.ruling import CHANNELS, rule, silence
 from hil.executive.cases.artifacts import Artifacts
 from hil.executive.cases.checks import CheckFailed, Checks
 from hil.executive.cases.effects import Effects
@@ -26,7 +26,7 @@ from hil.model.bench import InstrumentSpec
 from hil.model.errors import DeviceFault, Diverged, HilError, Implausible
 from hil.model.identity import Source
 from hil.model.verdict import NO_CHECK, Verdict, worst
-from hil.requirements.requirement import Kind, Requirement
+from hil.requirements.requirement import Requirement
 
 __all__ = ["CaseRun", "Outcome"]
 
@@ -205,11 +205,17 @@ class CaseRun(OfThisProcess):
     def _requirement(self, requirement: Requirement, ended: Verdict | None) -> Verdict:
         return rule(
             [item.verdict for item in (*self.check.kept, *self.check.evaluated) if item.requirement == requirement.id],
-            missing=bool(self._missing(requirement)),
+            missing=bool(self._missing(requirement) or self._unrecorded(requirement)),
             silent=silence(limit.parameter for limit in requirement.limits) if self._dut_faults else None,
             taken_out=bool(self._skipped),
             ended=ended,
         )
+
+    def _unrecorded(self, requirement: Requirement) -> str:
+        """Return the recording that a requirement asks for and did not get, empty if there is none."""
+        asked = requirement.records.recording if requirement.records else ""
+        got = any(item.requirement == requirement.id and item.parameter == CHANNELS for item in self.check.evaluated)
+        return "" if got else asked
 
     def _missing(self, requirement: Requirement) -> list[str]:
         """Return the checks that a requirement did not get; of many of one parameter the first and the last."""
@@ -230,9 +236,6 @@ class CaseRun(OfThisProcess):
         for requirement in () if self._skipped else self.requirements.values():
             if missing := self._missing(requirement):
                 reasons.append(f"{requirement.id}{NO_CHECK}{', '.join(missing)}")
-            elif requirement.kind is Kind.RECORD and not any(
-                item.requirement == requirement.id for item in self.check.evaluated
-            ):
-                name = requirement.records.recording if requirement.records else ""
+            if name := self._unrecorded(requirement):
                 reasons.append(f"{requirement.id} got no whole recording '{name}'")
         return tuple(reasons)

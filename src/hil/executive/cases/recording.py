@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, cast
 
 from hil.evidence import events
 from hil.evidence.recordings.hdf5 import Recorded
+from hil.evidence.results.ruling import CHANNELS
 from hil.instruments.sampled import StreamReport
 from hil.model.figure import Figure, FigureStatus
 from hil.model.provenance import Number, Provenance, merged, stamped
@@ -124,7 +125,7 @@ def data_checks(records: Records, taken: Sequence[Mapping[str, object]]) -> Iter
         return
     found = [cast("Recorded", item["recorded"]) for item in named]
     missing = sorted({channel for item in found for channel in records.channels if channel not in item.channels})
-    yield _word("channels", "complete"), f"without {', '.join(missing)}" if missing else "complete", ""
+    yield _word(CHANNELS, "complete"), f"without {', '.join(missing)}" if missing else "complete", ""
     if not all(item.complete for item in found):
         yield _word("end", "complete"), "incomplete", ""
     yield from _not_finite(records, found)

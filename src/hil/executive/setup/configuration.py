@@ -16,6 +16,7 @@ from hil.documents.findings import Findings
 from hil.documents.suggest import did_you_mean
 from hil.executive.setup.ground import Ground
 from hil.executive.setup.inputs import Inputs
+from hil.executive.setup.software import require_assertions
 from hil.executive.setup.workspace import Workspace, find_workspace
 from hil.model.bench import BenchSpec
 from hil.model.errors import ConfigurationError, Finding, Refused
@@ -120,9 +121,10 @@ def configure(request: Request) -> Configuration:
     """Read everything that the request names.
 
     Raises:
-        Refused: for a name that does not exist, and an article that a plan is not for.
+        Refused: for a name that does not exist, an article that a plan is not for, and a Python without assertions.
         ConfigurationError: with everything that is wrong with all files.
     """
+    require_assertions()
     noted = Findings()
     workspace = find_workspace(request.start, noted)
     plans = _plans(workspace, request, noted)

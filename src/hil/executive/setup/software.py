@@ -14,8 +14,9 @@ from pathlib import Path
 import hil
 from hil.evidence.durable import sha256_of
 from hil.evidence.results.judging_code import judging_digest
+from hil.model.errors import Refused
 
-__all__ = ["PINNED", "pinned_environment", "software_identity", "version"]
+__all__ = ["PINNED", "pinned_environment", "require_assertions", "software_identity", "version"]
 
 PINNED = {
     "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL AVX512_SPR",
@@ -34,6 +35,21 @@ def pinned_environment() -> dict[str, str]:
 
 
 _GIT_TIMEOUT_S = 10
+_FLAGS = ("optimize", "dev_mode", "ignore_environment", "isolated", "no_site", "no_user_site", "safe_path")
+"""Flags of the interpreter that are frozen; with the first one it leaves assertions out."""
+
+
+def require_assertions(optimize: int = sys.flags.optimize) -> None:
+    """Refuse an interpreter that leaves assertions out: what a plan or a fixture asserts would not be looked at.
+
+    Raises:
+        Refused: for `python -O` and PYTHONOPTIMIZE.
+    """
+    if optimize:
+        raise Refused(
+            "this Python leaves assertions out, so that a case that asserts judges nothing",
+            "unset PYTHONOPTIMIZE, and start Python without -O",
+        )
 
 
 def version() -> str:
@@ -50,6 +66,7 @@ def software_identity(workspace: Path) -> dict[str, object]:
         "python": platform.python_version(),
         "platform": platform.platform(),
         "packages": dict(_packages()),
+        "flags": {name: int(getattr(sys.flags, name)) for name in _FLAGS},
         "numeric": {name: os.environ.get(name, "") for name in PINNED},
         "byte_order": sys.byteorder,
         "analysis": judging_digest(),

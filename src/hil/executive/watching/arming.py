@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Protocol
 
 from hil.bench.bound import BoundBench
@@ -82,7 +83,7 @@ class ArmedBench:
             for gate, of_host, is_new in self._gates(arming, course):
                 told = gate
                 if self._flags.reason:
-                    told = Gate(gate.name, ok=False, detail=f"stopped by {self._flags.reason}; {gate.detail}")
+                    told = replace(gate, ok=False, detail=f"stopped by {self._flags.reason}; {gate.detail}")
                 if is_new:
                     passed(told, of_host)
                 refusal = refusal or ("" if told.ok else f"{told.name}: {told.detail}")

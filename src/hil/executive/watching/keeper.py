@@ -215,7 +215,17 @@ class BenchKeeper:
 
         def passed(gate: Gate, of_host: bool) -> None:
             kind = events.HostGate if of_host else events.Gate
-            self._journal.write(kind(name=gate.name, ok=gate.ok, detail=gate.detail))
+            self._journal.write(
+                kind(
+                    name=gate.name,
+                    ok=gate.ok,
+                    detail=gate.detail,
+                    instrument=gate.instrument,
+                    unproven=gate.unproven,
+                    source=gate.source,
+                    exception=gate.exception,
+                )
+            )
 
         return self._armed.arm(arming, self.scheduler, passed)
 

@@ -12,7 +12,7 @@ from typing import Protocol
 from hil.bench.bound import BoundBench
 from hil.bench.gate import Gate
 from hil.bench.lease import clear_latches_of, keep_latched, latch_bench, latch_unsafe_end
-from hil.bench.port_identity import port_gates
+from hil.bench.port_identity import port_gates, source_gates
 from hil.clock import wall
 from hil.clock.live import LiveClock
 from hil.evidence import events
@@ -274,6 +274,7 @@ class LiveMachine:
         """Yield what has to hold before anything is driven; with the last one the guardian watches."""
         if not self._served:
             yield from port_gates(self._spec)
+            yield from source_gates(self._spec)
         yield self._awake()
         if self._people is not None:
             yield from self._people.gates()

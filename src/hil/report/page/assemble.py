@@ -51,6 +51,7 @@ from hil.report.sentences import (
     counted,
     headline,
     holds,
+    proofs,
     safe_word,
     source_word,
     subject,
@@ -61,6 +62,7 @@ __all__ = ["assemble", "facts"]
 
 _LONGEST = 300
 _CERTIFICATE = ("register", "number", "certificate")
+_BENCH = "bench/bench.yaml"
 # What an empty field of the software's identity says: no variable in the environment, no change beside the commit.
 _ABSENT = {"numeric": "not set", "workspace": "none"}
 
@@ -76,8 +78,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         EvidenceError: where the results say what this version does not know.
     """
     events, results = material.events(), material.results()
-    placed, run = attributed(events), results.run
-    bench = parse(material.text("bench/bench.yaml"), "bench/bench.yaml")
+    placed, run, bench = attributed(events), results.run, parse(material.text(_BENCH), _BENCH)
     entries, names = requirement_entries(material), _names(results)
     begun = [event for event in events if isinstance(event, Recording)]
     counting = [each for each in placed if each.counted and isinstance(each.event, Check)]
@@ -96,6 +97,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         counts=tuple((word.value, results.counts[word]) for word in reversed(Verdict) if results.counts.get(word)),
         closings=closings(results),
         common=common_reasons(results),
+        proofs=proofs(results.conditions),
         facts=facts(material, run, inner(bench, "bench"), events),
         documents=_documents(material),
         failed=tuple(row for row in checks_of(counting, names) if not row.verdict.good),
@@ -208,6 +210,7 @@ def _requirement(entry: RequirementOutcome, catalogued: Body, names: Mapping[str
         demands=demands(catalogued),
         cases=tuple((names[case.case], case.verdict) for case in entry.cases),
         anomaly=text(catalogued, "anomaly"),
+        proofs=proofs(entry.conditions),
     )
 
 

@@ -78,6 +78,7 @@ class RequirementRow:
     demands: tuple[str, ...]
     cases: tuple[tuple[CaseName, Verdict], ...]
     anomaly: str
+    proofs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -254,6 +255,7 @@ class RunView:
     counts: tuple[tuple[str, int], ...]
     closings: tuple[Closing, ...]
     common: tuple[str, ...]
+    proofs: tuple[str, ...]
     facts: tuple[Fact, ...]
     failed: tuple[CheckRow, ...]
     broken: tuple[BrokenRow, ...]

@@ -148,10 +148,13 @@ class SerialEnd:
     Args:
         line: the line that it belongs to.
         link: where clients find it; a link that is there already is replaced.
+        announce: lets the host know that the pseudo-terminal of this name is served, until the descriptor is closed.
     """
 
-    def __init__(self, line: ServedLine, link: Path) -> None:
+    def __init__(self, line: ServedLine, link: Path, announce: Callable[[str], int] | None = None) -> None:
         self.line = line
+        self._announce = announce
+        self._announced = -1
         self.url = str(link)
         self._link = link
         self._master = -1
@@ -172,6 +175,8 @@ class SerialEnd:
         tty.setraw(far)
         self._name = os.ttyname(far)
         os.close(far)
+        if self._announce is not None:
+            self._announced = self._announce(self._name)
         os.set_blocking(self._master, False)
         self._poll = select.poll()
         self._poll.register(self._master, select.POLLIN)
@@ -187,6 +192,9 @@ class SerialEnd:
                 self._link.unlink()
         os.close(self._master)
         self._master = -1
+        if self._announced >= 0:
+            os.close(self._announced)
+            self._announced = -1
         self.line.closed()
 
     def look_up(self) -> None:

@@ -162,7 +162,9 @@ class Server:
         for item in streams:
             line = self._bench.lines[item.name]
             if not _is_network(item):
-                end: SerialEnd | NetworkEnd = SerialEnd(line, self._folder.path / item.name)
+                end: SerialEnd | NetworkEnd = SerialEnd(
+                    line, self._folder.path / item.name, lambda name: announce_served(name, self._folder.path)
+                )
             else:
                 try:
                     end = NetworkEnd(line, port)

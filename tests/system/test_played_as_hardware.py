@@ -1,0 +1,121 @@
+"""A simulated bench that is played as hardware: whatever else is in order, it closes nothing, and says why."""
+
+from __future__ import annotations
+
+import os
+import re
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from live_runs import served
+from told_as_json import results_as_json
+from told_pages import Written, steps_of
+from workspaces import ROOT
+
+from hil.evidence.package.contents import Package
+
+PAGE = ROOT / "docs" / "how-to" / "write-a-plan.md"
+INHIBITOR = "#!/bin/sh\necho held\nexec sleep 3600\n"
+
+
+def free_port():
+    """Return a port of this computer's own network that nobody has."""
+    with socket.socket() as asking:
+        asking.bind(("127.0.0.1", 0))
+        return asking.getsockname()[1]
+
+
+def workspace_of(root, port, **bench):
+    """Write the workspace of the guide, as somebody would who wants it to be taken for hardware; commit it."""
+    for step in steps_of(PAGE):
+        if isinstance(step, Written):
+            (root / step.path).parent.mkdir(parents=True, exist_ok=True)
+            (root / step.path).write_text(step.content)
+    inhibitor = root / "inhibit.sh"
+    inhibitor.write_text(INHIBITOR)
+    inhibitor.chmod(0o755)
+    (root / "hil.toml").write_text(f'name = "own"\n[hardware]\ninhibitor = ["{inhibitor}"]\n')
+    changes = {"192.168.10.21::5025": f"127.0.0.1::{port}", **bench}
+    change(root / "fixtures/benches/load/bench.yaml", changes)
+    change(root / "fixtures/duts.yaml", {"model: EM": "model: FM", ", simulated: true": ""})
+    plan = root / "testplans/load/requirements.yaml"
+    plan.write_text(re.sub(r"(\n\s*method: test\n)", r"\1  stage: acceptance\n", plan.read_text()))
+    assert "stage: acceptance" in plan.read_text()
+    (root / ".gitignore").write_text("reports/\n__pycache__/\n")
+
+
+def change(path, changes):
+    """Replace texts in a file; each is there."""
+    text = path.read_text()
+    for old, new in changes.items():
+        assert old in text, old
+        text = text.replace(old, new)
+    path.write_text(text)
+
+
+def hil(root, *arguments, **environment):
+    """Call the command in a workspace, and return how it ended."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
+    command = [sys.executable, "-P", "-m", "hil.cli", *arguments]
+    return subprocess.run(
+        command, cwd=root, env=kept | environment, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
+    )
+
+
+def git(root, *arguments):
+    """Call git in a workspace."""
+    named = ("-c", "user.name=Ada", "-c", "user.email=ada@example.org")
+    subprocess.run(["git", *named, *arguments], cwd=root, check=True, capture_output=True)
+
+
+def put_in_order(root):
+    """Lock the requirements, and put everything into version control."""
+    assert hil(root, "requirements", "lock", "load").returncode == 0
+    git(root, "init", "-q")
+    git(root, "add", "-A")
+    git(root, "commit", "-qm", "all")
+
+
+@pytest.mark.system
+@pytest.mark.timeout(120)
+def test_a_served_bench_called_hardware_is_not_eligible(tmp_path):
+    """A bench that is served on loopback and called hardware, the rest in order, closes nothing; each way says why."""
+    port = free_port()
+    root = tmp_path / "own"
+    workspace_of(
+        root, port, **{"driver: keysight-e36300": 'driver: keysight-e36300\n    stands_for_hardware: "a bridge"'}
+    )
+    put_in_order(root)
+    arguments = (
+        "run",
+        "load",
+        "--bench",
+        "load",
+        "--dut",
+        "SIM-LOAD-1",
+        "--purpose",
+        "acceptance",
+        "--operator",
+        "Ada",
+    )
+    with served(tmp_path / "e", root, "load", first_port=port):
+        refused = hil(root, *arguments, PYTHONOPTIMIZE="1")
+        done = hil(root, *arguments)
+    assert refused.returncode == 4
+    assert "this Python leaves assertions out" in refused.stderr
+    assert done.returncode == 0, done.stdout + done.stderr
+    package = Package(Path(root / done.stdout.splitlines()[-1]))
+    results = results_as_json(package.outcome())
+    (item, *_) = results["requirements"]
+    assert (item["verdict"], item["eligible"]) == ("PASS", False)
+    product = {"the product differs from its commit", "the product is not in version control"}
+    reasons = [each for each in item["reasons"] if not any(each.startswith(start) for start in product)]
+    assert reasons == ["SIMULATED: psu1"]
+    ports = [gate.detail for gate in package.state.host_gates if gate.instrument == "psu1"]
+    assert ports == [f"TCPIP::127.0.0.1::{port}::SOCKET belongs to a bench that is served on this computer"]
+    (identity,) = [gate for gate in package.state.gates if gate.instrument == "psu1"]
+    assert (identity.detail, identity.source) == ("Keysight Technologies E36312A SIM-MY59000001", "simulated")
+    assert hil(root, "verify", str(package.folder)).returncode == 0
