@@ -66,6 +66,18 @@ def test_writes_into_its_plan(check):
 
 
 @pytest.mark.requirement("T-040")
+def test_writes_openly(check):
+    check("T-040", "answers", "yes")
+    (HERE / "open.csv").write_text("1.0")
+
+
+@pytest.mark.requirement("T-040")
+def test_compares(check):
+    check("T-040", "answers", "yes")
+    assert sorted([2, 1]) == [1, 3]
+
+
+@pytest.mark.requirement("T-040")
 def test_uses_code_from_outside(check):
     check("T-040", "answers", "yes")
     sys.path.insert(0, str(HERE.parents[2] / "elsewhere"))
@@ -128,10 +140,20 @@ def test_a_table_that_changed_is_not_opened_a_second_time(edited):
 
 
 def test_a_case_that_writes_into_its_plan_is_an_error(edited):
-    """Also where it catches what it is told."""
+    """Also where it catches what it is told; it is told once."""
     ran, _ = edited
-    assert ran.verdicts()["test_writes_into_its_plan"] == "ERROR"
-    assert "code of the run writes to testplans/small/table.csv" in ran.reasons("test_writes_into_its_plan")
+    for name, file in (("test_writes_into_its_plan", "table.csv"), ("test_writes_openly", "open.csv")):
+        assert ran.verdicts()[name] == "ERROR"
+        assert ran.reasons(name).count(f"code of the run writes to testplans/small/{file}") == 1
+
+
+def test_people_see_what_pytest_shows_of_an_assertion(edited):
+    """Frozen code has pytest's assertions, and the lines of the workspace's files."""
+    ran, _ = edited
+    lines = held(ran, "testplans/small/test_small.py").decode().splitlines()
+    line = lines.index("    assert sorted([2, 1]) == [1, 3]") + 1
+    assert "assert [1, 2] == [1, 3]" in ran.reasons("test_compares")
+    assert f"(testplans/small/test_small.py:{line})" in ran.reasons("test_compares")
 
 
 def test_code_from_outside_of_the_workspace_is_refused(edited):

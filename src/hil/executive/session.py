@@ -271,7 +271,7 @@ class Session:
         self._own()
         self.keeper.scheduler.catch_up()  # up to here the record says what the case did
         for error in self._freezing.end_of_case():
-            run.raised(error)
+            run.refused(error)
         if self.flags.astray:
             run.raised(Astray(self.flags.astray))
             self.flags.astray = ""

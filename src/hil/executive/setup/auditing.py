@@ -67,9 +67,12 @@ class _Watch:
     def _exec(self, code: object) -> None:
         """Refuse code of a file that is neither part of the package nor named by its version in `software.json`."""
         file = code.co_filename if isinstance(code, CodeType) else ""
-        if file.startswith(os.sep) and not self._ground.knows(file) and os.path.exists(file) and self._is_asked():  # noqa: PTH110 - as `_open`
+        if not file.startswith(os.sep) or self._ground.knows(file):
+            return
+        if os.path.exists(file) and self._is_asked():  # noqa: PTH110 - on every exec
+            named = "/".join(Path(file).parts[-2:])  # the rest tells of this machine
             raise CodeFromOutside(
-                f"{file} is neither in the workspace nor installed, so no package would hold it",
+                f"{named} is neither in the workspace nor installed, so no package would hold it",
                 "move it into the workspace, or install it",
             )
 

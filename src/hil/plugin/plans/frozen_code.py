@@ -90,7 +90,7 @@ class FrozenCode(MetaPathFinder):
         if spec is None or spec.origin is None or not self._ground.place(spec.origin):
             return None
         if isinstance(spec.loader, SourcelessFileLoader):
-            what = f"{spec.origin} has no source that a package could hold"
+            what = f"{self._inputs.shown(Path(spec.origin))} has no source that a package could hold"
             raise ImportError(what, name=fullname, path=spec.origin)  # noqa: TRY004 - of a module, not of a value
         if isinstance(spec.loader, ExtensionFileLoader):
             self._inputs.opened(Path(spec.origin))
