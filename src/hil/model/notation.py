@@ -15,6 +15,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
@@ -231,6 +232,8 @@ def _decimal(value: object) -> str:
         raise Complaint("must be a decimal number in quotes")
     if len(value) > _LONGEST_NUMBER or not math.isfinite(float(value)):
         raise Complaint("is too large for a number, or too long")
+    if abs(float(value)) < sys.float_info.min and re.search("[1-9]", re.split("[eE]", value)[0]):
+        raise Complaint("is too small for a number")  # a limit would silently be zero, or keep a digit or two
     return value
 
 

@@ -141,6 +141,8 @@ def test_durations_are_exact_seconds(read, text, seconds):
         ("high: five", "1:7: bench: 'high' must be a decimal number in quotes, found `five`"),
         ("high: 'NaN'", "1:7: bench: 'high' must be a decimal number in quotes, found \"NaN\""),
         ("high: 'inf'", "1:7: bench: 'high' must be a decimal number in quotes, found \"inf\""),
+        ("high: '1e-400'", "1:7: bench: 'high' is too small for a number, found \"1e-400\""),
+        ("high: '5e-324'", "1:7: bench: 'high' is too small for a number, found \"5e-324\""),
         ("high: '1e400'", "1:7: bench: 'high' is too large for a number, or too long, found \"1e400\""),
         ("decimal: '0x10'", "1:10: bench: 'decimal' must be a decimal number in quotes, found \"0x10\""),
         ("high: true", "1:7: bench: 'high' must be a number in quotes, found `true`"),
