@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import subprocess
+import sys
+from collections.abc import Iterator
+from itertools import islice
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
@@ -17,13 +21,17 @@ __all__ = ["command"]
 @click.command(name="verify", epilog="Example: hil verify latest")
 @click.argument("run", metavar="RUN")
 @click.option("--report", is_flag=True, help="Also derive the report again and compare it.")
-def command(run: str, report: bool) -> int:
+@click.option(
+    "--replay", "again", is_flag=True, help="Also run the cases again on the recorded bytes, as hil replay does."
+)
+def command(run: str, report: bool, again: bool) -> int:
     """Verify a package, offline and from its own bytes.
 
     It checks the manifests, the journal's chain, every file against its hash in the journal, every row of every
     recording, the results, and every verdict against value, uncertainty and frozen limit. Then it compares the package
     with the ledger of its folder, and verifies signatures and approvals. Digests are printed only if nothing is wrong.
-    Exit code 0 for an intact package of a complete run whose signatures all count, 1 otherwise.
+    Exit code 0 for an intact package of a complete run whose signatures all count, and whose report and replay are the
+    same where you ask for them; 1 otherwise.
     """
     from hil.evidence.package.listing import shown  # noqa: PLC0415 - heavy
     from hil.evidence.package.verification import State, verify  # noqa: PLC0415 - heavy
@@ -36,6 +44,10 @@ def command(run: str, report: bool) -> int:
     complete = ", the run is incomplete" if short else ""
     click.echo(f"{shown(found.folder.name)}: {found.state}{complete}")
     if found.state is not State.SEALED:
+        for line in _damage_of_transcript(found):
+            click.echo(line, err=True)
+        if again:
+            click.echo("not replayed: only what a sealed package holds can be compared with it", err=True)
         return 1
     same = _compared(found) if report else True
     word = "not compared; add --report to compare it" if not report else "identical" if same else "DIFFERS"
@@ -44,6 +56,7 @@ def command(run: str, report: bool) -> int:
         ("run", f"{found.run}, in a folder of another name" if renamed else ""),
         ("verdict", _worth(found)),
         ("report", word),
+        ("replay", (replayed := _replayed(found) if again else _Replayed()).word),
         ("ledger", found.ledger or "none in this folder"),
         ("evidence digest", found.evidence_digest),
         ("content digest", found.content_digest),
@@ -53,7 +66,46 @@ def command(run: str, report: bool) -> int:
         click.echo(line)
     for problem in problems:
         click.echo(shown(problem), err=True)
-    return 0 if found.ok and same and not problems else 1
+    return 0 if found.ok and same and replayed.same and not problems else 1
+
+
+class _Replayed(NamedTuple):
+    """How a replay came out: in words, and whether everything was the same."""
+
+    word: str = "not done; add --replay to run the cases again"
+    same: bool = True
+
+
+def _replayed(found: Verification) -> _Replayed:
+    """Replay the package in a process of its own, which has the pinned environment; what differs is said at once."""
+    from hil.executive.setup.software import pinned_environment  # noqa: PLC0415 - only where it is asked for
+
+    done = subprocess.run(  # noqa: S603 - ourselves
+        [sys.executable, "-P", "-m", "hil.cli", "replay", str(found.folder.resolve())],
+        env=pinned_environment(),
+        capture_output=True,
+        encoding="utf-8",
+        errors="backslashreplace",
+        check=False,
+    )
+    if done.stderr:
+        click.echo(done.stderr, err=True, nl=False)
+    return _Replayed("; ".join(done.stdout.splitlines()) or "not possible", same=done.returncode == 0)
+
+
+_MOST_LINES = 20
+
+
+def _damage_of_transcript(found: Verification) -> Iterator[str]:
+    """Give the damaged lines of a transcript that is not the one that was sealed."""
+    from hil.evidence.folder import TRANSCRIPT  # noqa: PLC0415 - heavy
+    from hil.evidence.package.listing import list_folder, shown  # noqa: PLC0415 - heavy
+    from hil.wire.transcript import damaged_lines  # noqa: PLC0415 - heavy
+
+    path = found.folder / TRANSCRIPT
+    if any(each.path == TRANSCRIPT for each in found.findings) and path.is_file() and not list_folder(found.folder).odd:
+        for number, message in islice(damaged_lines(path), _MOST_LINES):
+            yield shown(f"{TRANSCRIPT}:{number}:1: {message}")
 
 
 def _said(found: Verification) -> tuple[list[tuple[str, str]], list[str]]:
