@@ -10,12 +10,24 @@ from hil.documents.node import Place
 from hil.documents.snapshot import current_snapshot
 from hil.model.errors import Refused
 
-__all__ = ["MOST_BYTES", "decoded", "hidden_character", "is_there", "read_bytes", "require_name", "visible"]
+__all__ = [
+    "MOST_BYTES",
+    "decoded",
+    "hidden_character",
+    "is_there",
+    "name_problem",
+    "read_bytes",
+    "require_name",
+    "visible",
+]
 
 MOST_BYTES = 5_000_000
 """The largest file that is read."""
 
 _LONGEST_NAME = 200
+_LONGEST_PART = 100
+_PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
+_DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
 _BYTE_ORDER_MARK = "\ufeff"
 _REORDERING = "\u061c\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff"
 """Marks that reorder or hide text, and separators that only some readers take for the end of a line."""
@@ -40,6 +52,28 @@ def visible(text: str) -> str:
     if text.isascii() and text.isprintable():
         return text
     return _UNSAFE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def name_problem(name: object, *, file: bool = False) -> str:
+    """Return why this cannot name a part of a run, empty if it can: the one rule for all names that cases give.
+
+    Args:
+        name: the name of a recording, a channel or a file.
+        file: whether it becomes the name of a file, which other systems must be able to store.
+    """
+    if not isinstance(name, str):
+        return f"a name is a text, and this is a {type(name).__name__}"
+    hidden = re.search(r"[\t\r\n]", name) or hidden_character(name)
+    if hidden:
+        return f"a name has no character U+{ord(hidden[0]):04X}"
+    rules = (
+        (len(name.strip()) > 0 and len(name) <= _LONGEST_PART, f"a name has 1 to {_LONGEST_PART} characters"),
+        (name == name.strip() and not name.endswith("."), "a name has no space at its ends, and no dot at its end"),
+        ("/" not in name and "\\" not in name, "a name has no slash"),
+        (not file or _PLAIN.fullmatch(name), "a file's name has letters, digits, '.', '_' and '-', no dot first"),
+        (not file or not _DEVICE.fullmatch(name), "Windows has a device of this name"),
+    )
+    return next((text for holds, text in rules if not holds), "")
 
 
 def require_name(option: str, name: str) -> None:

@@ -43,9 +43,20 @@ def test_an_earlier_attempt_is_not_overwritten(tmp_path):
     assert case.written.of("attachment")[0]["file"] == "test_x-2-a.txt"
 
 
-@pytest.mark.parametrize("name", ["", "../x", "a/b", ".hidden", "a b", "x" * 101, None])
+@pytest.mark.parametrize("before", ["test_x-A.txt", "test_X-a.txt"])
+def test_names_that_differ_by_the_size_of_letters_are_one_name(tmp_path, before):
+    """`artifact("a")` beside `artifact("A")` of another case: a package with both could not be copied everywhere."""
+    case, artifact = artifacts_of(tmp_path)
+    (tmp_path / "attachments" / before).write_text("x")
+    artifact("a.txt", "x")
+    assert case.written.of("attachment")[0]["file"] == "test_x-2-a.txt"
+
+
+@pytest.mark.parametrize(
+    "name", ["", "../x", "a/b", ".hidden", "a b", "x" * 101, None, "a\0b", "NUL", "com1.txt", "a."]
+)
 def test_only_plain_file_names_are_taken(tmp_path, name):
-    """Nothing leaves the folder of attachments."""
+    """Nothing leaves the folder of attachments, and every system can store what is in it."""
     _, artifact = artifacts_of(tmp_path)
     with pytest.raises(Misused, match="not a valid file name"):
         artifact(name, "x")
@@ -57,8 +68,9 @@ def test_content_is_text_or_bytes_and_kept_once(tmp_path):
     with pytest.raises(Misused, match="a float"):
         artifact("a.txt", 1.0)
     artifact("a.txt", "x")
-    with pytest.raises(Misused, match="already keeps"):
-        artifact("a.txt", "y")
+    for name in ("a.txt", "A.txt"):
+        with pytest.raises(Misused, match="already keeps"):
+            artifact(name, "y")
 
 
 def test_a_replay_has_to_make_the_same_bytes(tmp_path):

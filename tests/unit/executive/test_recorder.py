@@ -204,6 +204,15 @@ def test_what_was_never_taken_has_no_criteria():
     assert verdicts(recorded(WHOLE, name="other")) == {}
 
 
+@pytest.mark.parametrize("name", ["a\0b", "a\x1b[2J", "x" * 101, "a/b", "a.", "", 7])
+def test_a_recording_has_a_name_that_can_be_written(tmp_path, name):
+    """A NUL in its name was a traceback, and one in the seal after it: it is refused when it is given."""
+    case = Case(tmp_path)
+    with pytest.raises(Misused, match="a name "):
+        case.run.record(name, case.field, duration=1.0, rate=1.0)
+    assert case.written.of("recording") == []
+
+
 def test_only_roles_of_the_case_are_recorded(tmp_path):
     """Numbers from anywhere else would be no measurement: objects, sets of roles, and roles of another case."""
     (tmp_path / "other").mkdir()

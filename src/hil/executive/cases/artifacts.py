@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import re
 from itertools import chain, count
 from pathlib import Path
 
+from hil.documents.text import name_problem
 from hil.evidence import events
 from hil.evidence.durable import read_plain, write_whole
 from hil.evidence.events import EventSink
@@ -17,7 +17,6 @@ from hil.model.errors import Misused
 
 __all__ = ["Artifacts"]
 
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 _LARGEST = 50_000_000
 
 
@@ -57,8 +56,8 @@ class Artifacts(OfThisProcess):
         self._effects.perform(f"artifact.{name}", "records", arguments, lambda: self._keep(name, data, digest))
 
     def _data(self, name: object, content: object) -> bytes:
-        if not isinstance(name, str) or not _NAME.fullmatch(name):
-            raise Misused(f"artifact {name!r}: not a valid file name", "use letters, digits, '.', '_' and '-'")
+        if problem := name_problem(name, file=True):
+            raise Misused(f"artifact {name!r}: not a valid file name: {problem}", "give it another name")
         if not isinstance(content, str | bytes):
             what = type(content).__name__
             raise Misused(f"artifact '{name}': the content is a {what}", "give text or bytes")
@@ -68,9 +67,10 @@ class Artifacts(OfThisProcess):
         return data
 
     def _keep(self, name: str, data: bytes, digest: str) -> str:
-        if name in self._kept:
-            raise Misused(f"artifact '{name}': this case already keeps a file of that name", "use another name")
-        self._kept.add(name)
+        if name.casefold() in self._kept:
+            told = "this case already keeps a file of that name, whose letters may be larger or smaller"
+            raise Misused(f"artifact '{name}': {told}", "use another name")
+        self._kept.add(name.casefold())
         path = self._free(name, data)
         write_whole(path, data)
         made = events.Attachment(file=path.name, sha256=digest, by=self._steps.case, text="made by the case")
@@ -89,4 +89,8 @@ class Artifacts(OfThisProcess):
         return path
 
     def _is_free(self, path: Path, data: bytes) -> bool:
-        return path not in self._made and (not path.exists() or read_plain(path) == data)
+        """Return whether no other file has this name, also where the size of letters does not count."""
+        name = path.name.casefold()
+        there = [each for each in self._folder.iterdir() if each.name.casefold() == name]
+        made = any(each.name.casefold() == name for each in self._made)
+        return not made and (not there or (there == [path] and read_plain(path) == data))

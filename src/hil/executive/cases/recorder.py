@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from hil.clock.port import FOREVER_NS, NANOSECONDS
+from hil.documents.text import name_problem
 from hil.evidence import events
 from hil.evidence.recordings.hdf5 import Recorded, read_recording
 from hil.executive.cases.certificate import standard_uncertainty, uncovered
@@ -128,6 +129,8 @@ class Recorder(OfThisProcess):
         self._beside.clear()
 
     def _require(self, name: str, sources: tuple[Facade, ...], lasts: bool, rate: float) -> None:
+        if problem := name_problem(name):
+            raise Misused(f"record {name!r}: {problem}", "give it another name")
         if not sources or not (lasts and rate > 0 and math.isfinite(rate)):
             raise ValueError(f"record '{name}': needs a role, and a duration and rate above zero")
         for source in sources:
@@ -141,12 +144,17 @@ class Recorder(OfThisProcess):
             )
 
     def _facts(self, name: str, sources: tuple[Facade, ...], rate: float, duration: float | None) -> events.Recording:
+        channels = _channels(sources)
+        for channel in channels:
+            if problem := name_problem(channel.name):
+                told = f"record '{name}': channel {channel.name!r} of {channel.instrument}: {problem}"
+                raise Misused(told, "its driver has to give it another name")
         return events.Recording(
             recording=f"{self._store.next_number():03d}-{file_part(self._steps.case)}-{file_part(name)}",
             name=name,
             case=self._steps.case,
             step=self._steps.number,
-            channels=_channels(sources),
+            channels=channels,
             rate=rate,
             duration=duration,
             source=self._source,
