@@ -51,11 +51,14 @@ def strangers(reading: JournalReading, files: Iterable[str]) -> Iterator[str]:
         reading: the run's journal.
         files: paths below the run's folder.
     """
-    known = set(_introduced(reading))
+    here = tuple(files)
+    known = set(_introduced(reading)) | {f"{REPORT}/{name}" for name in REPORT_FILES}
+    for name in fold(reading.events).recordings:
+        if f"{RECORDINGS}/{name}.h5" not in here:  # its samples were not those that the journal names, and are kept
+            known.add(f"{RECORDINGS}/{name}.rows")
     frozen = not any(isinstance(event, Frozen) for event in reading.events)
-    reports = {f"{REPORT}/{name}" for name in REPORT_FILES}
-    for path in payload_of(files):
-        if path not in known | reports and not (frozen and path.startswith(_FROZEN)):
+    for path in payload_of(here):
+        if path not in known and not (frozen and path.startswith(_FROZEN)):
             yield path
 
 
@@ -78,8 +81,7 @@ def set_aside(folder: Path, reading: JournalReading) -> list[str]:
         OSError: if a file cannot be moved.
     """
     told = []
-    rows = {f"{RECORDINGS}/{name}.rows" for name in fold(reading.events).recordings}
-    waiting = [path for path in list_folder(folder).files if not path.endswith(PART) and path not in rows]
+    waiting = [path for path in list_folder(folder).files if not path.endswith(PART)]
     for path in strangers(reading, waiting):
         size, digest = (folder / path).stat().st_size, sha256_of(folder / path)
         place = _free(folder.parent / ASIDE / folder.name / path)
