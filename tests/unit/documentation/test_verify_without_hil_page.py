@@ -135,22 +135,42 @@ def change_allowed(workspace, old, new):
 @pytest.mark.parametrize(
     "attack",
     [
-        pytest.param(lambda w: flip(w / "reports" / NAME / "data/journal.jsonl"), id="byte-of-the-journal"),
-        pytest.param(lambda w: flip(w / "reports" / NAME / "manifest-sha256.txt", 0), id="byte-of-the-manifest"),
-        pytest.param(lambda w: flip(w / "reports" / NAME / "bag-info.txt"), id="byte-of-a-tag-file"),
-        pytest.param(lambda w: (w / "reports" / NAME / "data/more.txt").touch(), id="another-file"),
-        pytest.param(lambda w: (w / "reports" / NAME / "data/results.json").unlink(), id="missing-file"),
-        pytest.param(lambda w: flip(ledger_file(w / "reports")), id="byte-of-the-ledger"),
+        pytest.param(
+            lambda w: flip(w / "reports" / NAME / "data/journal.jsonl"),
+            marks=pytest.mark.system,
+            id="byte-of-the-journal",
+        ),
+        pytest.param(
+            lambda w: flip(w / "reports" / NAME / "manifest-sha256.txt", 0),
+            marks=pytest.mark.system,
+            id="byte-of-the-manifest",
+        ),
+        pytest.param(
+            lambda w: flip(w / "reports" / NAME / "bag-info.txt"), marks=pytest.mark.system, id="byte-of-a-tag-file"
+        ),
+        pytest.param(
+            lambda w: (w / "reports" / NAME / "data/more.txt").touch(), marks=pytest.mark.system, id="another-file"
+        ),
+        pytest.param(
+            lambda w: (w / "reports" / NAME / "data/results.json").unlink(), marks=pytest.mark.system, id="missing-file"
+        ),
+        pytest.param(lambda w: flip(ledger_file(w / "reports")), marks=pytest.mark.system, id="byte-of-the-ledger"),
         pytest.param(lambda w: flip(ledger_file(w / "reports"), -5), id="byte-of-the-last-line"),
-        pytest.param(cut_off, id="ledger-cut-off"),
+        pytest.param(cut_off, marks=pytest.mark.system, id="ledger-cut-off"),
         pytest.param(rewrite, id="rewritten"),
-        pytest.param(put_other_run, id="another-run"),
-        pytest.param(lambda w: flip(approved(w)[1], 150), id="byte-of-a-signature"),
+        pytest.param(put_other_run, marks=pytest.mark.system, id="another-run"),
+        pytest.param(lambda w: flip(approved(w)[1], 150), marks=pytest.mark.system, id="byte-of-a-signature"),
         pytest.param(put_other_signature, id="signature-of-another-package"),
-        pytest.param(lambda w: change_allowed(w, "bo@x", "cy@x"), id="unknown-key"),
-        pytest.param(lambda w: change_allowed(w, "hil-package,", "other,"), id="wrong-namespace"),
-        pytest.param(lambda w: change_allowed(w, 'l"', 'l",valid-before="20260101Z"'), id="expired"),
-        pytest.param(lambda w: shutil.copy(w / "bo.pub", w / "fixtures/revoked_keys"), id="revoked"),
+        pytest.param(lambda w: change_allowed(w, "bo@x", "cy@x"), marks=pytest.mark.system, id="unknown-key"),
+        pytest.param(
+            lambda w: change_allowed(w, "hil-package,", "other,"), marks=pytest.mark.system, id="wrong-namespace"
+        ),
+        pytest.param(
+            lambda w: change_allowed(w, 'l"', 'l",valid-before="20260101Z"'), marks=pytest.mark.system, id="expired"
+        ),
+        pytest.param(
+            lambda w: shutil.copy(w / "bo.pub", w / "fixtures/revoked_keys"), marks=pytest.mark.system, id="revoked"
+        ),
     ],
 )
 def test_what_was_tampered_with_is_bad_for_both(workspace, attack):
