@@ -40,6 +40,7 @@ def check_lines(check: Check) -> list[str]:
         ("case", row.case + (f", step {row.step}" if row.step else "")),
         ("instruments", row.instruments),
         ("reason", row.reason),
+        ("closes nothing", "; ".join(row.closes_nothing)),
     )
     return [f"{row.verdict} {row.requirement} {row.parameter}{of}", *labelled(facts, indent=_INDENT)]
 

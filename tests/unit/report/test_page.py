@@ -247,6 +247,15 @@ def test_what_is_not_hardware_says_so_on_every_page(tmp_path, source, word):
     assert f"<strong>{word}:</strong>" in page
 
 
+def test_a_check_shows_what_stands_behind_it_and_why_it_closes_nothing(tmp_path):
+    """Both in words, at the check itself."""
+    found = {"provenance": ["supply.coil.voltage", "mean"], "unproven": ["made up"], "uncovered": ["psu1 has none"]}
+    words = Page(page_of(tmp_path, events=list(one_case("PASS", **found)))).words
+    assert "from: supply.coil.voltage, mean" in words
+    assert "closes nothing: made up" in words
+    assert "closes nothing: psu1 has none" in words
+
+
 def test_running_header_is_repeated_by_print():
     """In print the header is a table's header group, which is repeated on every page."""
     css = (TEMPLATES / "report.css").read_text(encoding="utf-8")

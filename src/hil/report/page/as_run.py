@@ -129,6 +129,8 @@ def check_row(check: Check, named: CaseName | None = None, attempt: str = "") ->
         verdict=check.verdict,
         reason=check.reason,
         instruments=", ".join(check.instruments),
+        behind=", ".join(check.provenance or ()),
+        closes_nothing=check.closes_nothing,
     )
 
 

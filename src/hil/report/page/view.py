@@ -101,6 +101,8 @@ class CheckRow:
     verdict: Verdict
     reason: str
     instruments: str
+    behind: str
+    closes_nothing: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
