@@ -233,10 +233,24 @@ def test_a_run_that_cannot_close_says_why(tmp_path, changes, reason):
         ({"due": ""}, "psu1 has no calibration record"),
         ({"due": "2026-11-21"}, None),
         ({"due": "", "dut": True}, None),
+        ({"due": "2027-11-21", "date": "2026-11-21"}, None),
+        (
+            {"due": "2027-11-21", "date": "2026-11-22"},
+            "psu1 was used before its calibration: calibrated 2026-11-22, used 2026-11-21",
+        ),
+        ({"due": "2027-11-21", "certificate": "c.pdf", "size": 0}, "psu1 has an empty certificate, c.pdf"),
+        (
+            {"due": "2027-11-21", "certificate": "c.pdf", "ranges": ()},
+            "psu1 has a certificate without any range, c.pdf",
+        ),
+        (
+            {"due": "2027-11-21", "date": "2026-11-20", "as_left": "out of tolerance"},
+            "psu1 was returned out of tolerance by its calibration on 2026-11-20",
+        ),
     ],
 )
-def test_calibration_counts_until_its_last_day(tmp_path, calibration, reason):
-    """An instrument counts on the day of its due date and not after; a device under test needs no certificate."""
+def test_calibration_counts_from_its_first_day_to_its_last(tmp_path, calibration, reason):
+    """Out of calibration by a day, a date after the run, an empty certificate; a device under test needs none."""
     with begin(tmp_path) as journal:
         whole_case(tmp_path, journal)
     reading = read_journal(tmp_path / JOURNAL)
