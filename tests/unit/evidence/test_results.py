@@ -256,7 +256,7 @@ def test_calibration_counts_from_its_first_day_to_its_last(tmp_path, calibration
     reading = read_journal(tmp_path / JOURNAL)
     facts = Facts(
         catalogue=entries_of(REQUIREMENTS),
-        calibration={"psu1": FrozenCalibration(certificate="C-1", size=16, **calibration)},
+        calibration={"psu1": FrozenCalibration(**{"certificate": "C-1", "size": 16, **calibration})},
         date="2026-11-21",
         software=facts_of(tmp_path, reading).software,
     )
