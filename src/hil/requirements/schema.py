@@ -151,6 +151,10 @@ def _limit_problems(at: Path, limit: Limit) -> _Wrong:
         yield (*at, "unit"), wrong
     if limit.minimum is not None and limit.maximum is not None and Decimal(limit.minimum) > Decimal(limit.maximum):
         yield (*at, "min"), f"min {limit.minimum} of {what} is above max {limit.maximum}"
+    same = limit.minimum is not None and limit.maximum is not None and Decimal(limit.minimum) == Decimal(limit.maximum)
+    if same and limit.decision is Decision.GUARDED:
+        told = "no value with an uncertainty is between; write decision: simple for a count"
+        yield (*at, "min"), f"min and max of {what} are the same: {told}"
     if limit.min_tur is not None:
         if limit.minimum is None or limit.maximum is None:
             yield (*at, "min_tur"), f"min_tur of {what} needs both min and max"

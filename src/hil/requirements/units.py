@@ -155,6 +155,9 @@ def _unit(text: str) -> pint.Unit:
     for pattern, replacement in _NOTATION:
         notation = pattern.sub(replacement, notation)
     try:
+        for word in _WORD.finditer(notation):
+            if word["name"]:
+                _registry().parse_units(word["name"])  # what cancels out must exist, too
         return _registry().parse_units("dimensionless" if notation.strip() == "1" else notation)
     except Exception as error:  # the parser raises whatever its tokenizer and its arithmetic raise
         raise UnitError(f"'{text}' is not a known unit", "write it as in deg/s/sqrt(Hz), W.h, uT, 1 or %") from error

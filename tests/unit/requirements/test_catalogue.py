@@ -63,6 +63,12 @@ def test_unknown_ids_and_parameters_name_the_nearest(workspace):
     [
         ('{parameter: a, unit: V, min: "2", max: "1"}', "min 2 of 'a' is above max 1"),
         ('{parameter: a, unit: V, min: "1e2", max: "99.9"}', "min 1e2 of 'a' is above max 99.9"),
+        (
+            '{parameter: a, unit: V, min: "2", max: "2.0"}',
+            "min and max of 'a' are the same: no value with an uncertainty",
+        ),
+        ('{parameter: a, unit: V, min: "1e-400"}', "is too small for a number"),
+        ('{parameter: a, unit: ohm*foo/foo, max: "1"}', "'ohm*foo/foo' is not a known unit"),
         ('{parameter: a, unit: V, max: "1", min_tur: "2"}', "min_tur of 'a' needs both min and max"),
         ('{parameter: a, unit: V, min: "0", max: "1", min_tur: "0"}', "min_tur of 'a' must be above zero"),
         ('{parameter: a, unit: furlong, max: "1"}', "'furlong' is not a known unit"),
