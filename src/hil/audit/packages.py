@@ -5,21 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
+from typing import Generic, TypeVar
 
 import msgspec
 
 from hil.audit.cache import Cache
 from hil.audit.inputs import Instrument, Package, Result
-from hil.documents.canonical import JsonError
 from hil.evidence.durable import read_plain
-from hil.evidence.folder import JOURNAL, RESULTS, is_sealed
+from hil.evidence.events import Run
+from hil.evidence.folder import CALIBRATION, CATALOGUE, JOURNAL, RESULTS, is_sealed
 from hil.evidence.journal.reader import read_ends, read_journal
 from hil.evidence.ledger.book import Ledger
 from hil.evidence.package.bag import INFO, MANIFEST, digest_of_manifest, identifier_of
 from hil.evidence.package.verification import State, verify
 from hil.evidence.results.derived import results_of
-from hil.evidence.results.facts import FrozenCalibration, FrozenRequirement, facts_of, read_json
-from hil.evidence.results.outcome import CaseOutcome, Outcome, RequirementOutcome, read_outcome
+from hil.evidence.results.facts import FrozenCalibration, read_json
+from hil.evidence.results.outcome import write_outcome
 from hil.evidence.runs import run_folders
 from hil.model.errors import EvidenceError, HilError
 from hil.model.verdict import Verdict
@@ -27,8 +28,51 @@ from hil.model.verdict import Verdict
 __all__ = ["read_packages"]
 
 _SOFTWARE = "data/software.json"
-_NOT_FROZEN = FrozenRequirement()
 _RUNNING = "the run is still running"
+_Item = TypeVar("_Item")
+
+
+# What the audit needs of files that verification has read strictly, so that they are decoded at the speed of a copy.
+
+
+class _Checked(msgspec.Struct, frozen=True):
+    requirement: str
+    verdict: str
+    instruments: tuple[str, ...] = ()
+
+
+class _Case(msgspec.Struct, frozen=True):
+    case: str
+    requirements: dict[str, str] = {}
+    used: dict[str, str] = {}
+    checks: tuple[_Checked, ...] = ()
+
+
+class _Carrying(msgspec.Struct, frozen=True):
+    case: str
+
+
+class _Judged(msgspec.Struct, frozen=True):
+    id: str
+    verdict: str
+    eligible: bool
+    rev: int | None = None
+    reasons: tuple[str, ...] = ()
+    cases: tuple[_Carrying, ...] = ()
+
+
+class _Said(msgspec.Struct, frozen=True):
+    cases: tuple[_Case, ...]
+    requirements: tuple[_Judged, ...]
+
+
+class _Meant(msgspec.Struct, frozen=True):
+    fingerprint: str = ""
+
+
+class _Frozen(msgspec.Struct, Generic[_Item], frozen=True):
+    requirements: dict[str, _Item] = {}
+    instruments: dict[str, _Item] = {}
 
 
 def read_packages(reports: Path, cache: Cache) -> tuple[Package, ...]:
@@ -77,7 +121,7 @@ def _read(folder: Path) -> Package:
     )
     try:
         return _told(folder, package)
-    except (HilError, JsonError, OSError, LookupError, TypeError, ValueError) as error:
+    except (HilError, OSError, msgspec.MsgspecError, ValueError) as error:
         problem = package.problem or f"its results cannot be read: {error}"
         return msgspec.structs.replace(package, sealed=False, problem=problem, named="")
 
@@ -99,37 +143,56 @@ def _manifest_digest(folder: Path) -> str:
 def _told(folder: Path, package: Package) -> Package:
     """Return a package with what it says."""
     if is_sealed(folder):
-        outcome, ends = read_outcome(read_plain(folder / RESULTS)), read_ends(folder / JOURNAL)
+        ends = read_ends(folder / JOURNAL)
+        said = msgspec.json.decode(read_plain(folder / RESULTS), type=_Said)
     else:
         ends = read_journal(folder / JOURNAL)
-        outcome = results_of(folder, ends)
-    facts = facts_of(folder, ends)
+        said = msgspec.json.decode(write_outcome(results_of(folder, ends)), type=_Said)
+    calibration = _calibration(folder)
     stamps = [str(line.wall.get("utc", "")) for line in ends.lines]
-    run = outcome.run
+    run = next((line.event for line in ends.lines if isinstance(line.event, Run)), None)
     if run is None:
         raise EvidenceError("it never began")
-    last = ends.lines[-1].wall if ends.lines else {}
-    software = _json(folder / _SOFTWARE)
+    last = ends.lines[-1].wall
     return msgspec.structs.replace(
         package,
         before=str(last.get("ledger", "")),
         source=run.source,
         purpose=run.purpose,
         bench=run.bench,
-        began=min(stamps, default=""),
-        ended=max(stamps, default=""),
+        began=min(stamps),
+        ended=max(stamps),
         operator=run.operator,
         serial=run.dut.serial,
         part=run.dut.part,
         hardware=run.dut.hardware,
         firmware=run.dut.firmware,
         version=run.version,
-        analysis=str(software.get("analysis", "")),
+        analysis=str(_json(folder / _SOFTWARE).get("analysis", "")),
         plans=run.plans,
-        instruments={name: _instrument(its) for name, its in facts.calibration.items() if not its.dut},
-        results=dict(_results(outcome, facts.catalogue)),
-        orphans=tuple(case.case for case in outcome.cases if not case.requirements),
+        instruments=calibration,
+        results=dict(_results(said, _fingerprints(folder))),
+        orphans=tuple(case.case for case in said.cases if not case.requirements),
     )
+
+
+def _calibration(folder: Path) -> dict[str, Instrument]:
+    """Return the instruments of a run that have a calibration record, devices under test left out."""
+    path = folder / CALIBRATION
+    if not path.exists():
+        return {}
+    frozen = msgspec.json.decode(read_plain(path), type=_Frozen[FrozenCalibration]).instruments
+    return {
+        name: Instrument(certificate=its.certificate, entry=its.register) for name, its in frozen.items() if not its.dut
+    }
+
+
+def _fingerprints(folder: Path) -> dict[str, str]:
+    path = folder / CATALOGUE
+    if not path.exists():
+        return {}
+    frozen = msgspec.json.decode(read_plain(path), type=_Frozen[_Meant]).requirements
+    return {name: its.fingerprint for name, its in frozen.items()}
 
 
 def _json(path: Path) -> Mapping[str, object]:
@@ -137,37 +200,31 @@ def _json(path: Path) -> Mapping[str, object]:
     return found if isinstance(found, dict) else {}
 
 
-def _instrument(frozen: FrozenCalibration) -> Instrument:
-    return Instrument(certificate=frozen.certificate, entry=frozen.register)
-
-
-def _results(outcome: Outcome, catalogue: Mapping[str, FrozenRequirement]) -> Iterator[tuple[str, Result]]:
+def _results(said: _Said, fingerprints: Mapping[str, str]) -> Iterator[tuple[str, Result]]:
     """Give what the results say of each requirement that the run's plans have."""
     checked: dict[str, set[str]] = {}
+    used: dict[str, set[str]] = {}
     failed: set[str] = set()
-    carrying: dict[str, list[CaseOutcome]] = {}
-    for case in outcome.cases:
-        failed.update(identifier for identifier, verdict in case.requirements.items() if verdict is Verdict.FAIL)
-        for identifier in case.requirements:
-            carrying.setdefault(identifier, []).append(case)
+    for case in said.cases:
+        for identifier, verdict in case.requirements.items():
+            used.setdefault(identifier, set()).update(case.used)
+            if verdict == Verdict.FAIL:
+                failed.add(identifier)
         for check in case.checks:
             checked.setdefault(check.requirement, set()).update(check.instruments)
-            if check.verdict is Verdict.FAIL:
+            if check.verdict == Verdict.FAIL:
                 failed.add(check.requirement)
-    for each in outcome.requirements:
-        cases = carrying.get(each.id, ())
-        used = checked.get(each.id) or {name for case in cases for name in case.used}
-        yield each.id, _result(each, catalogue.get(each.id, _NOT_FROZEN), used, failed)
-
-
-def _result(each: RequirementOutcome, frozen: FrozenRequirement, used: Iterable[str], failed: set[str]) -> Result:
-    return Result(
-        rev=each.rev or 0,
-        fingerprint=frozen.fingerprint,
-        verdict=each.verdict,
-        failed=each.id in failed,
-        eligible=each.eligible,
-        reasons=each.reasons,
-        cases=tuple(said.case for said in each.cases),
-        instruments=tuple(sorted(used)),
-    )
+    for each in said.requirements:
+        yield (
+            each.id,
+            Result(
+                rev=each.rev or 0,
+                fingerprint=fingerprints.get(each.id, ""),
+                verdict=each.verdict,
+                failed=each.id in failed,
+                eligible=each.eligible,
+                reasons=each.reasons,
+                cases=tuple(case.case for case in each.cases),
+                instruments=tuple(sorted(checked.get(each.id) or used.get(each.id) or ())),
+            ),
+        )

@@ -45,6 +45,10 @@ _SURPRISES = (
 )
 
 
+_PLAIN = re.compile(r"(?!(?:yes|no|on|off|true|false)\Z)[A-Za-z/_(]", re.IGNORECASE)
+"""How text begins that nobody reads as anything else."""
+
+
 def read_yaml(file: Path, shown: str, findings: Findings) -> Node | None:
     """Return the document in `file`; None if there is none, with the reason among the findings.
 
@@ -125,21 +129,31 @@ class _Composer:
         raise _Stop
 
     def _scalar(self, event: yaml.ScalarEvent) -> Scalar:
-        self._check_tag(event, _TEXT_TAG)
+        if event.tag:
+            self._check_tag(event, _TEXT_TAG)
         quoted = bool(event.style) or event.tag == _TEXT_TAG
-        text = str(event.value)
-        hidden = hidden_character(text)
-        if hidden:
+        text = event.value
+        # Everything hidden that the file holds as such was refused before; in double quotes it may hide in an escape.
+        if event.style == '"' and (hidden := hidden_character(text)):
             self._refuse(event, f"the text holds character U+{ord(hidden[0]):04X}, which is not allowed")
         kind = ScalarKind.TEXT if quoted else self._kind(event, text)
-        at = self._place(event)
-        return Scalar(path=at.path, line=at.line, column=at.column, text=text, quoted=quoted, kind=kind)
+        mark = event.start_mark
+        return Scalar(
+            path=self._shown,
+            line=mark.line + 1 if mark else 0,
+            column=mark.column + 1 if mark else 0,
+            text=text,
+            quoted=quoted,
+            kind=kind,
+        )
 
     def _kind(self, event: yaml.ScalarEvent, text: str) -> ScalarKind:
         if text in _NOTHING:
             return ScalarKind.NOTHING
         if text in _FLAGS:
             return ScalarKind.FLAG
+        if _PLAIN.match(text):
+            return ScalarKind.TEXT
         if _INTEGER.fullmatch(text):
             return ScalarKind.INTEGER
         for pattern, why, advice in _SURPRISES:

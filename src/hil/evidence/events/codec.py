@@ -10,18 +10,12 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from hil.documents.canonical import JsonError, canonical
+from hil.documents.canonical import JsonError, Unusual, canonical, quick_text
 from hil.documents.suggest import did_you_mean
 from hil.evidence.events import bench, cases, people, run
 from hil.evidence.events.event import Event
 
-__all__ = ["KINDS", "convert", "decode", "encode", "plain", "quick_canonical", "stamped"]
-
-_LARGEST = 2**53 - 1
-
-
-class _Unusual(Exception):
-    """Something that only the complete writer knows how to write, or refuses."""
+__all__ = ["KINDS", "convert", "decode", "encode", "plain", "quick_canonical", "stamped", "told"]
 
 
 def quick_canonical(value: object) -> bytes:
@@ -33,18 +27,22 @@ def quick_canonical(value: object) -> bytes:
         JsonError: for what has no canonical JSON.
     """
     try:
-        return _text(value).encode()
-    except (_Unusual, RecursionError, TypeError, UnicodeEncodeError):
+        return quick_text(value, _struct).encode()
+    except (Unusual, RecursionError, TypeError, UnicodeEncodeError):
         return canonical(plain(value))
+
+
+def told(value: msgspec.Struct) -> dict[str, object]:
+    """Return the fields of a struct that are written, as they are."""
+    fields = [(name, getattr(value, name), default) for name, _, default in _members(type(value)) if name]
+    return {name: item for name, item, default in fields if item is not default}
 
 
 def plain(value: object) -> Any:  # noqa: ANN401 - JSON holds what it holds
     """Return a value in which structs are plain objects, and defaults are left out as in the journal."""
     if isinstance(value, msgspec.Struct):
-        fields = [(name, getattr(value, name), default) for name, _, default in _members(type(value)) if name]
         tag = value.__struct_config__.tag
-        told = {name: plain(item) for name, item, default in fields if item is not default}
-        return told | ({"kind": tag} if tag else {})
+        return {name: plain(item) for name, item in told(value).items()} | ({"kind": tag} if tag else {})
     if isinstance(value, Mapping):
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -52,60 +50,16 @@ def plain(value: object) -> Any:  # noqa: ANN401 - JSON holds what it holds
     return value
 
 
-def _text(value: object) -> str:  # noqa: PLR0911 - one return per kind of value
-    kind = type(value)
-    if kind is str:
-        return encode_basestring(value)  # type: ignore[arg-type]  # it is a str, by its type
-    if kind is float:
-        return _float(repr(value))
-    if value is None:
-        return "null"
-    if kind is bool:
-        return "true" if value else "false"
-    if kind is int:
-        return _integer(value)  # type: ignore[arg-type]  # it is an int, by its type
-    if kind is dict:
-        return _object(value)  # type: ignore[arg-type]  # it is a dict, by its type
-    if kind is list or kind is tuple:
-        return "[" + ",".join([_text(item) for item in value]) + "]"  # type: ignore[attr-defined]  # a list or tuple
-    if isinstance(value, str):
-        return encode_basestring(value)
-    if isinstance(value, msgspec.Struct):
-        return _struct(value)
-    raise _Unusual
-
-
-def _float(written: str) -> str:
-    if "e" in written or "n" in written:
-        raise _Unusual
-    if written.endswith(".0"):
-        return "0" if written == "-0.0" else written[:-2]
-    return written
-
-
-def _integer(value: int) -> str:
-    if not -_LARGEST <= value <= _LARGEST:
-        raise _Unusual
-    return str(value)
-
-
-def _object(value: dict[object, object]) -> str:
-    members = []
-    for key in sorted(value):  # type: ignore[type-var]  # keys that do not compare are refused below
-        if type(key) is not str or not key.isascii():  # others are ordered by UTF-16
-            raise _Unusual
-        members.append(encode_basestring(key) + ":" + _text(value[key]))
-    return "{" + ",".join(members) + "}"
-
-
-def _struct(value: msgspec.Struct) -> str:
+def _struct(value: object) -> str:
+    if not isinstance(value, msgspec.Struct):
+        raise Unusual
     members = []
     for name, written, default in _members(type(value)):
         item = getattr(value, name) if name else None
         if not name:
             members.append(written)
         elif item is not default:
-            members.append(written + _text(item))
+            members.append(written + quick_text(item, _struct))
     return "{" + ",".join(members) + "}"
 
 

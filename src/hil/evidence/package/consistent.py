@@ -8,6 +8,8 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from hil.documents.canonical import JsonError, canonical, parse_strict
 from hil.evidence.durable import read_plain
 from hil.evidence.events import (
@@ -271,11 +273,16 @@ def _in_short(value: object) -> str:
 def _format(results: bytes) -> int:
     """Return the format that results are said to be in; the newest for what is none."""
     try:
-        found = parse_strict(results)
-    except JsonError:
+        form = msgspec.json.decode(results, type=_Head).format
+    except (msgspec.MsgspecError, UnicodeDecodeError):
         return FORMAT
-    form = found.get("format") if isinstance(found, dict) else None
-    return form if type(form) is int and 0 < form <= FORMAT else FORMAT
+    return form if 0 < form <= FORMAT else FORMAT
+
+
+class _Head(msgspec.Struct, frozen=True):
+    """What is read of results before anything in them is believed."""
+
+    format: int
 
 
 def _source_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterator[Finding]:

@@ -8,7 +8,7 @@ import msgspec
 
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.events import Check, Part, Run
-from hil.evidence.events.codec import convert, decode, plain, quick_canonical
+from hil.evidence.events.codec import convert, decode, plain, quick_canonical, told
 from hil.model.verdict import Verdict
 
 __all__ = [
@@ -197,7 +197,7 @@ def write_outcome(outcome: Outcome) -> bytes:
     """Return the content of `data/results.json`."""
     run = {} if outcome.run is None else plain(outcome.run)
     asked = {name: value for name, value in run.items() if name not in _OF_EVENT}
-    return quick_canonical({**plain(outcome), "run": asked})
+    return quick_canonical({**told(outcome), "run": asked})
 
 
 def read_outcome(data: bytes) -> Outcome:
