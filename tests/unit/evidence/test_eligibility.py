@@ -1,0 +1,143 @@
+"""Eligibility: everything that has to be proven, taken away one by one from a run that proves it all."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import msgspec
+import pytest
+from evidence_runs import REQUIREMENTS, begin, sealed_run, whole_case
+
+from hil.evidence.folder import JOURNAL
+from hil.evidence.journal.reader import read_journal
+from hil.evidence.package.verification import verify
+from hil.evidence.results.derived import derive
+from hil.evidence.results.facts import FrozenSoftware, entries_of, facts_of
+from hil.executive.setup.software import require_assertions
+from hil.model.errors import Refused
+from hil.model.identity import Source
+
+
+@pytest.fixture(scope="module")
+def proven(tmp_path_factory):
+    """Return events and facts of a run that can close its requirements."""
+    folder = tmp_path_factory.mktemp("proven")
+    with begin(folder) as journal:
+        whole_case(folder, journal)
+    reading = read_journal(folder / JOURNAL)
+    return reading.events, facts_of(folder, reading)
+
+
+def reasons(events, facts):
+    """Return why the first requirement cannot be closed."""
+    found = derive(events, facts, content_digest="").requirements
+    return list(next(each for each in found if each.id == "GYR-030").reasons)
+
+
+def changed(events, kind, **fields):
+    """Return the events with other fields in those of a kind."""
+    return [replaced(each, fields) if each.kind() == kind else each for each in events]
+
+
+def replaced(event, fields):
+    """Return an event with other fields."""
+    return msgspec.structs.replace(event, **{name: each for name, each in fields.items() if hasattr(event, name)})
+
+
+def test_a_run_that_proves_everything_can_close(proven):
+    """Nothing is against it, and every condition tells what proves it."""
+    assert reasons(*proven) == []
+    found = derive(*proven, content_digest="")
+    assert all(each.proven and each.text for each in found.conditions)
+
+
+@pytest.mark.parametrize(
+    ("kind", "fields", "reason"),
+    [
+        ("run", {"operator": ""}, "no operator is named"),
+        ("run", {"live": None}, "HARDWARE: the run's source, but its bench was in the process of the run"),
+        ("gate", {"unproven": "the bench file does not say who psu1 is"}, "the bench file does not say who psu1 is"),
+        ("gate", {"name": "other"}, "the bench has no envelope"),
+        ("gate", {"instrument": ""}, "it was not asked who psu1 is"),
+        ("host-gate", {"instrument": ""}, "it is not known what is at the port of psu1"),
+        ("host-gate", {"ok": False, "detail": "gone"}, "readiness gate source of psu1: gone"),
+        ("host-gate", {"source": Source.SIMULATED}, "SIMULATED: psu1"),
+    ],
+)
+def test_what_the_journal_does_not_show_is_a_reason(proven, kind, fields, reason):
+    """Attack: hardware in name, with no identity, no operator, no envelope, or a bench that is served."""
+    events, facts = proven
+    assert reason in reasons(changed(events, kind, **fields), facts)
+
+
+@pytest.mark.parametrize(
+    ("software", "reason"),
+    [
+        ({"workspace": {"commit": {"id": ""}}}, "the workspace is not in version control"),
+        ({"workspace": {"commit": {"id": "2" * 40, "changed": True}}}, "the workspace differs from its commit"),
+        ({"hil": {"commit": {"id": "1" * 40, "changed": True}}}, "the product differs from its commit 111111111111"),
+        ({"flags": {"optimize": 1}}, "Python ran without assertions"),
+        ({"flags": None}, "it is not recorded that Python ran with assertions"),
+    ],
+)
+def test_software_that_is_not_proven_is_a_reason(proven, software, reason):
+    """Attack: a workspace outside version control, a changed product, a Python that leaves assertions out."""
+    events, facts = proven
+    whole = msgspec.to_builtins(facts.software) | software
+    told = reasons(events, dataclasses.replace(facts, software=msgspec.convert(whole, FrozenSoftware)))
+    assert len(told) == 1
+    assert told[0].startswith(reason)
+
+
+@pytest.mark.parametrize(
+    ("purpose", "model", "fields", "reason"),
+    [
+        ("acceptance", "FM", {}, "its stage is qualification, the purpose is acceptance"),
+        ("qualification", "EM", {}, "the device under test is the model EM: it closes nothing"),
+        ("qualification", "FM", {}, "its stage is qualification, which takes a QM: the device under test is a FM"),
+        ("qualification", "QM", {"stage": ""}, "it names no stage"),
+        ("qualification", "QM", {"stage": "in-orbit"}, "its stage is in-orbit: a run does not close it"),
+        ("qualification", "QM", {"method": "review"}, "its method review: a run does not close it"),
+        ("qualification", "QM", {"method": "inspection"}, "its method is inspection, and nobody answered"),
+    ],
+)
+def test_purpose_stage_model_and_method_must_fit(proven, purpose, model, fields, reason):
+    """Attack: an engineering model, a requirement of another stage, one that is verified by review."""
+    events, facts = proven
+    first = events[0]
+    run = msgspec.structs.replace(
+        first,
+        purpose=type(first.purpose)(purpose),
+        dut=msgspec.structs.replace(first.dut, model=type(first.dut.model)(model)),
+    )
+    entries = entries_of(REQUIREMENTS)
+    entries["GYR-030"] = msgspec.structs.replace(entries["GYR-030"], **fields)
+    told = reasons([run, *events[1:]], dataclasses.replace(facts, catalogue=entries))
+    assert any(each.startswith(reason) for each in told), told
+
+
+def test_records_beside_limits_are_due(proven):
+    """Attack: a requirement of kind limit asks for a recording that is never made; formats before did not notice."""
+    events, facts = proven
+    entries = entries_of(REQUIREMENTS)
+    entries["GYR-030"] = msgspec.structs.replace(entries["GYR-030"], records={"recording": "rest"})
+    with_records = dataclasses.replace(facts, catalogue=entries)
+    verdicts = [
+        {each.id: each.verdict for each in derive(events, with_records, content_digest="", form=form).requirements}
+        for form in (2, 3)
+    ]
+    assert [each["GYR-030"] for each in verdicts] == ["PASS", "NOT_EVALUATED"]
+
+
+def test_a_package_that_claims_hardware_and_was_simulated_is_damaged(tmp_path):
+    """Attack: the source is rewritten to hardware in a run whose bench lived in its own process."""
+    sealed_run(tmp_path, live=None)
+    (finding,) = verify(tmp_path).findings
+    assert finding.message == "field 'source' is hardware, but its bench was in the process of the run"
+
+
+def test_a_python_without_assertions_is_refused():
+    """Attack: PYTHONOPTIMIZE=1 lets a plan's assertions pass unseen."""
+    require_assertions(0)
+    with pytest.raises(Refused, match="leaves assertions out"):
+        require_assertions(1)
