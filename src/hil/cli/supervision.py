@@ -14,6 +14,8 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
+from hil.clock import wall
+
 __all__ = ["ONLOOKER", "Invocation", "Word", "supervise"]
 
 ONLOOKER = "HIL_ONLOOKER"
@@ -27,6 +29,7 @@ _INTERNAL = 3
 _UNSAFE = 7
 _PIPE = 1 << 16
 _AGAIN_S = 0.02
+_STAMPS_S = 1.0
 _LONGEST_S = 1e6
 _STANDARD_ERROR = 2
 
@@ -52,10 +55,12 @@ class Word:
         supervisor is a SIGTERM.
         """
         numbers = _numbers(os.environ.pop(_VARIABLE, ""))
-        if len(numbers) != 2 or not _is_pipe(numbers[1]):  # somebody else set it
+        if len(numbers) != 3 or not _is_pipe(numbers[1]):  # somebody else set it
             return None
-        supervisor, descriptor = numbers
-        os.set_inheritable(descriptor, False)
+        supervisor, descriptor, stamps = numbers
+        for each in (descriptor, stamps):
+            os.set_inheritable(each, False)
+        wall.supervise(stamps)
         _end_with(supervisor)
         return cls(descriptor, _onlooker())
 
@@ -124,7 +129,9 @@ def supervise(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
         environment: the environment of that process.
     """
     reader, writer = os.pipe()
-    os.set_inheritable(writer, True)
+    stamps = _stamps()
+    for descriptor in (writer, stamps):
+        os.set_inheritable(descriptor, True)
     awaited = {number for number in _ASKS if signal.getsignal(number) is not signal.SIG_IGN} | {signal.SIGINT}
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {*awaited, signal.SIGCHLD})
@@ -133,18 +140,26 @@ def supervise(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
         child = os.posix_spawn(
             sys.executable,
             [sys.executable, "-P", "-m", "hil.cli", *arguments],
-            {**environment, _VARIABLE: f"{os.getpid()} {writer}"},
+            {**environment, _VARIABLE: f"{os.getpid()} {writer} {stamps}"},
             setsigmask=_ASKS,
             setsigdef=awaited,
         )
         os.close(writer)
         if (onlooker := _onlooker()) is not None:  # the process that runs tells it, or nobody does
             os.close(onlooker)
-        status = _wait(child, {*awaited, signal.SIGCHLD})
+        status = _wait(child, {*awaited, signal.SIGCHLD}, stamps)
         return _believed(status, _heard(reader))
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
         os.close(reader)
+        os.close(stamps)
+
+
+def _stamps() -> int:
+    """Return a file without a name in which this process stamps the time, for that which it supervises."""
+    stamps = os.memfd_create("hil-stamps") if hasattr(os, "memfd_create") else os.open(os.devnull, os.O_RDWR)
+    wall.put_stamp(stamps)
+    return stamps
 
 
 def _onlooker() -> int | None:
@@ -169,10 +184,14 @@ def _is_pipe(descriptor: int) -> bool:
         return False
 
 
-def _wait(child: int, awaited: set[signal.Signals]) -> int:
-    """Return the child's status; what asks this process to end is passed on."""
+def _wait(child: int, awaited: set[signal.Signals], stamps: int) -> int:
+    """Return the child's status; what asks this process to end is passed on, and each second is stamped."""
     while True:
         number, of_terminal = _next_signal(awaited)
+        with suppress(OSError):  # a full disk ends nothing
+            wall.put_stamp(stamps)
+        if not number:
+            continue
         if number == signal.SIGCHLD:
             ended, status = os.waitpid(child, os.WNOHANG)
             if ended:
@@ -182,11 +201,13 @@ def _wait(child: int, awaited: set[signal.Signals]) -> int:
 
 
 def _next_signal(awaited: set[signal.Signals]) -> tuple[int, bool]:
-    """Return the next signal, and whether it came from the terminal, so that the child has it, too."""
-    if not hasattr(signal, "sigwaitinfo"):
+    """Return the next signal, 0 if none came for a second, and whether the terminal sent it to the child as well."""
+    if not hasattr(signal, "sigtimedwait"):
         number = signal.sigwait(awaited)
         return number, number == signal.SIGINT
-    info = signal.sigwaitinfo(awaited)
+    info = signal.sigtimedwait(awaited, _STAMPS_S)
+    if info is None:
+        return 0, False
     return info.si_signo, info.si_code == _SI_KERNEL
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -18,11 +19,17 @@ __all__ = [
     "is_date",
     "monotonic",
     "pause",
+    "put_stamp",
+    "seconds_of",
     "seconds_since",
     "stamp",
+    "supervise",
+    "supervisor_stamp",
     "utc_now",
 ]
 
+_STAMP = 128
+_supervisor = -1
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 
 
@@ -52,6 +59,41 @@ def clocks() -> Clocks:
 def stamp() -> WallStamp:
     """Return this moment."""
     return WallStamp(utc=utc_now(), boot=round(_since_boot(), 6), boot_id=_boot_id())
+
+
+def seconds_of(utc: str) -> float:
+    """Return a moment, ISO 8601, as seconds since 1970.
+
+    Raises:
+        ValueError: if it is none, or has no time zone.
+    """
+    moment = datetime.fromisoformat(utc)
+    if moment.tzinfo is None:
+        raise ValueError(f"{utc!r} has no time zone")
+    return moment.timestamp()
+
+
+def supervise(descriptor: int) -> None:
+    """Take the latest stamp of the process that supervises this one from a file from now on; -1 ends that."""
+    global _supervisor  # noqa: PLW0603 - there is one
+    _supervisor = descriptor
+
+
+def put_stamp(descriptor: int) -> None:
+    """Put the present moment into a file, in the place of the one before, for the process that is supervised."""
+    now = stamp()
+    os.pwrite(descriptor, f"{now.utc} {now.boot:.6f} {now.boot_id}".ljust(_STAMP).encode(), 0)
+
+
+def supervisor_stamp() -> WallStamp | None:
+    """Return the latest stamp of the process that supervises this one, None where none does."""
+    if _supervisor < 0:
+        return None
+    try:
+        utc, boot, boot_id = os.pread(_supervisor, _STAMP, 0).decode("ascii").split()
+        return WallStamp(utc=utc, boot=float(boot), boot_id=boot_id)
+    except (OSError, ValueError):  # half of it is written at this moment, or nothing yet
+        return None
 
 
 def utc_now() -> str:

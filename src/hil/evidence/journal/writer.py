@@ -12,15 +12,18 @@ from typing import Self
 
 from hil.clock import wall
 from hil.evidence.durable import DISK_FULL, sync_folder
-from hil.evidence.events import NOTHING, Anomaly, Event
+from hil.evidence.events import NOTHING, Anomaly, CaseEnd, Event, Results
 from hil.evidence.events.codec import encode, quick_canonical, stamped
 from hil.evidence.folder import free_reserve
+from hil.evidence.journal.clocks import SUPERVISOR
 from hil.evidence.journal.reader import FIRST, read_journal
 from hil.model.errors import EvidenceError, Refused
 
 __all__ = ["Journal"]
 
 _OLDEST_S = 0.5
+_SUPERVISED_S = 60.0
+"""So far apart are the lines that carry what the supervisor stamped; the last ones do in any case."""
 
 
 class Journal:
@@ -33,6 +36,7 @@ class Journal:
         write: `os.write`, or what stands in for a disk in tests.
         sync: `os.fsync`, or the same.
         now: seconds on a wall clock that only goes forward.
+        supervisor: what the process that supervises the run stamped last.
 
     Raises:
         EvidenceError: if the existing journal is torn or its chain is broken.
@@ -47,6 +51,7 @@ class Journal:
         write: Callable[[int, memoryview], int] = os.write,
         sync: Callable[[int], None] = os.fsync,
         now: Callable[[], float] = wall.monotonic,
+        supervisor: Callable[[], wall.WallStamp | None] = wall.supervisor_stamp,
     ) -> None:
         self._path = path
         self._reserve = reserve
@@ -54,6 +59,8 @@ class Journal:
         self._os_write = write
         self._os_sync = sync
         self._now = now
+        self._supervisor = supervisor
+        self._supervised = -_SUPERVISED_S
         self._waits_since: float | None = None
         self._content = hashlib.sha256()
         self._head = FIRST.encode()
@@ -176,7 +183,11 @@ class Journal:
     def _append(self, event: Event, t: float, beside: Mapping[str, object]) -> int:
         number = self._sequence
         body = encode(stamped(event, number, t))
-        line = b'{"body":%b,"prev":"%b","wall":%b}' % (body, self._head, self._wall(beside))
+        line = b'{"body":%b,"prev":"%b","wall":%b}' % (
+            body,
+            self._head,
+            self._wall(beside, last=isinstance(event, CaseEnd | Results)),
+        )
         self._put(line + b"\n")
         self._head = hashlib.sha256(line).hexdigest().encode()
         self._content.update(body + b"\n")
@@ -188,9 +199,14 @@ class Journal:
             self._waits_since = self._now()
         return number
 
-    def _wall(self, beside: Mapping[str, object]) -> bytes:
+    def _wall(self, beside: Mapping[str, object], *, last: bool) -> bytes:
         now = self._stamp()
-        return quick_canonical({**beside, "boot": now.boot, "boot_id": now.boot_id, "utc": now.utc})
+        told = {**beside, "boot": now.boot, "boot_id": now.boot_id, "utc": now.utc}
+        due = last or not 0 <= now.boot - self._supervised < _SUPERVISED_S
+        if due and (said := self._supervisor()):
+            self._supervised = now.boot
+            told[SUPERVISOR] = {"boot": said.boot, "boot_id": said.boot_id, "utc": said.utc}
+        return quick_canonical(told)
 
     def _put(self, data: bytes) -> None:
         rest = memoryview(data)

@@ -24,6 +24,7 @@ from hil.evidence.events import (
     Run,
 )
 from hil.evidence.folder import ATTACHMENTS, CALIBRATION, CATALOGUE, JOURNAL, PARAMETERS, RECORDINGS, RESULTS
+from hil.evidence.journal.clocks import clock_findings
 from hil.evidence.journal.reader import JournalReading
 from hil.evidence.package.bag import INFO, identifier_of, is_named
 from hil.evidence.package.introduced import introduced_findings
@@ -110,6 +111,7 @@ def _journal_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> 
     for line in reading.lines:
         if not line.canonical:
             yield Finding(JOURNAL, line.number, 1, "not canonical JSON")
+    yield from clock_findings(reading.lines)
 
 
 def _info_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterator[Finding]:

@@ -42,6 +42,7 @@ def of_run(state: RunState, facts: Facts) -> tuple[Condition, ...]:
         *_course(state),
         *_dut(state),
         *_gates(state),
+        *(_condition("clock", False, each) for each in facts.clock),
     )
 
 

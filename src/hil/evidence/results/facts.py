@@ -16,6 +16,7 @@ from hil.evidence.durable import read_plain, write_whole
 from hil.evidence.events import Results
 from hil.evidence.events.codec import convert
 from hil.evidence.folder import CALIBRATION, CATALOGUE, DUT, REGISTERS, SOFTWARE
+from hil.evidence.journal.clocks import clock_doubts
 from hil.evidence.journal.reader import JournalReading
 from hil.model.bench import Calibration as Calibrated
 from hil.model.errors import EvidenceError, Finding
@@ -199,6 +200,7 @@ class Facts:
         begun: the day on which they must already count, the run's first one; empty if it is not known.
         software: product, workspace and interpreter.
         dut_simulated: whether the device under test exists in simulated benches only.
+        clock: why the times of the run cannot be believed, a sentence each.
     """
 
     catalogue: Catalogue
@@ -207,6 +209,7 @@ class Facts:
     begun: str = ""
     software: FrozenSoftware = field(default_factory=FrozenSoftware)
     dut_simulated: bool = False
+    clock: tuple[str, ...] = ()
 
 
 def entries_of(requirements: Iterable[Requirement]) -> dict[str, FrozenRequirement]:
@@ -285,7 +288,7 @@ def facts_of(folder: Path, reading: JournalReading) -> Facts:
     Raises:
         DamagedFile: if a frozen file cannot be read.
     """
-    before = takewhile(lambda line: not isinstance(line.event, Results), reading.lines)
+    before = tuple(takewhile(lambda line: not isinstance(line.event, Results), reading.lines))
     days = [day for line in before if (day := str(line.wall.get("utc", ""))[:10])]
     return Facts(
         catalogue=_frozen(folder, CATALOGUE, "requirements", FrozenRequirement),
@@ -294,6 +297,7 @@ def facts_of(folder: Path, reading: JournalReading) -> Facts:
         begun=min(days, default=""),
         software=_whole(folder, SOFTWARE, FrozenSoftware),
         dut_simulated=_whole(folder, DUT, _FrozenDut).simulated,
+        clock=clock_doubts(before),
     )
 
 
