@@ -177,6 +177,14 @@ def begun(phase: str, bench, workspace) -> Iterator[Target]:
     finally:
         if process.poll() is None:
             kill(process)
+        release(workspace)
+
+
+def release(workspace) -> None:
+    """Leave no latch of a try that failed: every later one would be refused."""
+    for run in [*workspace.root.glob("reports/*"), *workspace.root.glob("reports/.visits/*")]:
+        if latches_of(run.name) and sys.exc_info()[0] is not None:
+            seconds_until(lambda run=run: acknowledged(workspace, run.name), 60.0, "acknowledged")
 
 
 def remains_safe(bench) -> None:
