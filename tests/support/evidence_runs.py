@@ -142,6 +142,17 @@ def stamps(day: str = "2026-11-21"):
     return lambda: WallStamp(utc=f"{day}T10:00:{next(seconds) % 60:02d}.000000Z", boot=1.5, boot_id="one-boot")
 
 
+def supervised(stamp):
+    """Return how a journal is stamped whose supervisor reads the same clocks."""
+    latest = []
+
+    def stamped():
+        latest[:] = [stamp()]
+        return latest[0]
+
+    return {"stamp": stamped, "supervisor": lambda: latest[0]}
+
+
 def run_fields(**changes):
     """Return the fields of the `run` event."""
     fields = {
@@ -202,7 +213,7 @@ def begin(folder: Path, *, files: Mapping[str, bytes] = MappingProxyType({}), **
     named = inventory(folder)
     beside = {path: named.pop(path) for path in OF_THIS_PLACE}
     (folder / TRANSCRIPT).write_bytes(b"hil/transcript/1\n")
-    journal = Journal(folder / JOURNAL, reserve=folder / RESERVE, stamp=stamps())
+    journal = Journal(folder / JOURNAL, reserve=folder / RESERVE, **supervised(stamps()))
     journal.write(event_of("run", **run_fields(**(frozen_hashes(folder) | changes))), 0.0)
     journal.write(event_of("frozen", files=named), 0.0, beside={"files": beside})
     journal.write(event_of("planned", cases=[planned()]), 0.0)

@@ -22,8 +22,8 @@ from hil.guardian.latch import Latch
 
 SAFED = "20261121T093100Z-battery-x-cd60b0"
 SEALED = "20261120T093100Z-battery-x-ab12cd"
-SINCE = "2026-11-21T10:00:07.2Z"
-ACTED = '{"event":"acting","utc":"2026-11-21T10:00:07.250000Z","why":"the executive died"}\n'
+SINCE = "2026-11-21T10:00:09.2Z"
+ACTED = '{"event":"acting","utc":"2026-11-21T10:00:09.250000Z","why":"the executive died"}\n'
 TRYING = '{"event":"trying","utc":"2026-11-21T10:00:17.250000Z","unproven":["tec"],"pid":71}\n'
 PROVEN = '{"event":"done","utc":"2026-11-21T10:00:27.250000Z","unproven":[],"proven":["tec"]}\n'
 TEXT = "cell warm, fuse F2 replaced"
@@ -65,10 +65,10 @@ def test_what_happened_is_told_before_anything_is_acknowledged(capsys):
     code, out, err = said(capsys, "ack", "cd60b0")
     assert code == 4
     assert out.splitlines() == [
-        "2026-11-21 10:00:05.000 UTC  the run tripped: cell voltage above 4.25 V",
-        "2026-11-21 10:00:06.000 UTC  NOT MADE SAFE by the run: supply.charge, which is not off: no reply",
-        "2026-11-21 10:00:07.200 UTC  bench battery has been latched since then: it died; not proven safe: tec",
-        "2026-11-21 10:00:07.250 UTC  the guardian acted: the executive died",
+        "2026-11-21 10:00:07.000 UTC  the run tripped: cell voltage above 4.25 V",
+        "2026-11-21 10:00:08.000 UTC  NOT MADE SAFE by the run: supply.charge, which is not off: no reply",
+        "2026-11-21 10:00:09.200 UTC  bench battery has been latched since then: it died; not proven safe: tec",
+        "2026-11-21 10:00:09.250 UTC  the guardian acted: the executive died",
         f"in full: reports/{SAFED}/data/guardian.jsonl, reports/{SAFED}/data/journal.jsonl",
     ]
     assert "needs --by NAME and --text TEXT" in err
@@ -185,7 +185,7 @@ def test_a_guardian_that_has_just_begun_is_told(reports, capsys):
     del reports
     lease = Lease(["/dev/psu"], "a run of battery")
     lease.name(SAFED)
-    begun = "making the bench safe since 2026-11-21 10:00:07.250 UTC; nothing is proven yet"
+    begun = "making the bench safe since 2026-11-21 10:00:09.250 UTC; nothing is proven yet"
     assert f"guardian    {begun}" in said(capsys, "status", SAFED)[1]
     assert json.loads(said(capsys, "status", SAFED, "--json")[1])["guardian"]["unproven"] is None
     lease.release()
@@ -199,11 +199,11 @@ def test_a_guardian_that_keeps_trying_is_told_and_can_be_acknowledged(reports, c
     journal.write_text(ACTED + TRYING)
     lease = Lease(["/dev/psu"], "a run of battery")
     lease.name(SAFED)
-    told = {"since": "2026-11-21T10:00:07.250000Z", "safe": False, "unproven": ["tec"], "at_work": True}
+    told = {"since": "2026-11-21T10:00:09.250000Z", "safe": False, "unproven": ["tec"], "at_work": True}
     assert json.loads(said(capsys, "status", SAFED, "--json")[1])["guardian"] == told
     out = said(capsys, "status", SAFED)[1]
     assert "state       INTERRUPTED" in out
-    assert "guardian    trying since 2026-11-21 10:00:07.250 UTC (process 71); NOT PROVEN SAFE: tec" in out
+    assert "guardian    trying since 2026-11-21 10:00:09.250 UTC (process 71); NOT PROVEN SAFE: tec" in out
     out = said(capsys, "ack", SAFED, "--by", "Ada", "--text", TEXT)[1]
     assert "NOT PROVEN SAFE: tec; the guardian kept trying" in out
     assert "proven safe\n" not in out
