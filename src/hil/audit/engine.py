@@ -46,15 +46,17 @@ def audit(world: World) -> Document:
     for package in packages:
         for identifier in package.results:
             by_requirement[identifier].append(package)
+    planned = _Planned(world)
     rows: dict[str, Row] = {}
     for identifier in _from_below(asked, children):
         claims = tuple(
             Claim(asked=asked[identifier], package=each, result=each.results[identifier], world=world, ledgered=book)
             for each in by_requirement[identifier]
         )
-        rows[identifier] = _row(asked[identifier], claims, [rows[child] for child in children[identifier]], book)
+        below = [rows[child] for child in children[identifier]]
+        rows[identifier] = _row(asked[identifier], claims, below, book, planned(identifier))
     ordered = tuple(rows[identifier] for identifier in asked)
-    gaps = tuple(sorted(_gaps(ordered, packages, {each.id for each in world.asked})))
+    gaps = tuple(sorted(_gaps(ordered, packages, world)))
     return Document(
         format=FORMAT,
         workspace=world.name,
@@ -99,7 +101,25 @@ def _from_below(asked: Mapping[str, Asked], children: Mapping[str, Sequence[str]
                     ready.append(parent)
 
 
-def _row(asked: Asked, claims: Sequence[Claim], below: Sequence[Row], book: Ledgered) -> Row:
+class _Planned:
+    """Which cases carry a requirement by the sources of the plans; None where only the packages can tell."""
+
+    def __init__(self, world: World) -> None:
+        self._carried: dict[str, list[str]] = defaultdict(list)
+        for case in world.cases or ():
+            for identifier in case.requirements:
+                self._carried[identifier].append(case.case)
+        self._all_told = all(case.requirements or not case.marked for case in world.cases or ())
+        self._known = world.cases is not None
+
+    def __call__(self, identifier: str) -> tuple[str, ...] | None:
+        cases = tuple(self._carried.get(identifier, ()))
+        return cases if cases or (self._known and self._all_told) else None
+
+
+def _row(
+    asked: Asked, claims: Sequence[Claim], below: Sequence[Row], book: Ledgered, planned: tuple[str, ...] | None
+) -> Row:
     evidence = tuple(map(_evidence, claims))
     by_itself = asked.kind != Kind.PARENT
     own = tuple(_against(asked, claims, evidence, book)) if by_itself else ()
@@ -110,7 +130,8 @@ def _row(asked: Asked, claims: Sequence[Claim], below: Sequence[Row], book: Ledg
     if not by_itself and not below:
         own += (Reason(code=Code.NO_CHILDREN, text="it is met by the requirements below it, and there are none"),)
     reasons = (*_in_order(own), *inherited)
-    cases = next((each.cases for each in reversed(evidence) if each.cases), ())
+    told = next((each.cases for each in reversed(evidence) if each.cases), ())
+    still = tuple(case for case in told if planned is None or case.partition("[")[0] in planned)
     return Row(
         id=asked.id,
         rev=asked.rev,
@@ -124,7 +145,9 @@ def _row(asked: Asked, claims: Sequence[Claim], below: Sequence[Row], book: Ledg
         children=tuple(row.id for row in below),
         level=asked.level,
         stage=asked.stage,
-        planning=Planning(plan=asked.plan, document=asked.document, issue=asked.issue, place=asked.place, cases=cases),
+        planning=Planning(
+            plan=asked.plan, document=asked.document, issue=asked.issue, place=asked.place, cases=still or planned or ()
+        ),
         evidence=evidence,
         compliance=_compliance(reasons, evidence, below, by_itself=by_itself),
         close_out=CloseOut.OPEN if reasons else CloseOut.CLOSED,
@@ -227,16 +250,20 @@ def _compliance(
     return Compliance.NO
 
 
-def _gaps(rows: Sequence[Row], packages: Sequence[Package], known: set[str]) -> Iterator[Gap]:
+def _gaps(rows: Sequence[Row], packages: Sequence[Package], world: World) -> Iterator[Gap]:
     for row in rows:
         if row.kind == Kind.PARENT and not row.children:
             yield Gap(kind=GapKind.WITHOUT_CHILDREN, name=row.id, where=row.planning.place)
         if row.kind != Kind.PARENT and row.method in _BY_CASES and not row.planning.cases:
             yield Gap(kind=GapKind.WITHOUT_CASE, name=row.id, where=row.planning.place)
+    for case in world.cases or ():
+        if not case.marked:
+            yield Gap(kind=GapKind.WITHOUT_REQUIREMENT, name=case.case, where=case.place)
+    known = {each.id for each in world.asked}
     newest = {plan: package for package in packages for plan in package.plans}
     for package in {package.folder: package for package in newest.values()}.values():
-        for case in package.orphans:
-            yield Gap(kind=GapKind.WITHOUT_REQUIREMENT, name=case, where=package.folder)
+        for name in package.orphans if world.cases is None else ():
+            yield Gap(kind=GapKind.WITHOUT_REQUIREMENT, name=name, where=package.folder)
         for identifier in package.results:
             if identifier not in known:
                 yield Gap(kind=GapKind.NOT_IN_CATALOGUE, name=identifier, where=package.folder)

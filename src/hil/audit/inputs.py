@@ -11,6 +11,7 @@ import msgspec
 from hil.evidence.ledger.entries import Entry
 from hil.model.identity import Dut
 from hil.registers.instruments import RegisteredInstrument
+from hil.requirements.carried import CarryingCase
 
 __all__ = ["Asked", "Instrument", "Package", "Policy", "Register", "Result", "World", "catalogue_digest"]
 
@@ -198,6 +199,7 @@ class World:
     Attributes:
         asked: the requirements of the workspace.
         packages: what the packages say; no run stands twice among them.
+        cases: the cases of the plans as their sources are now; None where only the packages can tell, as in the past.
         register: the registers.
         entries: the entries of the ledger, in order.
         head: its head.
@@ -212,6 +214,7 @@ class World:
 
     asked: tuple[Asked, ...]
     packages: tuple[Package, ...] = ()
+    cases: tuple[CarryingCase, ...] | None = None
     register: Register = field(default_factory=Register)
     entries: tuple[Entry, ...] = ()
     head: str = ""

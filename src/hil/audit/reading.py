@@ -20,6 +20,7 @@ from hil.evidence.results.judging_code import judging_digest
 from hil.registers.instruments import INSTRUMENTS, load_instruments
 from hil.registers.signers import Signers, load_signers
 from hil.registers.units import DUTS, load_duts
+from hil.requirements.carried import carrying_cases
 from hil.requirements.catalogue import Catalogue, load_catalogue
 from hil.requirements.lock import LOCK
 from hil.requirements.requirement import Document, Requirement
@@ -65,6 +66,7 @@ def read_world(folders: Folders, cache: Cache, *, version: str, locked: bool = T
     return World(
         asked=cache.requirements(_contents(folders, locked=locked), lambda: read_catalogue(folders, locked=locked)),
         packages=packages,
+        cases=carrying_cases(folders.root, _plans(folders)),
         policy=_policy(ledger, packages, load_signers(folders.fixtures)).until(date),
         register=read_register(folders),
         entries=ledger.entries,
@@ -100,9 +102,12 @@ def read_catalogue(folders: Folders, *, locked: bool = True) -> tuple[Asked, ...
     Raises:
         ConfigurationError: with everything that is wrong.
     """
-    plans = sorted(file.parent for file in folders.testplans.glob(f"*/{REQUIREMENTS}"))
-    catalogue = load_catalogue(folders.root, plans, locked=locked)
+    catalogue = load_catalogue(folders.root, _plans(folders), locked=locked)
     return (*_above(catalogue), *_of_plans(catalogue))
+
+
+def _plans(folders: Folders) -> list[Path]:
+    return sorted(file.parent for file in folders.testplans.glob(f"*/{REQUIREMENTS}"))
 
 
 def read_register(folders: Folders) -> Register:

@@ -129,6 +129,7 @@ def past(world: World, reports: Path, day: str) -> World:
         world,
         asked=asked,
         packages=tuple(each for each in world.packages if each.digest in sealed or each.named in sealed),
+        cases=None,
         register=register,
         entries=entries,
         policy=world.policy.until(day),

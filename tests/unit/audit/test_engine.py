@@ -10,6 +10,7 @@ from audited import ASKED, PARENT, changed_package, closed_world, codes, package
 from hil.audit.engine import audit
 from hil.audit.inputs import Policy
 from hil.audit.ledgered import DISPOSITION
+from hil.requirements.carried import CarryingCase
 
 FAIL = {ASKED.id: result(verdict="FAIL", failed=True, eligible=False, reasons=("its verdict is FAIL",))}
 
@@ -139,6 +140,46 @@ def test_gaps_in_both_directions():
         ("case without requirement", "test_load.py::test_x"),
         ("evidence without requirement", "OLD-010"),
         ("requirement without case", "LOAD-010"),
+    ]
+
+
+CASE = CarryingCase(
+    case="testplans/load/test_load.py::test_load", place="test_load.py:1", requirements=(ASKED.id,), marked=True
+)
+
+
+def test_a_plan_that_never_ran_is_no_gap():
+    """A requirement whose case stands in the plan has one, although no package knows it."""
+    world = replace(world_of([]), cases=(CASE,))
+    assert not audit(world).gaps
+    assert row(world).planning.cases == (CASE.case,)
+
+
+def test_a_case_that_was_taken_out_of_its_plan_leaves_a_gap():
+    """An old package does not hide that nothing verifies the requirement any more."""
+    world = replace(closed_world(), cases=())
+    assert [(gap.kind, gap.name) for gap in audit(world).gaps] == [("requirement without case", ASKED.id)]
+
+
+def test_ids_that_a_marker_computes_are_known_by_the_packages():
+    """What the sources do not tell is no gap where a package has the case."""
+    computed = replace(CASE, requirements=())
+    assert not audit(replace(closed_world(), cases=(computed,))).gaps
+
+
+def test_parameters_of_a_case_come_from_the_package():
+    """The newest package knows the cases with their parameters."""
+    several = (f"{CASE.case}[x]", f"{CASE.case}[y]", "testplans/load/test_load.py::test_gone")
+    world = replace(closed_world(results={ASKED.id: result(cases=several)}), cases=(CASE,))
+    assert row(world).planning.cases == several[:2]
+
+
+def test_a_case_without_requirement_is_found_in_the_sources():
+    """An orphan is told with its place, and not again for each of its parameters."""
+    orphan = replace(CASE, requirements=(), marked=False, case="testplans/load/test_load.py::test_x")
+    world = replace(closed_world(orphans=(f"{orphan.case}[1]",)), cases=(CASE, orphan))
+    assert [(gap.kind, gap.name, gap.where) for gap in audit(world).gaps] == [
+        ("case without requirement", orphan.case, orphan.place)
     ]
 
 
