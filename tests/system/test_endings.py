@@ -162,6 +162,40 @@ def test_a_case_that_does_not_return_from_a_call_ends_with_its_process(tmp_path)
     assert verify(folder).findings == ()
 
 
+FIXTURE = """
+@pytest.fixture
+def source(supply):
+    {setup}
+    yield supply
+    {teardown}
+
+
+@pytest.mark.requirement("T-010")
+@pytest.mark.max_duration(1)
+def test_one(source, check):
+    check("T-010", "ratio", 1.0)
+
+
+@pytest.mark.requirement("T-010")
+def test_last(check):
+    check("T-010", "ratio", 1.0)
+"""
+
+
+@pytest.mark.alone
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("phase", ["setup", "teardown"])
+def test_a_fixture_that_never_ends_is_ended_and_the_next_case_runs(tmp_path, phase):
+    """An endless loop before or after a case held its outputs on for as long as it ran; it is an ERROR of the case."""
+    cases = FIXTURE.format(**{"setup": "pass", "teardown": "pass"} | {phase: "while True: pass"})
+    workspace = make(tmp_path / "workspace", cases)
+    ended = finish(workspace.start_run())
+    package = package_of(workspace)
+    assert ended.code == 1, ended.err
+    assert verdicts(package) == ["ERROR", "PASS"]
+    assert any("without letting any bench time pass" in each for each in results_as_json(package)["cases"][0]["reasons"])
+
+
 def test_a_stop_that_was_swallowed_once_is_no_pass(tmp_path):
     """A case that goes on to its end after a stop is ABORTED."""
     body = "try:\n    while True:\n        clock.sleep(0.1)\nexcept BaseException:\n    pass"

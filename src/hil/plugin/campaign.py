@@ -148,6 +148,14 @@ class Campaign:
             self.running.end(run)
             self._ended.add(item.nodeid)
 
+    @pytest.hookimpl(wrapper=True, trylast=True)
+    def pytest_runtest_setup(self) -> Generator[None, object, object]:
+        """Let what ends a case's own code end that of its fixtures as well."""
+        with self.running.flags.case_code():
+            return (yield)
+
+    pytest_runtest_teardown = pytest_runtest_setup
+
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_pyfunc_call(self) -> Generator[None, object, object]:
         """Let an urgent stop end the case's own code, wherever it is; whatever comes out of it is noted here.

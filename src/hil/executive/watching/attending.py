@@ -79,19 +79,26 @@ class Lookout:
         self._holding = holding
         self._expect = expect
         self._expected = -math.inf
+        self._signs = scheduler.signs
 
     def between(self) -> None:
-        """Say that the case can still be ended from here."""
+        """Say that the case can still be ended from here, if it let bench time pass or a person wait meanwhile."""
+        if (signs := self._scheduler.signs) != self._signs:
+            self._signs = signs
+            self._go_on()
+
+    def attend(self, _alone_s: float, silent_s: float) -> None:
+        """Look after the case, whose own code came to no scheduling point for so many seconds."""
+        self._go_on()
+        if silent_s > self._longest_s and self._holding.drives():
+            self._scheduler.overrun(_silent(silent_s, self._longest_s))
+        self._scheduler.look()
+
+    def _go_on(self) -> None:
         now = wall.monotonic()
         if now - self._expected >= _EXPECT_S:
             self._expected = now
             self._expect(self._scheduler.patience_s)
-
-    def attend(self, _alone_s: float, silent_s: float) -> None:
-        """Look after the case, whose own code came to no scheduling point for so many seconds."""
-        if silent_s > self._longest_s and self._holding.drives():
-            self._scheduler.overrun(_silent(silent_s, self._longest_s))
-        self._scheduler.look()
 
 
 def _silent(seconds: float, allowed_s: float) -> str:

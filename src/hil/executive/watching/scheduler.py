@@ -127,6 +127,11 @@ class Scheduler:
         """Seconds of the wall after which nothing but a call that does not return keeps a case going, None without."""
         return None if self.deadline_ns is None else self._longest_standing_s + _LEAST_STANDING_S
 
+    @property
+    def signs(self) -> tuple[int, float]:
+        """Signs of a case that goes on: another bench time, or another moment at which a person is awaited."""
+        return self.clock.now_ns(), self._stood_since
+
     def rest(self) -> None:
         """Stop running the monitors."""
         self._watching = False
