@@ -16,7 +16,7 @@ from hil.evidence.package.verification import verify
 pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(400)]
 
 SPEED = 4.0
-SIGNATURE = {"clock, check, step)": "clock, record, iterations, operator, check, step)"}
+SIGNATURE = {"clock, check, step, operator)": "clock, record, iterations, operator, check, step)"}
 ANSWERS = 'schema: hil/answers/1\nanswers: {ready: "yes"}\n'
 
 ASKS_AND_COMPUTES = """\

@@ -49,7 +49,9 @@ def clocks(tmp_path):
 def recording_workspace(root):
     """Return a workspace whose case records the tester with every output on."""
     workspace = live_workspace(root, RECORDS)
-    workspace.change("testplans/on/test_on.py", {"clock, check, step)": "clock, record, iterations, check, step)"})
+    workspace.change(
+        "testplans/on/test_on.py", {"clock, check, step, operator)": "clock, record, iterations, check, step)"}
+    )
     return without_git(workspace)
 
 

@@ -39,7 +39,7 @@ class Case:
         """Be a scheduling point."""
         self.looks += 1
 
-    def goes_on(self, seconds, sign=lambda case: None):
+    def goes_on(self, seconds, sign=lambda _: None):
         """Ring for so many seconds, and tell whether the process still lives."""
         for _ in range(round(seconds / 0.2)):
             self.now += 0.2

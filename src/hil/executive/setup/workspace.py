@@ -16,8 +16,6 @@ from hil.documents.text import decoded, hidden_character, read_bytes
 from hil.model.errors import Refused
 from hil.model.notation import Complaint, Notation
 from hil.model.notation import Path as Keys
-from hil.registers.instruments import INSTRUMENTS
-from hil.registers.units import DUTS
 
 __all__ = ["Workspace", "find_workspace"]
 
@@ -102,11 +100,15 @@ class Workspace:
     @property
     def duts(self) -> Path:
         """The register of devices under test."""
+        from hil.registers.units import DUTS  # noqa: PLC0415 - the readers of documents are slow to load
+
         return self.fixtures / DUTS
 
     @property
     def instruments(self) -> Path:
         """The register of instruments; there need not be one."""
+        from hil.registers.instruments import INSTRUMENTS  # noqa: PLC0415 - as above
+
         return self.fixtures / INSTRUMENTS
 
     def shown(self, path: Path) -> str:
