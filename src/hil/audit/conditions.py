@@ -170,18 +170,24 @@ def _registered(used: Instrument, register: Register) -> RegisteredInstrument | 
 
 
 def _analysis(claim: Claim) -> _Found:
-    """The analysis is the one that gave the verdict, or gave the same verdict again."""
+    """The analysis is the one that gave the verdict, or gave it again; the last replay counts."""
     package, now = claim.package, claim.world.analysis
-    if package.analysis == now or claim.ledgered.replayed(package.digest, now):
-        return
-    then = f"the analysis {package.analysis[:_SHORT]}" if package.analysis else "an analysis that is not recorded"
-    yield (
-        Code.STALE_ANALYSIS,
-        (
-            f"it was judged by {then} of hil {package.version or 'of an unknown version'}, "
-            f"and the analysis is now {now[:_SHORT]}: replay the package"
-        ),
-    )
+    again = claim.ledgered.replay_of(package, now)
+    if again and not again.same:
+        by = "the analysis that judged it" if package.analysis == now else f"the analysis {now[:_SHORT]}"
+        yield (
+            Code.STALE_ANALYSIS,
+            f"its replay on {again.utc[:10]} by {by} came out otherwise: hil replay shows the differences",
+        )
+    elif not again and package.analysis != now:
+        then = f"the analysis {package.analysis[:_SHORT]}" if package.analysis else "an analysis that is not recorded"
+        yield (
+            Code.STALE_ANALYSIS,
+            (
+                f"it was judged by {then} of hil {package.version or 'of an unknown version'}, "
+                f"and the analysis is now {now[:_SHORT]}: replay the package"
+            ),
+        )
 
 
 def _age(claim: Claim) -> _Found:

@@ -174,13 +174,11 @@ class Policy:
         approvals: the roles of which each must have approved it.
         valid: evidence digest to the roles under which it has valid signatures; an empty role is the package's own.
         said: UTC, evidence digest and role of every valid signature, of which `valid` tells.
-        replayed: evidence digests with the analysis by which a replay gave the same verdicts.
     """
 
     signatures: bool = False
     approvals: tuple[str, ...] = ()
     valid: Mapping[str, frozenset[str]] = field(default_factory=dict)
-    replayed: frozenset[tuple[str, str]] = frozenset()
     said: tuple[tuple[str, str, str], ...] = ()
 
     def until(self, day: str) -> Policy:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from hil.audit.inputs import Package, Policy
-from hil.evidence.ledger.entries import ZERO, Entry, Sealed
+from hil.evidence.ledger.entries import ZERO, Entry, Replayed, Sealed
 from hil.model.identity import Source
 
 __all__ = ["DISPOSITION", "Ledgered", "Missing", "ledgered"]
@@ -32,12 +32,14 @@ class Ledgered:
         heads: every head that the ledger had.
         policy: which signatures are valid.
         missing: packages of hardware that are not there.
+        replays: the last replay of each package by each analysis, by evidence digest and digest of the analysis.
     """
 
     seals: dict[str, Sealed] = field(default_factory=dict)
     heads: frozenset[str] = frozenset()
     policy: Policy = field(default_factory=Policy)
     missing: tuple[Missing, ...] = ()
+    replays: dict[tuple[str, str], Replayed] = field(default_factory=dict)
 
     def evidence_of(self, package: Package) -> str:
         """Return the evidence digest with which a package was sealed, empty if the ledger does not have its run."""
@@ -53,9 +55,9 @@ class Ledgered:
         """Return whether somebody signed what is done about a FAIL in this package."""
         return bool(package.digest) and DISPOSITION in self.policy.valid.get(package.digest, frozenset())
 
-    def replayed(self, digest: str, analysis: str) -> bool:
-        """Return whether the package gave the same verdicts when this analysis judged it again."""
-        return (digest, analysis) in self.policy.replayed
+    def replay_of(self, package: Package, analysis: str) -> Replayed | None:
+        """Return the last replay of a package by an analysis, None if there was none."""
+        return self.replays.get((package.digest, analysis)) if package.digest else None
 
 
 def ledgered(entries: Sequence[Entry], packages: Sequence[Package], policy: Policy, head: str) -> Ledgered:
@@ -74,8 +76,9 @@ def ledgered(entries: Sequence[Entry], packages: Sequence[Package], policy: Poli
         for seal in seals.values()
         if (seal.run, seal.evidence) not in trusted and seal.source not in {Source.SIMULATED, Source.REPLAYED}
     ]
+    replays = {(each.evidence, each.analysis): each for each in entries if isinstance(each, Replayed)}
     heads = frozenset({ZERO, head, *(each.prev for each in entries)})
-    return Ledgered(seals=seals, heads=heads, policy=policy, missing=tuple(missing))
+    return Ledgered(seals=seals, heads=heads, policy=policy, missing=tuple(missing), replays=replays)
 
 
 def _why(seal: Sealed, packages: Sequence[Package]) -> str:

@@ -44,6 +44,7 @@ class Replayed:
         following: how many more differed after that.
         broken_off: how many cases of the record a stop cut short, which are not compared.
         never_ran: how many cases of the record never ran.
+        of_numbers: how many of the differences tell of another value or uncertainty only.
     """
 
     cases: int
@@ -52,6 +53,12 @@ class Replayed:
     following: int = 0
     broken_off: int = 0
     never_ran: int = 0
+    of_numbers: int = 0
+
+    @property
+    def same_verdicts(self) -> bool:
+        """Whether nothing but numbers of checks differs: every verdict came out again."""
+        return bool(self.cases) and not self.following and len(self.differences) == self.of_numbers
 
 
 def procedure(request: Request) -> list[str]:
@@ -80,7 +87,7 @@ def replay(package: Package) -> Replayed:
             raise as_packed(package, error) from error
         again = _rehearsed(configuration, partial(_open_replayed, package=package))
         results = package.outcome()
-        found, following = differences(package, Package(again.folder))
+        found, following, of_numbers = differences(package, Package(again.folder))
         if not following and again.bench.playback and not again.bench.playback.exhausted and not package.cut_short:
             found += ("the record holds more operations than the cases asked for",)
         compared = [case for case in results.cases if case.verdict not in STOPPED or _ended(case, package)]
@@ -92,6 +99,7 @@ def replay(package: Package) -> Replayed:
             following,
             broken_off=verdicts[Verdict.ABORTED],
             never_ran=verdicts[Verdict.NOT_RUN],
+            of_numbers=of_numbers,
         )
 
 

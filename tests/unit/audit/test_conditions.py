@@ -10,6 +10,7 @@ import pytest
 from audited import ASKED, DUT, INSTRUMENT, certificate, closed_world, codes, package, result, row, world_of
 
 from hil.audit.inputs import Policy, Register, World
+from hil.evidence.ledger.entries import Replayed
 from hil.model.identity import UnitEvent, UnitEventKind
 from hil.registers.instruments import AsFound
 
@@ -144,11 +145,34 @@ def test_evidence_may_be_as_old_as_is_allowed_to_the_day():
     assert codes(replace(closed_world(), asked=asked)) == []
 
 
+def replayed(analysis, *, same=True, day="2026-07-01"):
+    """Return the ledger's entry of a replay of the package."""
+    utc = f"{day}T10:00:00.000000Z"
+    return Replayed(seq=9, utc=utc, run="run-1", evidence="run-1-digest", analysis=analysis, same=same)
+
+
 def test_an_analysis_that_gave_the_same_verdict_again_counts():
-    """An analysis that gave the same verdict again counts."""
+    """A replay by the analysis of now closes again; one by another analysis, or of another package, does not."""
     world = replace(closed_world(), analysis="b" * 64)
-    assert codes(replace(world, policy=Policy(replayed=frozenset({("run-1-digest", "b" * 64)})))) == []
-    assert codes(replace(world, policy=Policy(replayed=frozenset({("run-1-digest", "c" * 64)})))) == ["STALE_ANALYSIS"]
+    assert codes(world) == ["STALE_ANALYSIS"]
+    assert codes(replace(world, entries=(*world.entries, replayed("b" * 64)))) == []
+    assert codes(replace(world, entries=(*world.entries, replayed("c" * 64)))) == ["STALE_ANALYSIS"]
+    other = msgspec.structs.replace(replayed("b" * 64), evidence="another")
+    assert codes(replace(world, entries=(*world.entries, other))) == ["STALE_ANALYSIS"]
+
+
+@pytest.mark.parametrize(
+    ("analysis", "by"), [("a" * 64, "the analysis that judged it"), ("b" * 64, "the analysis bbbbbbbb")]
+)
+def test_a_replay_that_comes_out_otherwise_reopens(analysis, by):
+    """Whether or not the analysis changed since; the last replay counts."""
+    bad = replayed(analysis, same=False, day="2026-07-02")
+    world = replace(closed_world(), analysis=analysis)
+    world = replace(world, entries=(*world.entries, replayed(analysis), bad))
+    (reason,) = row(world).reasons
+    assert reason.code == "STALE_ANALYSIS"
+    assert reason.text == f"its replay on 2026-07-02 by {by} came out otherwise: hil replay shows the differences"
+    assert codes(replace(world, entries=(*world.entries, replayed(analysis, day="2026-07-03")))) == []
 
 
 def test_an_instrument_is_known_by_its_certificate_where_the_package_does_not_name_its_entry():

@@ -12,7 +12,12 @@ import pytest
 from workspaces import ROOT, make
 
 from hil.cli.main import COMMANDS, cli, main
+from hil.evidence.ledger import packages
+from hil.evidence.ledger.book import ledger_file, read
+from hil.evidence.ledger.entries import Replayed
 from hil.evidence.package import verification
+from hil.executive.setup.software import PINNED
+from hil.model.errors import EvidenceError
 
 GOOD = """
 @pytest.mark.requirement("T-010")
@@ -224,6 +229,7 @@ def test_bench_check_tells_every_port_that_is_not_there(capsys):
     assert told[-1] == "not ready"
 
 
+SAME = "1 case with 1 check replayed from their bytes: no difference"
 SMALL = ("small", "--bench", "adcs", "--dut", "SIM-ADCS-1")
 
 
@@ -252,7 +258,28 @@ def test_replay_says_how_much_it_compared(ran):
     """A package that is whole replays to the same."""
     workspace, name = ran
     ended = workspace.hil("replay", name)
-    assert (ended.code, ended.out) == (0, "1 case with 1 check replayed from their bytes: no difference\n")
+    told, entered = ended.out.splitlines()
+    assert (ended.code, ended.err, told) == (0, "", SAME)
+    assert entered.startswith("in the ledger as line ")
+    assert isinstance(read(workspace.reports).entries[int(entered.split()[-1]) - 1], Replayed)
+
+
+def test_replay_enters_nothing_where_it_may_not_write_and_says_so(capsys, inside, monkeypatch):
+    """An auditor who may only read gets the same answer; that it was not entered is told beside it."""
+    for name, value in PINNED.items():
+        monkeypatch.setenv(name, value)
+    before = ledger_file(Path("reports")).read_bytes()
+
+    def refuse(reports, *_):
+        raise EvidenceError(f"{reports.name}: the ledger cannot be written: Permission denied", "make it writable")
+
+    monkeypatch.setattr(packages, "append_once", refuse)
+    code, out, err = said(capsys, "replay", inside)
+    assert (code, out) == (0, f"{SAME}\n")
+    assert (
+        err == "not entered in the ledger: reports: the ledger cannot be written: Permission denied; make it writable\n"
+    )
+    assert ledger_file(Path("reports")).read_bytes() == before
 
 
 def test_ctrl_c_before_the_first_word_leaves_no_traceback(capsys, monkeypatch):

@@ -7,6 +7,7 @@ import json
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from msgspec.structs import replace
 from sweeps import sample
 
 from hil.documents.canonical import canonical
@@ -19,11 +20,13 @@ from hil.evidence.ledger.entries import (
     Opened,
     Reason,
     Repaired,
+    Replayed,
     Sealed,
     Status,
     encode,
     stamped,
 )
+from hil.evidence.ledger.packages import enter_replay
 from hil.model.errors import EvidenceError
 
 HEAD = Head(run="r1", events=7, sha256="a" * 64, state="RUNNING")
@@ -211,3 +214,35 @@ def test_acknowledgements_of_older_versions_are_read(tmp_path):
 def test_every_kind_has_its_name():
     """The ledger calls an entry by its type, in small letters."""
     assert {name: kind.__name__.lower() for name, kind in KINDS.items()} == {name: name for name in KINDS}
+
+
+AGAIN = Replayed(run="r1", evidence="b" * 64, analysis="d" * 64, same=True)
+
+
+def test_a_replay_is_entered_once_and_every_change_of_it(reports):
+    """The same result again says nothing new; another one, and by another analysis, does."""
+    first = enter_replay(reports, AGAIN)
+    assert (first.seq, enter_replay(reports, AGAIN)) == (5, first)
+    worse = replace(AGAIN, same=False, differences=2)
+    assert enter_replay(reports, worse).seq == 6
+    assert enter_replay(reports, AGAIN).seq == 7  # the last one counts
+    assert enter_replay(reports, replace(AGAIN, analysis="e" * 64)).seq == 8
+    assert [each.same for each in read(reports).of(Replayed, "r1")] == [True, False, True, True]
+    assert messages(reports) == []
+
+
+def test_a_replay_of_what_the_ledger_does_not_have_leaves_no_trace(reports, tmp_path_factory):
+    """Beside a copy there is no ledger, or one that knows nothing of this package: nothing is made or written."""
+    empty = tmp_path_factory.mktemp("copy")
+    before = lines(reports)
+    assert enter_replay(empty, AGAIN) is enter_replay(reports, replace(AGAIN, evidence="f" * 64)) is None
+    assert (list(empty.iterdir()), lines(reports)) == ([], before)
+
+
+def test_a_replay_is_not_entered_in_a_damaged_ledger(reports):
+    """The line is named, and nothing is appended to it."""
+    damaged = [line.replace(b"RUNNING", b"SEALED ", 1) for line in lines(reports)]
+    put(reports, damaged)
+    with pytest.raises(EvidenceError, match=r"ledger.jsonl:2:1: the line was changed"):
+        enter_replay(reports, AGAIN)
+    assert lines(reports) == damaged

@@ -18,7 +18,21 @@ if TYPE_CHECKING:
 
 __all__ = ["command"]
 
-_TOLD = ("run", "requirement", "subject", "role", "principal", "verdict", "status", "state", "evidence", "sha256")
+_TOLD = (
+    "run",
+    "requirement",
+    "subject",
+    "role",
+    "principal",
+    "verdict",
+    "status",
+    "state",
+    "same",
+    "evidence",
+    "analysis",
+    "sha256",
+)
+_SAME = {True: "same verdicts", False: "other verdicts"}
 _SHORT = 12
 
 
@@ -62,7 +76,8 @@ def _signed(ledger: Ledger) -> Iterator[str]:
 
 
 def _facts(entry: Entry) -> str:
-    told = (str(getattr(entry, name, "")) for name in _TOLD)
+    found = (getattr(entry, name, "") for name in _TOLD)
+    told = (_SAME[each] if isinstance(each, bool) else str(each) for each in found)
     return "  ".join(text[:_SHORT] if re.fullmatch("[0-9a-f]{64}", text) else text for text in told if text)
 
 

@@ -26,6 +26,7 @@ __all__ = [
     "Opened",
     "Reason",
     "Repaired",
+    "Replayed",
     "Sealed",
     "Signed",
     "Status",
@@ -179,6 +180,24 @@ class Approved(Entry, frozen=True, kw_only=True):
     signature: str
 
 
+class Replayed(Entry, frozen=True, kw_only=True):
+    """The cases of a package were run again on its recorded bytes.
+
+    Attributes:
+        run: the name of the run.
+        evidence: the evidence digest of the package.
+        analysis: SHA-256 over the analysis and the judging that judged it again.
+        same: whether they came to the same verdicts.
+        differences: how many differences there were.
+    """
+
+    run: str
+    evidence: str
+    analysis: str
+    same: bool
+    differences: int = 0
+
+
 class Baseline(Entry, frozen=True, kw_only=True):
     """What a document of the workspace was from this moment on.
 
@@ -223,7 +242,7 @@ class Status(Entry, frozen=True, kw_only=True):
     evidence: tuple[str, ...] = ()
 
 
-_Any = Acknowledged | Approved | Baseline | Head | Opened | Repaired | Sealed | Signed | Status
+_Any = Acknowledged | Approved | Baseline | Head | Opened | Repaired | Replayed | Sealed | Signed | Status
 
 KINDS: Mapping[str, type[Entry]] = {each.kind(): each for each in get_args(_Any)}
 """The type of every kind of entry, by what the ledger calls it."""

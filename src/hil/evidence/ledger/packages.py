@@ -1,4 +1,4 @@
-"""Packages and the ledger: what is entered at a seal, and what the ledger says of a package later."""
+"""Packages and the ledger: what is entered at a seal and after a replay, and what it says of a package later."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from hil.evidence.ledger.book import Ledger, append_once, ledger_file
-from hil.evidence.ledger.entries import ZERO, Sealed
+from hil.evidence.ledger.book import Ledger, append_once, ledger_file, read
+from hil.evidence.ledger.entries import ZERO, Replayed, Sealed
 from hil.model.errors import EvidenceError, Finding
 
-__all__ = ["Known", "enter", "known"]
+__all__ = ["Known", "enter", "enter_replay", "known"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,6 +49,35 @@ def enter(reports: Path, sealed: Sealed) -> None:
             f"{ledger_file(reports)}:{other[0].seq + 1}: {sealed.run} was sealed {_day(other[0])} with another digest",
             "one of the two was rewritten; keep both, and find out who had access",
         )
+
+
+def enter_replay(reports: Path, replayed: Replayed) -> Replayed | None:
+    """Enter how a replay came out, unless that is the last that was entered of this package and this analysis.
+
+    Returns:
+        The entry, the earlier one where it stands already; None where the ledger does not have the seal of the package,
+        such as beside a copy: nothing is made or written then.
+
+    Raises:
+        EvidenceError: if the ledger is damaged, or cannot be read or written.
+    """
+    ledger = read(reports)
+    if all(each.evidence != replayed.evidence for each in ledger.of(Sealed, replayed.run)):
+        return None
+    if ledger.findings:
+        raise EvidenceError(str(ledger.findings[0]), "nothing is entered in a damaged ledger")
+    last: list[Replayed] = []
+
+    def stands(now: Ledger) -> bool:
+        same = [each for each in now.of(Replayed, replayed.run) if _subject(each) == _subject(replayed)]
+        last[:] = same[-1:]
+        return bool(last) and (last[0].same, last[0].differences) == (replayed.same, replayed.differences)
+
+    return append_once(reports, replayed, stands) or last[0]
+
+
+def _subject(replayed: Replayed) -> tuple[str, str]:
+    return replayed.evidence, replayed.analysis
 
 
 def known(ledger: Ledger, *, run: str, folder: str, evidence: str, before: str = "") -> Known:

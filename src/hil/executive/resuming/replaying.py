@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path, PurePosixPath
+from typing import NamedTuple
 
 from hil.evidence import events
 from hil.evidence.folder import REGISTERS
@@ -20,7 +21,7 @@ from hil.model.identity import Source
 from hil.model.verdict import Verdict
 from hil.registers.instruments import INSTRUMENTS
 
-__all__ = ["STOPPED", "as_packed", "differences", "replay_request", "unpack"]
+__all__ = ["STOPPED", "Differences", "as_packed", "differences", "replay_request", "unpack"]
 
 STOPPED = frozenset({Verdict.ABORTED, Verdict.NOT_RUN})
 """The verdicts of cases that did not come to an end of their own."""
@@ -29,6 +30,9 @@ _LAYOUT = ("testplans", "fixtures")
 
 _MINUS_ZERO = re.compile(r"(?<!\S)-0(?!\S)")
 """What earlier versions said of a current that is zero from below."""
+
+_NUMBERS = ("value", "uncertainty")
+"""What of a check may be computed more exactly by a later version without another verdict."""
 
 _OF_BENCH = (events.Gate, events.Trip, events.Rest, events.Safe, events.SafeEnd)
 
@@ -123,7 +127,27 @@ def _left_out(package: Package) -> dict[str, str]:
     return {each.case: each.reason for each in left_out}
 
 
-def differences(recorded: Package, replayed: Package) -> tuple[tuple[str, ...], int]:
+class Differences(NamedTuple):
+    """What came out otherwise.
+
+    Attributes:
+        sentences: one for each difference.
+        following: how many more follow where a case left the record.
+        of_numbers: how many of the sentences tell of another value or uncertainty only; every verdict may be the same.
+    """
+
+    sentences: tuple[str, ...]
+    following: int
+    of_numbers: int
+
+
+class _Difference(NamedTuple):
+    sentence: str
+    cause: bool = False
+    number: bool = False
+
+
+def differences(recorded: Package, replayed: Package) -> Differences:
     """Return a sentence for every verdict, value and recording that came out otherwise, and how many more follow.
 
     Where a case left the record, that is the last sentence: nothing after it finds the bytes that it needs, so that
@@ -131,14 +155,16 @@ def differences(recorded: Package, replayed: Package) -> tuple[tuple[str, ...], 
     run that was cut short the cases count that had ended before.
     """
     found = tuple(_differences(recorded, replayed))
-    for place, (_, cause) in enumerate(found, 1):
-        if cause:
-            return tuple(sentence for sentence, _ in found[:place]), len(found) - place
-    return tuple(sentence for sentence, _ in found), 0
+    shown = next((place for place, each in enumerate(found, 1) if each.cause), len(found))
+    return Differences(
+        sentences=tuple(each.sentence for each in found[:shown]),
+        following=len(found) - shown,
+        of_numbers=sum(each.number for each in found[:shown]),
+    )
 
 
-def _differences(recorded: Package, replayed: Package) -> Iterator[tuple[str, bool]]:
-    """Yield sentences, each with whether it is why others follow."""
+def _differences(recorded: Package, replayed: Package) -> Iterator[_Difference]:
+    """Yield every difference, with whether it is why others follow."""
     outcome, cut_short = recorded.outcome(), recorded.cut_short
     before, after = ({case.case: case for case in found.cases} for found in (outcome, replayed.outcome()))
     for case, was in before.items():
@@ -146,29 +172,35 @@ def _differences(recorded: Package, replayed: Package) -> Iterator[tuple[str, bo
             continue
         now = after.get(case)
         if now is None:
-            yield f"{case}: {was.verdict} in the record, not replayed", False
+            yield _Difference(f"{case}: {was.verdict} in the record, not replayed")
             continue
         for reason in now.reasons:
             if reason.startswith(f"{Diverged.__name__}:"):
-                yield f"{case}: {reason}", True
+                yield _Difference(f"{case}: {reason}", cause=True)
         if now.verdict is not was.verdict:
             why = "; ".join(now.reasons)
-            yield f"{case}: {was.verdict} in the record, {now.verdict} replayed: {why}", False
-        yield from ((sentence, False) for sentence in _check_differences(case, was.checks, now.checks))
+            yield _Difference(f"{case}: {was.verdict} in the record, {now.verdict} replayed: {why}")
+        yield from _check_differences(case, was.checks, now.checks)
     if not cut_short:
-        yield from ((sentence, False) for sentence in _bench_differences(recorded, replayed))
-        yield from ((sentence, False) for sentence in _row_differences(recorded, replayed))
+        yield from map(_Difference, _bench_differences(recorded, replayed))
+        yield from map(_Difference, _row_differences(recorded, replayed))
 
 
-def _check_differences(case: str, before: Sequence[events.Check], after: Sequence[events.Check]) -> Iterator[str]:
+def _check_differences(
+    case: str, before: Sequence[events.Check], after: Sequence[events.Check]
+) -> Iterator[_Difference]:
     if len(before) != len(after):
-        yield f"{case}: {len(before)} checks in the record, {len(after)} replayed"
+        yield _Difference(f"{case}: {len(before)} checks in the record, {len(after)} replayed")
     for was, now in zip(before, after, strict=False):
-        for field in ("requirement", "parameter", "of", "verdict", "value", "uncertainty"):
+        for field in ("requirement", "parameter", "of", "verdict", *_NUMBERS):
             found, again = getattr(was, field), getattr(now, field)
             if found != again:
-                name = f"{was.requirement} {was.parameter}"
-                yield f"{case}: {field} of {name} was {found} in the record, {again} replayed"
+                said = f"{field} of {was.requirement} {was.parameter} was {found} in the record, {again} replayed"
+                yield _Difference(f"{case}: {said}", number=field in _NUMBERS and _are_numbers(found, again))
+
+
+def _are_numbers(*values: object) -> bool:
+    return all(value is None or isinstance(value, float | int) for value in values)
 
 
 def _row_differences(recorded: Package, replayed: Package) -> Iterator[str]:
