@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 
+from hil.clock import wall
 from hil.clock.port import NANOSECONDS, ClockError
 
-__all__ = ["LiveClock", "boot_ns"]
+__all__ = ["LiveClock"]
 
 _SLICE_NS = 100_000_000
 """How long a wait lasts at most before it looks up."""
-
-
-def boot_ns() -> int:
-    """Return the nanoseconds since this machine's boot, suspends included."""
-    return time.clock_gettime_ns(getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC))
 
 
 class LiveClock:
@@ -41,11 +37,11 @@ class LiveClock:
         epoch: str,
         *,
         speed: float = 1.0,
-        real_ns: Callable[[], int] = boot_ns,
+        real_ns: Callable[[], int] = wall.boot_ns,
         pause: Callable[[float], None] = time.sleep,
     ) -> None:
         self.pulse: Callable[[], None] = lambda: None
-        self._epoch = datetime.fromisoformat(epoch).astimezone(UTC)
+        self._epoch = wall.moment_of(epoch)
         self._speed = speed
         self._real_ns = real_ns
         self._pause = pause

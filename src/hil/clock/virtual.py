@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from heapq import heappop, heappush
 
+from hil.clock import wall
 from hil.clock.port import NANOSECONDS, ClockError
 
 __all__ = ["Event", "VirtualClock"]
@@ -53,7 +54,7 @@ class VirtualClock:
     """
 
     def __init__(self, epoch: str = "2026-01-01T00:00:00Z") -> None:
-        self._epoch = datetime.fromisoformat(epoch).astimezone(UTC)
+        self._epoch = wall.moment_of(epoch)
         self._now_ns = 0
         self._events: list[tuple[int, int, int, Event]] = []
         self.asked = 0

@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime, timedelta
 from functools import cache
 from pathlib import Path
 
 __all__ = [
     "Clocks",
     "WallStamp",
+    "boot_ns",
     "clocks",
     "compact_utc",
     "days_between",
     "epoch",
     "is_date",
+    "moment_of",
     "monotonic",
     "pause",
     "put_stamp",
+    "replaced",
     "seconds_of",
     "seconds_since",
     "stamp",
@@ -28,9 +32,61 @@ __all__ = [
     "utc_now",
 ]
 
+_NANOSECONDS = 1e9
 _STAMP = 128
 _supervisor = -1
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+
+
+class _Machine:
+    """What reads this machine's clocks, as it was when this module was loaded.
+
+    It is kept where nobody finds it who replaces `time.time`, `datetime.datetime` and their like in all modules, as
+    tools do that freeze time for tests: a case can deceive itself about the time, but not the record of the run.
+    """
+
+    def __init__(self) -> None:
+        self.read_ns = time.clock_gettime_ns
+        self.sleep = time.sleep
+        self.moment = datetime
+        self.began = datetime(1970, 1, 1, tzinfo=UTC)
+        self.after = timedelta
+        self.as_loaded: dict[str, object] = {
+            f"time.{name}": found for name in _OF_TIME if (found := getattr(time, name, None)) is not None
+        }
+        self.as_loaded |= {"datetime.datetime": datetime, "datetime.date": date}
+
+    def now(self) -> datetime:
+        """Return UTC."""
+        return self.began + self.after(microseconds=self.read_ns(time.CLOCK_REALTIME) // 1000)
+
+
+_OF_TIME = (
+    "time",
+    "time_ns",
+    "monotonic",
+    "monotonic_ns",
+    "perf_counter",
+    "perf_counter_ns",
+    "clock_gettime",
+    "clock_gettime_ns",
+    "gmtime",
+    "localtime",
+    "strftime",
+    "sleep",
+)
+_machine = _Machine()
+
+
+def replaced() -> tuple[str, ...]:
+    """Return the names of the clocks of this process that somebody replaced, by which a case is told another time."""
+    modules = {"time": time, "datetime": sys.modules.get("datetime")}
+    found = []
+    for name, before in _machine.as_loaded.items():
+        module, _, function = name.partition(".")
+        if getattr(modules[module], function, None) is not before:
+            found.append(name)
+    return tuple(found)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +109,13 @@ class Clocks:
 
 def clocks() -> Clocks:
     """Return what the clocks of this machine say now."""
-    return Clocks(day=time.time(), boot=_since_boot(), awake=time.monotonic())
+    day = _machine.read_ns(time.CLOCK_REALTIME) / _NANOSECONDS
+    return Clocks(day=day, boot=_since_boot(), awake=monotonic())
+
+
+def boot_ns() -> int:
+    """Return the nanoseconds since this machine's boot, suspends included."""
+    return _machine.read_ns(getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC))
 
 
 def stamp() -> WallStamp:
@@ -67,7 +129,7 @@ def seconds_of(utc: str) -> float:
     Raises:
         ValueError: if it is none, or has no time zone.
     """
-    moment = datetime.fromisoformat(utc)
+    moment = _machine.moment.fromisoformat(utc)
     if moment.tzinfo is None:
         raise ValueError(f"{utc!r} has no time zone")
     return moment.timestamp()
@@ -98,28 +160,37 @@ def supervisor_stamp() -> WallStamp | None:
 
 def utc_now() -> str:
     """Return the wall's UTC as ISO 8601 with microseconds and `Z`."""
-    return datetime.now(UTC).isoformat(timespec="microseconds").replace("+00:00", "Z")
+    return _machine.now().isoformat(timespec="microseconds").replace("+00:00", "Z")
 
 
 def seconds_since(utc: str) -> float:
     """Return the seconds from a moment, ISO 8601, until now by the time of day."""
-    return round((datetime.now(UTC) - datetime.fromisoformat(utc)).total_seconds(), 3)
+    return round((_machine.now() - _machine.moment.fromisoformat(utc)).total_seconds(), 3)
 
 
 def compact_utc() -> str:
     """Return the wall's UTC for folder names: `20261121T053012Z`."""
-    return datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+    return _machine.now().strftime("%Y%m%dT%H%M%SZ")
+
+
+def moment_of(utc: str) -> datetime:
+    """Return a moment, ISO 8601, in UTC.
+
+    Raises:
+        ValueError: if it is none.
+    """
+    return _machine.moment.fromisoformat(utc).astimezone(UTC)
 
 
 def epoch() -> datetime:
     """Return a fixed moment, for files whose format wants one and whose bytes must not depend on the time."""
-    return datetime(1980, 1, 1, tzinfo=UTC)
+    return _machine.moment(1980, 1, 1, tzinfo=UTC)
 
 
 def is_date(text: str) -> bool:
     """Tell whether a text names a day that exists, ISO 8601: `2027-02-31` does not."""
     try:
-        datetime.fromisoformat(f"{text}T00:00:00+00:00")
+        _machine.moment.fromisoformat(f"{text}T00:00:00+00:00")
     except ValueError:
         return False
     return True
@@ -127,22 +198,21 @@ def is_date(text: str) -> bool:
 
 def days_between(first: str, last: str) -> int:
     """Return how many days lie between two days or moments of UTC, ISO 8601; negative if the second is earlier."""
-    return (datetime.fromisoformat(last[:10]) - datetime.fromisoformat(first[:10])).days
+    return (_machine.moment.fromisoformat(last[:10]) - _machine.moment.fromisoformat(first[:10])).days
 
 
 def monotonic() -> float:
     """Return seconds on a clock that only goes forward; for durations a person waits."""
-    return time.monotonic()
+    return _machine.read_ns(time.CLOCK_MONOTONIC) / _NANOSECONDS
 
 
 def pause(seconds: float) -> None:
     """Wait for wall time to pass; for terminals and retries outside benches only."""
-    time.sleep(seconds)
+    _machine.sleep(seconds)
 
 
 def _since_boot() -> float:
-    clock_id = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
-    return time.clock_gettime(clock_id)
+    return boot_ns() / _NANOSECONDS
 
 
 @cache  # a process does not outlive its boot

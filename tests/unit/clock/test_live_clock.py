@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from hil.clock.live import LiveClock, boot_ns
+from hil.clock.live import LiveClock
 from hil.clock.port import NANOSECONDS, ClockError
+from hil.clock.wall import boot_ns
 
 EPOCH = "2026-03-01T00:00:00Z"
 

@@ -1,4 +1,4 @@
-"""What a case lets escape: threads and copies of the process that outlive it, and what is tried or raised in them."""
+"""What a case lets escape: threads and copies of the process that outlive it, what is raised in them, faked clocks."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _present: list[StopFlags] = []
 
 
 class Escaped(HilError):
-    """Something of a case goes on after its end, or hid how its threads ended."""
+    """Something of a case goes on after its end, hid how its threads ended, or gave the process another time."""
 
 
 class OfThisProcess:
@@ -66,6 +66,7 @@ class Escapes:
 
     def begin(self) -> None:
         """Begin to look."""
+        self._faked = dict.fromkeys(wall.replaced())
         self._before = frozenset(sys._current_frames())  # noqa: SLF001 - the only list of threads that has all of them
         self._hooks = threading.excepthook, sys.unraisablehook
         self._mine = self._of_thread, self._of_start
@@ -88,6 +89,7 @@ class Escapes:
 
     def hear(self, tell: Tell) -> None:
         """Tell what has been raised in threads and tried in copies since this was asked last."""
+        self._faked.update(dict.fromkeys(wall.replaced()))
         if self._reader >= 0:
             self._all_gone()
         raised, self._raised = self._raised, []
@@ -105,7 +107,7 @@ class Escapes:
             os.close(self._writer)
             found += self._left_copies()
         self.hear(tell)
-        for error in found:
+        for error in [*found, *self._other_clocks()]:
             tell(error, "")
         if self._reader >= 0:
             os.close(self._reader)
@@ -135,6 +137,13 @@ class Escapes:
         ]
         threading.excepthook, sys.unraisablehook = self._hooks
         return found
+
+    def _other_clocks(self) -> list[Escaped]:
+        """Return which clocks of this process were replaced before, during or after the case."""
+        if not self._faked:
+            return []
+        hint = "leave the clocks of the process as they are; what the case may know of time is its fixture clock"
+        return [Escaped(f"the case ran while {', '.join(self._faked)} were replaced", hint)]
 
     def _left_threads(self) -> list[Escaped]:
         """Return the threads that the case began and that are alive still."""
