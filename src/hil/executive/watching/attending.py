@@ -79,11 +79,12 @@ class Lookout:
         self._holding = holding
         self._expect = expect
         self._expected = -math.inf
-        self._signs = scheduler.signs
+        self._signs = scheduler.now_ns(), scheduler.stood_since
 
     def between(self) -> None:
         """Say that the case can still be ended from here, if it let bench time pass or a person wait meanwhile."""
-        if (signs := self._scheduler.signs) != self._signs:
+        signs = self._scheduler.now_ns(), self._scheduler.stood_since
+        if signs != self._signs:
             self._signs = signs
             self._go_on()
 

@@ -71,6 +71,7 @@ class Scheduler:
         monitoring: runs the monitors.
         feeds: judge the rows of streams.
         timeline: the one that holds now.
+        stood_since: the wall's moment since which bench time stands, and no person is awaited.
     """
 
     def __init__(
@@ -86,7 +87,7 @@ class Scheduler:
         self.flags = flags
         self._reports = reports
         self.timeline = timeline
-        self._ticked = self._stood_since = wall.monotonic()
+        self._ticked = self.stood_since = wall.monotonic()
         self._stood_at_ns = 0
         self._longest_standing_s = 0.0
         self.overdue = ""
@@ -114,8 +115,7 @@ class Scheduler:
         """Bench time up to which what the monitors know is good, None while they do not run."""
         if not self._watching:
             return None
-        soonest_ns = self.clock.now_ns() + _UNWATCHED_NS
-        return min((monitor.good_until_ns for monitor in self.monitoring.all), default=soonest_ns)
+        return min((each.good_until_ns for each in self.monitoring.all), default=self.now_ns() + _UNWATCHED_NS)
 
     def watch_from_now(self) -> None:
         """Begin to run the monitors."""
@@ -126,11 +126,6 @@ class Scheduler:
     def patience_s(self) -> float | None:
         """Seconds of the wall after which nothing but a call that does not return keeps a case going, None without."""
         return None if self.deadline_ns is None else self._longest_standing_s + _LEAST_STANDING_S
-
-    @property
-    def signs(self) -> tuple[int, float]:
-        """Signs of a case that goes on: another bench time, or another moment at which a person is awaited."""
-        return self.clock.now_ns(), self._stood_since
 
     def rest(self) -> None:
         """Stop running the monitors."""
@@ -257,7 +252,7 @@ class Scheduler:
         """Give a case its turn at the bench, which takes `lasts_ns` at most."""
         self.deadline_ns = self.clock.now_ns() + lasts_ns
         self._longest_standing_s = max(_LEAST_STANDING_S, lasts_ns / NANOSECONDS)
-        self._stood_since, self.overdue = wall.monotonic(), ""
+        self.stood_since, self.overdue = wall.monotonic(), ""
         self.refused = 0
         self.monitoring.case = case
         if not self._watching:  # the bench was made safe under the case before
@@ -294,7 +289,7 @@ class Scheduler:
 
     def idle(self) -> None:
         """Be a scheduling point while a person is awaited; monitors take their turn as in any other wait."""
-        self._stood_since = wall.monotonic()
+        self.stood_since = wall.monotonic()
         self.point()
 
     def _take_turns(self, until_ns: int, done: Callable[[], bool] | None) -> bool:
@@ -351,9 +346,9 @@ class Scheduler:
         """
         at_ns = self.clock.now_ns()
         if self.deadline_ns is None or at_ns != self._stood_at_ns:
-            self._stood_at_ns, self._stood_since = at_ns, now
-        elif now - self._stood_since > self._longest_standing_s:
-            self.overrun(f"the case ran for {now - self._stood_since:.0f} s without letting any bench time pass")
+            self._stood_at_ns, self.stood_since = at_ns, now
+        elif now - self.stood_since > self._longest_standing_s:
+            self.overrun(f"the case ran for {now - self.stood_since:.0f} s without letting any bench time pass")
 
     def _end_if_due(self) -> None:
         self.flags.check()
