@@ -92,12 +92,12 @@ def test_software_that_is_not_proven_is_a_reason(proven, software, reason):
 @pytest.mark.parametrize(
     ("purpose", "model", "fields", "reason"),
     [
-        ("acceptance", "FM", {}, "its stage is qualification, the purpose is acceptance"),
-        ("qualification", "EM", {}, "the device under test is the model EM: it closes nothing"),
-        ("qualification", "FM", {}, "its stage is qualification, which takes a QM: the device under test is a FM"),
-        ("qualification", "QM", {"stage": ""}, "it names no stage"),
-        ("qualification", "QM", {"stage": "in-orbit"}, "its stage is in-orbit: a run does not close it"),
-        ("qualification", "QM", {"method": "review"}, "its method review: a run does not close it"),
+        ("acceptance", "FM", {}, "its stage is qualification, but the run's purpose is acceptance"),
+        ("qualification", "EM", {}, "the device under test is an EM, which closes nothing"),
+        ("qualification", "FM", {}, "its stage is qualification, which takes a QM, but the device under test is an FM"),
+        ("qualification", "QM", {"stage": ""}, "the requirement names no stage"),
+        ("qualification", "QM", {"stage": "in-orbit"}, "its stage is in-orbit, which no run closes"),
+        ("qualification", "QM", {"method": "review"}, "its method is review, which no run closes"),
         ("qualification", "QM", {"method": "inspection"}, "its method is inspection, and nobody answered"),
     ],
 )

@@ -77,7 +77,7 @@ def of_requirement(
         *_stage(entry, state),
         *_each("values", open_values, "every value came from instruments, recordings or people"),
         *_instruments(used),
-        *_identities(sorted(used), state),
+        *_identities(used, state),
         *_calibration(sorted(names), facts),
     )
 
@@ -188,8 +188,12 @@ def _dut(state: RunState) -> Iterator[Condition]:
     yield _condition("dut", bool(serial), proof, "the device under test has no serial number")
     model = dut.model if dut else None
     closes = model in _MODELS.values()
-    told = f"the device under test is the model {model}: it closes nothing"
-    yield _condition("model", closes, f"the device under test is a {model}", told)
+    told = f"the device under test is {_a(model)}, which closes nothing"
+    yield _condition("model", closes, f"the device under test is {_a(model)}", told)
+
+
+def _a(model: Model | None) -> str:
+    return f"{'a' if model is Model.QM else 'an'} {model}" if model else "of no known model"
 
 
 def _gates(state: RunState) -> Iterator[Condition]:
@@ -205,7 +209,7 @@ def _method(entry: FrozenRequirement, cases: Sequence[CaseOutcome], state: RunSt
         answered = any(state.cases[case.case].answers for case in cases)
         told = "its method is inspection, and nobody answered a question of its cases"
         return _condition("method", answered, "its method is inspection, and a person answered", told)
-    told = f"its method {entry.method or 'is not known'}: a run does not close it"
+    told = f"its method is {entry.method}, which no run closes" if entry.method else "the requirement names no method"
     return _condition("method", entry.method == "test", "its method is test", told)
 
 
@@ -216,14 +220,15 @@ def _stage(entry: FrozenRequirement, state: RunState) -> Iterator[Condition]:
     purpose, model = state.run.purpose, state.run.dut.model
     wanted = {str(each): its for each, its in _MODELS.items()}.get(entry.stage)
     if wanted is None:
-        told = f"its stage is {entry.stage}: a run does not close it" if entry.stage else "it names no stage"
+        told = f"its stage is {entry.stage}, which no run closes" if entry.stage else "the requirement names no stage"
         yield _condition("stage", False, told)
         return
     proof = f"its stage is {entry.stage}, and so is the purpose"
-    yield _condition("stage", purpose == entry.stage, proof, f"its stage is {entry.stage}, the purpose is {purpose}")
-    told = f"its stage is {entry.stage}, which takes a {wanted}: the device under test is a {model}"
+    told = f"its stage is {entry.stage}, but the run's purpose is {purpose}"
+    yield _condition("stage", purpose == entry.stage, proof, told)
+    told = f"its stage is {entry.stage}, which takes {_a(wanted)}, but the device under test is {_a(model)}"
     if model in _MODELS.values():
-        yield _condition("stage", model is wanted, f"its stage takes a {wanted}, and it is one", told)
+        yield _condition("stage", model is wanted, f"its stage takes {_a(wanted)}, and the device is one", told)
 
 
 def _instruments(used: Mapping[str, str]) -> Iterator[Condition]:
@@ -234,12 +239,12 @@ def _instruments(used: Mapping[str, str]) -> Iterator[Condition]:
         yield _condition("instruments", True, f"HARDWARE: {', '.join(hardware)}")
 
 
-def _identities(used: Sequence[str], state: RunState) -> Iterator[Condition]:
-    """Every instrument that was used has said who it is, and is known to be where the bench file says."""
-    for name in used:
+def _identities(used: Mapping[str, str], state: RunState) -> Iterator[Condition]:
+    """Every instrument that was used has said who it is, and hardware is known to be where the bench file says."""
+    for name, source in sorted(used.items()):
         seen = [gate for gate in state.gates if gate.instrument == name]
         yield _identity(name, seen)
-        if not any(gate.instrument == name for gate in state.host_gates):
+        if source == Source.HARDWARE and not any(gate.instrument == name for gate in state.host_gates):
             yield _condition("port", False, f"it is not known what is at the port of {name}")
 
 
