@@ -33,7 +33,7 @@ _REASONS = {
     Code.SIM_ONLY: "SIMULATED: the run's source",
     Code.NOT_ELIGIBLE: "the purpose development does not close requirements",
     Code.CAL_RETRO: "DMM-017 (certificate K-9) was found out of tolerance on 2027-09-28: what it measured is in doubt",
-    Code.NO_EVIDENCE: "no package says anything of it",
+    Code.NO_EVIDENCE: "no package has evidence for it",
 }
 
 

@@ -75,16 +75,16 @@ class Code(StrEnum):
 
 
 _MEANINGS = {
-    Code.NO_EVIDENCE: "no package says anything of it",
-    Code.NO_VERDICT: "a package says something of it, but its verdict is neither PASS nor RECORDED",
+    Code.NO_EVIDENCE: "no package has evidence for it",
+    Code.NO_VERDICT: "there is evidence, but its verdict is neither PASS nor RECORDED",
     Code.FAILED: "a FAIL from hardware stands, and nothing newer is good",
     Code.SUPERSEDED_BY_FAIL: "the evidence is good, and a FAIL from hardware came later",
-    Code.OPEN_NCR: "a FAIL from hardware came before the good evidence, and nobody has disposed of it",
-    Code.NOT_ELIGIBLE: "the run itself says why it cannot close the requirement",
+    Code.OPEN_NCR: "a FAIL from hardware came before the good evidence, and nobody has signed what was done about it",
+    Code.NOT_ELIGIBLE: "the run did not meet every condition for closing it",
     Code.SIM_ONLY: "the evidence is not from hardware",
     Code.SUSPECT_REQ: "the meaning of the requirement changed since the evidence was made",
     Code.INTEGRITY: "a package is damaged or incomplete, or is not what the ledger saw",
-    Code.UNKNOWN_TO_LEDGER: "the ledger has no entry of the package's seal",
+    Code.UNKNOWN_TO_LEDGER: "the ledger does not know the package",
     Code.MISSING_PACKAGE: "the ledger has the seal of a package that is not there",
     Code.UNSIGNED: "the workspace asks for a signature that the package does not have",
     Code.AWAITING_APPROVAL: "the workspace asks for approvals that the package does not have",

@@ -217,7 +217,7 @@ def _fail(claim: Claim, *, later: bool, earlier: bool) -> Reason:
 def _no_evidence(asked: Asked) -> str:
     if asked.method not in _BY_CASES:
         return f"it is verified by {asked.method}, and no package shows that"
-    return "no package says anything of it"
+    return "no package has evidence for it"
 
 
 def _inherited(below: Iterable[Row]) -> Iterator[Reason]:

@@ -45,7 +45,7 @@ def suppose(world: World, folders: Folders, changed: str) -> tuple[World, World]
         Refused: if it is none of the files that can be supposed, or there is nothing to compare it with.
     """
     if changed == ANALYSIS:
-        return world, replace(world, analysis="another version")
+        return world, replace(world, analysis="another")
     file = Path(changed).resolve()
     kind = _kind(file, changed)
     if kind == "requirements":

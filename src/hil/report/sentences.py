@@ -14,6 +14,7 @@ __all__ = [
     "Closing",
     "closing_sentence",
     "closings",
+    "common_proofs",
     "common_reasons",
     "counted",
     "exceptions",
@@ -142,6 +143,12 @@ def common_reasons(results: Outcome) -> tuple[str, ...]:
     total = len(results.requirements)
     groups = closings(results)
     return tuple(group.reason for group in groups if not group.closes and len(group.requirements) == total > 1)
+
+
+def common_proofs(results: Outcome) -> tuple[str, ...]:
+    """Return what was proven of every one of several requirements."""
+    each = [proofs(entry.conditions) for entry in results.requirements]
+    return tuple(proof for proof in each[0] if all(proof in others for others in each)) if len(each) > 1 else ()
 
 
 def closing_sentence(results: Outcome) -> str:

@@ -83,11 +83,8 @@ def _worth(results: Outcome) -> Iterator[str]:
     total = len(results.requirements)
     for group in closings(results):
         if not group.closes:
-            yield f"{_INDENT}{group.reason} ({_named(group.requirements, total)})"
-
-
-def _named(requirements: Sequence[str], total: int) -> str:
-    return f"all {total}" if len(requirements) == total > 1 else _first_few(requirements)
+            some = len(group.requirements) < total
+            yield f"{_INDENT}{group.reason}" + (f" ({_first_few(group.requirements)})" if some else "")
 
 
 def _first_few(names: Sequence[str]) -> str:

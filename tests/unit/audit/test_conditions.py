@@ -43,7 +43,7 @@ RECALLED = replace(
     ),
 )
 WORLDS = {
-    "no package": (world_of([]), "NO_EVIDENCE", "no package says anything of it"),
+    "no package": (world_of([]), "NO_EVIDENCE", "no package has evidence for it"),
     "a verdict that is not good": (changed(verdict="INCONCLUSIVE"), "NO_VERDICT", "its verdict is INCONCLUSIVE"),
     "the run says why not": (
         changed(eligible=False, reasons=("the operator is not named",)),

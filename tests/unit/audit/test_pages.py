@@ -11,6 +11,7 @@ from html.parser import HTMLParser
 from urllib.parse import unquote
 from xml.etree import ElementTree as ET
 
+import msgspec
 import pytest
 from audit_documents import document, document_of, row
 from msgspec.structs import replace
@@ -189,6 +190,23 @@ def test_the_summary_says_how_much_and_why():
     assert "CHILD_OPEN ADCS-GYR-00001 is open" in shown  # where a parent has its reason from
     other = document_of([row(1, reasons=(Reason(code=Code.FAILED, text="it failed", origin="ADCS-2"),))])
     assert "it failed from ADCS-2" in "".join(page(other)[1].shown)
+
+
+def test_what_reasons_share_is_told_once():
+    """A package is named once above its reasons, a code once before them, and codes that children share once."""
+    told = [(Code.NOT_ELIGIBLE, "no operator is named"), (Code.NOT_ELIGIBLE, "late"), (Code.SIM_ONLY, "simulated")]
+    reasons = [Reason(code=code, text=text, package="run-1") for code, text in told]
+    reasons += [Reason(code=Code.CHILD_OPEN, text=f"{name} is open: FAILED", origin=name) for name in ("A-1", "A-2")]
+    shown = re.sub(r"\s+", " ", "".join(page(document_of([row(1, evidence=(), reasons=tuple(reasons))]))[1].shown))
+    assert "CHILD_OPEN A-1, A-2 are open: FAILEDrun-1NOT_ELIGIBLE no operator is named; lateSIM_ONLY simulated" in shown
+
+
+def test_cases_of_one_function_are_told_together():
+    """Parameters of a function stand behind its name once, as they are planned."""
+    cases = ("p/test_a.py::test_x[a]", "p/test_a.py::test_x[b]", "p/test_a.py::test_y")
+    one = row(1)
+    one = msgspec.structs.replace(one, planning=msgspec.structs.replace(one.planning, cases=cases))
+    assert "test_x[a, b]test_y" in "".join(page(document_of([one]))[1].shown)
 
 
 @pytest.mark.parametrize("kind", GapKind)

@@ -260,16 +260,24 @@ class _Rows:
             return (
                 "closed by the requirements below it" if row.closed and not row.closed_by else "every condition holds"
             )
-        return f"<ul>{''.join(map(self._reason, row.reasons))}</ul>"
+        groups: dict[tuple[str, Code], list[str]] = {}
+        for reason in row.reasons:
+            groups.setdefault((reason.package, reason.code), []).append(self._told(reason))
+        lines, last = [], ""
+        for (package, code), told in sorted(groups.items(), key=lambda group: group[0][0]):  # codes stay in order
+            if package != last:
+                lines.append(f'<li class="of">{self._package(package)}</li>')
+            last = package
+            lines.append(f'<li><span class="code">{code.value}</span> {"; ".join(_alike(told))}</li>')
+        return f"<ul>{''.join(lines)}</ul>"
 
-    def _reason(self, reason: Reason) -> str:
+    def _told(self, reason: Reason) -> str:
         told = _text(reason.text)
         if reason.origin and reason.text.startswith(f"{reason.origin} "):
             told = f"{self._name(reason.origin)}{_text(reason.text.removeprefix(reason.origin))}"
         elif reason.origin:
             told = f'{told} <span class="soft">from {self._name(reason.origin)}</span>'
-        package = f"<br>{self._package(reason.package)}" if reason.package else ""
-        return f'<li><span class="code">{reason.code.value}</span> {told}{package}</li>'
+        return told
 
     def _package(self, folder: str) -> str:
         found = self._packages.get(folder)
@@ -279,6 +287,7 @@ class _Rows:
         return found
 
 
+_IS_OPEN = " is open: "
 _MISSING = '<span class="missing">none</span>'
 
 
@@ -292,9 +301,28 @@ def _planning(row: Row) -> str:
     lines = [_text(part) for part in (document, planning.plan) if part]
     if planning.place:
         place = planning.place.removeprefix(f"{planning.plan}/") if planning.plan else planning.place
-        lines.append(f'<span class="soft">{_text(place)}</span>')
-    cases = "".join(f"<li>{_text(case.rpartition('::')[2])}</li>" for case in planning.cases)
+        lines.append(f'<span class="soft">{_text(place).replace("/", "/<wbr>")}</span>')
+    cases = "".join(f"<li>{_text(case)}</li>" for case in _in_short(planning.cases))
     return ("<br>".join(lines) + (f"<ul>{cases}</ul>" if cases else "")) or _MISSING
+
+
+def _alike(told: Iterable[str]) -> Iterator[str]:
+    """Give sentences, those of requirements that are open for the same reasons as one."""
+    groups: dict[str, list[str]] = {}
+    for sentence in told:
+        name, is_open, codes = sentence.partition(_IS_OPEN)
+        groups.setdefault(codes if is_open else sentence, []).append(name)
+    for rest, names in groups.items():
+        verb = " are open: " if len(names) > 1 else _IS_OPEN
+        yield rest if names == [rest] else f"{', '.join(names)}{verb}{rest}"
+
+
+def _in_short(cases: Iterable[str]) -> Iterator[str]:
+    """Give the names of cases without their files, those of one function together: `test_noise[x, y, z]`."""
+    split = (case.rpartition("::")[2].partition("[") for case in cases)
+    for name, some in groupby(split, key=lambda parts: parts[0]):
+        each = [parts[2].removesuffix("]") for parts in some]
+        yield f"{name}[{', '.join(each)}]" if any(each) else name
 
 
 def _gaps(gaps: Sequence[Gap]) -> Iterator[str]:

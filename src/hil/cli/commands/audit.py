@@ -78,6 +78,8 @@ def command(
     if not formats or output:
         for line in _lines(document):
             click.echo(visible(line))
+        if not formats and document.summary.open:
+            click.echo("every reason of every requirement: hil audit --format html --output DIR")
     if _is_damaged(document, world):
         return _DAMAGED
     return _OPEN if strict and document.summary.open else 0
@@ -147,7 +149,9 @@ def _suppose(world: World, folders: Folders, changed: str) -> int:
 
     before, after = map(audit, suppose(world, folders, changed))
     found = changes(before, after)
-    for line in _changed_lines(found, before):
+    if not found:
+        click.echo("nothing would change")
+    for line in _changed_lines(found, before) if found else ():
         click.echo(visible(line))
     return 0
 

@@ -47,6 +47,7 @@ from hil.report.page.view import (
 from hil.report.sentences import (
     closing_sentence,
     closings,
+    common_proofs,
     common_reasons,
     counted,
     headline,
@@ -98,6 +99,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         closings=closings(results),
         common=common_reasons(results),
         proofs=proofs(results.conditions),
+        common_proofs=common_proofs(results),
         facts=facts(material, run, inner(bench, "bench"), events),
         documents=_documents(material),
         failed=tuple(row for row in checks_of(counting, names) if not row.verdict.good),

@@ -242,8 +242,9 @@ class RunView:
     """Everything the page shows.
 
     `source_word` stands on every printed page and is empty for hardware; `common` are the reasons against closing that
-    concern every requirement; `unspoken` are requirements of the plans that the run is silent about, with why;
-    `held` is when the bench was held in the course of cases that are not good. The verdict of a damaged package is `-`.
+    concern every requirement, `proofs` what was proven of the run, `common_proofs` of every requirement; `unspoken`
+    are requirements of the plans that the run is silent about, with why; `held` is when the bench was held in the
+    course of cases that are not good. The verdict of a damaged package is `-`.
     """
 
     title: str
@@ -258,6 +259,7 @@ class RunView:
     closings: tuple[Closing, ...]
     common: tuple[str, ...]
     proofs: tuple[str, ...]
+    common_proofs: tuple[str, ...]
     facts: tuple[Fact, ...]
     failed: tuple[CheckRow, ...]
     broken: tuple[BrokenRow, ...]
