@@ -139,7 +139,12 @@ OF_THIS_PLACE = {
 def stamps(day: str = "2026-11-21"):
     """Return a wall clock of its own: a second later every time it is looked at."""
     seconds = itertools.count()
-    return lambda: WallStamp(utc=f"{day}T10:00:{next(seconds) % 60:02d}.000000Z", boot=1.5, boot_id="one-boot")
+
+    def stamp():
+        minute, second = divmod(next(seconds), 60)
+        return WallStamp(utc=f"{day}T10:{minute:02d}:{second:02d}.000000Z", boot=1.5, boot_id="one-boot")
+
+    return stamp
 
 
 def supervised(stamp):
