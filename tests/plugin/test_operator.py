@@ -6,7 +6,9 @@ import pytest
 from told_as_json import bodies
 from workspaces import agreed, make
 
+from hil.evidence.package.verification import verify
 from hil.model.errors import ConfigurationError
+from hil.plugin.rehearsing import replay
 
 ASKING = """
 @pytest.mark.requirement("T-050")
@@ -33,6 +35,24 @@ def test_answers_of_a_file_are_evidence(tmp_path):
         ("jig-closed", True, "answers file"),
         ("voltmeter", 4.98, "answers file"),
     ]
+
+
+def test_a_hand_instrument_is_evidence_as_one_of_the_bench_is(tmp_path):
+    """Frozen with its certificate, behind the check, on the report's page; verified, and the same when replayed."""
+    asking = ASKING.replace("uncertainty=0.01", 'instrument="PSU-01"')
+    workspace = make(tmp_path / "workspace", asking)
+    ran = workspace.run(answers=answers(workspace, '{jig-closed: "Yes", voltmeter: "4.98"}'), person=True)
+    agreed(ran, {"test_asking": "PASS"}, "PASS", 0)
+    (check,) = bodies(ran.package, "check")
+    assert (check["instruments"], check.get("unproven", [])) == (["PSU-01"], [])
+    assert check["uncertainty"] == pytest.approx((0.003 + 0.0005 * 4.98) / 2)
+    record = ran.package.json("data/bench/calibration.json")["instruments"]["PSU-01"]
+    assert (record["serial"], record["number"], record["due"]) == ("DP8C231402017", "SPECIMEN-2026-1", "2027-09-30")
+    assert (ran.package.folder / "data/registers/certificates/psu-01-2026.txt").is_file()
+    page = ran.page()
+    assert "Read the voltmeter (with PSU-01, RIGOL TECHNOLOGIES DP832, serial DP8C231402017)" in page
+    assert "read by a person" in page
+    assert (verify(ran.package.folder).findings, replay(ran.package).differences) == ((), ())
 
 
 @pytest.mark.parametrize(

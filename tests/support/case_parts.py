@@ -251,7 +251,7 @@ def scheduler(clock, *monitors, flags=None, watch=None):
 class Case:
     """A case with a supply and a magnetometer; `run` is what the executive keeps of it."""
 
-    def __init__(self, folder: Path, *requirements: str, answers=None, recall=None, dut=False) -> None:
+    def __init__(self, folder: Path, *requirements: str, answers=None, recall=None, dut=False, hand=None) -> None:
         self.clock = VirtualClock()
         self.written = Written()
         self.flags = StopFlags()
@@ -276,7 +276,7 @@ class Case:
             check=Checks(chosen, steps, self.written),
             record=Recorder(steps, self.scheduler, effects, self.store, Source.SIMULATED),
             artifact=Artifacts(steps, effects, self.written, folder / "data/attachments", set()),
-            operator=Operator(answers or Nobody(), effects, steps, self.written, self.scheduler.point),
+            operator=Operator(answers or Nobody(), effects, steps, self.written, self.scheduler.point, hand or {}),
             scheduler=self.scheduler,
             escapes=Escapes(
                 self.flags, Workspace(root=folder, name="", testplans=folder, fixtures=folder, reports=folder)

@@ -240,7 +240,7 @@ class Session:
             effects=effects,
             check=Checks(requirements, steps, journal),
             record=Recorder(steps, scheduler, effects, self.record.store, self.bench.source),
-            operator=Operator(self._answers, effects, steps, journal, scheduler.point),
+            operator=Operator(self._answers, effects, steps, journal, scheduler.point, self.configuration.hand),
             artifact=Artifacts(steps, effects, journal, self.folder / ATTACHMENTS, self._made),
             scheduler=scheduler,
             escapes=Escapes(self.flags, self.configuration.workspace),

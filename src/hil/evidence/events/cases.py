@@ -170,6 +170,7 @@ class Question(Event, frozen=True, kw_only=True):
         options: the possible answers, if they are given.
         unit: the unit of the number asked for.
         safety: whether somebody's safety depends on the answer.
+        instrument: the name of what the number is read off, in the register of instruments; empty if not told.
     """
 
     case: str
@@ -180,6 +181,7 @@ class Question(Event, frozen=True, kw_only=True):
     options: tuple[str, ...]
     unit: str = ""
     safety: bool = False
+    instrument: str = ""
 
     origin: ClassVar[Origin] = Origin.PERSON
 

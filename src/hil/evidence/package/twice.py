@@ -114,14 +114,15 @@ def _calibration(folder: Path, run: Run, reading: JournalReading) -> Iterator[Fi
     if run.calibration is None:
         return  # the oldest packages have none
     told = {str(key.text) for key, _ in getattr(node_at(root, ("instruments",)), "entries", ())}
-    for name in sorted(frozen.keys() ^ told):
+    register = load_instruments(folder / _INSTRUMENTS, _INSTRUMENTS, Findings())
+    by_hand = {name for name in frozen.keys() - told if name in register and frozen[name].register == name}
+    for name in sorted((frozen.keys() ^ told) - by_hand):
         where, other = (CALIBRATION, _BENCH) if name in frozen else (_BENCH, CALIBRATION)
         yield Finding(where, 0, 0, f"instrument '{shown(name)}' is missing in {other}")
     whole = _object(folder, CALIBRATION).get("format") != 1  # which had nothing but these three
-    register = load_instruments(folder / _INSTRUMENTS, _INSTRUMENTS, Findings())
-    for name in sorted(frozen.keys() & told):
+    for name in sorted(frozen.keys() & told | by_hand):
         at = ("instruments", name)
-        registered = _scalar(root, *at, "register")
+        registered = name if name in by_hand else _scalar(root, *at, "register")
         dut = _scalar(root, *at, "dut") == "true"
         source = _INSTRUMENTS if registered else _BENCH
         if whole:

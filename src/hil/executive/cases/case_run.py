@@ -177,7 +177,7 @@ class CaseRun(OfThisProcess):
 
     def _let_through(self) -> list[str]:
         """Return what was refused where nothing of that came out of the case's code."""
-        refused = (*self.check.refused, *self._refused)
+        refused = (*self.check.refused, *self.operator.refused, *self._refused)
         return [writable(str(error)) for error in refused if not any(error is each for each in self._raised)]
 
     def _distrusted(self, fault: Implausible) -> None:

@@ -35,6 +35,7 @@ class Question:
         options: for `choose` and `attach`, what can be answered.
         unit: for `measure`, the unit of the number.
         safety: whether somebody's safety hangs on it: on a bench outside this process a person answers it live.
+        instrument: for `measure`, the name of what is read in the register of instruments; the text tells it.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Question:
     options: tuple[str, ...] = ()
     unit: str = ""
     safety: bool = False
+    instrument: str = ""
 
 
 @dataclass(frozen=True, slots=True)

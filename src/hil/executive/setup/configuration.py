@@ -15,6 +15,7 @@ from hil.bench.live import Reach, reach_of_hardware, reach_of_served
 from hil.documents.findings import Findings
 from hil.documents.suggest import did_you_mean
 from hil.executive.setup.ground import Ground
+from hil.executive.setup.hand_instruments import HandInstrument, hand_instruments
 from hil.executive.setup.inputs import Inputs
 from hil.executive.setup.software import require_assertions
 from hil.executive.setup.workspace import Workspace, find_workspace
@@ -87,6 +88,7 @@ class Configuration:
     bench: BenchSpec
     dut: Dut
     inputs: Inputs
+    hand: Mapping[str, HandInstrument] = field(default_factory=dict)
 
     @property
     def ground(self) -> Ground:
@@ -135,7 +137,8 @@ def configure(request: Request) -> Configuration:
         parameters = {plan.name: _gather(partial(load_parameters, workspace.root, plan), findings) for plan in plans}
         bench = _gather(lambda: _bench(workspace, request), findings)
         duts = _gather(lambda: _duts(workspace), findings)
-    if findings or catalogue is None or bench is None or duts is None:
+        hand = _gather(lambda: hand_instruments(inputs, workspace.fixtures, bench), findings) if bench else None
+    if findings or catalogue is None or bench is None or duts is None or hand is None:
         raise ConfigurationError(tuple(findings))
     register = workspace.shown(workspace.duts)
     dut = find_dut(duts, request.dut, register)
@@ -149,6 +152,7 @@ def configure(request: Request) -> Configuration:
         bench=bench,
         dut=_dut(dut, request),
         inputs=inputs,
+        hand=hand,
     )
 
 

@@ -25,7 +25,7 @@ from hil.evidence.results.facts import (
 )
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.software import software_identity, version
-from hil.model.bench import BenchSpec
+from hil.model.bench import InstrumentSpec
 from hil.model.errors import EvidenceError
 from hil.registers.instruments import INSTRUMENTS
 
@@ -181,7 +181,7 @@ def _freeze(configuration: Configuration, folder: Path) -> Frozen:
         sources.update(f"{hashlib.sha256(data).hexdigest()}  {path.relative_to(workspace.root).as_posix()}\n".encode())
     bench = _bench(configuration, folder)
     _registers(configuration, folder)
-    calibration = freeze_calibration(folder, _calibrations(configuration.bench, folder))
+    calibration = freeze_calibration(folder, _calibrations(configuration, folder))
     _put(folder / "data/dut.json", canonical({**asdict(configuration.dut), "format": 1}))
     _put(folder / "data/software.json", canonical(software_identity(workspace.root)))
     _put(folder / "data/place.json", canonical(_place(configuration)))
@@ -210,18 +210,23 @@ def _bench(configuration: Configuration, folder: Path) -> str:
 
 
 def _registers(configuration: Configuration, folder: Path) -> None:
-    """Freeze the register of instruments with the certificates that the bench uses, where it uses any."""
+    """Freeze the register of instruments with the certificates of those in use, where any of it is used."""
     fixtures, snapshot = configuration.workspace.fixtures, configuration.inputs.snapshot
-    records = (item.calibration for item in configuration.bench.instruments)
+    records = [item.calibration for item in _instruments(configuration)]
     used = {record.certificate for record in records if record and record.registered}
-    for name in (INSTRUMENTS, *sorted(used)) if used else ():
+    for name in (INSTRUMENTS, *sorted(used)) if used or configuration.hand else ():
         _put(folder / REGISTERS / name, snapshot.take(fixtures / name))
 
 
-def _calibrations(bench: BenchSpec, folder: Path) -> dict[str, FrozenCalibration]:
+def _instruments(configuration: Configuration) -> tuple[InstrumentSpec, ...]:
+    """Return the instruments of the bench, and those that a person reads."""
+    return (*configuration.bench.instruments, *(each.spec for each in configuration.hand.values()))
+
+
+def _calibrations(configuration: Configuration, folder: Path) -> dict[str, FrozenCalibration]:
     return {
         item.name: frozen_calibration(folder, item.calibration, dut=item.dut, register=item.register)
-        for item in bench.instruments
+        for item in _instruments(configuration)
     }
 
 

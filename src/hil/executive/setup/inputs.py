@@ -76,6 +76,11 @@ class Inputs:
                 yield from (path for path in folder.iterdir() if path.suffix in suffixes and path.is_file())
 
     @property
+    def root(self) -> Path:
+        """The folder of the workspace."""
+        return self._workspace.root
+
+    @property
     def frozen(self) -> list[Path]:
         """Sources, and what code has used of the workspace, sorted."""
         return sorted({*self.sources, *self.used, *self._again})

@@ -288,9 +288,17 @@ def _not_run(events: Sequence[Event], results: Outcome) -> tuple[tuple[str, str,
 
 
 def _instruments(bench: Body, records: Body) -> tuple[InstrumentRow, ...]:
-    """Return the instruments of a bench file, in its order, with their frozen calibration records."""
+    """Return the instruments of a bench file, in its order, then those read by hand, with their frozen calibrations."""
     section = inner(bench, "instruments")
-    return tuple(_instrument(name, inner(section, name), inner(records, name)) for name in section)
+    by_hand = sorted(name for name in records if name not in section)
+    return (
+        *(_instrument(name, inner(section, name), inner(records, name)) for name in section),
+        *(_instrument(name, _by_hand(inner(records, name)), inner(records, name)) for name in by_hand),
+    )
+
+
+def _by_hand(record: Body) -> Body:
+    return {"driver": "read by a person", "identity": {"serial": text(record, "serial")}}
 
 
 def _wiring(bench: Body) -> tuple[WireRow, ...]:
