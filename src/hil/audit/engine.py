@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from hil.audit.conditions import Claim, of_claim
 from hil.audit.document import (
@@ -39,7 +40,9 @@ _HARDWARE = frozenset({Source.HARDWARE, ""})
 def audit(world: World) -> Document:
     """Return the document: a row per requirement that is asked for, closed only if every condition holds."""
     asked = {each.id: each for each in sorted(world.asked, key=lambda each: each.id) if not each.withdrawn}
-    book = ledgered(world.entries, world.packages, world.policy, world.head)
+    book = replace(
+        ledgered(world.entries, world.packages, world.policy, world.head), damage="".join(world.problems[:1])
+    )
     packages = sorted(world.packages, key=book.place_of)
     children = _children(asked)
     by_requirement: dict[str, list[Package]] = defaultdict(list)
@@ -185,6 +188,9 @@ def _against(asked: Asked, claims: Sequence[Claim], evidence: Sequence[Evidence]
             yield _fail(claim, later=bool(good) and place > good[0], earlier=bool(good) and place < good[-1])
         if _doubtful(claim) and claim.package.problem:
             yield Reason(code=Code.INTEGRITY, text=claim.package.problem, package=claim.package.folder)
+    if book.damage:
+        text = f"the ledger is damaged, so that nobody can tell which packages are missing: {book.damage}"
+        yield Reason(code=Code.INTEGRITY, text=text)
     for each in book.missing:
         yield Reason(code=Code.MISSING_PACKAGE, text=each.text, package=each.run)
 

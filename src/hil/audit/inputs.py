@@ -103,8 +103,10 @@ class Package(msgspec.Struct, frozen=True, kw_only=True):
         folder: the name of its folder.
         run: the name that the folder had at its seal.
         sealed: whether it is whole and verified.
+        known: whether it holds all that the ledger saw of its run, as far as that can be told.
         problem: what is wrong with it in one line, empty where nothing is.
-        named: the evidence digest that its manifest gives, also where it is damaged; empty before the seal.
+        named: the evidence digest that its manifest gives, also where it is damaged, as long as its results are those
+            that the manifest lists; empty before the seal.
         digest: its evidence digest, empty unless it is verified.
         before: the head that the ledger had before the seal, empty if the package does not name it.
         source: where the run's bytes came from.
@@ -128,6 +130,7 @@ class Package(msgspec.Struct, frozen=True, kw_only=True):
     folder: str
     run: str = ""
     sealed: bool = False
+    known: bool = True
     problem: str = ""
     named: str = ""
     digest: str = ""
@@ -201,7 +204,7 @@ class World:
         register: the registers.
         entries: the entries of the ledger, in order.
         head: its head.
-        problems: what is wrong with ledger and packages as a whole, a sentence each.
+        problems: what is wrong with the ledger, a sentence each.
         policy: what the workspace asks for beyond the seal.
         analysis: SHA-256 over the analysis and the judging of now.
         date: the day on which it is asked, ISO 8601; ages are counted up to it.

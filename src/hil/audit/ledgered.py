@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from hil.audit.inputs import Package, Policy
-from hil.evidence.ledger.entries import ZERO, Entry, Replayed, Sealed
+from hil.evidence.ledger.entries import ZERO, Entry, Head, Replayed, Sealed
 from hil.model.identity import Source
 
 __all__ = ["DISPOSITION", "Ledgered", "Missing", "ledgered"]
@@ -17,7 +17,7 @@ DISPOSITION = "nonconformance"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Missing:
-    """A package that the ledger saw sealed and that is not there as it was; what it said is not known."""
+    """A run that the ledger saw, and that is not there as it was; what it said is not known."""
 
     run: str
     text: str
@@ -31,6 +31,7 @@ class Ledgered:
         seals: the first seal of each run: whoever enters another one does not change what was sealed.
         heads: every head that the ledger had.
         policy: which signatures are valid.
+        damage: what is wrong with it, empty where nothing is.
         missing: packages of hardware that are not there.
         replays: the last replay of each package by each analysis, by evidence digest and digest of the analysis.
     """
@@ -38,6 +39,7 @@ class Ledgered:
     seals: dict[str, Sealed] = field(default_factory=dict)
     heads: frozenset[str] = frozenset()
     policy: Policy = field(default_factory=Policy)
+    damage: str = ""
     missing: tuple[Missing, ...] = ()
     replays: dict[tuple[str, str], Replayed] = field(default_factory=dict)
 
@@ -64,7 +66,8 @@ def ledgered(entries: Sequence[Entry], packages: Sequence[Package], policy: Poli
     """Return the ledger as the audit asks it.
 
     A package of hardware that is missing, or whose list of results cannot be trusted, may hold a FAIL of anything.
-    One of a simulated bench cannot speak against anything, so that nobody misses it.
+    So may a run that was never sealed, from its first reading on. One of a simulated bench cannot speak against
+    anything, so that nobody misses it.
     """
     seals: dict[str, Sealed] = {}
     for entry in entries:
@@ -77,8 +80,24 @@ def ledgered(entries: Sequence[Entry], packages: Sequence[Package], policy: Poli
         if (seal.run, seal.evidence) not in trusted and seal.source not in {Source.SIMULATED, Source.REPLAYED}
     ]
     replays = {(each.evidence, each.analysis): each for each in entries if isinstance(each, Replayed)}
+    missing += _unsealed([each for each in entries if isinstance(each, Head) and each.run not in seals], packages)
     heads = frozenset({ZERO, head, *(each.prev for each in entries)})
     return Ledgered(seals=seals, heads=heads, policy=policy, missing=tuple(missing), replays=replays)
+
+
+def _unsealed(heads: Sequence[Head], packages: Sequence[Package]) -> Iterator[Missing]:
+    """Give the runs that measured something and were not sealed, and that are not there, or not whole."""
+    known = {package.folder for package in packages if package.known}
+    cut = {package.folder: package.problem for package in packages}
+    seen: dict[str, list[Head]] = {}
+    for head in heads:
+        seen.setdefault(head.run, []).append(head)
+    for run, its in seen.items():
+        planned_only = len(its) == 1
+        if run not in known and not planned_only and its[-1].source not in {Source.SIMULATED, Source.REPLAYED}:
+            what = cut.get(run) or "it is not there"
+            text = f"{run} ran until {its[-1].utc}, and was not sealed: {what}; what it said is not known"
+            yield Missing(run=run, text=text)
 
 
 def _why(seal: Sealed, packages: Sequence[Package]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -109,7 +110,7 @@ def _read(folder: Path) -> Package:
     try:
         found = verify(folder, Ledger(reports=folder.parent))  # the engine compares it with the ledger
     except HilError as error:
-        return Package(folder=folder.name, run=folder.name, problem=error.message)
+        return Package(folder=folder.name, run=folder.name, problem=error.message, known=False)
     sealed = found.state is State.SEALED
     package = Package(
         folder=folder.name,
@@ -123,7 +124,7 @@ def _read(folder: Path) -> Package:
         return _told(folder, package)
     except (HilError, OSError, msgspec.MsgspecError, ValueError) as error:
         problem = package.problem or f"its results cannot be read: {error}"
-        return msgspec.structs.replace(package, sealed=False, problem=problem, named="")
+        return msgspec.structs.replace(package, sealed=False, known=False, problem=problem, named="")
 
 
 def _named(folder: Path) -> str:
@@ -134,10 +135,13 @@ def _named(folder: Path) -> str:
 
 
 def _manifest_digest(folder: Path) -> str:
+    """Return the evidence digest that a manifest gives; empty if the results are not those that it lists."""
     try:
-        return digest_of_manifest(read_plain(folder / MANIFEST))
+        manifest, results = read_plain(folder / MANIFEST), read_plain(folder / RESULTS)
     except OSError:
         return ""
+    listed = f"{hashlib.sha256(results).hexdigest()}  {RESULTS}".encode()
+    return digest_of_manifest(manifest) if manifest.splitlines().count(listed) == 1 else ""
 
 
 def _told(folder: Path, package: Package) -> Package:

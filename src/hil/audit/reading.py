@@ -7,16 +7,22 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import msgspec
+
 from hil.audit.cache import Cache
 from hil.audit.inputs import Asked, Package, Policy, Register, World
 from hil.audit.packages import read_packages
 from hil.audit.recorded import encoded
 from hil.clock import wall
 from hil.documents.findings import Findings, shown
+from hil.evidence.folder import JOURNAL
+from hil.evidence.journal.reader import read_journal
 from hil.evidence.ledger.approvals import Subject, said_of
 from hil.evidence.ledger.book import Ledger, read
-from hil.evidence.ledger.entries import Approved, Entry, Signed
+from hil.evidence.ledger.entries import Approved, Entry, Head, Sealed, Signed
+from hil.evidence.ledger.heads import require_uncut
 from hil.evidence.results.judging_code import judging_digest
+from hil.model.errors import HilError
 from hil.registers.instruments import INSTRUMENTS, load_instruments
 from hil.registers.signers import Signers, load_signers
 from hil.registers.units import DUTS, load_duts
@@ -48,7 +54,9 @@ class Folders:
     name: str
 
 
-def read_world(folders: Folders, cache: Cache, *, version: str, locked: bool = True) -> World:
+def read_world(
+    folders: Folders, cache: Cache, *, version: str, locked: bool = True, published_head: str | None = None
+) -> World:
     """Return everything that an audit of the workspace as it is now is computed from.
 
     Args:
@@ -56,13 +64,14 @@ def read_world(folders: Folders, cache: Cache, *, version: str, locked: bool = T
         cache: what is known of files that did not change.
         version: the version of the product.
         locked: whether the locks of the plans must agree with what they lock.
+        published_head: a head that was published earlier; the ledger must contain it.
 
     Raises:
         ConfigurationError: with everything that is wrong in catalogue and registers.
         EvidenceError: if the ledger or the reports cannot be read, or two packages contradict each other.
     """
     ledger, date = read(folders.reports), wall.utc_now()[:10]
-    packages = read_packages(folders.reports, cache)
+    packages = tuple(_compared(folders.reports, ledger, read_packages(folders.reports, cache)))
     return World(
         asked=cache.requirements(_contents(folders, locked=locked), lambda: read_catalogue(folders, locked=locked)),
         packages=packages,
@@ -71,12 +80,28 @@ def read_world(folders: Folders, cache: Cache, *, version: str, locked: bool = T
         register=read_register(folders),
         entries=ledger.entries,
         head=ledger.head if ledger.hashes else "",
-        problems=tuple(str(each) for each in ledger.findings),
+        problems=tuple(map(str, (*ledger.findings, *ledger.lacks(published_head)))),
         analysis=judging_digest(),
         date=date,
         name=folders.name,
         version=version,
     )
+
+
+def _compared(reports: Path, ledger: Ledger, packages: Iterable[Package]) -> Iterator[Package]:
+    """Give packages; of those that the ledger saw running and not sealed, whether their journals are still whole."""
+    running = {each.run for each in ledger.of(Head)} - {each.run for each in ledger.of(Sealed)}
+    for package in packages:
+        if not package.known or package.folder not in running:
+            yield package
+            continue
+        try:
+            journal = read_journal(reports / package.folder / JOURNAL)
+            require_uncut(reports / package.folder, journal, "count what it says", ledger)
+        except HilError as error:
+            yield msgspec.structs.replace(package, sealed=False, known=False, problem=error.message)
+        else:
+            yield package
 
 
 def _policy(ledger: Ledger, packages: Iterable[Package], signers: Signers) -> Policy:

@@ -19,7 +19,7 @@ from typing import Any, TextIO, cast
 
 from hil.documents.text import visible
 
-__all__ = ["Display", "Edge", "Unwritten", "displays", "open_standard_streams", "shown_safely"]
+__all__ = ["Display", "Edge", "Unwritten", "displays", "open_standard_streams", "shown_safely", "write_bytes"]
 
 _PIECE = 512  # a descriptor that is ready takes so much without waiting
 _MOST_WAITING = 16_000_000
@@ -177,6 +177,15 @@ class Edge:
         self._try(lambda: self._stream.write(text))
         return len(text)
 
+    def write_bytes(self, data: bytes) -> None:
+        """Write bytes of a file as they are.
+
+        Raises:
+            Unwritten: if the stream takes no more.
+        """
+        self.flush()
+        self._try(lambda: self._stream.buffer.write(data))
+
     def flush(self) -> None:
         """Write what waits.
 
@@ -235,6 +244,19 @@ class _Shown:
         if name == "buffer":  # bytes would go past
             raise AttributeError(name)
         return getattr(self.drawn, name)
+
+
+def write_bytes(data: bytes) -> None:
+    """Write bytes of a file to standard output as they are; somebody sent it into a file or a pipe.
+
+    Raises:
+        Unwritten: if the stream takes no more.
+    """
+    stream = sys.stdout
+    if isinstance(stream, _Shown):
+        cast("Edge", stream.drawn).write_bytes(data)
+    else:
+        stream.buffer.write(data)
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from hil.audit.engine import audit
 from hil.audit.inputs import Policy
 from hil.audit.ledgered import DISPOSITION
 from hil.requirements.carried import CarryingCase
+from hil.evidence.ledger.entries import Head
 
 FAIL = {ASKED.id: result(verdict="FAIL", failed=True, eligible=False, reasons=("its verdict is FAIL",))}
 
@@ -81,6 +82,43 @@ def test_a_package_that_was_taken_away_opens_everything_that_it_may_have_spoken_
     world = world_of([package()], [seal_of(package(), 1), seal_of(failing, 2)])
     assert codes(world) == ["MISSING_PACKAGE"]
     assert "run-2" in audit(world).problems[0]
+
+
+def heads_of(run, *counts, **fields):
+    """Return heads of a running journal in the ledger."""
+    return [
+        Head(seq=9 + number, utc="2026-06-02T10:00:00Z", run=run, events=count, sha256="", state="RUNNING", **fields)
+        for number, count in enumerate(counts)
+    ]
+
+
+def test_a_run_that_was_deleted_before_its_seal_is_missed():
+    """A run measured a FAIL, and its folder or its journal is deleted before the seal: the ledger saw it running."""
+    there = package("run-2", "2026-06-02", sealed=False, digest="", named="", results={})
+    seal, heads = seal_of(package()), heads_of("run-2", 3, 9, source="hardware")
+    assert codes(world_of([package()], [seal, *heads])) == ["MISSING_PACKAGE"]
+    assert codes(world_of([package(), there], [seal, *heads])) == []
+    cut = changed_package(there, known=False, problem="the journal was cut")
+    assert codes(world_of([package(), cut], [seal, *heads])) == ["MISSING_PACKAGE"]
+    assert (
+        "run-2 ran until 2026-06-02T10:00:00Z, and was not sealed: the journal was cut; what it said is not known"
+        in (audit(world_of([package(), cut], [seal, *heads])).problems)
+    )
+
+
+def test_nobody_misses_a_run_that_measured_nothing_or_was_simulated():
+    """A run that ended before its first reading, and one on a simulated bench."""
+    seal = seal_of(package())
+    assert codes(world_of([package()], [seal, *heads_of("run-2", 3, source="hardware")])) == []
+    assert codes(world_of([package()], [seal, *heads_of("run-2", 3, 9, source="simulated")])) == []
+    assert codes(world_of([package()], [seal, *heads_of("run-2", 3, 9)])) == ["MISSING_PACKAGE"]
+
+
+def test_a_damaged_ledger_closes_nothing():
+    """The line of a FAIL's seal is made unreadable and its package deleted: nobody can tell what is missing."""
+    world = replace(closed_world(), problems=(".ledger/ledger.jsonl:3:1: the line was changed",))
+    assert codes(world) == ["INTEGRITY"]
+    assert row(world).reasons[0].text.startswith("the ledger is damaged")
 
 
 def test_nobody_misses_a_simulated_package():

@@ -10,6 +10,7 @@ import pytest
 from workspaces import ROOT
 
 from hil.cli import supervision
+from hil.cli.display import shown_safely, write_bytes
 from hil.cli.main import cli, main
 
 
@@ -33,6 +34,18 @@ def ended(monkeypatch, descriptor, arguments):
         main(arguments)
     sys.stdout.close()
     return left.value.code
+
+
+@pytest.mark.parametrize("data", [b"PK\x03\x04\xff\x1b", "≥ 3 \x1b Ω".encode()])
+def test_a_file_on_standard_output_is_written_as_it_is(monkeypatch, tmp_path, data):
+    """A workbook is sent into a file by the shell: every byte arrives, in order with what was said."""
+    with (tmp_path / "out").open("w", encoding="ascii") as stream:
+        monkeypatch.setattr(sys, "stdout", stream)
+        with shown_safely():
+            click.echo("before ", nl=False)
+            write_bytes(data)
+            click.echo(" after", nl=False)
+    assert (tmp_path / "out").read_bytes() == b"before " + data + b" after"
 
 
 @pytest.mark.parametrize("arguments", COMMANDS, ids=" ".join)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import sys
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from hil.cli.commands.ledger import require_head
+from hil.cli.display import write_bytes
 from hil.clock.wall import is_date
 from hil.documents.text import visible
 from hil.executive.setup.workspace import find_workspace
@@ -33,6 +36,7 @@ _DAMAGES = frozenset({"INTEGRITY", "MISSING_PACKAGE"})
 @click.command(name="audit", epilog="Example: hil audit --strict --format json --output build")
 @click.option("--as-of", metavar="DATE", help="The state at the end of a past day of UTC, from the ledger.")
 @click.option("--if", "supposed", metavar="FILE", help="Only what a changed catalogue or register would reopen.")
+@click.option("--head", metavar="SHA256", help="A head that was published earlier; the ledger must still contain it.")
 @click.option("--strict", is_flag=True, help="Exit with 1 if a requirement is open.")
 @click.option("--record", is_flag=True, help="Enter catalogue, registers and changes of status into the ledger.")
 @click.option("--format", "formats", metavar="FORMAT", multiple=True, help=f"Write a file: {', '.join(_FORMATS)}.")
@@ -41,6 +45,7 @@ _DAMAGES = frozenset({"INTEGRITY", "MISSING_PACKAGE"})
 def command(
     as_of: str | None,
     supposed: str | None,
+    head: str | None,
     strict: bool,
     record: bool,
     formats: tuple[str, ...],
@@ -62,10 +67,12 @@ def command(
     from hil.audit.reading import read_world  # noqa: PLC0415 - heavy
     from hil.audit.recorded import past  # noqa: PLC0415 - heavy
 
+    if head is not None:
+        require_head(head)
     _require_sense(as_of=as_of, supposed=supposed, record=record, formats=formats, output=output)
     folders = _folders()
     cache = Cache(None if no_cache or record else cache_folder(), product_key())
-    world = read_world(folders, cache, version=metadata.version("hil"), locked=supposed is None)
+    world = read_world(folders, cache, version=metadata.version("hil"), locked=supposed is None, published_head=head)
     if as_of:
         world = past(world, folders.reports, as_of)
     if supposed:
@@ -97,6 +104,8 @@ def _require_sense(
     for each in formats:
         if each not in _FORMATS:
             raise Refused(f"there is no format '{each}'", f"there are: {', '.join(_FORMATS)}")
+    if output is None and "xlsx" in formats and sys.stdout.isatty():
+        raise Refused("a workbook cannot be shown on a terminal", "add --output DIR")
     if output is None and len(formats) > 1:
         raise Refused(f"{len(formats)} formats cannot go to standard output together", "add --output DIR")
 
@@ -116,11 +125,17 @@ def _write(document: Document, formats: Sequence[str], output: Path | None, repo
         pieces = _pieces(document, each, link)
         if output is None:
             for piece in pieces:
-                click.echo(piece, nl=False)
+                write_bytes(piece)
             return
-        output.mkdir(parents=True, exist_ok=True)
-        with (output / f"audit.{each}").open("wb") as stream:
-            stream.writelines(pieces)
+        path = output / f"audit.{each}"
+        try:
+            output.mkdir(parents=True, exist_ok=True)
+            with path.open("wb") as stream:
+                stream.writelines(pieces)
+        except OSError as error:
+            raise Refused(
+                f"{path}: cannot be written: {error.strerror}", "name another folder with --output"
+            ) from error
 
 
 def _pieces(document: Document, form: str, link: str) -> Iterator[bytes]:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hil.evidence.ledger.book import Ledger
     from hil.evidence.ledger.entries import Entry
 
-__all__ = ["command"]
+__all__ = ["command", "require_head"]
 
 _TOLD = (
     "run",
@@ -52,8 +52,8 @@ def command(reports: Path | None, head: str | None, log: bool) -> int:
     from hil.evidence.package.listing import shown  # noqa: PLC0415 - heavy
     from hil.report.tables import aligned, labelled  # noqa: PLC0415 - heavy
 
-    if head is not None and not re.fullmatch("[0-9a-f]{64}", head):
-        raise Refused(f"--head {shown(head)}: not a head", "a head is a SHA-256: 64 digits of 0-9 and a-f")
+    if head is not None:
+        require_head(head)
     place = reports or reports_folder()
     ledger = read(place)
     wrong = [str(each) for each in check(place, head)]
@@ -67,6 +67,16 @@ def command(reports: Path | None, head: str | None, log: bool) -> int:
         click.echo(line)
     click.echo(ledger.head)
     return 1 if wrong else 0
+
+
+def require_head(head: str) -> None:
+    """Require that a text can be the head of a ledger.
+
+    Raises:
+        Refused: if it is not a SHA-256.
+    """
+    if not re.fullmatch("[0-9a-f]{64}", head):
+        raise Refused(f"--head {head}: not a head", "a head is a SHA-256: 64 digits of 0-9 and a-f")
 
 
 def _signed(ledger: Ledger) -> Iterator[str]:

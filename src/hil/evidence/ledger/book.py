@@ -84,6 +84,13 @@ class Ledger:
         found = (each for each in self.entries if isinstance(each, kind))
         return tuple(each for each in found if run is None or getattr(each, "run", None) == run)
 
+    def lacks(self, published_head: str | None) -> tuple[Finding, ...]:
+        """Return a finding if it does not contain a head that was published; None and 64 zeros are always contained."""
+        if published_head in {None, ZERO, *self.hashes}:
+            return ()
+        what = f"no line has the published head {published_head}: the ledger was cut off, rewritten or forked"
+        return (_finding(max(len(self.hashes) - 1, 0), f"{what}; {_MEND}"),)
+
 
 def ledger_file(reports: Path) -> Path:
     """Return the path of the ledger's lines."""
@@ -143,9 +150,7 @@ def check(reports: Path, published_head: str | None = None) -> tuple[Finding, ..
     findings = list(ledger.findings)
     if ledger.torn:
         findings.append(_finding(len(ledger.hashes), f"{ledger.torn} bytes: {_TORN}"))
-    if published_head is not None and published_head not in {ZERO, *ledger.hashes}:
-        what = f"no line has the published head {published_head}: the ledger was cut off, rewritten or forked"
-        findings.append(_finding(max(len(ledger.hashes) - 1, 0), f"{what}; {_MEND}"))
+    findings += ledger.lacks(published_head)
     findings += _object_findings(reports, ledger)
     return tuple(findings)
 

@@ -94,12 +94,14 @@ class Head(Entry, frozen=True, kw_only=True):
         events: how many lines the journal had.
         sha256: the SHA-256 of the last of them, as the next line would name it.
         state: the state of the run, such as RUNNING or INTERRUPTED.
+        source: where its bytes come from; empty in entries of older versions.
     """
 
     run: str
     events: int
     sha256: str
     state: str
+    source: str = ""
 
 
 class Sealed(Entry, frozen=True, kw_only=True):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from hil.evidence.journal.reader import JournalReading
-from hil.evidence.ledger.book import read
+from hil.evidence.ledger.book import Ledger, read
 from hil.evidence.ledger.entries import Head
 from hil.model.errors import Refused
 
@@ -14,19 +14,20 @@ __all__ = ["require_uncut"]
 _HINT = "keep the folder as it is, and find out who changed it; the run is repeated as a new one"
 
 
-def require_uncut(folder: Path, reading: JournalReading, what: str) -> None:
+def require_uncut(folder: Path, reading: JournalReading, what: str, ledger: Ledger | None = None) -> None:
     """Require that a journal holds every event that the ledger of its folder of reports saw of it.
 
     Args:
         folder: the run's folder.
         reading: its journal, whose chain is whole.
         what: what is to be done with the run, such as `resume`.
+        ledger: the ledger, if it was read already.
 
     Raises:
         Refused: if it is shorter, or has another event in a place.
         EvidenceError: if the ledger is there and cannot be read.
     """
-    heads = read(folder.parent).of(Head, folder.name)
+    heads = (ledger or read(folder.parent)).of(Head, folder.name)
     for seen in sorted(heads, key=lambda each: -each.events):
         count = len(reading.lines)
         if count < seen.events:

@@ -33,6 +33,7 @@ class Heads:
         folder: the run's folder; the ledger is beside it.
         journal: its journal.
         tell: is told once that the ledger cannot be written; the run goes on.
+        source: where the run's bytes come from.
         all_of_them: whether more than plan and stop are entered.
 
     Attributes:
@@ -51,10 +52,13 @@ class Heads:
         events.Stop,
     )
 
-    def __init__(self, folder: Path, journal: Journal, tell: Callable[[str], None], *, all_of_them: bool) -> None:
+    def __init__(
+        self, folder: Path, journal: Journal, tell: Callable[[str], None], *, source: str, all_of_them: bool
+    ) -> None:
         self._folder = folder
         self._journal = journal
         self._tell = tell
+        self._source = source
         self._all = all_of_them
         self._learnt = self._told = self._waits = False
         self._entered = journal.count
@@ -93,8 +97,14 @@ class Heads:
         self._waits, self._last, self._entered = False, wall.monotonic(), self._journal.count
         try:
             self._journal.sync()
-            count, head = self._journal.count, self._journal.head
-            append(self._folder.parent, Head(run=self._folder.name, events=count, sha256=head, state=state))
+            seen = Head(
+                run=self._folder.name,
+                events=self._journal.count,
+                sha256=self._journal.head,
+                state=state,
+                source=self._source,
+            )
+            append(self._folder.parent, seen)
         except (OSError, EvidenceError) as error:
             if not self._told:
                 self._told = True

@@ -246,7 +246,7 @@ class Record:
         for listener in listeners:
             self.events.listen(listener)
         if leases:  # nobody resumes a rehearsal
-            self.events.listen(self._heads(live=configuration.reach is not None), *Heads.hears)
+            self.events.listen(self._heads(configuration), *Heads.hears)
         self.store = RowStore(self.folder, self.events, again=beginning.resumes, caller=caller)
         past = past_lines(self.folder / TRANSCRIPT) if beginning.resumes else None
         self._sink = FileIO(self.folder / TRANSCRIPT, "a" if past else "w")
@@ -273,9 +273,13 @@ class Record:
             self._checkpoints = Checkpoints(self.folder, bench)
             self.events.listen(self._released, HoldEnd)
 
-    def _heads(self, *, live: bool) -> Heads:
+    def _heads(self, configuration: Configuration) -> Heads:
         return Heads(
-            self.folder, self._journal, lambda text: self.events.write(events.Anomaly(text=text)), all_of_them=live
+            self.folder,
+            self._journal,
+            lambda text: self.events.write(events.Anomaly(text=text)),
+            source=configuration.request.source,
+            all_of_them=configuration.reach is not None,
         )
 
     def leave_open(self) -> None:
