@@ -108,7 +108,7 @@ def _own_environment() -> Iterator[None]:
         yield
     finally:
         for name, value in before.items():
-            os.environ.pop(name)
+            os.environ.pop(name, None)  # a case may have cleared them all
             if value is not None:
                 os.environ[name] = value
 

@@ -10,8 +10,8 @@ from audited import ASKED, PARENT, changed_package, closed_world, codes, package
 from hil.audit.engine import audit
 from hil.audit.inputs import Policy
 from hil.audit.ledgered import DISPOSITION
-from hil.requirements.carried import CarryingCase
 from hil.evidence.ledger.entries import Head
+from hil.requirements.carried import CarryingCase
 
 FAIL = {ASKED.id: result(verdict="FAIL", failed=True, eligible=False, reasons=("its verdict is FAIL",))}
 
