@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from numbers import Integral, Real
 
-from hil.model.provenance import Issued, Provenance, Word, merged
+from hil.model.provenance import TIMES_ZERO, Issued, Provenance, Word, merged
 
 __all__ = ["Figure", "FigureStatus", "decoded", "effective_dof", "encoded"]
 
@@ -62,6 +62,17 @@ class Figure:
             return ""
         return f"the figure {self.value:.6g} {self.unit}".removesuffix(" 1")
 
+    @property
+    def replaced(self) -> tuple[str, ...]:
+        """What of its numbers is not what it was issued with, a sentence each: somebody went behind its back."""
+        if self.provenance is None or self.provenance.issued is None:
+            return ()
+        return tuple(_changed(self.provenance.issued, self._numbers))
+
+    def without_reading(self) -> Figure:
+        """Return it with the reason that nothing of a reading is left in it."""
+        return self if self.provenance is None else self.with_provenance(self.provenance.but(TIMES_ZERO))
+
     def with_provenance(self, provenance: Provenance) -> Figure:
         """Return it as issued with this provenance; only the executive and the library call this."""
         bare = (float(self.value), self.unit, _plain(self.uncertainty), float(self.dof), self.status)
@@ -112,7 +123,8 @@ class Figure:
 
     def __mul__(self, other: Figure | float) -> Figure:
         if not isinstance(other, Figure):
-            return self._made(self.value * other, self.unit, [(float(other), self)])
+            made = self._made(self.value * other, self.unit, [(float(other), self)], other)
+            return made if other else made.without_reading()
         parts = [(other.value, self), (self.value, other)]
         return self._made(self.value * other.value, _product(self.unit, other.unit), parts)
 
@@ -120,7 +132,7 @@ class Figure:
 
     def __truediv__(self, other: Figure | float) -> Figure:
         if not isinstance(other, Figure):
-            return self._made(self.value / other, self.unit, [(1.0 / other, self)])
+            return self._made(self.value / other, self.unit, [(1.0 / other, self)], other)
         if not other.value:
             return self._made(math.nan, _quotient(self.unit, other.unit), [(math.nan, self), (math.nan, other)])
         ratio = self.value / other.value
@@ -129,19 +141,20 @@ class Figure:
 
     def __rtruediv__(self, other: float) -> Figure:
         value = float(other) / self.value if self.value else math.nan
-        return self._made(value, _quotient("1", self.unit), [(-value / self.value if self.value else math.nan, self)])
+        parts = [(-value / self.value if self.value else math.nan, self)]
+        return self._made(value, _quotient("1", self.unit), parts, other)
 
     def _shifted(self, constant: float) -> Figure:
         if self.unit != "1":
             raise ValueError(f"a plain number cannot be added to a figure in {self.unit!r}: give a Figure in that unit")
-        return self._made(self.value + constant, self.unit, [(1.0, self)])
+        return self._made(self.value + constant, self.unit, [(1.0, self)], constant)
 
     def _common(self, other: Figure) -> str:
         if self.unit != other.unit:
             raise ValueError(f"figures in {self.unit!r} and {other.unit!r} cannot be added: bring them to one unit")
         return self.unit
 
-    def _made(self, value: float, unit: str, parts: list[tuple[float, Figure]]) -> Figure:
+    def _made(self, value: float, unit: str, parts: list[tuple[float, Figure]], written: float | None = None) -> Figure:
         statuses = [figure.status for _, figure in parts]
         poor = (FigureStatus.MODEL_REJECTED, FigureStatus.NOT_OBSERVABLE, FigureStatus.UPPER_LIMIT)
         status = next((each for each in poor if each in statuses), FigureStatus.MEASURED)
@@ -149,14 +162,16 @@ class Figure:
             status = FigureStatus.NOT_OBSERVABLE  # what bounds one figure from above need not bound another so
         uncertainty, dof = _propagated(parts)
         made = Figure(value=value, unit=unit, uncertainty=uncertainty, dof=dof, status=status)
-        found = merged(*(_of_operand(figure) for _, figure in parts))
+        found = merged(*(_of_operand(figure) for _, figure in parts), getattr(written, "provenance", None))
+        if found is not None and written is not None and not hasattr(written, "provenance"):
+            found = found.with_number(written)
         return made if found is None else made.with_provenance(found.through("arithmetic of figures"))
 
 
 def _of_operand(figure: Figure) -> Provenance | None:
     if figure.written_by_hand:
         return Provenance(unproven=(f"the plan itself wrote {figure.written_by_hand}, which stands behind it",))
-    return None if figure.provenance is None else replace(figure.provenance, issued=None)
+    return None if figure.provenance is None else replace(figure.provenance, issued=None).but(*figure.replaced)
 
 
 def _propagated(parts: list[tuple[float, Figure]]) -> tuple[float | None, float]:

@@ -10,7 +10,18 @@ from threading import local
 from types import TracebackType
 from typing import Any, Self
 
-__all__ = ["Count", "Number", "Provenance", "Word", "answer_to", "merged", "provenance_of", "stamped", "within_library"]
+__all__ = [
+    "TIMES_ZERO",
+    "Count",
+    "Number",
+    "Provenance",
+    "Word",
+    "answer_to",
+    "merged",
+    "provenance_of",
+    "stamped",
+    "within_library",
+]
 
 Issued = tuple[float, str, float | None, float, str]
 """The numbers of one figure: value, unit, uncertainty, degrees of freedom, status."""
@@ -28,6 +39,7 @@ class Provenance:
         by: what became of it, such as `resistance`.
         unproven: why it proves nothing, a sentence each.
         uncovered: what no certificate covers, a sentence each.
+        numbers: those that the plan wrote and computed with, at most one more than `MOST_NUMBERS`.
         issued: the numbers of the figure that it was issued for; a changed copy of that figure has others.
     """
 
@@ -36,6 +48,7 @@ class Provenance:
     by: tuple[str, ...] = ()
     unproven: tuple[str, ...] = ()
     uncovered: tuple[str, ...] = ()
+    numbers: tuple[float, ...] = ()
     issued: Issued | None = None
 
     @property
@@ -47,12 +60,28 @@ class Provenance:
         """Return the provenance of what a function of this name made of it."""
         return self if name in self.by else replace(self, by=(*self.by, name))
 
+    def with_number(self, number: float) -> Provenance:
+        """Return the provenance of what was computed with a number that the plan wrote."""
+        if number in self.numbers or len(self.numbers) > MOST_NUMBERS:
+            return self
+        return replace(self, numbers=(*self.numbers, float(number)))
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """What was read, what became of it, and which numbers of the plan took part, as a check tells it."""
+        if not self.numbers:
+            return (*self.sources, *self.by)
+        named = ", ".join(f"{each:.12g}" for each in self.numbers[:MOST_NUMBERS])
+        more = " and more" if len(self.numbers) > MOST_NUMBERS else ""
+        return (*self.sources, *self.by, f"numbers of the plan: {named}{more}")
+
     def but(self, *sentences: str) -> Provenance:
         """Return it with further reasons why it proves nothing."""
         return replace(self, unproven=_union(self.unproven, sentences))
 
 
 _ANSWER = "answer to "
+MOST_NUMBERS = 8
 
 
 def answer_to(question: str) -> str:
@@ -77,6 +106,7 @@ def _both(one: Provenance, other: Provenance) -> Provenance:
         by=_union(one.by, other.by),
         unproven=_union(one.unproven, other.unproven),
         uncovered=_union(one.uncovered, other.uncovered),
+        numbers=tuple(dict.fromkeys((*one.numbers, *other.numbers)))[: MOST_NUMBERS + 1],
     )
 
 
@@ -110,6 +140,9 @@ class within_library:  # noqa: N801 - used as a statement
 
 
 _ARITHMETIC = "arithmetic of the plan"
+_WRITTEN = frozenset({int, float})
+_VANISHING = frozenset({"__mul__", "__pow__"})
+TIMES_ZERO = "what was read was multiplied by zero, so that nothing of it is left"
 
 
 def _arithmetic(name: str) -> Callable[..., Any]:
@@ -120,7 +153,11 @@ def _arithmetic(name: str) -> Callable[..., Any]:
         if result is NotImplemented or type(result) is not float or _LIBRARY.depth:
             return result
         found = merged(self.provenance, *(getattr(each, "provenance", None) for each in others))
-        return Number(result, (found or self.provenance).through(_ARITHMETIC))
+        made = (found or self.provenance).through(_ARITHMETIC)
+        for each in others:
+            if type(each) in _WRITTEN:
+                made = made.with_number(each)  # type: ignore[arg-type]  # it is a number
+        return Number(result, made.but(TIMES_ZERO) if name in _VANISHING and others == (0,) else made)
 
     compute.__name__ = name
     return compute
@@ -198,7 +235,7 @@ def _found(thing: object) -> Iterator[Provenance]:
         return
     own = getattr(thing, "provenance", None)
     if isinstance(own, Provenance):
-        yield replace(own, issued=None) if own.issued else own
+        yield replace(own, issued=None).but(*getattr(thing, "replaced", ())) if own.issued else own
     elif isinstance(thing, Mapping):
         for each in thing.values():
             yield from _found(each)

@@ -340,3 +340,12 @@ def test_what_no_certificate_covers_is_judged_again(tmp_path):
     assert list(judge_again(check, entries)) == []
     forged = msgspec.structs.replace(check, uncovered=("psu1 has no calibration record",))
     assert ["field 'verdict' is PASS" in told for told in judge_again(forged, entries)] == [True]
+
+
+def test_a_value_set_behind_a_figures_back_closes_nothing(tmp_path):
+    """The check compares a figure with what it was issued with, however the frozen object was changed."""
+    case = Case(tmp_path, "T-050")
+    reading = case.coil.voltage()
+    object.__setattr__(reading, "value", 12.0)
+    case.run.check("T-050", "voltage", reading)
+    assert of_last(case) == (("its value was replaced by hand",), ())

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import pytest
 
 from hil.model.figure import Figure, FigureStatus, encoded
-from hil.model.provenance import Count, Number, Provenance, Word, merged, provenance_of, stamped
+from hil.model.provenance import TIMES_ZERO, Count, Number, Provenance, Word, merged, provenance_of, stamped
 
 SUPPLY = Provenance(instruments=("psu1",), sources=("supply.load.voltage",))
 METER = Provenance(instruments=("dmm1",), sources=("meter.current",))
@@ -145,3 +145,34 @@ def test_parameters_measure_nothing():
     assert not Provenance(sources=("parameter side_a",)).measured
     assert Provenance(sources=("answer to voltmeter",)).measured
     assert SUPPLY.measured
+
+
+def test_what_goes_behind_a_figures_back_is_told():
+    """A value that was set past the frozen object stays told, also through arithmetic and the library."""
+    swapped = Figure(value=120.0, unit="ohm", uncertainty=0.1).with_provenance(SUPPLY)
+    object.__setattr__(swapped, "value", 100.0)
+    reason = "its value was replaced by hand"
+    assert swapped.replaced == (reason,)
+    assert reason in (swapped * 1.0).provenance.unproven
+    assert reason in provenance_of([swapped]).unproven
+    assert VOLTAGE.replaced == ()
+
+
+@pytest.mark.parametrize("vanished", [VOLTAGE * 0, 0.0 * VOLTAGE, Number(5.0, SUPPLY) * 0, Number(5.0, SUPPLY) ** 0])
+def test_nothing_of_a_reading_is_left_times_zero(vanished):
+    """A reading that is multiplied by zero stands behind nothing, whatever is added then."""
+    assert vanished.provenance.unproven == (TIMES_ZERO,)
+    if type(vanished) is Number:
+        assert (vanished + 100).provenance.unproven == (TIMES_ZERO,)
+
+
+def test_numbers_of_the_plan_are_told_where_they_took_part():
+    """A factor that turns any reading into the value that was wanted stands in the check."""
+    scaled = VOLTAGE * (6 / VOLTAGE.value)
+    assert scaled.provenance.told[-1] == "numbers of the plan: 1.2"
+    assert (VOLTAGE / CURRENT).provenance.told == ("supply.load.voltage", "meter.current", "arithmetic of figures")
+    assert (Number(5.0, SUPPLY) + 95).provenance.told[-1] == "numbers of the plan: 95"
+    many = VOLTAGE
+    for factor in range(2, 30):
+        many = many * factor
+    assert many.provenance.told[-1] == "numbers of the plan: 2, 3, 4, 5, 6, 7, 8, 9 and more"

@@ -120,7 +120,7 @@ class Checks(OfThisProcess):
             found = given(value, limit, f"{requirement} {parameter}")
             added, named = _of_instrument(instrument, found)
             behind = merged(getattr(value, "provenance", None), named)
-            unproven = _unproven(getattr(value, "provenance", None))
+            unproven = (*_unproven(getattr(value, "provenance", None)), *getattr(value, "replaced", ()))
             self._evaluate(requirement, limit, of, found, _Behind(added, behind, unproven), doubts=_sentences(doubts))
         except (Misused, UnitError) as error:
             self.refused.append(error)
@@ -248,7 +248,7 @@ class Checks(OfThisProcess):
             verdict=verdict,
             reason=judgement.reason,
             instruments=provenance.instruments,
-            provenance=(*provenance.sources, *provenance.by),
+            provenance=provenance.told,
             unproven=behind.unproven,
             uncovered=provenance.uncovered,
         )
