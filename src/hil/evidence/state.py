@@ -21,6 +21,7 @@ from hil.evidence.events import (
     End,
     Event,
     Fault,
+    FrozenLater,
     Gate,
     Hold,
     HoldEnd,
@@ -165,6 +166,7 @@ class RunState:
         attachments: the files that were attached or made.
         added: notes, attachments and anomalies since the first gate.
         resumptions: when the run was resumed.
+        reaches: what code that was frozen in its course reaches for beyond what cases are given.
         trip: how the envelope was left first, if it was.
         stop: why the run was ended early, None if it was not, and once it is armed again.
         stopped: whether it was ever ended early.
@@ -195,6 +197,7 @@ class RunState:
         self.results: Results | None = None
         self.end: End | None = None
         self.t = 0.0
+        self.reaches: list[str] = []
 
     @property
     def interrupted(self) -> bool:
@@ -205,7 +208,7 @@ class RunState:
     def deviations(self) -> tuple[str, ...]:
         """How the run deviates from its plan, resumptions included."""
         asked = self.run.deviations if self.run else ()
-        return (*asked, *(each.deviation for each in self.resumptions if each.deviation))
+        return (*asked, *self.reaches, *(each.deviation for each in self.resumptions if each.deviation))
 
     def take(self, event: Event) -> None:
         """Take the next event."""
@@ -247,6 +250,8 @@ class RunState:
                 self.run = self.run or event
             case Planned():
                 self._plan(event)
+            case FrozenLater():
+                self.reaches += event.reaches
             case Armed():
                 self.armed = True
             case Stop():

@@ -189,6 +189,8 @@ class Campaign:
             run.raised(call.excinfo.value, run.escapes.place_of(call.excinfo.value))
             self._stop(item.session, call.excinfo.value)
         run.escapes.hear(run.raised)
+        for error in self._code.intact.replaced() if call.when != "setup" else ():
+            run.raised(error)
         if call.when == "call":
             run.finish()
             _judge(report, run)

@@ -51,11 +51,13 @@ class FrozenLater(Event, frozen=True, kw_only=True):
         file: its path in the package.
         sha256: its hash.
         case: the case that used it, empty between cases.
+        reaches: what its code reaches for beyond what cases are given, a sentence each.
     """
 
     file: str
     sha256: str
     case: str
+    reaches: tuple[str, ...] = ()
 
     synced: ClassVar[bool] = True
 

@@ -62,7 +62,8 @@ class Freezing:
             (self._folder / name).parent.mkdir(parents=True, exist_ok=True)
             write_whole(self._folder / name, data)
             digest = hashlib.sha256(data).hexdigest()
-            self._journal.write(events.FrozenLater(file=name, sha256=digest, case=self._case))
+            reaches = self._inputs.reaches_of(path)
+            self._journal.write(events.FrozenLater(file=name, sha256=digest, case=self._case, reaches=reaches))
 
     def end_of_case(self) -> list[HilError]:
         """Freeze what waits, and return what was refused to the case, whatever it made of it."""

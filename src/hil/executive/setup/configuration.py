@@ -116,7 +116,8 @@ class Configuration:
     def deviations(self) -> tuple[str, ...]:
         """What differs from the plans, a sentence each."""
         skipped = [f"case {case} is skipped: {reason}" for case, reason in sorted(self.request.skips.items())]
-        return (*(text for each in self.parameters.values() for text in each.deviations), *skipped)
+        changed = (text for each in self.parameters.values() for text in each.deviations)
+        return (*changed, *skipped, *self.inputs.reaches)
 
 
 def configure(request: Request) -> Configuration:

@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from hil.documents.snapshot import Snapshot
+from hil.executive.setup.reach import beyond
 from hil.executive.setup.workspace import Workspace
 from hil.model.errors import HilError
 from hil.requirements.lock import LOCK
@@ -88,6 +89,17 @@ class Inputs:
     def below(self, folder: Path, suffix: str = ".py") -> list[Path]:
         """Return the sources in a folder and its folders."""
         return [path for path in self.sources if path.suffix == suffix and path.is_relative_to(folder)]
+
+    @property
+    def reaches(self) -> tuple[str, ...]:
+        """What the code of sources, and of what was imported, reaches for beyond what cases are given."""
+        return tuple(sentence for path in self.frozen for sentence in self.reaches_of(path))
+
+    def reaches_of(self, path: Path) -> tuple[str, ...]:
+        """Return what the code of a file reaches for, see `beyond`; of what is no module, nothing."""
+        if path.suffix != ".py" or path not in self.snapshot:
+            return ()
+        return beyond(self.snapshot.take(path), self.shown(path))
 
     def name_of(self, path: Path) -> str:
         """Return the path of a file in the package."""

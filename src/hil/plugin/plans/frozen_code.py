@@ -20,6 +20,7 @@ from hil.executive.setup.auditing import watched
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.ground import Ground
 from hil.executive.setup.inputs import Inputs
+from hil.plugin.plans.intact import Intact
 
 __all__ = ["FrozenCode", "frozen_code"]
 
@@ -43,9 +44,13 @@ class FrozenCode(MetaPathFinder):
         inputs: gives the source.
         ground: where modules are found.
         testplans: the folder whose modules hold cases.
+
+    Attributes:
+        intact: tells what the code replaced of the product.
     """
 
     def __init__(self, inputs: Inputs, ground: Ground, testplans: Path) -> None:
+        self.intact = Intact(ground.is_own)
         self._inputs = inputs
         self._ground = ground
         self._testplans = testplans

@@ -6,7 +6,6 @@ import ast
 import inspect
 import sys
 from collections.abc import Collection, Iterator, Sequence
-from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
 
@@ -14,6 +13,7 @@ import pytest
 
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.inputs import Inputs
+from hil.executive.setup.reach import parsed
 from hil.executive.setup.workspace import Workspace
 from hil.model.errors import ConfigurationError, Finding
 
@@ -42,16 +42,10 @@ def refuse_sources(configuration: Configuration) -> None:
         raise ConfigurationError(tuple(findings))
 
 
-@lru_cache(maxsize=64)
-def _parsed(source: bytes) -> ast.Module:
-    """Return the tree of a file, which several checks walk through."""
-    return ast.parse(source)
-
-
 def _tree(path: Path, inputs: Inputs) -> ast.Module | None:
     """Return the tree of a frozen file, None for one that Python cannot read: importing it shows the error."""
     try:
-        return _parsed(inputs.snapshot.take(path))
+        return parsed(inputs.snapshot.take(path))
     except (OSError, SyntaxError, ValueError):
         return None
 

@@ -1,0 +1,91 @@
+"""What code of the workspace reaches for beyond what cases are given, as its source shows it."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from functools import lru_cache
+
+__all__ = ["beyond", "parsed"]
+
+_FOR_PLANS = ("hil.analysis", "hil.logs", "hil.model.errors", "hil.model.figure", "hil.plan")
+"""What cases and fixtures may import of the product; the rest measures, judges and records them."""
+
+_MODULES = frozenset(
+    "_pytest atexit builtins code codeop ctypes freezegun gc importlib mock runpy time_machine unittest.mock".split()
+)
+"""With these, code changes what it was not given, or runs what its source does not show."""
+
+_NAMES = frozenset({"__builtins__", "__import__", "compile", "delattr", "eval", "exec", "globals", "setattr", "vars"})
+_ATTRIBUTES = frozenset({"MonkeyPatch", "_getframe", "addaudithook", "meta_path", "modules", "path_hooks"})
+_OF_OBJECTS = frozenset({"__init__", "__name__", "__doc__", "__file__", "__post_init__", "__version__"})
+_FIXTURES = frozenset({"mocker", "monkeypatch"})
+_TRACING = frozenset({"provenance", "with_provenance"})
+
+
+@lru_cache(maxsize=64)
+def parsed(source: bytes) -> ast.Module:
+    """Return the tree of a file, which several checks walk through.
+
+    Raises:
+        SyntaxError: if it is not Python.
+        ValueError: if it holds NUL bytes.
+    """
+    return ast.parse(source)
+
+
+@lru_cache(maxsize=64)
+def beyond(source: bytes, shown: str) -> tuple[str, ...]:
+    """Return what the source of a module reaches for, a sentence each, by line; nothing where it is not Python.
+
+    A case that does so may be honest. But its source no longer shows plainly what was measured, so that nobody can
+    judge from the package what a value is worth.
+
+    Args:
+        source: of the module.
+        shown: its path, as people see it.
+    """
+    try:
+        tree = parsed(source)
+    except (SyntaxError, ValueError):
+        return ()
+    found = sorted({(line, what) for node in ast.walk(tree) for line, what in _of_node(node)})
+    return tuple(f"{shown}:{line} {what}" for line, what in found)
+
+
+def _of_node(node: ast.AST) -> Iterator[tuple[int, str]]:
+    """Yield the line and what is reached for there."""
+    if isinstance(node, ast.Import):
+        yield from ((node.lineno, f"imports {each.name}") for each in node.names if not _allowed(each.name))
+    elif isinstance(node, ast.ImportFrom) and not node.level:
+        names = [f"{node.module}.{each.name}" for each in node.names]
+        yield from ((node.lineno, f"imports {name}") for name in names if not _allowed(name))
+    elif isinstance(node, ast.Name) and node.id in _NAMES:
+        yield node.lineno, f"uses {node.id}"
+    elif isinstance(node, ast.arg) and node.arg in _FIXTURES:
+        yield node.lineno, f"uses {node.arg}"
+    elif isinstance(node, ast.Attribute) and _hidden(node):
+        yield node.lineno, f"uses .{node.attr}"
+    elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "getattr":
+        given = node.args[1].value if len(node.args) > 1 and isinstance(node.args[1], ast.Constant) else ""
+        if isinstance(given, str) and (given.startswith("_") or given in _ATTRIBUTES | _TRACING):
+            yield node.lineno, f"uses .{given}"
+
+
+def _allowed(name: str) -> bool:
+    """Return whether a case may import this module, or this name of a module."""
+    parts = name.split(".")
+    heads = {".".join(parts[:length]) for length in range(1, len(parts) + 1)}
+    if parts[0] == "hil":
+        return not heads.isdisjoint(_FOR_PLANS)
+    return heads.isdisjoint(_MODULES)
+
+
+def _hidden(node: ast.Attribute) -> bool:
+    """Return whether an attribute is none of those that whoever wrote an object meant for others."""
+    if node.attr in _ATTRIBUTES:
+        return isinstance(node.value, ast.Name) and node.value.id in {"sys", "pytest"}
+    if node.attr in _TRACING:
+        return True
+    own = isinstance(node.value, ast.Name) and node.value.id in {"self", "cls"}
+    return node.attr.startswith("_") and not own and node.attr not in _OF_OBJECTS

@@ -1,0 +1,105 @@
+"""Whether the product is what it was before code of the workspace was loaded: nothing in it was replaced."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from types import BuiltinFunctionType, FunctionType, ModuleType
+from typing import NamedTuple
+
+from hil.model.errors import HilError
+
+__all__ = ["Intact", "Replaced"]
+
+_ROOMS = frozenset(
+    {"analysis", "bench", "clock", "evidence", "executive", "instruments", "model", "requirements", "wire"}
+)
+"""What measures, judges and records."""
+
+_CONSTANTS = (bool, float, frozenset, int, str, tuple)
+_CALLED = (BuiltinFunctionType, FunctionType, classmethod, property, staticmethod, type)
+_PASSING = frozenset({"__abstractmethods__", "__doc__", "__module__"})
+
+
+class Replaced(HilError):
+    """Code of the workspace put something else in place of a part of the product."""
+
+
+class _Owner(NamedTuple):
+    """A module or a class: its dotted name, its names as they are now, and what they stood for."""
+
+    named: str
+    now: Mapping[str, object]
+    then: Mapping[str, object]
+    code: Mapping[str, tuple[object, ...]]
+
+
+class Intact:
+    """Tells what of the product was replaced since this was made; modules that are loaded later count from then on.
+
+    What is put back before anybody looks is not noticed. What a source shows of it is told all the same, see
+    `hil.executive.setup.reach`.
+
+    Args:
+        is_own: whether code is of the workspace, by the path that it was compiled with.
+    """
+
+    def __init__(self, is_own: Callable[[str], bool]) -> None:
+        self._is_own = is_own
+        self._modules: dict[str, ModuleType] = {}
+        self._owners: list[_Owner] = []
+        self._take_in()
+
+    def replaced(self) -> Iterator[Replaced]:
+        """Yield an error for every name of the product that stands for something else than before."""
+        hint = "measure and judge with what the case is given"
+        names = [name for name, module in self._modules.items() if sys.modules.get(name) is not module]
+        names += [f"{owner.named}.{name}" for owner in self._owners for name in _changed(owner)]
+        known = len(self._owners)
+        self._take_in()
+        late = self._owners[known:]
+        names += [f"{owner.named}.{name}" for owner in late for name in owner.code if self._is_foreign(owner, name)]
+        for name in dict.fromkeys(names):
+            yield Replaced(f"code of the workspace replaced {name}, which is a part of hil", hint)
+
+    def _is_foreign(self, owner: _Owner, name: str) -> bool:
+        value = owner.then[name]
+        return type(value) is FunctionType and self._is_own(value.__code__.co_filename)
+
+    def _take_in(self) -> None:
+        """Take in the modules that were loaded since."""
+        for name, module in list(sys.modules.items()):
+            if name not in self._modules and name.startswith("hil.") and name.split(".", 2)[1] in _ROOMS:
+                self._modules[name] = module
+                self._owners += _owners_in(module)
+
+
+def _owners_in(module: ModuleType) -> Iterator[_Owner]:
+    named = module.__name__
+    yield _owner(named, vars(module))
+    for value in list(vars(module).values()):
+        if isinstance(value, type) and value.__module__ == named:
+            yield _owner(f"{named}.{value.__qualname__}", vars(value))
+
+
+def _owner(named: str, now: Mapping[str, object]) -> _Owner:
+    then = {
+        name: value
+        for name, value in list(now.items())
+        if name not in _PASSING and (isinstance(value, _CALLED) or (name.isupper() and isinstance(value, _CONSTANTS)))
+    }
+    return _Owner(named, now, then, {name: _made_of(each) for name, each in then.items() if type(each) is FunctionType})
+
+
+def _made_of(function: object) -> tuple[object, ...]:
+    return getattr(function, "__code__", None), getattr(function, "__defaults__", None)
+
+
+def _changed(owner: _Owner) -> Iterator[str]:
+    now = owner.now
+    for name, value in owner.then.items():
+        if now.get(name) is not value:
+            yield name
+    for name, code in owner.code.items():
+        if _made_of(owner.then[name]) != code:
+            yield name

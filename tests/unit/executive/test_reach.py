@@ -1,0 +1,61 @@
+"""What a source reaches for beyond what cases are given is told by line."""
+
+from __future__ import annotations
+
+import pytest
+
+from hil.executive.setup.reach import beyond
+
+
+@pytest.mark.parametrize(
+    ("line", "what"),
+    [
+        ("import hil.executive.cases.checks as c", "imports hil.executive.cases.checks"),
+        ("from hil.executive.cases import checks", "imports hil.executive.cases.checks"),
+        ("import hil", "imports hil"),
+        ("from hil import executive", "imports hil.executive"),
+        ("from hil.model.provenance import Provenance", "imports hil.model.provenance.Provenance"),
+        ("import ctypes.util", "imports ctypes.util"),
+        ("from unittest import mock", "imports unittest.mock"),
+        ("import gc", "imports gc"),
+        ("import atexit", "imports atexit"),
+        ("from importlib import import_module", "imports importlib.import_module"),
+        ("exec('x = 1')", "uses exec"),
+        ("f = __import__", "uses __import__"),
+        ("sys.modules['hil.clock']", "uses .modules"),
+        ("object.__setattr__(reading, 'value', 100.0)", "uses .__setattr__"),
+        ("supply.load.__dict__['_role'] = fake", "uses .__dict__"),
+        ("check._journal.write(event)", "uses ._journal"),
+        ("getattr(supply.load, '_role')", "uses ._role"),
+        ("figure.with_provenance(reading.provenance)", "uses .provenance"),
+        ("setattr(judge, 'x', 1)", "uses setattr"),
+        ("def test_a(monkeypatch): pass", "uses monkeypatch"),
+    ],
+)
+def test_what_a_case_was_not_given_is_told(line, what):
+    """Parts of the product that judge and record, names that begin with an underscore, code that no source shows."""
+    assert f"testplans/x/test_x.py:2 {what}" in beyond(f"import sys\n{line}\n".encode(), "testplans/x/test_x.py")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "from hil.plan import Figure",
+        "from hil.analysis import characterise",
+        "from hil import analysis",
+        "import numpy as np, math, re",
+        "def test_a(supply): getattr(supply, 'load').enable()",
+        "class A:\n    def __init__(self): self._x = 1",
+        "re.compile('x')",
+        "name = __name__",
+    ],
+)
+def test_what_cases_are_written_with_is_not(line):
+    """The names of `hil.plan` and `hil.analysis`, and what an honest fixture is made of."""
+    assert beyond(line.encode(), "x.py") == ()
+
+
+def test_what_is_not_python_is_left_to_whoever_imports_it():
+    """A file that Python cannot read cannot reach for anything."""
+    assert beyond(b"def :", "x.py") == ()
+    assert beyond(b"\0", "x.py") == ()
