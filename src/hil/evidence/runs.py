@@ -53,6 +53,7 @@ class RunSummary:
         stopped: who or what asked it to stop, and why; empty if nobody did, and once the run is resumed.
         verdict: the sealed verdict; empty before, and for a package in which something is wrong.
         deviates: whether it differs from its plan.
+        exceptions: what counts as hardware by the word of the bench file alone, a sentence each.
         added: notes, attachments and anomalies since the first gate, in order.
     """
 
@@ -74,6 +75,7 @@ class RunSummary:
     stopped: str = ""
     verdict: str = ""
     deviates: bool = False
+    exceptions: tuple[str, ...] = ()
     added: tuple[Note | Attachment | Anomaly, ...] = ()
 
 
@@ -218,6 +220,7 @@ def _summary(folder: Path, reading: JournalReading, state: State) -> RunSummary:
         age=_age(reading.lines[-1]) if reading.lines else None,
         stopped=told.stop.reason if told.stop else "",
         deviates=bool(told.deviations),
+        exceptions=told.exceptions,
         added=tuple(told.added),
     )
 

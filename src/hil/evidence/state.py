@@ -205,12 +205,17 @@ class RunState:
         return self.stopped or self.recovered or self.run is None
 
     @property
+    def exceptions(self) -> tuple[str, ...]:
+        """What counts as hardware by the word of the bench file alone, a sentence each."""
+        return tuple(f"{gate.instrument}: {gate.exception}" for gate in self.host_gates if gate.exception)
+
+    @property
     def deviations(self) -> tuple[str, ...]:
         """How the run deviates from its plan, resumptions included."""
         asked = self.run.deviations if self.run else ()
         return (*asked, *self.reaches, *(each.deviation for each in self.resumptions if each.deviation))
 
-    def take(self, event: Event) -> None:
+    def take(self, event: Event) -> None:  # noqa: C901 - one case per kind of event
         """Take the next event."""
         self.t = event.t
         match event:
@@ -230,6 +235,8 @@ class RunState:
                 self._hold(event)
             case Gate():
                 self._gate(event)
+            case FrozenLater():
+                self.reaches += event.reaches
             case Trip():
                 self.trip = self.trip or event
             case SafeEnd():
@@ -250,8 +257,6 @@ class RunState:
                 self.run = self.run or event
             case Planned():
                 self._plan(event)
-            case FrozenLater():
-                self.reaches += event.reaches
             case Armed():
                 self.armed = True
             case Stop():

@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 import pytest
 from adcs_bench import adcs
 
-from hil.bench.port_identity import check_port, is_serial_device, listed_ports, port_gates
+from hil.bench.port_identity import check_port, is_serial_device, listed_ports, port_gates, source_gates
 from hil.model.bench import InstrumentSpec, UsbPort
+from hil.model.identity import Source
+from hil.wire.keys import LOOPBACK, SERVED
 
 BY_ID = "/dev/serial/by-id/usb-FTDI_FT232R_A50285BI-if00-port0"
 BY_PATH = "/dev/serial/by-path/"
@@ -130,3 +132,32 @@ def test_every_serial_device_of_a_bench_has_its_gate():
 def test_the_listing_opens_nothing():
     """It can be asked on any machine, whatever is plugged in."""
     assert isinstance(listed_ports(), list)
+
+
+def gate_of(port, keys, reason=""):
+    """Return source, detail and exception of the gate for an instrument at a port that has these keys."""
+    spec = replace(
+        adcs(),
+        instruments=(InstrumentSpec(name="psu1", driver="none", port=port, stands_for_hardware=reason),),
+        buses=(),
+    )
+    (gate,) = source_gates(spec, lambda _port: keys)
+    assert (gate.ok, gate.instrument) == (True, "psu1")
+    return gate.source, gate.detail, gate.exception
+
+
+def test_a_port_of_this_computer_is_hardware_only_with_a_reason():
+    """Without one it counts as simulated; with one it is an exception, which the gate tells."""
+    port, key = "socket://127.0.0.1:5025", f"{LOOPBACK}:5025"
+    without = f"{port} is on this computer, and the bench file does not say why it is hardware"
+    assert gate_of(port, [key]) == (Source.SIMULATED, without, "")
+    told = f"{port} is on this computer and stands for hardware: a bridge"
+    assert gate_of(port, [key], "a bridge") == (Source.HARDWARE, told, told)
+    assert gate_of("socket://192.168.10.21:5025", ["x"], "a bridge")[::2] == (Source.HARDWARE, "")
+
+
+def test_no_reason_makes_hardware_of_a_port_that_is_served():
+    """A socket or a pseudo-terminal of a served bench is simulated, whatever the bench file says."""
+    port = "/dev/pts/7"
+    told = f"{port} belongs to a bench that is served on this computer"
+    assert gate_of(port, [f"{SERVED}x"], "a bridge") == (Source.SIMULATED, told, "")

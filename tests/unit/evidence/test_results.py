@@ -212,18 +212,25 @@ def test_a_run_that_went_wrong_does_not_pass(event, verdict):
 
 
 @pytest.mark.parametrize(
-    ("changes", "reason"),
+    ("changes", "reasons"),
     [
-        ({"source": "simulated"}, "SIMULATED: the run's source"),
-        ({"source": "replayed"}, "REPLAYED: the run's source"),
-        ({"deviations": ["rest_duration = 1 s"]}, "deviation: rest_duration = 1 s"),
-        ({"dut": {**run_fields()["dut"], "serial": ""}}, "the device under test has no serial number"),
+        ({"source": "simulated"}, ["SIMULATED: the run's source"]),
+        ({"source": "replayed"}, ["REPLAYED: the run's source"]),
+        (
+            {"purpose": "development"},
+            [
+                "the purpose development does not close requirements",
+                "its stage is acceptance, the purpose is development",
+            ],
+        ),
+        ({"deviations": ["rest_duration = 1 s"]}, ["deviation: rest_duration = 1 s"]),
+        ({"dut": {**run_fields()["dut"], "serial": ""}}, ["the device under test has no serial number"]),
     ],
 )
-def test_a_run_that_cannot_close_says_why(tmp_path, changes, reason):
-    """A passed requirement is not eligible, with the reason in words."""
+def test_a_run_that_cannot_close_says_why(tmp_path, changes, reasons):
+    """A passed requirement is not eligible, with every reason in words."""
     item = derived(tmp_path, **changes)["requirements"][0]
-    assert (item["eligible"], item["reasons"]) == (False, [reason])
+    assert (item["eligible"], item["reasons"]) == (False, reasons)
 
 
 @pytest.mark.parametrize(

@@ -76,6 +76,7 @@ def status_lines(found: RunSummary) -> list[str]:
         ("stopped by", found.stopped),
         ("last event", "" if found.age is None else f"{duration(found.age)} ago"),
         ("verdict", "-" if damaged else found.verdict),
+        *(("EXCEPTION", each) for each in found.exceptions),
         ("checked", found.checked),
         ("guardian", _guardian(folder)),
         ("latch", latch_word(folder)),

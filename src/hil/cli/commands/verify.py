@@ -55,6 +55,7 @@ def command(run: str, report: bool, again: bool) -> int:
     facts = (
         ("run", f"{found.run}, in a folder of another name" if renamed else ""),
         ("verdict", _worth(found)),
+        *(("EXCEPTION", shown(each)) for each in found.exceptions),
         ("report", word),
         ("replay", (replayed := _replayed(found) if again else _Replayed()).word),
         ("ledger", found.ledger or "none in this folder"),

@@ -64,6 +64,7 @@ class Verification:
         source: where the run's bytes came from; empty unless it is SEALED.
         operator: who ran it, as the run recorded it; empty unless it is SEALED.
         deviates: whether the run differs from its plan.
+        exceptions: what counts as hardware by the word of the bench file alone, a sentence each.
         ledger: what the ledger of its folder of reports says of it; empty without a ledger, and unless it is SEALED.
         sure: False where the ledger is damaged, and so does not confirm what the package says of itself.
         complete: whether the run went to its own end; one that was interrupted never counts as verified.
@@ -79,6 +80,7 @@ class Verification:
     source: str = ""
     operator: str = ""
     deviates: bool = False
+    exceptions: tuple[str, ...] = ()
     ledger: str = ""
     sure: bool = True
     complete: bool = False
@@ -156,6 +158,7 @@ def _verify_sealed(folder: Path) -> Verification:
         source=told.run.source if told.run else "",
         operator=told.run.operator if told.run else "",
         deviates=bool(told.deviations),
+        exceptions=told.exceptions,
         complete=not fold(standing(reading.events)).interrupted,
     )
 

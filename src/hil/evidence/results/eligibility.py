@@ -136,9 +136,7 @@ def _source(state: RunState, facts: Facts) -> Iterator[Condition]:
         yield _condition("source", False, told)
         return
     yield from _each("source", (f"{told}, but {each}" for each in against_hardware(state, facts)), told)
-    for gate in state.host_gates:
-        if gate.exception:
-            yield _condition(EXCEPTION, True, f"EXCEPTION: {gate.instrument}: {gate.exception}")
+    yield from (_condition(EXCEPTION, True, f"EXCEPTION: {each}") for each in state.exceptions)
 
 
 def _purpose(state: RunState) -> Iterator[Condition]:

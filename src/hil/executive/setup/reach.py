@@ -12,7 +12,10 @@ _FOR_PLANS = ("hil.analysis", "hil.logs", "hil.model.errors", "hil.model.figure"
 """What cases and fixtures may import of the product; the rest measures, judges and records them."""
 
 _MODULES = frozenset(
-    "_pytest atexit builtins code codeop ctypes freezegun gc importlib mock runpy time_machine unittest.mock".split()
+    {
+        *("_pytest", "freezegun", "mock", "time_machine", "unittest.mock"),
+        *("atexit", "builtins", "code", "codeop", "ctypes", "gc", "importlib", "runpy"),
+    }
 )
 """With these, code changes what it was not given, or runs what its source does not show."""
 
