@@ -57,9 +57,9 @@ def _eligibility(claim: Claim) -> _Found:
     for reason in claim.result.reasons:
         if reason.startswith("its verdict is "):
             continue
-        word = reason.partition(":")[0]
-        elsewhere |= word in _ELSEWHERE
-        yield (Code.SIM_ONLY if word in _ELSEWHERE else Code.NOT_ELIGIBLE), reason
+        simulated = reason.partition(":")[0] in _ELSEWHERE or reason in claim.result.of_simulation
+        elsewhere |= simulated
+        yield (Code.SIM_ONLY if simulated else Code.NOT_ELIGIBLE), reason
     if claim.package.source != Source.HARDWARE and not elsewhere:
         yield Code.SIM_ONLY, f"{claim.package.source.upper() or 'UNKNOWN'}: the run's source"
     if not claim.result.eligible and not claim.result.reasons:

@@ -17,6 +17,7 @@ __all__ = [
     "Gap",
     "GapKind",
     "Inputs",
+    "OnHardware",
     "Planning",
     "Reason",
     "Row",
@@ -147,6 +148,18 @@ class Evidence(msgspec.Struct, frozen=True, kw_only=True):
     reasons: tuple[Reason, ...] = ()
 
 
+class OnHardware(msgspec.Struct, frozen=True, kw_only=True):
+    """What a run that was not on hardware would leave open if it were.
+
+    Attributes:
+        package: the folder of the run's package, empty where runs of the requirements below tell.
+        reasons: why the requirement would still be open; none if it would be closed.
+    """
+
+    package: str = ""
+    reasons: tuple[Reason, ...] = ()
+
+
 class Planning(msgspec.Struct, frozen=True, kw_only=True):
     """Where it is planned how a requirement is verified.
 
@@ -186,6 +199,8 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
         compliance: whether it is met.
         close_out: whether it is closed.
         reasons: why it is open, all that apply, its own before inherited ones; empty if it is closed.
+        on_hardware: what the newest run elsewhere would leave open on hardware; None without such a run, or if the
+            requirement is closed.
         closed_by: the folder of the package that closes it; empty if it is open or closed by its children.
     """
 
@@ -206,6 +221,7 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     compliance: Compliance = Compliance.NO
     close_out: CloseOut = CloseOut.OPEN
     reasons: tuple[Reason, ...] = ()
+    on_hardware: OnHardware | None = None
     closed_by: str = ""
 
     @property
@@ -263,8 +279,9 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
         compliance: how many there are of each compliance.
         reasons: how many requirements each code keeps open.
         gaps: how many gaps there are of each kind.
-        on_hardware: ids of the open requirements that simulated evidence alone speaks for, and that the same run
-            on hardware would close.
+        elsewhere: how many open requirements have evidence from simulated benches or replays.
+        on_hardware: ids of those of them that the same runs on hardware would close.
+        left_open: what would keep the others open on hardware, and how many of them.
     """
 
     requirements: int
@@ -273,7 +290,9 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     compliance: Mapping[str, int]
     reasons: Mapping[str, int]
     gaps: Mapping[str, int]
+    elsewhere: int = 0
     on_hardware: tuple[str, ...] = ()
+    left_open: Mapping[str, int] = {}
 
 
 class Document(msgspec.Struct, frozen=True, kw_only=True):

@@ -17,11 +17,13 @@ from hil.audit.document import (
     Gap,
     GapKind,
     Inputs,
+    OnHardware,
     Planning,
     Reason,
     Row,
     Summary,
 )
+from hil.audit.elsewhere import by_children, on_hardware
 from hil.audit.inputs import Asked, Package, World, catalogue_digest
 from hil.audit.ledgered import Ledgered, ledgered
 from hil.model.identity import Purpose, Source
@@ -125,7 +127,7 @@ def _row(
 ) -> Row:
     evidence = tuple(map(_evidence, claims))
     by_itself = asked.kind != Kind.PARENT
-    own = tuple(_against(asked, claims, evidence, book)) if by_itself else ()
+    own = against = tuple(_against(asked, claims, evidence, book)) if by_itself else ()
     inherited = tuple(_inherited(below))
     closing = next((each for each in reversed(evidence) if each.closes), None)
     if by_itself and closing is None:
@@ -133,6 +135,9 @@ def _row(
     if not by_itself and not below:
         own += (Reason(code=Code.NO_CHILDREN, text="it is met by the requirements below it, and there are none"),)
     reasons = (*_in_order(own), *inherited)
+    would = (
+        on_hardware(claims, [each.reasons for each in evidence], against, below) if by_itself else by_children(below)
+    )
     told = next((each.cases for each in reversed(evidence) if each.cases), ())
     still = tuple(case for case in told if planned is None or case.partition("[")[0] in planned)
     return Row(
@@ -155,6 +160,7 @@ def _row(
         compliance=_compliance(reasons, evidence, below, by_itself=by_itself),
         close_out=CloseOut.OPEN if reasons else CloseOut.CLOSED,
         reasons=reasons,
+        on_hardware=would if reasons else None,
         closed_by=closing.package if closing and not reasons else "",
     )
 
@@ -279,6 +285,7 @@ def _summary(rows: Sequence[Row], gaps: Sequence[Gap]) -> Summary:
     closed = sum(row.closed for row in rows)
     counted = Counter(code for row in rows for code in {reason.code for reason in row.reasons})
     compliance = Counter(row.compliance for row in rows)
+    elsewhere = [(row, row.on_hardware) for row in rows if row.on_hardware]
     return Summary(
         requirements=len(rows),
         closed=closed,
@@ -286,15 +293,20 @@ def _summary(rows: Sequence[Row], gaps: Sequence[Gap]) -> Summary:
         compliance={each.value: compliance[each] for each in Compliance},
         reasons={code.value: counted[code] for code in Code if counted[code]},
         gaps={str(kind): count for kind, count in sorted(Counter(gap.kind for gap in gaps).items())},
-        on_hardware=tuple(row.id for row in rows if _on_hardware(row)),
+        elsewhere=len(elsewhere),
+        on_hardware=tuple(row.id for row, would in elsewhere if not would.reasons),
+        left_open=_left_open(would for _, would in elsewhere),
     )
 
 
-def _on_hardware(row: Row) -> bool:
-    """Return whether only the simulated source keeps the newest evidence from closing a requirement."""
-    if row.closed or not row.evidence or any(not reason.package for reason in row.reasons):
-        return False
-    return {reason.code for reason in row.evidence[-1].reasons} == {Code.SIM_ONLY}
+def _left_open(each: Iterable[OnHardware]) -> dict[str, int]:
+    """Return every reason that would keep requirements open on hardware, the one of most requirements first."""
+    counted = Counter(text for would in each for text in {_left_text(reason) for reason in would.reasons})
+    return dict(sorted(counted.items(), key=lambda item: (-item[1], item[0])))
+
+
+def _left_text(reason: Reason) -> str:
+    return "a requirement below it would stay open" if reason.code is Code.CHILD_OPEN else reason.text
 
 
 def _problems(packages: Sequence[Package]) -> Iterator[str]:

@@ -82,6 +82,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
         failed: whether any check of it failed, however the case went on.
         eligible: whether the run's results say that it can close the requirement.
         reasons: why not, a sentence each.
+        of_simulation: those of them that come from a simulated bench or device under test.
         cases: the cases that carry it.
         instruments: the names of the instruments behind its checks and recordings.
     """
@@ -93,6 +94,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     eligible: bool
     reasons: tuple[str, ...]
     cases: tuple[str, ...]
+    of_simulation: tuple[str, ...] = ()
     instruments: tuple[str, ...]
 
 
@@ -119,6 +121,7 @@ class Package(msgspec.Struct, frozen=True, kw_only=True):
         part: its part number.
         hardware: its hardware revision.
         firmware: its firmware revision.
+        simulated_unit: whether it exists in simulated benches only.
         version: the version of hil that made the run.
         analysis: SHA-256 over the analysis and the judging that gave its verdicts, empty if it is not recorded.
         plans: its plans.
@@ -145,6 +148,7 @@ class Package(msgspec.Struct, frozen=True, kw_only=True):
     part: str = ""
     hardware: str = ""
     firmware: str = ""
+    simulated_unit: bool = False
     version: str = ""
     analysis: str = ""
     plans: tuple[str, ...] = ()

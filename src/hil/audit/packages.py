@@ -14,16 +14,18 @@ from hil.audit.cache import Cache
 from hil.audit.inputs import Instrument, Package, Result
 from hil.evidence.durable import read_plain
 from hil.evidence.events import Run
-from hil.evidence.folder import CALIBRATION, CATALOGUE, JOURNAL, RESULTS, is_sealed
+from hil.evidence.folder import CALIBRATION, CATALOGUE, DUT, JOURNAL, RESULTS, is_sealed
 from hil.evidence.journal.reader import read_ends, read_journal
 from hil.evidence.ledger.book import Ledger
 from hil.evidence.package.bag import INFO, MANIFEST, digest_of_manifest, identifier_of
 from hil.evidence.package.verification import State, verify
 from hil.evidence.results.derived import results_of
+from hil.evidence.results.eligibility import of_simulation
 from hil.evidence.results.facts import FrozenCalibration, read_json
 from hil.evidence.results.outcome import write_outcome
 from hil.evidence.runs import run_folders
 from hil.model.errors import EvidenceError, HilError
+from hil.model.identity import Source
 from hil.model.verdict import Verdict
 
 __all__ = ["read_packages"]
@@ -53,6 +55,12 @@ class _Carrying(msgspec.Struct, frozen=True):
     case: str
 
 
+class _Condition(msgspec.Struct, frozen=True):
+    name: str
+    proven: bool
+    text: str
+
+
 class _Judged(msgspec.Struct, frozen=True):
     id: str
     verdict: str
@@ -60,11 +68,13 @@ class _Judged(msgspec.Struct, frozen=True):
     rev: int | None = None
     reasons: tuple[str, ...] = ()
     cases: tuple[_Carrying, ...] = ()
+    conditions: tuple[_Condition, ...] | None = None
 
 
 class _Said(msgspec.Struct, frozen=True):
     cases: tuple[_Case, ...]
     requirements: tuple[_Judged, ...]
+    conditions: tuple[_Condition, ...] | None = None
 
 
 class _Meant(msgspec.Struct, frozen=True):
@@ -154,6 +164,7 @@ def _told(folder: Path, package: Package) -> Package:
         said = msgspec.json.decode(write_outcome(results_of(folder, ends)), type=_Said)
     calibration = _calibration(folder)
     stamps = [str(line.wall.get("utc", "")) for line in ends.lines]
+    simulated = bool(_json(folder / DUT).get("simulated", False))
     run = next((line.event for line in ends.lines if isinstance(line.event, Run)), None)
     if run is None:
         raise EvidenceError("it never began")
@@ -171,11 +182,12 @@ def _told(folder: Path, package: Package) -> Package:
         part=run.dut.part,
         hardware=run.dut.hardware,
         firmware=run.dut.firmware,
+        simulated_unit=simulated,
         version=run.version,
         analysis=str(_json(folder / _SOFTWARE).get("analysis", "")),
         plans=run.plans,
         instruments=calibration,
-        results=dict(_results(said, _fingerprints(folder))),
+        results=dict(_results(said, _fingerprints(folder), run.source, unit=simulated)),
         orphans=tuple(case.case for case in said.cases if not case.requirements),
     )
 
@@ -204,7 +216,9 @@ def _json(path: Path) -> Mapping[str, object]:
     return found if isinstance(found, dict) else {}
 
 
-def _results(said: _Said, fingerprints: Mapping[str, str]) -> Iterator[tuple[str, Result]]:
+def _results(
+    said: _Said, fingerprints: Mapping[str, str], source: Source, *, unit: bool
+) -> Iterator[tuple[str, Result]]:
     """Give what the results say of each requirement that the run's plans have."""
     checked: dict[str, set[str]] = {}
     used: dict[str, set[str]] = {}
@@ -229,6 +243,11 @@ def _results(said: _Said, fingerprints: Mapping[str, str]) -> Iterator[tuple[str
                 eligible=each.eligible,
                 reasons=each.reasons,
                 cases=tuple(case.case for case in each.cases),
+                of_simulation=tuple(
+                    its.text
+                    for its in (*(said.conditions or ()), *(each.conditions or ()))
+                    if source is not Source.HARDWARE and not its.proven and of_simulation(its.name, its.text, unit=unit)
+                ),
                 instruments=tuple(sorted(checked.get(each.id) or used.get(each.id) or ())),
             ),
         )

@@ -25,8 +25,10 @@ COLUMNS = (
     "compliance",
     "close-out",
     "reasons",
+    "on hardware",
 )
-"""The columns of the table; traceability, and level and stage, have two each."""
+"""The columns of the table; traceability, and level and stage, have two each. The last one
+says what would keep the requirement open if its newest simulated run were made on hardware."""
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """How a cell begins that a spreadsheet would compute."""
@@ -63,7 +65,14 @@ def _cells(row: Row) -> tuple[str, ...]:
         row.compliance,
         row.close_out,
         _lines(f"{each.code}: {each.text}" + (f" ({each.package})" if each.package else "") for each in row.reasons),
+        _on_hardware(row),
     )
+
+
+def _on_hardware(row: Row) -> str:
+    if row.on_hardware is None:
+        return ""
+    return _lines(f"{each.code}: {each.text}" for each in row.on_hardware.reasons) or "closed"
 
 
 def _lines(parts: Iterable[str]) -> str:

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import io
+import json
+import zipfile
 from dataclasses import replace
 
 import msgspec
+import pytest
 from audited import ASKED, PARENT, changed_package, closed_world, codes, package, result, row, seal_of, world_of
 
 from hil.audit.engine import audit
 from hil.audit.inputs import Policy
 from hil.audit.ledgered import DISPOSITION
+from hil.audit.pages.page import as_html
+from hil.audit.pages.workbook import as_xlsx
+from hil.audit.tables import as_csv, as_json
 from hil.evidence.ledger.entries import Head
+from hil.evidence.results.eligibility import of_simulation
 from hil.requirements.carried import CarryingCase
 
 FAIL = {ASKED.id: result(verdict="FAIL", failed=True, eligible=False, reasons=("its verdict is FAIL",))}
@@ -233,10 +241,93 @@ def test_a_simulated_campaign_closes_nothing_and_says_what_it_would_close():
     """A simulated campaign closes nothing and says what it would close."""
     said = {ASKED.id: result(eligible=False, reasons=("SIMULATED: the run's source", "SIMULATED: dmm"))}
     simulated = closed_world(source="simulated", results=said)
-    assert audit(simulated).summary.on_hardware == ("LOAD-010",)
+    assert audit(simulated).summary.on_hardware == ("EPS-001", "LOAD-010")
     assert audit(simulated).summary.closed == 0
     also = {ASKED.id: result(eligible=False, reasons=("SIMULATED: dmm", "the operator is not named"))}
     assert audit(closed_world(source="simulated", results=also)).summary.on_hardware == ()
+
+
+PORT = "it is not known what is at the port of dmm"
+DEVELOPMENT = "the purpose development does not close requirements"
+SIMULATED = result(
+    eligible=False,
+    reasons=("SIMULATED: the run's source", PORT, DEVELOPMENT, "no operator is named"),
+    of_simulation=("SIMULATED: the run's source", PORT, DEVELOPMENT),
+)
+
+
+def test_what_a_simulated_run_leaves_open_on_hardware_is_listed():
+    """What comes from the simulation falls away, and every other reason stays, counted in the summary."""
+    document = audit(closed_world(source="simulated", results={ASKED.id: SIMULATED}))
+    left = row(document).on_hardware
+    assert left is not None
+    assert left.package == "run-1"
+    assert [(each.code, each.text) for each in left.reasons] == [("NOT_ELIGIBLE", "no operator is named")]
+    assert document.summary.elsewhere == 2
+    assert document.summary.left_open == {"a requirement below it would stay open": 1, "no operator is named": 1}
+
+
+def test_a_simulated_unit_stands_for_one_that_has_to_be_there():
+    """On hardware, a unit of the requirement's stage is needed, and the register has one or not."""
+    simulated = result(eligible=False, reasons=SIMULATED.reasons[:3], of_simulation=SIMULATED.of_simulation)
+    changes = {"source": "simulated", "serial": "SIM-1", "simulated_unit": True, "purpose": "development"}
+    there = closed_world(results={ASKED.id: simulated}, **changes)
+    there = replace(there, asked=(PARENT, msgspec.structs.replace(ASKED, stage="acceptance")))
+    assert audit(there).summary.on_hardware == ("EPS-001", "LOAD-010")
+    left = row(replace(there, register=replace(there.register, duts={}))).on_hardware
+    assert left is not None
+    assert [each.text for each in left.reasons] == ["the register has no FM of the part LOAD-1"]
+
+
+def test_a_fail_on_hardware_stays_whatever_a_simulated_run_says():
+    """A simulated PASS would not close on hardware what failed there."""
+    simulated = package("run-2", "2026-06-02", source="simulated", results={ASKED.id: SIMULATED})
+    left = row(world_of([package("run-0", "2026-05-01", results=FAIL), simulated])).on_hardware
+    assert left is not None
+    assert "FAILED" in {each.code for each in left.reasons}
+
+
+def test_evidence_from_hardware_is_not_supposed_to_be_anywhere_else():
+    """Where every run was on hardware, there is nothing to suppose."""
+    world = closed_world(results={ASKED.id: result(eligible=False, reasons=("no operator is named",))})
+    assert row(world).on_hardware is None
+    assert audit(world).summary.elsewhere == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "bench", "unit"),
+    [
+        ("source", "SIMULATED: the run's source", True, True),
+        ("instruments", "SIMULATED: dmm", True, True),
+        ("port", PORT, True, True),
+        ("model", "the device under test is the model EM: it closes nothing", False, True),
+        ("purpose", DEVELOPMENT, False, True),
+        ("stage", "its stage is acceptance, but the run's purpose is development", False, True),
+        ("stage", "the requirement names no stage", False, False),
+        ("operator", "no operator is named", False, False),
+        ("product", "the product is not in version control", False, False),
+        ("calibration", "dmm has no calibration record", False, False),
+        ("verdict", "its verdict is FAIL", False, False),
+    ],
+)
+def test_what_a_simulated_bench_or_unit_cannot_meet(name, text, bench, unit):
+    """Conditions that are consequences of the simulation, of the bench alone and of the unit with it."""
+    assert of_simulation(name, text, unit=False) is bench
+    assert of_simulation(name, text, unit=True) is unit
+
+
+def test_every_form_of_the_document_says_what_hardware_would_leave_open():
+    """JSON, CSV, HTML and XLSX."""
+    document = audit(closed_world(source="simulated", results={ASKED.id: SIMULATED}))
+    told = json.loads(as_json(document))
+    assert [each.get("on_hardware", {}).get("reasons", [])[-1]["text"] for each in told["rows"]] == [
+        "LOAD-010 would stay open",
+        "no operator is named",
+    ]
+    assert "NOT_ELIGIBLE: no operator is named" in as_csv(document).decode().splitlines()[-1]
+    assert "The same run on hardware: open: NOT_ELIGIBLE" in "".join(as_html(document, ""))
+    with zipfile.ZipFile(io.BytesIO(as_xlsx(document))) as book:
+        assert 'name="On hardware"' in book.read("xl/workbook.xml").decode()
 
 
 def test_a_chain_of_ten_thousand_parents_is_walked():

@@ -15,7 +15,19 @@ from itertools import groupby
 from pathlib import Path
 from urllib.parse import quote
 
-from hil.audit.document import CloseOut, Code, Compliance, Document, Evidence, Gap, GapKind, Reason, Row
+from hil.audit.document import (
+    CloseOut,
+    Code,
+    Compliance,
+    Document,
+    Evidence,
+    Gap,
+    GapKind,
+    OnHardware,
+    Reason,
+    Row,
+    Summary,
+)
 
 __all__ = ["as_html"]
 
@@ -135,14 +147,24 @@ def _summary(document: Document) -> Iterator[str]:
     yield "</ul></section>\n"
     yield from _problems(document.problems)
     yield from _why(document)
-    if summary.on_hardware:
-        names = ", ".join(_link(name) for name in summary.on_hardware)
-        count = len(summary.on_hardware)
-        yield (
-            f"<details><summary>{count:,} {'is' if count == 1 else 'are'} open only because the evidence is simulated; "
-            f"the same run on hardware would close {'it' if count == 1 else 'them'}</summary>"
-            f"<p>{names}</p></details>\n"
-        )
+    if summary.elsewhere:
+        yield from _elsewhere(summary)
+
+
+def _elsewhere(summary: Summary) -> Iterator[str]:
+    """Yield what the simulated runs would close on hardware, and what would keep the others open."""
+    names = [_link(name) for name in summary.on_hardware]
+    count = f"{len(names):,}" if names else "none"
+    asked = f"{summary.elsewhere:,} requirement{'' if summary.elsewhere == 1 else 's'}"
+    yield f"<details><summary>The same runs on hardware, on a unit of their stage, would close {count} of the {asked} "
+    yield "that simulated runs speak for</summary>"
+    if names:
+        yield f"<p>{', '.join(names)}</p>"
+    if summary.left_open:
+        lines = (f'<tr><td>{_text(text)}</td><td class="num">{n:,}</td></tr>' for text, n in summary.left_open.items())
+        yield '<table><thead><tr><th scope="col">Others would stay open because</th><th scope="col" class="num">'
+        yield f"Requirements</th></tr></thead><tbody>{''.join(lines)}</tbody></table>"
+    yield "</details>\n"
 
 
 def _problems(problems: Sequence[str]) -> Iterator[str]:
@@ -269,7 +291,7 @@ class _Rows:
                 lines.append(f'<li class="of">{self._package(package)}</li>')
             last = package
             lines.append(f'<li><span class="code">{code.value}</span> {"; ".join(_alike(told))}</li>')
-        return f"<ul>{''.join(lines)}</ul>"
+        return f"<ul>{''.join(lines)}</ul>{_on_hardware(row.on_hardware)}"
 
     def _told(self, reason: Reason) -> str:
         told = _text(reason.text)
@@ -289,6 +311,16 @@ class _Rows:
 
 _IS_OPEN = " is open: "
 _MISSING = '<span class="missing">none</span>'
+
+
+def _on_hardware(would: OnHardware | None) -> str:
+    """Return in a line what would keep a requirement open on hardware; its reasons have been told above it."""
+    if would is None:
+        return ""
+    codes = ", ".join(dict.fromkeys(reason.code.value for reason in would.reasons))
+    told = f"open: {codes}" if codes else "<b>closed</b>"
+    texts = _plain("; ".join(reason.text for reason in would.reasons))
+    return f'<span class="soft" title="{texts}">The same run on hardware: {told}</span>'
 
 
 def _anomaly(row: Row) -> str:

@@ -1,4 +1,4 @@
-"""An audit's document as an XLSX workbook: summary, requirements, evidence and gaps, every cell a text or a count.
+"""An audit's document as an XLSX workbook of a few sheets, every cell a text or a count.
 
 The writer keeps one row in memory at a time. Nothing in a cell is a formula or a link, whatever it begins with.
 """
@@ -49,6 +49,7 @@ _EVIDENCE = (
     ("Closes it", 9),
     ("Reasons", 60),
 )
+_ON_HARDWARE = (("Requirement", 18), ("Package", 46), ("Would be", 10), ("Reasons", 80))
 _GAPS = (("Gap", 32), ("Name", 50), ("Where", 60))
 
 _Cells = Iterable[str | int]
@@ -66,6 +67,7 @@ def as_xlsx(document: Document) -> bytes:
     sheets.add("Summary", (("", 44), ("", 80)), _summary(document), head=False)
     sheets.add("Requirements", _REQUIREMENTS, map(_requirement, document.rows))
     sheets.add("Evidence", _EVIDENCE, (cells for row in document.rows for cells in _evidence(row)))
+    sheets.add("On hardware", _ON_HARDWARE, (cells for row in document.rows for cells in _on_hardware(row)))
     sheets.add("Gaps", _GAPS, ((gap.kind.value, gap.name, gap.where) for gap in document.gaps))
     book.close()
     return written.getvalue()
@@ -164,6 +166,12 @@ def _evidence(row: Row) -> Iterator[_Cells]:
             closes,
             reasons,
         )
+
+
+def _on_hardware(row: Row) -> Iterator[_Cells]:
+    if would := row.on_hardware:
+        reasons = _lines(f"{each.code.value}: {each.text}" for each in would.reasons)
+        yield row.id, would.package, "open" if would.reasons else "closed", reasons
 
 
 def _lines(parts: Iterable[str]) -> str:

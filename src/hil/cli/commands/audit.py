@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from hil.audit.changes import Change
-    from hil.audit.document import Document
+    from hil.audit.document import Document, Summary
     from hil.audit.inputs import World
     from hil.audit.reading import Folders
 
@@ -193,13 +193,28 @@ def _lines(document: Document) -> Iterator[str]:
     for kind in summary.gaps:
         names = [gap.name for gap in document.gaps if gap.kind == kind]
         yield f"{_counted(len(names), 'gap')}, {kind}: {_some(names)}"
-    if summary.on_hardware:
-        count = len(summary.on_hardware)
-        yield f"the same runs on hardware would close {count} of them: {_some(summary.on_hardware)}"
+    yield from _on_hardware(summary)
     for problem in document.problems[:_MOST]:
         yield f"problem: {problem}"
     if len(document.problems) > _MOST:
         yield f"and {len(document.problems) - _MOST} more problems"
+
+
+def _on_hardware(summary: Summary) -> Iterator[str]:
+    from hil.report.tables import aligned  # noqa: PLC0415 - heavy
+
+    if not summary.elsewhere:
+        return
+    named = f": {_some(summary.on_hardware)}" if summary.on_hardware else ""
+    count = str(len(summary.on_hardware) or "none")
+    asked = _counted(summary.elsewhere, "requirement")
+    yield f"simulated runs speak for {asked}; on hardware, on a unit of their stage, they would close {count}{named}"
+    if summary.left_open:
+        yield "others would stay open on hardware because"
+        rows = [(str(count), text) for text, count in tuple(summary.left_open.items())[:_MOST]]
+        yield from aligned(rows, right={0}, indent="  ")
+        if len(summary.left_open) > _MOST:
+            yield f"  and for {len(summary.left_open) - _MOST} more reasons"
 
 
 def _changed_lines(found: Sequence[Change], before: Document) -> Iterator[str]:

@@ -14,13 +14,16 @@ from hil.evidence.state import RunState
 from hil.model.identity import Model, Purpose, Source
 from hil.model.verdict import Verdict
 
-__all__ = ["against_hardware", "of_requirement", "of_run", "reasons_in", "sources_of"]
+__all__ = ["MODELS", "against_hardware", "of_requirement", "of_run", "of_simulation", "reasons_in", "sources_of"]
 
 _NO_RECORD = FrozenCalibration()
 _NOTHING = FrozenRequirement()
 _ENVELOPE = "envelope "
-_MODELS = {Purpose.QUALIFICATION: Model.QM, Purpose.ACCEPTANCE: Model.FM}
+MODELS = {Purpose.QUALIFICATION: Model.QM, Purpose.ACCEPTANCE: Model.FM}
 """Which model of a device a purpose, and the stage of that name, asks for."""
+_OF_BENCH = frozenset({"source", "instruments", "port"})
+_OF_UNIT = frozenset({"model", "purpose"})
+_OTHER_PURPOSE = ", but the run's purpose is "
 
 
 def reasons_in(conditions: Iterable[Condition]) -> tuple[str, ...]:
@@ -80,6 +83,20 @@ def of_requirement(
         *_identities(used, state),
         *_calibration(sorted(names), facts),
     )
+
+
+def of_simulation(name: str, text: str, *, unit: bool) -> bool:
+    """Return whether a condition that is not proven cannot be met because the bench is simulated.
+
+    A simulated device under test has no model that counts, and no run for qualification or acceptance takes it.
+
+    Args:
+        name: the name of the condition.
+        text: why it is not proven.
+        unit: whether the device under test is simulated, too.
+    """
+    of_unit = name in _OF_UNIT or (name == "stage" and _OTHER_PURPOSE in text)
+    return name in _OF_BENCH or (unit and of_unit)
 
 
 def sources_of(used: Mapping[str, str], state: RunState) -> Mapping[str, str]:
@@ -185,7 +202,7 @@ def _dut(state: RunState) -> Iterator[Condition]:
     proof = f"the device under test has the serial number {serial}"
     yield _condition("dut", bool(serial), proof, "the device under test has no serial number")
     model = dut.model if dut else None
-    closes = model in _MODELS.values()
+    closes = model in MODELS.values()
     told = f"the device under test is {_a(model)}, which closes nothing"
     yield _condition("model", closes, f"the device under test is {_a(model)}", told)
 
@@ -216,16 +233,16 @@ def _stage(entry: FrozenRequirement, state: RunState) -> Iterator[Condition]:
     if state.run is None:
         return
     purpose, model = state.run.purpose, state.run.dut.model
-    wanted = {str(each): its for each, its in _MODELS.items()}.get(entry.stage)
+    wanted = {str(each): its for each, its in MODELS.items()}.get(entry.stage)
     if wanted is None:
         told = f"its stage is {entry.stage}, which no run closes" if entry.stage else "the requirement names no stage"
         yield _condition("stage", False, told)
         return
     proof = f"its stage is {entry.stage}, and so is the purpose"
-    told = f"its stage is {entry.stage}, but the run's purpose is {purpose}"
+    told = f"its stage is {entry.stage}{_OTHER_PURPOSE}{purpose}"
     yield _condition("stage", purpose == entry.stage, proof, told)
     told = f"its stage is {entry.stage}, which takes {_a(wanted)}, but the device under test is {_a(model)}"
-    if model in _MODELS.values():
+    if model in MODELS.values():
         yield _condition("stage", model is wanted, f"its stage takes {_a(wanted)}, and the device is one", told)
 
 
