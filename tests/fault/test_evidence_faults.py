@@ -339,7 +339,7 @@ def test_a_seal_that_dies_anywhere_is_finished(tmp_path):
 
         def work(folder=folder):
             with hold(folder):
-                journal = Journal(folder / JOURNAL, reserve=folder / RESERVE, stamp=stamps())  # one writer: this child
+                journal = Journal(folder / JOURNAL, reserve=folder / RESERVE)  # one writer: this child
                 seal(folder, journal, exit_code=0, write_reports=write_report)
 
         journal.close()
