@@ -59,6 +59,18 @@ def test_recordings_are_exported_as_told(tmp_path):
 
 
 @pytest.mark.system
+@pytest.mark.timeout(120)
+def test_the_audit_tells_of_a_new_clone_what_the_page_shows(tmp_path):
+    """The first command of the guide; the others need a history of their own."""
+    for name in ("fixtures", "testplans", "reports/reference"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    steps = [step for step in steps_of(DOCS / "how-to" / "audit.md") if isinstance(step, Command)]
+    assert steps[0].text == "hil audit"
+    assert follow(steps[:1], tmp_path) == ""
+
+
+@pytest.mark.system
 @pytest.mark.alone
 @pytest.mark.timeout(600)
 def test_a_real_bench_is_rehearsed_as_told(tmp_path):
