@@ -10,11 +10,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from live_runs import served
+from live_runs import seconds_until, served
 from told_as_json import results_as_json
 from told_pages import Written, steps_of
-from workspaces import ROOT
+from workspaces import ROOT, command_line, kill
 
+from hil.evidence.folder import JOURNAL
 from hil.evidence.package.contents import Package
 
 PAGE = ROOT / "docs" / "how-to" / "write-a-plan.md"
@@ -71,6 +72,11 @@ def git(root, *arguments):
     subprocess.run(["git", *named, *arguments], cwd=root, check=True, capture_output=True)
 
 
+RUN = ("run", "load", "--bench", "load", "--dut", "SIM-LOAD-1", "--purpose", "acceptance", "--operator", "Ada")
+BRIDGE = {"driver: keysight-e36300": 'driver: keysight-e36300\n    stands_for_hardware: "a bridge"'}
+READS_AND_WAITS = {"    check(": "    clock.sleep(3.0)\n    check("}
+
+
 def put_in_order(root):
     """Lock the requirements, and put everything into version control."""
     assert hil(root, "requirements", "lock", "load").returncode == 0
@@ -85,25 +91,11 @@ def test_a_served_bench_called_hardware_is_not_eligible(tmp_path):
     """A bench that is served on loopback and called hardware, the rest in order, closes nothing; each way says why."""
     port = free_port()
     root = tmp_path / "own"
-    workspace_of(
-        root, port, **{"driver: keysight-e36300": 'driver: keysight-e36300\n    stands_for_hardware: "a bridge"'}
-    )
+    workspace_of(root, port, **BRIDGE)
     put_in_order(root)
-    arguments = (
-        "run",
-        "load",
-        "--bench",
-        "load",
-        "--dut",
-        "SIM-LOAD-1",
-        "--purpose",
-        "acceptance",
-        "--operator",
-        "Ada",
-    )
     with served(tmp_path / "e", root, "load", first_port=port):
-        refused = hil(root, *arguments, PYTHONOPTIMIZE="1")
-        done = hil(root, *arguments)
+        refused = hil(root, *RUN, PYTHONOPTIMIZE="1")
+        done = hil(root, *RUN)
     assert refused.returncode == 4
     assert "this Python leaves assertions out" in refused.stderr
     assert done.returncode == 0, done.stdout + done.stderr
@@ -119,3 +111,59 @@ def test_a_served_bench_called_hardware_is_not_eligible(tmp_path):
     (identity,) = [gate for gate in package.state.gates if gate.instrument == "psu1"]
     assert (identity.detail, identity.source) == ("Keysight Technologies E36312A SIM-MY59000001", "simulated")
     assert hil(root, "verify", str(package.folder)).returncode == 0
+
+
+def killed_after_reading(root):
+    """Start a run, kill it with -9 once its journal has a current outside the limit, acknowledge; return its folder."""
+    process = subprocess.Popen(
+        command_line(*RUN), cwd=root, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True
+    )
+
+    def reading():
+        return [path for path in root.glob(f"reports/*/{JOURNAL}") if b"supply.load.current" in path.read_bytes()]
+
+    try:
+        seconds_until(lambda: reading() or process.poll() is not None, 60.0, "a reading")
+    finally:
+        kill(process)
+        said, _ = process.communicate()
+    assert reading(), said.decode()
+    folder = reading()[0].parents[1]
+    acknowledged = ("ack", folder.name, "--by", "Ada", "--text", "the resistor is warm")
+    seconds_until(lambda: hil(root, *acknowledged).returncode == 0, 30.0, "acknowledged")
+    return folder
+
+
+@pytest.mark.system
+@pytest.mark.alone
+@pytest.mark.timeout(150)
+def test_a_bad_reading_is_not_undone_by_kill_acknowledge_and_resume(tmp_path):
+    """120 ohm was read, then 100.4 ohm, and it was a PASS: no file edited, or the journal cut before the reading."""
+    port, root, other = free_port(), tmp_path / "own", tmp_path / "other"
+    for each, load in ((root, "120"), (other, "100.4")):
+        workspace_of(each, port, **BRIDGE)
+        change(each / "testplans/load/test_load.py", READS_AND_WAITS)
+        change(each / "fixtures/benches/load/bench.yaml", {'load: "100.4"': f'load: "{load}"'})
+    put_in_order(root)
+    with served(tmp_path / "e", root, "load", first_port=port):
+        folder = killed_after_reading(root)
+    journal = (folder / JOURNAL).read_bytes()
+    lines = journal.splitlines(keepends=True)
+    first = next(number for number, line in enumerate(lines) if b'"kind":"case"' in line)
+    (folder / JOURNAL).write_bytes(b"".join(lines[: first + 1]))
+    with served(tmp_path / "f", other, "load", first_port=port):
+        cut = hil(root, "resume", folder.name)
+        (folder / JOURNAL).write_bytes(journal)
+        resumed = hil(root, "resume", folder.name)
+    assert cut.returncode == 4
+    assert f"cannot resume: the journal has {first + 1} events, and the ledger saw event" in cut.stderr
+    assert resumed.returncode == 1, resumed.stdout + resumed.stderr
+    results = results_as_json(Package(folder).outcome())
+    (case,) = results["cases"]
+    assert [(each["attempt"], each["verdict"]) for each in case["attempts"]] == [(1, None), (2, "ABORTED")]
+    assert case["verdict"] == "ABORTED"
+    assert any("without a verdict, after it had read supply.load.voltage" in each for each in case["reasons"])
+    assert [check["verdict"] for check in case["checks"]] == ["PASS"]
+    (item, *_) = results["requirements"]
+    assert (item["verdict"], item["eligible"]) == ("ABORTED", False)
+    assert hil(root, "verify", folder.name).returncode == 0
