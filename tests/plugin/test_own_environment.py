@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 from workspaces import agreed, make
@@ -13,6 +14,31 @@ def test_one(check):
     import lazily_loaded
     check("T-010", "ratio", 1.0)
 '''
+
+UNDONE = """
+@pytest.mark.requirement("T-010")
+def test_cleared(check):
+    \"\"\"Takes every variable of the environment away.\"\"\"
+    os.environ.clear()
+    check("T-010", "ratio", 1.0)
+
+@pytest.mark.requirement("T-010")
+def test_shallow(check):
+    \"\"\"Leaves the interpreter no room for calls.\"\"\"
+    sys.setrecursionlimit(max(120, len(inspect.stack()) + 20))
+    check("T-010", "ratio", 1.0)
+    deep(120)
+
+def deep(count):
+    return deep(count - 1) if count else 0
+"""
+
+
+def test_what_a_case_does_to_its_interpreter_does_not_end_the_run(tmp_path, monkeypatch):
+    """It clears the environment, or lowers the limit of recursion: the run goes on and is sealed."""
+    monkeypatch.setattr(os, "environ", os.environ.copy())
+    workspace = make(tmp_path / "workspace", "import inspect, os, sys\n" + UNDONE)
+    agreed(workspace.run(), {"test_cleared": "PASS", "test_shallow": "ERROR"}, "ERROR", 1)
 
 
 def test_packages_of_an_environment_in_the_workspace_stay_loaded(tmp_path, monkeypatch):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Generator, Sequence
 from typing import NoReturn
 
@@ -151,8 +152,12 @@ class Campaign:
     @pytest.hookimpl(wrapper=True, trylast=True)
     def pytest_runtest_setup(self) -> Generator[None, object, object]:
         """Let what ends a case's own code end that of its fixtures as well."""
+        limit = sys.getrecursionlimit()
         with self.running.flags.case_code():
-            return (yield)
+            try:
+                return (yield)
+            finally:
+                sys.setrecursionlimit(limit)  # as below
 
     pytest_runtest_teardown = pytest_runtest_setup
 
@@ -163,9 +168,13 @@ class Campaign:
         Code that makes pytest believe afterwards that nothing was raised does not deceive the run.
         """
         run = self.running.current
+        limit = sys.getrecursionlimit()
         try:
             with self.running.flags.case_code():
-                return (yield)
+                try:
+                    return (yield)
+                finally:
+                    sys.setrecursionlimit(limit)  # what a case makes of it would end the run itself
         except (pytest.skip.Exception, pytest.xfail.Exception) as error:
             _skip_within(run, error)
             raise
