@@ -47,6 +47,22 @@ def test_everything_that_is_wrong_is_told_at_once(tmp_path):
     assert all(finding.line > 0 for finding in caught.value.findings)
 
 
+def test_a_file_of_the_bench_is_not_overwritten_in_the_package(tmp_path):
+    """A bench folder with a calibration.json or a duts.yaml of its own; in a folder below they are no trouble."""
+    workspace = make(tmp_path / "workspace", CASES)
+    bench = workspace.root / "fixtures/benches/adcs"
+    (bench / "notes").mkdir()
+    for name in ("calibration.json", "duts.yaml", "notes/duts.yaml"):
+        (bench / name).write_text("mine", encoding="utf-8")
+    with pytest.raises(ConfigurationError) as caught:
+        configure(workspace.request())
+    assert [finding.path for finding in caught.value.findings] == [
+        "fixtures/benches/adcs/calibration.json",
+        "fixtures/benches/adcs/duts.yaml",
+    ]
+    assert "the package keeps a file of its own by this name" in str(caught.value)
+
+
 def test_settings_are_told_before_a_name_that_only_they_hide(tmp_path):
     """A plan is not where the misspelt key says it is; which mistake that is has to be told, not its consequence."""
     workspace = make(tmp_path / "workspace", CASES)

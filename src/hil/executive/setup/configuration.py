@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -28,6 +28,8 @@ from hil.requirements.parameters import Parameters, load_parameters
 
 __all__ = ["Configuration", "Request", "configure", "reach_of", "require_fitting"]
 
+_BENCH_FILE = "bench.yaml"
+_OF_THE_PACKAGE = frozenset({"calibration.json", "duts.yaml"})
 _ELSEWHERE = "use --source simulated here"
 _NOT_SIMULATED = "is --source simulated missing? On hardware, name the article that is on the bench"
 _Loaded = TypeVar("_Loaded")
@@ -131,8 +133,8 @@ def configure(request: Request) -> Configuration:
     noted = Findings()
     workspace = find_workspace(request.start, noted)
     plans = _plans(workspace, request, noted)
-    findings = list(noted)
     inputs = Inputs(workspace, plans, request.bench)
+    findings = [*noted, *_taken_names(inputs, request)]
     with inputs.snapshot.reading():  # what is frozen is what is used
         catalogue = _gather(lambda: load_catalogue(workspace.root, plans), findings)
         parameters = {plan.name: _gather(partial(load_parameters, workspace.root, plan), findings) for plan in plans}
@@ -155,6 +157,15 @@ def configure(request: Request) -> Configuration:
         inputs=inputs,
         hand=hand,
     )
+
+
+def _taken_names(inputs: Inputs, request: Request) -> Iterator[Finding]:
+    """Give a finding for every file beside the bench file that would be overwritten in the package."""
+    for path in inputs.bench_files:
+        taken = path.name in _OF_THE_PACKAGE and (path.parent / _BENCH_FILE).is_file()
+        if taken and request.source is not Source.REPLAYED:  # whose bench is the one of a package
+            text = "the package keeps a file of its own by this name: rename it, or move it out of the bench's folder"
+            yield Finding(inputs.shown(path), 0, 0, text)
 
 
 def _plans(workspace: Workspace, request: Request, noted: Findings) -> tuple[Path, ...]:
