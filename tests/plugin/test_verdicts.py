@@ -747,3 +747,15 @@ def test_a_check_in_a_teardown_counts(tmp_path, value, verdict, code):
         pass
     """
     agreed(ran(tmp_path, cases), {"test_one": verdict}, verdict, code)
+
+
+def test_a_strict_run_fails_for_requirements_that_it_leaves_uncovered(tmp_path):
+    """Every case passed, and the plan asks for more than they show; the last lines say so, strict or not."""
+    workspace = make(tmp_path / "workspace", CHECK.format(value="1.0"))
+    lenient, strict = workspace.run(), workspace.run(strict=True)
+    assert (lenient.code, strict.code) == (0, 1)
+    for found in (lenient, strict):
+        told = found.out.rpartition("\n\n")[0]
+        assert "of its plans uncovered: " in told.rpartition("\n\n")[2]
+        assert "(no case)" in told
+    assert verify(strict.package.folder).ok

@@ -29,6 +29,7 @@ from hil.plugin.launch import launch
 from hil.plugin.opening import open_new, open_resumed
 from hil.plugin.terminal.answering import answers_of
 from hil.plugin.terminal.progress import Progress
+from hil.report.sentences import uncovered
 from hil.report.summary import closing_lines
 from hil.report.write import write_reports
 
@@ -258,6 +259,8 @@ def _nothing(out: TextIO, code: int) -> int:
 def _close(session: Session, notifier: Notifier | None, pytest_code: int, out: TextIO, word: Word) -> int:
     """Seal, report, and return the exit code; what cannot be reported changes nothing."""
     code = session.exit_code(pytest_code)
+    if code == 0 and session.configuration.request.strict and _leaves_uncovered(session.folder):
+        code = _FAILED
     if session.left_open:
         return _leave_open(session, notifier, code, out)
     if notifier is not None:
@@ -280,6 +283,14 @@ def _close(session: Session, notifier: Notifier | None, pytest_code: int, out: T
     except (OSError, ValueError, KeyboardInterrupt, MemoryError):
         _complain(f"hil: standard output could not be written; the package is {session.folder}")
     return code
+
+
+def _leaves_uncovered(folder: Path) -> bool:
+    """Return whether a run that is about to be sealed says nothing of some requirement of its plans."""
+    from hil.evidence.journal.reader import read_journal  # noqa: PLC0415 - only where it is asked for
+    from hil.evidence.results.derived import results_of  # noqa: PLC0415 - only where it is asked for
+
+    return bool(uncovered(results_of(folder, read_journal(folder / JOURNAL))))
 
 
 def _leave_open(session: Session, notifier: Notifier | None, code: int, out: TextIO) -> int:

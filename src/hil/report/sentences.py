@@ -25,10 +25,13 @@ __all__ = [
     "safe_word",
     "source_word",
     "subject",
+    "uncovered",
+    "uncovered_sentence",
     "warnings",
 ]
 
 _FEW = 3  # requirements without a check that are told one by one
+_SAYING = frozenset({Verdict.PASS, Verdict.RECORDED, Verdict.FAIL, Verdict.INCONCLUSIVE})
 _CAN = "the verdict is good, and nothing in this run weakens the evidence"
 _TOLD = {
     Verdict.PASS: "passed",
@@ -162,6 +165,26 @@ def closing_sentence(results: Outcome) -> str:
     if total == 1:
         return "This run cannot close its requirement."
     return f"This run can close {able or 'none'} of its {total} requirements."
+
+
+def uncovered(results: Outcome) -> tuple[RequirementOutcome, ...]:
+    """Return the requirements of the run's plans that it says nothing of: no case, or none that came to a verdict."""
+    return tuple(entry for entry in results.requirements if not entry.cases or entry.verdict not in _SAYING)
+
+
+def uncovered_sentence(results: Outcome, most: int) -> str:
+    """Return in one line which requirements the run leaves uncovered, empty if it leaves none.
+
+    Args:
+        results: the run's results.
+        most: how many are named.
+    """
+    left = uncovered(results)
+    if not left:
+        return ""
+    named = [f"{entry.id} ({entry.verdict if entry.cases else 'no case'})" for entry in left[:most]]
+    more = f" and {len(left) - most} more" if len(left) > most else ""
+    return f"This run leaves {counted(len(left), 'requirement')} of its plans uncovered: {', '.join(named)}{more}."
 
 
 def _closes(requirement: RequirementOutcome) -> bool:

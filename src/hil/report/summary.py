@@ -8,7 +8,17 @@ from hil.evidence.events import Check
 from hil.evidence.results.outcome import CaseOutcome, Outcome
 from hil.model.verdict import Verdict
 from hil.report.page.as_run import check_row
-from hil.report.sentences import closing_sentence, closings, counted, headline, holds, in_short, source_word, warnings
+from hil.report.sentences import (
+    closing_sentence,
+    closings,
+    counted,
+    headline,
+    holds,
+    in_short,
+    source_word,
+    uncovered_sentence,
+    warnings,
+)
 from hil.report.tables import labelled
 
 __all__ = ["check_lines", "closing_lines"]
@@ -78,6 +88,8 @@ def _case_lines(case: CaseOutcome) -> Iterator[str]:
 
 
 def _worth(results: Outcome) -> Iterator[str]:
+    if sentence := uncovered_sentence(results, _MOST_NAMED):
+        yield sentence
     source = source_word(results)
     yield closing_sentence(results) + (f" {source}." if source else "")
     total = len(results.requirements)

@@ -87,6 +87,20 @@ def test_requirements_without_a_case_stand_beside_the_verdict():
     assert not any("NOT COVERED" in line for line in closing_lines(outcome_of(results | {"requirements": [covered]})))
 
 
+def test_the_last_lines_name_what_the_run_leaves_uncovered():
+    """A requirement without a case, and one whose cases came to no verdict; a FAIL is a verdict."""
+    said = {"PASS": "A-1", "FAIL": "A-2", "NOT_EVALUATED": "A-3", "ERROR": "A-4"}
+    entries = [
+        {"id": name, "verdict": verdict, "cases": [{"case": "a", "verdict": verdict}]} for verdict, name in said.items()
+    ]
+    bare = {"id": "A-5", "verdict": "NOT_RUN", "cases": []}
+    lines = closing_lines(outcome_of({"verdict": "FAIL", "run": {}, "requirements": [*entries, bare]}))
+    told = "This run leaves 3 requirements of its plans uncovered: A-3 (NOT_EVALUATED), A-4 (ERROR), A-5 (no case)."
+    assert told in lines
+    covered = closing_lines(outcome_of({"verdict": "FAIL", "run": {}, "requirements": entries[:2]}))
+    assert not any("uncovered" in line for line in covered)
+
+
 def test_eligible_requirement_that_did_not_pass_is_not_closed():
     """A good word of the evidence does not make up for a verdict that is none."""
     entry = {"id": "A-1", "verdict": "NOT_EVALUATED", "eligible": True, "reasons": []}

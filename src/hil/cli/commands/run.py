@@ -74,6 +74,7 @@ class Place(click.Path):
     type=Place(path_type=Path, file_okay=False),
     help="Folder for the package; reports/ of the workspace by default.",
 )
+@click.option("--strict", is_flag=True, help="Exit with 1 if the run leaves a requirement of its plans uncovered.")
 @click.option("--detach", is_flag=True, help="Detach from this terminal; return as soon as the run has begun.")
 @attendance_options
 @click.option("-v", "--verbose", is_flag=True, help="Also show every step, driving call and gate.")
@@ -95,6 +96,7 @@ def command(  # noqa: PLR0913 - one argument per option
     answers: Path | None,
     ask: bool,
     output: Path | None,
+    strict: bool,
     detach: bool,
     verbose: bool,
     **attendance: Any,  # noqa: ANN401 - those of attendance_options
@@ -128,6 +130,7 @@ def command(  # noqa: PLR0913 - one argument per option
         answers=answers.resolve() if answers else None,
         person=ask,
         output=output.resolve() if output else None,
+        strict=strict,
         served=served.resolve() if served else None,
         epoch=wall.utc_now() if live else "",
         **attended,

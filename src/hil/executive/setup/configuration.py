@@ -54,6 +54,7 @@ class Request:
         output: where the package goes, the workspace's reports where None.
         served: the folder in which another process serves the simulated bench, None if none does.
         epoch: UTC of bench time zero, ISO 8601, for a bench outside this process.
+        strict: whether a requirement of the plans that the run says nothing of makes it fail.
         unattended: whether nobody stays with the run; that takes more of a bench outside this process.
         on_call: who comes if something happens then.
         acknowledge_within_s: how long that person may take to answer when the bench is armed [s].
@@ -73,6 +74,7 @@ class Request:
     output: Path | None = None
     served: Path | None = None
     epoch: str = ""
+    strict: bool = False
     unattended: bool = False
     on_call: str = ""
     acknowledge_within_s: float = 600.0
