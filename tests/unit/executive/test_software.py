@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+import sys
 from types import SimpleNamespace
 
 import pytest
@@ -12,7 +13,7 @@ import pytest
 import hil
 from hil.executive.resuming.earlier import Earlier
 from hil.executive.resuming.preconditions import deviation_of
-from hil.executive.setup.software import software_identity
+from hil.executive.setup.software import customised, software_identity
 from hil.model.errors import Refused
 
 GIT = shutil.which("git")
@@ -122,3 +123,11 @@ def test_a_run_of_before_files_were_named_can_be_gone_on_with(checkout, tmp_path
     path.write_text(json.dumps(told), encoding="utf-8")
     with pytest.raises(Refused, match="its source was changed then"):
         deviation_of(*run, "")
+
+
+def test_code_that_runs_before_the_product_is_told():
+    """A `sitecustomize` on PYTHONPATH could replace anything; one of this Python is part of it."""
+    own = SimpleNamespace(__file__=f"{sys.prefix}/lib/sitecustomize.py")
+    assert customised({"sitecustomize": own}) == ()
+    told = "Python ran a usercustomize.py from outside of its installation, which no package holds"
+    assert customised({"usercustomize": SimpleNamespace(__file__="/elsewhere/usercustomize.py")}) == (told,)

@@ -17,7 +17,7 @@ from hil.documents.suggest import did_you_mean
 from hil.executive.setup.ground import Ground
 from hil.executive.setup.hand_instruments import HandInstrument, hand_instruments
 from hil.executive.setup.inputs import Inputs
-from hil.executive.setup.software import require_assertions
+from hil.executive.setup.software import customised, require_assertions
 from hil.executive.setup.workspace import Workspace, find_workspace
 from hil.model.bench import BenchSpec
 from hil.model.errors import ConfigurationError, Finding, Refused
@@ -121,7 +121,7 @@ class Configuration:
         """What differs from the plans, a sentence each."""
         skipped = [f"case {case} is skipped: {reason}" for case, reason in sorted(self.request.skips.items())]
         changed = (text for each in self.parameters.values() for text in each.deviations)
-        return (*changed, *skipped, *self.inputs.reaches)
+        return (*changed, *skipped, *self.inputs.reaches, *customised())
 
 
 def configure(request: Request) -> Configuration:

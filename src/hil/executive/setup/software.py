@@ -7,6 +7,7 @@ import platform
 import shutil
 import subprocess
 import sys
+from collections.abc import Mapping
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -16,7 +17,7 @@ from hil.evidence.durable import sha256_of
 from hil.evidence.results.judging_code import judging_digest
 from hil.model.errors import Refused
 
-__all__ = ["PINNED", "pinned_environment", "require_assertions", "software_identity", "version"]
+__all__ = ["PINNED", "customised", "pinned_environment", "require_assertions", "software_identity", "version"]
 
 PINNED = {
     "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL AVX512_SPR",
@@ -50,6 +51,17 @@ def require_assertions(optimize: int = sys.flags.optimize) -> None:
             "this Python leaves assertions out, so that a case that asserts judges nothing",
             "unset PYTHONOPTIMIZE, and start Python without -O",
         )
+
+
+def customised(modules: Mapping[str, object] = sys.modules) -> tuple[str, ...]:
+    """Return which code ran before the product that no package holds, and that is no part of this Python."""
+    found = ((name, getattr(modules.get(name), "__file__", None)) for name in ("sitecustomize", "usercustomize"))
+    inside = (f"{sys.prefix}{os.sep}", f"{sys.base_prefix}{os.sep}")
+    return tuple(
+        f"Python ran a {name}.py from outside of its installation, which no package holds"
+        for name, file in found
+        if file and not str(file).startswith(inside)
+    )
 
 
 def version() -> str:
