@@ -6,8 +6,6 @@ import hashlib
 from functools import cache
 from pathlib import Path
 
-import hil
-
 __all__ = ["judging_digest"]
 
 _JUDGING = ("analysis", "requirements/decision.py", "requirements/units.py", "requirements/units.txt")
@@ -17,7 +15,7 @@ _JUDGING = ("analysis", "requirements/decision.py", "requirements/units.py", "re
 @cache  # a process judges by one version
 def judging_digest() -> str:
     """Return the SHA-256 over the product's code between readings and verdicts: names and bytes of its files."""
-    root = Path(hil.__file__).parent
+    root = Path(__file__).parents[2]
     content = hashlib.sha256()
     for name in _JUDGING:
         place = root / name
