@@ -258,11 +258,13 @@ def test_sys_exit_where_modules_load_is_no_pass(tmp_path):
 
 
 def test_a_thread_that_never_ends_does_not_hold_up_the_end(tmp_path):
-    """The process leaves with the run's code."""
+    """The process leaves with the run's code, which is that of an ERROR: the thread outlived its case."""
     body = "import threading\nthreading.Thread(target=threading.Event().wait).start()"
     workspace = make(tmp_path / "workspace", case(body))
-    assert finish(workspace.start_run()).code == 0
-    assert verdicts(package_of(workspace)) == ["PASS", "PASS"]
+    assert finish(workspace.start_run()).code == 1
+    package = package_of(workspace)
+    assert verdicts(package) == ["ERROR", "PASS"]
+    assert "outlives the case" in results_as_json(package)["cases"][0]["reasons"][0]
 
 
 def test_the_run_ends_in_order_when_its_supervisor_is_killed(tmp_path):

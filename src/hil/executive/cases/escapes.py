@@ -143,7 +143,7 @@ class Escapes:
         if not self._faked:
             return []
         hint = "leave the clocks of the process as they are; what the case may know of time is its fixture clock"
-        return [Escaped(f"the case ran while {', '.join(self._faked)} were replaced", hint)]
+        return [Escaped(f"the case ran with replaced clocks: {', '.join(self._faked)}", hint)]
 
     def _left_threads(self) -> list[Escaped]:
         """Return the threads that the case began and that are alive still."""
