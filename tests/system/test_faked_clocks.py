@@ -57,11 +57,11 @@ def test_a_plan_that_freezes_time_is_told_and_stamped_by_the_clock_on_the_wall(t
     results = results_as_json(Package(folder))
     (case,) = results["cases"]
     assert (ended.code, case["verdict"]) == (1, "ERROR"), ended.err
-    (reason, *_) = case["reasons"]
-    assert reason == (
+    told = (
         "the case ran with replaced clocks: time.time, time.monotonic, datetime.datetime; leave the clocks of the"
         " process as they are; what the case may know of time is its fixture clock"
     )
+    assert told in case["reasons"]
     (item, *_) = results["requirements"]
     assert (item["verdict"], item["eligible"]) == ("ERROR", False)
     lines = read_journal(folder / JOURNAL).lines
