@@ -6,6 +6,10 @@ import numpy as np
 import pytest
 
 from hil.analysis import magnitude, mean, resistance, share_known, standard_deviation, widened
+from hil.analysis.gyroscope.calibrate import calibrate
+from hil.analysis.gyroscope.interchange import as_json, from_json
+from hil.analysis.gyroscope.readings import reading
+from hil.analysis.gyroscope.self_check import reproduction
 from hil.analysis.tracing import Samples, samples
 from hil.model.figure import Figure
 from hil.model.provenance import Number, Provenance
@@ -82,3 +86,21 @@ def test_small_functions_for_plans():
     assert widened(Figure(value=1.0, unit="V"), absolute=1.0).uncertainty is None
     assert share_known([Number(1.0, FIELD), float("nan")]).value == 0.5
     assert share_known([Number(1.0, FIELD), float("nan")]).provenance.instruments == ("mag1",)
+
+
+def test_a_reading_of_a_gyroscope_and_its_reproduction_keep_it():
+    """What is calibrated has sensor and table behind it, and so has the word that the export gives it back."""
+    table = Provenance(instruments=("table1",), sources=("rotation_table.rate",))
+    rates, means = {}, {}
+    taken = []
+    for temperature in (10.0, 25.0, 40.0):
+        for rate in (0.0, 10.0, -10.0):
+            means = {"x": Figure(value=0.1 + rate / 1.05, unit="deg/s", uncertainty=0.01).with_provenance(FIELD)}
+            rates = {"x": Figure(value=rate, unit="deg/s", uncertainty=0.001).with_provenance(table)} if rate else None
+            taken.append(reading(temperature, means, rates))
+    assert taken[1].means["x"].provenance.instruments == ("mag1", "table1")
+    report = calibrate(taken)
+    found = reproduction(from_json(as_json(report.calibration)), report)
+    assert found == "reproduced"
+    assert found.provenance.instruments == ("mag1", "table1")
+    assert {"reading", "reproduction"} <= set(found.provenance.by)

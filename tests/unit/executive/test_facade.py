@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 from case_parts import Case
+from typed_events import event_of
 
+from hil.executive.cases.effects import Recall
 from hil.executive.cases.facade import RoleSet
 from hil.executive.ending.stop import Stopped
 from hil.model.errors import Misused, NoReply
@@ -119,3 +121,17 @@ def test_a_facade_cannot_be_patched(tmp_path):
             setattr(case.coil, name, value)
     with pytest.raises(AttributeError, match="supply is what the bench file says, its 'coil'"):
         RoleSet("supply", {"coil": case.coil}).coil = None
+
+
+@pytest.mark.parametrize("answered", [frozenset(), frozenset({"reads"})])
+def test_a_reading_has_the_same_origin_when_the_case_runs_again(tmp_path, answered):
+    """Performed again in a replay, or answered from the journal after a resume: the journal holds no provenance."""
+    first = Case(tmp_path / "1")
+    before = (first.coil.voltage(), first.coil.current())
+    recall = Recall([event_of(**event) for event in first.written.of("effect")], answered)
+    again = Case(tmp_path / "2", recall=recall)
+    after = (again.coil.voltage(), again.coil.current())
+    assert after == before
+    assert [each.provenance for each in after] == [each.provenance for each in before]
+    assert before[0].provenance.instruments == ("psu1",)
+    assert before[1].provenance.uncovered == ("the certificate of psu1 covers nothing in A",)

@@ -213,3 +213,18 @@ def test_wrong_parameters_are_errors_at_load(load, entry, expected):
         load(f"schema: hil/parameters/1\nparameters:\n- {entry}\n")
     assert expected in str(error.value)
     assert str(error.value).startswith("testplans/gyro/parameters.yaml:")
+
+
+def test_a_parameter_as_a_figure_is_named_and_measures_nothing(load):
+    """Value and uncertainty in the parameter's own unit; what is computed of them names both."""
+    entries = '- {name: shunt, value: "100", unit: mohm}\n- {name: shunt_u, value: "0.001", unit: ohm}\n'
+    parameters = load(_TEXT + entries)
+    figure = parameters.figure("shunt", uncertainty="shunt_u")
+    assert (figure.value, figure.unit, figure.uncertainty) == (100.0, "mohm", pytest.approx(1.0))
+    assert (figure * 2).provenance.sources == ("parameter shunt", "parameter shunt_u")
+    assert (figure.provenance.measured, figure.provenance.unproven) == (False, ())
+    assert parameters.figure("shunt").uncertainty is None
+    with pytest.raises(HilError, match="a list is no single number"):
+        parameters.figure("temperatures")
+    with pytest.raises(HilError, match="did you mean 'shunt'"):
+        parameters.figure("shunk")
