@@ -46,5 +46,5 @@ def test_zero_is_zero_from_below_too(then, same):
 def test_other_words_are_not_another_bench(gates, same):
     """A later version words its gates otherwise, and has more of them; what was read and found is compared."""
     recorded = package("0 A", ("envelope a", True, "trips as it should"), ("identity", True, "E36312A at 1.5 V"))
-    told, _ = differences(recorded, package("0 A", *gates))
+    told, *_ = differences(recorded, package("0 A", *gates))
     assert (told == ()) == same
