@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import pytest
@@ -45,6 +46,20 @@ def test_everything_that_is_wrong_is_told_at_once(tmp_path):
         "testplans/small/requirements.yaml",
     }
     assert all(finding.line > 0 for finding in caught.value.findings)
+
+
+@pytest.mark.parametrize("purpose", [Purpose.ACCEPTANCE, Purpose.QUALIFICATION])
+def test_evidence_that_counts_is_not_put_where_no_audit_finds_it(tmp_path, purpose):
+    """Runs on hardware go elsewhere until one passes: no ledger of the workspace would know of the FAIL."""
+    workspace = make(tmp_path / "workspace", CASES)
+    request = replace(workspace.request(), source=Source.HARDWARE, purpose=purpose, output=tmp_path / "elsewhere")
+    with pytest.raises(Refused, match=f"--output: a run on hardware for {purpose} goes to reports, whose ledger"):
+        configure(request)
+    for other in ({"source": Source.SIMULATED, "purpose": Purpose.DEVELOPMENT}, {"output": workspace.reports}):
+        with (
+            pytest.raises((Refused, ConfigurationError), match=r"^(?!--output)") if "output" in other else nullcontext()
+        ):
+            configure(replace(request, **other))
 
 
 def test_a_file_of_the_bench_is_not_overwritten_in_the_package(tmp_path):

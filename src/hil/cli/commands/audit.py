@@ -173,7 +173,10 @@ def _suppose(world: World, folders: Folders, changed: str) -> int:
 
 def _is_damaged(document: Document, world: World) -> bool:
     return (
-        bool(world.problems) or "INTEGRITY" in document.summary.reasons or "MISSING_PACKAGE" in document.summary.reasons
+        bool(world.problems)
+        or any(not each.known for each in world.packages)
+        or "INTEGRITY" in document.summary.reasons
+        or "MISSING_PACKAGE" in document.summary.reasons
     )
 
 

@@ -134,6 +134,7 @@ def configure(request: Request) -> Configuration:
     require_assertions()
     noted = Findings()
     workspace = find_workspace(request.start, noted)
+    _require_reports(workspace, request)
     plans = _plans(workspace, request, noted)
     inputs = Inputs(workspace, plans, request.bench)
     findings = [*noted, *_taken_names(inputs, request)]
@@ -159,6 +160,17 @@ def configure(request: Request) -> Configuration:
         inputs=inputs,
         hand=hand,
     )
+
+
+def _require_reports(workspace: Workspace, request: Request) -> None:
+    """Require that evidence that counts is kept where an audit finds it, a FAIL above all."""
+    elsewhere = request.output is not None and request.output.resolve() != workspace.reports.resolve()
+    if elsewhere and request.source is Source.HARDWARE and request.purpose.closes:
+        raise Refused(
+            f"--output: a run on hardware for {request.purpose.value} goes to {workspace.shown(workspace.reports)}, "
+            "whose ledger must know it",
+            "leave out --output, or use --purpose development or commissioning",
+        )
 
 
 def _taken_names(inputs: Inputs, request: Request) -> Iterator[Finding]:
