@@ -179,7 +179,7 @@ def planned(case: str = "test_rest", requirements=("GYR-010", "GYR-030"), plan: 
 def frozen_hashes(folder: Path) -> dict[str, str]:
     """Return the hashes that the `run` event has of what is frozen in a run's folder."""
     data = folder / "data"
-    catalogue = {path: f"testplans/gyro/{path.name}" for path in data.glob("catalogue/gyro/*")}
+    catalogue = {path: f"testplans/{path.parent.name}/{path.name}" for path in data.glob("catalogue/*/*")}
     sources = {path: str(path.relative_to(data / "sources")) for path in data.glob("sources/**/*.*")}
     bench = {path: str(path.relative_to(data / "bench")) for path in data.glob("bench/*")}
     own = {path: shown for path, shown in bench.items() if shown not in {"calibration.json", "duts.yaml"}}
@@ -201,16 +201,27 @@ def _hash_over(files: dict[Path, str]) -> str:
     return hashlib.sha256("".join(line for _, line in lines).encode()).hexdigest()
 
 
-def begin(folder: Path, *, files: Mapping[str, bytes] = MappingProxyType({}), **changes) -> Journal:
+def begin(
+    folder: Path,
+    *,
+    files: Mapping[str, bytes] = MappingProxyType({}),
+    requirements=REQUIREMENTS,
+    cases=None,
+    stamp=None,
+    **changes,
+) -> Journal:
     """Write what stands in a journal before the first case, freeze everything, and return the journal.
 
     Args:
         folder: the run's folder.
         files: frozen files, by path, that are others than usual.
+        requirements: what is frozen as the catalogue.
+        cases: the planned cases, one by default.
+        stamp: the wall clock.
         changes: fields of the `run` event that are others than usual.
     """
     folder.joinpath(RECORDINGS).mkdir(parents=True, exist_ok=True)
-    freeze_catalogue(folder, entries_of(REQUIREMENTS))
+    freeze_catalogue(folder, entries_of(requirements))
     freeze_calibration(folder, CALIBRATION)
     for path, data in {**OF_ALL_RUNS, **OF_THIS_PLACE, **files}.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
@@ -218,10 +229,10 @@ def begin(folder: Path, *, files: Mapping[str, bytes] = MappingProxyType({}), **
     named = inventory(folder)
     beside = {path: named.pop(path) for path in OF_THIS_PLACE}
     (folder / TRANSCRIPT).write_bytes(b"hil/transcript/1\n")
-    journal = Journal(folder / JOURNAL, reserve=folder / RESERVE, **supervised(stamps()))
+    journal = Journal(folder / JOURNAL, reserve=folder / RESERVE, **supervised(stamp or stamps()))
     journal.write(event_of("run", **run_fields(**(frozen_hashes(folder) | changes))), 0.0)
     journal.write(event_of("frozen", files=named), 0.0, beside={"files": beside})
-    journal.write(event_of("planned", cases=[planned()]), 0.0)
+    journal.write(event_of("planned", cases=cases or [planned()]), 0.0)
     port = {"name": "source of psu1", "detail": "/dev/psu1", "instrument": "psu1", "source": "hardware"}
     journal.write(event_of("host-gate", ok=True, **port), 0.0)
     journal.write(event_of("gate", name="identity of psu1", ok=True, detail="PSU 1", instrument="psu1"), 0.0)

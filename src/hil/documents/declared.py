@@ -20,12 +20,13 @@ from hil.documents.declaration import Declaration
 from hil.documents.findings import Findings
 from hil.documents.node import Mapping as MappingNode
 from hil.documents.node import Node, Place, Scalar, ScalarKind, Sequence, node_at, place_at
-from hil.documents.strict_yaml import read_yaml
+from hil.documents.strict_yaml import parse_yaml
 from hil.documents.suggest import did_you_mean, nearest
+from hil.documents.text import read_bytes
 from hil.model.errors import HilError
 from hil.model.notation import Complaint, Path
 
-__all__ = ["Document", "Invalid", "Problem", "read_document", "read_json", "validated"]
+__all__ = ["Document", "Invalid", "Problem", "parse_document", "read_document", "read_json", "validated"]
 
 _MOST_KEYS = 100
 _MOST_DIGITS = 19
@@ -123,7 +124,15 @@ def read_document(
     Returns:
         None if nothing can be read under that schema; the findings say why.
     """
-    root = read_yaml(file, shown, findings)
+    data = read_bytes(file, shown, findings)
+    return None if data is None else parse_document(data, shown, findings, model, schema=schema)
+
+
+def parse_document(
+    data: bytes, shown: str, findings: Findings, model: type[_Model], *, schema: str
+) -> Document[_Model] | None:
+    """Read the content of a file into a model, as `read_document` does."""
+    root = parse_yaml(data, shown, findings)
     if root is None:
         return None
     what = schema.split("/")[-2]

@@ -5,20 +5,25 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
+from functools import lru_cache
 from pathlib import Path as File
 
 from hil.documents import declared
 from hil.documents.findings import Findings
+from hil.documents.text import read_bytes
 from hil.model.notation import Path, Text
 from hil.requirements.requirement import Decision, Document, Kind, Limit, PlannedRequirement, Records, Requirement
 from hil.requirements.units import check_unit
 
-__all__ = ["REQUIREMENTS", "RequirementFile", "read_requirements"]
+__all__ = ["REQUIREMENTS", "RequirementFile", "parse_requirements", "read_requirements"]
 
 REQUIREMENTS = "requirements.yaml"
 """The file of requirements, in the folder of a plan or of all testplans."""
 
 _SCHEMA = "hil/requirements/1"
+_KEPT = 64
+"""How many contents of files are remembered."""
+
 _Wrong = Iterator[tuple[Path, str]]
 """What is wrong, and at which path of the file."""
 
@@ -63,11 +68,36 @@ def read_requirements(file: File, shown: str, plan: str, findings: Findings) -> 
         plan: the plan it belongs to; empty for the requirements of the workspace.
         findings: where everything that is wrong is noted.
     """
+    data = read_bytes(file, shown, findings)
+    return None if data is None else parse_requirements(data, shown, plan, findings)
+
+
+def parse_requirements(data: bytes, shown: str, plan: str, findings: Findings) -> RequirementFile | None:
+    """Return what the content of a file holds, as `read_requirements` does; equal contents are read once.
+
+    A workspace and the packages of its runs hold the same files many times.
+    """
+    sound = _sound(data, plan)
+    if sound is None:
+        return _parsed(data, shown, plan, findings)
+    placed = (replace(item, place=replace(item.place, path=shown)) for item in sound.requirements)
+    return replace(sound, path=shown, requirements=tuple(placed))
+
+
+@lru_cache(maxsize=_KEPT)
+def _sound(data: bytes, plan: str) -> RequirementFile | None:
+    """Return what the content of a file holds; None if anything is wrong with it."""
+    findings = Findings()
+    found = _parsed(data, "", plan, findings)
+    return None if findings else found
+
+
+def _parsed(data: bytes, shown: str, plan: str, findings: Findings) -> RequirementFile | None:
     read: _Read | None
     if plan:
-        read = declared.read_document(file, shown, findings, _Plan, schema=_SCHEMA)
+        read = declared.parse_document(data, shown, findings, _Plan, schema=_SCHEMA)
     else:
-        read = declared.read_document(file, shown, findings, _Workspace, schema=_SCHEMA)
+        read = declared.parse_document(data, shown, findings, _Workspace, schema=_SCHEMA)
     if read is None:
         return None
     for path, message in _problems(read):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
+from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -17,11 +18,19 @@ from hil.documents.node import Mapping as MappingNode
 from hil.documents.node import Node, Scalar, ScalarKind, node_at
 from hil.documents.node import Sequence as SequenceNode
 from hil.documents.strict_yaml import read_yaml
+from hil.evidence.durable import read_plain
 from hil.evidence.events import Armed, Effect, Entry, Frozen, Gate, Resumed, Run
 from hil.evidence.folder import CALIBRATION, CATALOGUE, JOURNAL, PARAMETERS, REGISTERS
 from hil.evidence.journal.reader import JournalReading
 from hil.evidence.package.listing import shown
-from hil.evidence.results.facts import FrozenCalibration, entries_of, facts_of, frozen_calibration, read_json
+from hil.evidence.results.facts import (
+    FrozenCalibration,
+    FrozenRequirement,
+    entries_of,
+    facts_of,
+    frozen_calibration,
+    read_json,
+)
 from hil.model.bench import Calibration
 from hil.model.errors import EvidenceError, Finding
 from hil.registers.instruments import INSTRUMENTS, load_instruments
@@ -29,7 +38,7 @@ from hil.registers.units import load_duts
 from hil.requirements.lock import LOCK
 from hil.requirements.parameters import PARAMETERS as PARAMETERS_FILE
 from hil.requirements.parameters import Parameters, load_parameters
-from hil.requirements.schema import REQUIREMENTS, read_requirements
+from hil.requirements.schema import REQUIREMENTS, parse_requirements
 
 __all__ = ["LOOKS", "Look"]
 
@@ -45,6 +54,8 @@ _MADE = frozenset({CALIBRATION, _DUTS})
 """What stands among the files of the bench, and is none of them."""
 
 _LONGEST = 60
+_KEPT = 64
+"""How many contents of plans' files are remembered."""
 _OLDEST = frozenset({"rev", "text", "kind", "method", "source", "plan", "parents", "fingerprint", "limits"})
 """What the catalogue of every package tells of a requirement; other fields came later."""
 
@@ -146,42 +157,55 @@ def _record(root: Node, name: str) -> Calibration | None:
 
 def _catalogue(folder: Path, run: Run, reading: JournalReading) -> Iterator[Finding]:
     """Compare the frozen requirements with the plans' own files and their locks."""
-    entries = facts_of(folder, reading).catalogue
-    raw = _object(folder, CATALOGUE).get("requirements")
-    known = _OLDEST.union(*(each for each in raw.values() if isinstance(each, dict)) if isinstance(raw, dict) else ())
-    frozen = _as_json(entries)
-    due: dict[str, Any] = {}
+    frozen = facts_of(folder, reading).catalogue
+    due: dict[str, FrozenRequirement] = {}
     for plan in run.plans:
         path = f"{_PLANS}/{plan}/{REQUIREMENTS}"
-        file = read_requirements(folder / path, path, plan, Findings())
-        if file is None:
+        asked = _asked(read_plain(folder / path), path, plan) if (folder / path).exists() else None
+        if asked is None:
             yield Finding(shown(path), 0, 0, "its requirements cannot be read, and not be compared")
             return
-        due |= _as_json(entries_of(file.requirements))
+        due |= asked
         yield from _lock(folder, plan, frozen)
     for name in sorted(frozen.keys() ^ due.keys()):
         where = "the plans do not have it" if name in frozen else "it is missing, and the plans have it"
         yield Finding(CATALOGUE, 0, 0, f"requirement {shown(name)}: {where}")
-    for name in sorted(frozen.keys() & due.keys()):
-        for field in sorted(known & due[name].keys()):
-            if frozen[name].get(field) != due[name][field]:
-                source = f"{REQUIREMENTS} of {due[name]['plan']}"
-                yield _differs(CATALOGUE, f"{name}.{field}", frozen[name].get(field), source, due[name][field])
+    different = sorted(name for name in frozen.keys() & due.keys() if frozen[name] != due[name])
+    known = _known_fields(folder) if different else frozenset()
+    for name in different:
+        was, right = _as_json(frozen[name]), _as_json(due[name])
+        for field in sorted(known & right.keys()):
+            if was.get(field) != right[field]:
+                source = f"{REQUIREMENTS} of {right['plan']}"
+                yield _differs(CATALOGUE, f"{name}.{field}", was.get(field), source, right[field])
 
 
-def _lock(folder: Path, plan: str, frozen: Mapping[str, Any]) -> Iterator[Finding]:
+@lru_cache(maxsize=_KEPT)
+def _asked(data: bytes, path: str, plan: str) -> dict[str, FrozenRequirement] | None:
+    """Return the requirements of a plan's own file as they are frozen; runs of one plan have the same file."""
+    file = parse_requirements(data, path, plan, Findings())
+    return None if file is None else entries_of(file.requirements)
+
+
+def _known_fields(folder: Path) -> frozenset[str]:
+    """Return the fields of requirements that the catalogue of this package tells."""
+    raw = _object(folder, CATALOGUE).get("requirements")
+    return _OLDEST.union(*(each for each in raw.values() if isinstance(each, dict)) if isinstance(raw, dict) else ())
+
+
+def _lock(folder: Path, plan: str, frozen: Mapping[str, FrozenRequirement]) -> Iterator[Finding]:
     path = f"{_PLANS}/{plan}/{LOCK}"
     if not (folder / path).exists():
         return
     locked = _object(folder, path).get("requirements")
     for name, entry in frozen.items():
-        if entry["plan"] != plan:
+        if entry.plan != plan:
             continue
         told = locked.get(name) if isinstance(locked, dict) else None
-        for field in ("fingerprint", "rev"):
-            if not isinstance(told, dict) or told.get(field) != entry[field]:
+        for field, was in (("fingerprint", entry.fingerprint), ("rev", entry.rev)):
+            if not isinstance(told, dict) or told.get(field) != was:
                 value = told.get(field) if isinstance(told, dict) else None
-                yield _differs(CATALOGUE, f"{name}.{field}", entry[field], shown(path), value)
+                yield _differs(CATALOGUE, f"{name}.{field}", was, shown(path), value)
 
 
 def _parameters(folder: Path, run: Run, _: JournalReading) -> Iterator[Finding]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
+from functools import lru_cache
 from itertools import takewhile
 from pathlib import Path
 from typing import Any, TypeVar
@@ -355,6 +356,8 @@ def _objects(value: object, key: str) -> dict[str, dict[str, Any]]:
 
 
 _Entry = TypeVar("_Entry", bound=msgspec.Struct)
+_KEPT = 4
+"""How many contents of frozen files are remembered: catalogue and calibration of two packages."""
 
 
 class _FrozenDut(msgspec.Struct, frozen=True, kw_only=True):
@@ -374,16 +377,19 @@ def _whole(folder: Path, file: str, kind: type[_Entry]) -> _Entry:
         raise DamagedFile(path, Finding(file, 0, 0, f"it cannot be read: {error.strerror}")) from error
 
 
-def _frozen(folder: Path, file: str, key: str, kind: type[_Entry]) -> dict[str, _Entry]:
+def _frozen(folder: Path, file: str, key: str, kind: type[_Entry]) -> Mapping[str, _Entry]:
     path = folder / file
     if not path.exists():
         return {}
     try:
-        return {
-            name: convert(fields, kind, f"{key}.{name}")
-            for name, fields in _objects(parse_strict(read_plain(path)), key).items()
-        }
+        return _entries(read_plain(path), key, kind)
     except JsonError as error:
         raise DamagedFile(path, Finding(file, error.line, error.column, error.bare)) from error
     except OSError as error:
         raise DamagedFile(path, Finding(file, 0, 0, f"it cannot be read: {error.strerror}")) from error
+
+
+@lru_cache(maxsize=_KEPT)
+def _entries(data: bytes, key: str, kind: type[_Entry]) -> Mapping[str, _Entry]:
+    """Return the entries of a frozen file; a verification asks for those of one package several times."""
+    return {name: convert(fields, kind, f"{key}.{name}") for name, fields in _objects(parse_strict(data), key).items()}
