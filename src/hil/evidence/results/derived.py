@@ -65,7 +65,10 @@ def derive(events: Iterable[Event], facts: Facts, *, content_digest: str, form: 
     if form > _WITHOUT_GIVEN_UP:
         state.give_up(abandoned(happened))
     cases = tuple(_case(case, state, facts, form) for case in state.cases.values())
-    carried = {identifier for case in cases for identifier in case.requirements}
+    carried: dict[str, list[CaseOutcome]] = {}
+    for case in cases:
+        for identifier in case.requirements:
+            carried.setdefault(identifier, []).append(case)
     conditions = of_run(state, facts) if form > _REASONS_ONLY else None
     return Outcome(
         format=form,
@@ -76,7 +79,8 @@ def derive(events: Iterable[Event], facts: Facts, *, content_digest: str, form: 
         content_digest=content_digest,
         cases=cases,
         requirements=tuple(
-            _requirement(each, cases, state, facts, conditions) for each in sorted(carried | _due(facts))
+            _requirement(each, carried.get(each, []), state, facts, conditions)
+            for each in sorted(carried.keys() | _due(facts))
         ),
         counts=dict(Counter(case.verdict for case in cases)),
         verdict=_verdict_of_run(cases, state),
@@ -179,13 +183,12 @@ def _within(identifier: str, case: CaseState, facts: Facts, form: int) -> Verdic
 
 def _requirement(
     identifier: str,
-    all_cases: Sequence[CaseOutcome],
+    cases: Sequence[CaseOutcome],
     state: RunState,
     facts: Facts,
     of_all: tuple[Condition, ...] | None,
 ) -> RequirementOutcome:
     entry = facts.catalogue.get(identifier, _NOTHING)
-    cases = [case for case in all_cases if identifier in case.requirements]
     verdict = worst(case.requirements[identifier] for case in cases) if cases else Verdict.NOT_RUN
     own = None if of_all is None else of_requirement(identifier, verdict, cases, state, facts)
     reasons = (
