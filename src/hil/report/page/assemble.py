@@ -81,11 +81,9 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
     events, results = material.events(), material.results()
     placed, run, bench = attributed(events), results.run, parse(material.text(_BENCH), _BENCH)
     entries, names = requirement_entries(material), _names(results)
-    begun = [event for event in events if isinstance(event, Recording)]
     counting = [each for each in placed if each.counted and isinstance(each.event, Check)]
     checks = [each.event for each in counting if isinstance(each.event, Check)]
-    fed = [event for event in events if isinstance(event, Fed)]
-    drawn = recording_graphics(material, begun, bounds_by_case(checks), inners(bench, "envelope"), fed)
+    drawn = _drawn(material, events, checks, bench)
     return RunView(
         title=", ".join(run.plans) if run else "",
         subject=subject(results),
@@ -129,6 +127,15 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         evidence_digest=evidence_digest,
         ledger_head=material.ledger_head(),
     )
+
+
+def _drawn(
+    material: Material, events: Sequence[Event], checks: Sequence[Check], bench: Body
+) -> Mapping[str, tuple[Graphic, ...]]:
+    """Return the drawings of the recordings by case, see `recording_graphics`."""
+    begun = [event for event in events if isinstance(event, Recording)]
+    fed = [event for event in events if isinstance(event, Fed)]
+    return recording_graphics(material, begun, bounds_by_case(checks), inners(bench, "envelope"), fed)
 
 
 def facts(material: Material, run: Run | None, bench: Body, events: Sequence[Event]) -> tuple[Fact, ...]:
