@@ -1,7 +1,7 @@
 """Lets every process that a test starts keep its latches in the folder of the tests, not in that of the machine.
 
-Python imports this at its start where the folder of this file is on `PYTHONPATH`; see `tests/system/conftest.py`. The
-product has no such switch: a latch that one run leaves must be found by every other one, whatever its environment.
+Python imports a copy of this at its start, which `tests/system/conftest.py` puts on `PYTHONPATH`. The product has no
+such switch: a latch that one run leaves must be found by every other one, whatever its environment.
 """
 
 from __future__ import annotations

@@ -48,8 +48,9 @@ _GAPS = {
 }
 _TONES = {Compliance.YES: "good", Compliance.PARTIAL: "open", Compliance.NO: "bad"}
 _GOOD = frozenset({"PASS", "RECORDED"})
-_COLUMNS = "Requirement/Text/Traceability/Level, stage/Method/Planning/Evidence/Compliance/Close-out/Reasons".split("/")
-_HEAD = "<thead><tr>" + "".join(f'<th scope="col">{name}</th>' for name in _COLUMNS) + "</tr></thead>"
+_COLUMNS = ("Requirement", "Text", "Traceability", "Level, stage", "Method", "Planning", "Evidence")
+_STATUS = ("Compliance", "Close-out", "Reasons")
+_HEAD = "<thead><tr>" + "".join(f'<th scope="col">{name}</th>' for name in (*_COLUMNS, *_STATUS)) + "</tr></thead>"
 
 
 def as_html(document: Document, reports: str) -> Iterator[str]:
