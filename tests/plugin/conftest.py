@@ -12,7 +12,7 @@ from told_as_json import bodies, results_as_json
 from workspaces import Ran, agreed, make, module, said_of
 
 from hil.documents import declared
-from hil.documents.strict_yaml import read_yaml
+from hil.documents.strict_yaml import parse_yaml
 from hil.evidence.journal.writer import Journal
 from hil.model.errors import ConfigurationError
 from hil.model.verdict import Verdict, worst
@@ -32,16 +32,15 @@ def _equal_documents_are_read_once():
     """Remember the trees of documents without findings: hundreds of workspaces here hold the same bench file."""
     trees = {}
 
-    def remembered(file, shown, findings):
-        key = (file.read_bytes() if file.is_file() else None, shown)
+    def remembered(data, shown, findings):
         before = len(findings)
-        tree = trees[key] if key in trees else read_yaml(file, shown, findings)
+        tree = trees[data, shown] if (data, shown) in trees else parse_yaml(data, shown, findings)
         if tree is not None and len(findings) == before:
-            trees[key] = tree
+            trees[data, shown] = tree
         return tree
 
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(declared, "read_yaml", remembered)
+        patched.setattr(declared, "parse_yaml", remembered)
         yield
 
 

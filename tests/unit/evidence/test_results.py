@@ -220,7 +220,7 @@ def test_a_run_that_went_wrong_does_not_pass(event, verdict):
             {"purpose": "development"},
             [
                 "the purpose development does not close requirements",
-                "its stage is qualification, the purpose is development",
+                "its stage is qualification, but the run's purpose is development",
             ],
         ),
         ({"deviations": ["rest_duration = 1 s"]}, ["deviation: rest_duration = 1 s"]),
