@@ -242,6 +242,7 @@ def test_plan_prints_the_procedure(ran):
     assert [folder.name for folder in workspace.folders()] == [name]
 
 
+@pytest.mark.system
 def test_plan_leaves_cases_out_as_a_run_does(ran):
     """A skipped case is named with its reason among the deviations, and is not run."""
     workspace, name = ran
@@ -254,6 +255,7 @@ def test_plan_leaves_cases_out_as_a_run_does(ran):
     assert [folder.name for folder in workspace.folders()] == [name]
 
 
+@pytest.mark.system
 def test_replay_says_how_much_it_compared(ran):
     """A package that is whole replays to the same."""
     workspace, name = ran

@@ -21,6 +21,7 @@ def said(capsys, *arguments):
     return left.value.code, told.out, told.err
 
 
+@pytest.mark.system
 def test_a_package_that_verifies_and_does_not_replay_is_not_good(capsys, tmp_path):
     """A whole forgery: every hash fits, and its cases cannot be run; one exit code says so."""
     folder = create(tmp_path / "reports", bench="flight", dut="SN1")

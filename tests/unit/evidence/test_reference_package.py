@@ -49,6 +49,7 @@ def test_its_report_derives_to_the_same_bytes():
         assert (REFERENCE / "data" / "report" / name).read_bytes() == content
 
 
+@pytest.mark.system
 def test_its_cases_replay_to_the_same_verdicts():
     """The bytes in the package lead to the verdicts in the package, through the cases in the package."""
     command = [sys.executable, "-m", "hil.cli", "verify", str(REFERENCE), "--replay"]

@@ -110,6 +110,7 @@ def test_same_package_same_bytes(folder):
         assert content == (folder / "data/report" / name).read_bytes()
 
 
+@pytest.mark.system
 def test_same_bytes_in_another_process(folder):
     """Neither the process nor the order of its hashes shows in a report."""
     code = (
