@@ -66,7 +66,13 @@ ENDS = {
 }
 
 
-@pytest.mark.parametrize("end", ENDS)
+@pytest.mark.parametrize(
+    "end",
+    [
+        end if end in {"killed", "stopped"} else pytest.param(end, marks=[pytest.mark.system, pytest.mark.alone])
+        for end in ENDS
+    ],
+)
 def test_every_end_of_an_executive_leaves_its_outputs_safe(tmp_path, stack, instruments, end):
     """Outputs are off in time, the executive is gone for good, and latch, journal and one line say why."""
     psu, cycler = instruments(2), instruments()

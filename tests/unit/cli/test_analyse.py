@@ -142,7 +142,7 @@ def test_a_stuck_column_is_not_observable(tmp_path):
     assert "stuck" in run(str(log), "--rate", "10", "--unit", "uT").stdout
 
 
-@pytest.mark.parametrize("ending", ["svg", "png"])
+@pytest.mark.parametrize("ending", ["svg", pytest.param("png", marks=pytest.mark.system)])
 def test_the_plot_has_the_same_bytes_each_time(tmp_path, ending):
     """Neither date nor random names are in the drawing."""
     for name in ("one", "two"):
