@@ -76,6 +76,7 @@ def interrupted(workspace, killed):
         for path in [folder, *folder.rglob("*")]:
             path.chmod(0o755)
     shutil.rmtree(folder, ignore_errors=True)
+    shutil.rmtree(workspace.reports / ".ledger", ignore_errors=True)  # it has the seal of the same run
     return shutil.copytree(killed, folder)
 
 
