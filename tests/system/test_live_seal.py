@@ -27,10 +27,13 @@ FOR_A_WHILE = "clock.sleep(10.0)"
 
 AT_THE_SEAL = f"""\
 {FOR_A_WHILE}
-import hil.evidence.package.sealing as sealing
+import sys
+def at_the_seal(event, arguments):
+    if event == "open" and "results.json" in str(arguments[0]):
+        os.kill(os.getpid(), signal.SIGKILL)
 if not Path("again").exists():
     Path("again").touch()
-    sealing.results_of = lambda *_: os.kill(os.getpid(), signal.SIGKILL)"""
+    sys.addaudithook(at_the_seal)"""
 """Ends the process once every row file was turned into HDF5."""
 
 

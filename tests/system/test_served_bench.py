@@ -75,7 +75,7 @@ def test_pyserial_talks_to_a_network_instrument(serve):
     bench = serve()
     with serial.serial_for_url(bench.ask(ends=None)["psu1"], timeout=5) as supply:
         supply.write(b"*IDN?\n")
-        assert supply.readline() == b"Keysight Technologies,E36312A,MY59002391,2.1.0-1.0.4-1.12\n"
+        assert supply.readline() == b"Keysight Technologies,E36312A,SIM-MY59002391,2.1.0-1.0.4-1.12\n"
         supply.write(b"VOLT 3.3,(@3);CURR 0.05,(@3);:OUTP ON,(@3)\n*OPC?\n")
         assert supply.readline() == b"1\n"
     assert bench.ask(state="peers.psu1.outputs.3.on") is True
