@@ -288,19 +288,24 @@ def test_turns(clock, check, iterations, supply):
 """
 
 
-def test_a_check_that_failed_is_not_undone_by_a_pause(tmp_path):
-    """Its turn is made again, as the plan allows, and passes then; the requirement has failed all the same."""
-    workspace = made(tmp_path / "workspace", FAILING)
-    workspace.environment["SEEN"] = str(tmp_path / "seen")
+def paused_and_resumed(workspace, seen):
+    """Stop a run once its plan has left its sign, resume it, and return its folder and package, which verifies."""
+    workspace.environment["SEEN"] = str(seen)
     folder = begun(workspace)
-    while not (tmp_path / "seen").exists():
+    while not seen.exists():
         time.sleep(0.02)
     assert workspace.hil("stop", folder.name, "--to-resume", "--by", "Ada").code == 0
     STARTED[-1].wait(60)
     resumed = workspace.hil("resume", folder.name)
     assert resumed.code == 1, resumed.err
-    package = Package(folder)
     assert verify(folder).findings == ()
+    return folder, Package(folder)
+
+
+def test_a_check_that_failed_is_not_undone_by_a_pause(tmp_path):
+    """Its turn is made again, as the plan allows, and passes then; the requirement has failed all the same."""
+    workspace = made(tmp_path / "workspace", FAILING)
+    folder, package = paused_and_resumed(workspace, tmp_path / "seen")
     (case,) = package.outcome().cases
     assert case.requirements == {"T-010": "FAIL"}
     assert [each.verdict for each in case.checks] == ["PASS"] * 3
@@ -314,16 +319,7 @@ def test_what_was_read_before_an_interruption_counts(tmp_path):
     """A case that read, was interrupted, and reads again and passes, closes nothing: its first attempt is shown."""
     plan = FAILING.replace('@pytest.mark.repeatable("a turn changes nothing")\n', "").replace("9.0 if", "1.0 if")
     workspace = made(tmp_path / "workspace", plan.replace("while", "supply.coil.voltage()\n        while"))
-    workspace.environment["SEEN"] = str(tmp_path / "seen")
-    folder = begun(workspace)
-    while not (tmp_path / "seen").exists():
-        time.sleep(0.02)
-    assert workspace.hil("stop", folder.name, "--to-resume", "--by", "Ada").code == 0
-    STARTED[-1].wait(60)
-    resumed = workspace.hil("resume", folder.name)
-    assert resumed.code == 1, resumed.err
-    package = Package(folder)
-    assert verify(folder).findings == ()
+    folder, package = paused_and_resumed(workspace, tmp_path / "seen")
     (case,) = package.outcome().cases
     assert (case.verdict, case.requirements) == ("ABORTED", {"T-010": "ABORTED"})
     first, last = case.attempts

@@ -55,7 +55,7 @@ class Cache:
         self._version = version
 
     def package(self, folder: Path, read: Callable[[], Package]) -> Package:
-        """Return what a package says, read anew unless no file of it changed; one that is not whole is always read."""
+        """Return what a package says, read again unless no file of it changed; one that is not whole is always read."""
         before = self._key_of(folder)
         known = self._get(before, Package)
         if known is not None:
@@ -66,7 +66,7 @@ class Cache:
         return found
 
     def requirements(self, files: tuple[bytes, ...], read: Callable[[], tuple[Asked, ...]]) -> tuple[Asked, ...]:
-        """Return the requirements that files of these contents hold, read anew unless they were read before."""
+        """Return the requirements that files of these contents hold, read again unless they were read before."""
         content = hashlib.sha256(self._version.encode())
         for data in files:
             content.update(b"%d " % len(data) + data)
