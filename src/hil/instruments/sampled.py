@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
+from hil.instruments.role import Role
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Channel", "Ending", "Patient", "Sampled", "StreamReport", "Streamed"]
+__all__ = ["Channel", "Ending", "Patient", "ReadBacks", "Sampled", "StreamReport", "Streamed"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +32,29 @@ class Sampled(Protocol):
     def sample(self) -> tuple[float, ...]:
         """Return the newest number of every channel; NaN where the device marks it invalid."""
         ...
+
+
+class ReadBacks:
+    """What `record` samples of a role that has no samples of its own: every quantity that it reads.
+
+    They are asked for one after the other; the time of a sample is when the last one came.
+
+    Args:
+        role: what the driver's object fills.
+        filled: the driver's object.
+    """
+
+    def __init__(self, role: Role, filled: object) -> None:
+        self._channels = tuple(Channel(name, unit) for name, unit in role.quantities.items())
+        self._reads = [getattr(filled, channel.name) for channel in self._channels]
+
+    def channels(self) -> tuple[Channel, ...]:
+        """Return a channel for every quantity."""
+        return self._channels
+
+    def sample(self) -> tuple[float, ...]:
+        """Read every quantity."""
+        return tuple([read().value for read in self._reads])
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,9 @@ from case_parts import Case
 from typed_events import event_of
 
 from hil.executive.cases.effects import Recall
-from hil.executive.cases.facade import RoleSet
+from hil.executive.cases.facade import Facade, RoleSet
 from hil.executive.ending.stop import Stopped
+from hil.model.bench import InstrumentSpec, Wire
 from hil.model.errors import Misused, NoReply
 from hil.model.figure import Figure
 
@@ -97,11 +98,23 @@ def test_what_a_case_uses_is_noted(tmp_path):
     assert case.run.used == {"psu1": "simulated", "mag1": "simulated"}
 
 
-def test_what_has_no_channels_is_not_recorded(tmp_path):
-    """A supply's output is not sampled; the message names it."""
+def test_what_a_role_reads_is_recorded(tmp_path):
+    """A supply's read-backs are channels; the recording has what its certificate says, and no effect per sample."""
     case = Case(tmp_path)
-    with pytest.raises(TypeError, match="supply.coil has no channels"):
-        case.run.record("x", case.coil, duration=1.0, rate=10.0)
+    with case.run.record.during("rail", case.coil, rate=10.0) as rail:
+        case.scheduler.sleep(0.95)
+    assert (rail.recording["voltage"].tolist(), rail.recording.unit("current")) == ([5.0] * 10, "A")
+    assert rail.recording.uncertainty("voltage") == pytest.approx((0.002 + 0.01 * 5.0) / 2)
+    assert [each["name"] for each in case.written.of("effect")] == ["record.rail.begin", "record.rail.end"]
+
+
+def test_what_reads_nothing_is_not_recorded(tmp_path):
+    """Relays measure nothing; the message names them."""
+    case = Case(tmp_path)
+    wire = Wire(role="relays", instrument="relay1")
+    relays = Facade(wire, InstrumentSpec(name="relay1", driver="waveshare-relay"), object(), case.run.effects, case.run)
+    with pytest.raises(TypeError, match="relays has no channels"):
+        case.run.record("x", relays, duration=1.0, rate=10.0)
 
 
 def test_a_set_of_roles_names_the_nearest_instance(tmp_path):

@@ -13,7 +13,7 @@ from hil.executive.cases.effects import Effects
 from hil.executive.cases.escapes import OfThisProcess
 from hil.instruments.registry import ROLES
 from hil.instruments.role import Operation
-from hil.instruments.sampled import Sampled, Streamed
+from hil.instruments.sampled import ReadBacks, Sampled, Streamed
 from hil.model.bench import BenchSpec, InstrumentSpec, Wire
 from hil.model.errors import ClampExceeded, DeviceFault, HilError, Misused, Refused
 from hil.model.figure import Figure
@@ -111,9 +111,11 @@ class Facade(OfThisProcess):
     @property
     def sampled(self) -> Sampled:
         """The role as `record` samples it; samples go to the recording, not into effects."""
-        if not hasattr(self._role, "sample"):
+        if hasattr(self._role, "sample"):
+            return self._role  # type: ignore[return-value]  # the attribute was looked at
+        if not ROLES[self.wire.role].quantities:
             raise TypeError(f"{self.wire.name} has no channels that could be recorded")
-        return self._role  # type: ignore[return-value]  # the attribute was looked at
+        return ReadBacks(ROLES[self.wire.role], self._role)
 
     @property
     def streamed(self) -> Streamed | None:
