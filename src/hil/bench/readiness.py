@@ -105,20 +105,41 @@ def _identity(bench: BoundBench, instrument: InstrumentSpec, dut: Dut | None) ->
     return Gate(
         name,
         ok=True,
-        detail=str(found),
+        detail=_who(instrument, found),
         instrument=instrument.name,
         unproven=_left_open(instrument, found),
         source=Source.SIMULATED if found.simulated else None,
     )
 
 
+def _who(instrument: InstrumentSpec, found: Identity) -> str:
+    """Return who an instrument says that it is; one that cannot say it is known by its own USB device."""
+    own = _own_device(instrument)
+    return f"whatever is at the USB device {own}" if own and _says_nothing(found) else str(found)
+
+
+def _own_device(instrument: InstrumentSpec) -> str:
+    return instrument.usb.serial if instrument.usb else ""
+
+
+def _says_nothing(found: Identity) -> bool:
+    said = found.unmarked
+    return not any((said.manufacturer, said.model, said.serial))
+
+
 def _left_open(instrument: InstrumentSpec, found: Identity) -> str:
-    """Return why it is not proven that this is the instrument whose certificate the bench has, nothing if it is."""
+    """Return why it is not proven that this is the instrument whose certificate the bench has, nothing if it is.
+
+    An instrument that cannot say who it is, is taken at the word of a bench file that names its USB device by serial
+    number: the gate of its port compares that.
+    """
     expected, said = instrument.identity, found.unmarked
+    if _own_device(instrument) and _says_nothing(found):
+        return ""
     if not any((expected.manufacturer, expected.model, expected.serial)):
         return f"the bench file does not say who {instrument.name} is"
-    if not any((said.manufacturer, said.model, said.serial)):
-        return f"{instrument.name} does not say who it is"
+    if _says_nothing(found):
+        return f"{instrument.name} does not say who it is, and no serial number of a USB device stands for it"
     record = instrument.calibration
     if said.serial and record and not record.registered and not expected.serial:
         return f"{instrument.name} has the serial number {said.serial}, and the bench file does not name it"

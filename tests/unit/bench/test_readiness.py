@@ -10,6 +10,7 @@ from adcs_bench import adcs, bound, with_peer
 
 from hil.bench import readiness
 from hil.bench.readiness import energised_gates, unpowered_gates
+from hil.model.bench import UsbPort
 from hil.model.identity import Dut, Identity, Model
 
 DUT = Dut(serial="SN-1", part="P-2", model=Model.EM, hardware="B")
@@ -254,3 +255,34 @@ def test_envelope_that_does_not_trip_is_not_ready(monkeypatch):
         assert not found["envelope coil-current"].ok
         assert found["envelope coil-current"].detail == "does not trip on the readings that it should"
         assert found["envelope sensor-voltage"].ok
+
+
+def test_an_output_without_a_reduced_level_is_left_open():
+    """It was not tried: the gate holds, and says what nothing proved."""
+    bench = adcs()
+    wires = tuple(replace(wire, reduced=None) if wire.name == "supply.sensor" else wire for wire in bench.wiring)
+    fed = tuple(replace(each, powered_by="") for each in bench.instruments)
+    with bound(replace(bench, wiring=wires, instruments=fed)) as found:
+        gate = gates(found)["reduced level of supply.sensor"]
+    assert (gate.ok, gate.detail) == (True, "not tried")
+    assert gate.unproven == "supply.sensor was not tried at a reduced level: its wire has none"
+
+
+@pytest.mark.parametrize(
+    ("usb", "detail", "unproven"),
+    [
+        (UsbPort(serial="A50285BK"), "whatever is at the USB device A50285BK", ""),
+        (UsbPort(path="pci-0:4"), "nobody", "the bench file does not say who relay1 is"),
+        (None, "nobody", "the bench file does not say who relay1 is"),
+    ],
+)
+def test_an_instrument_that_cannot_say_who_it_is_is_known_by_its_own_usb_device(monkeypatch, usb, detail, unproven):
+    """As a controller that Modbus asks nothing: the bench file names its adapter, and the gate of the port compares."""
+    bench = adcs()
+    items = tuple(
+        replace(each, usb=usb, identity=Identity()) if each.name == "relay1" else each for each in bench.instruments
+    )
+    with bound(replace(bench, instruments=items)) as found:
+        monkeypatch.setattr(type(found.drivers["relay1"]), "identify", lambda _: Identity())
+        (gate,) = [each for each in unpowered_gates(found) if each.name == "identity of relay1"]
+    assert (gate.ok, gate.detail, gate.unproven) == (True, detail, unproven)

@@ -7,11 +7,12 @@ from evidence_runs import begin, sealed_run
 from told_as_json import bodies
 from typed_events import event_of
 
-from hil.evidence.events import Acknowledged
+from hil.evidence.events import Acknowledged, Results
 from hil.evidence.folder import GUARDIAN, create, hold
 from hil.evidence.inbox import peek, post
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.journal.writer import Journal
+from hil.evidence.package.consistent import named_results
 from hil.evidence.package.contents import Package
 from hil.evidence.package.sealing import recover
 from hil.evidence.package.verification import State, verify
@@ -112,6 +113,20 @@ def test_the_guardians_journal_is_sealed_with_the_run(folder):
     (folder / GUARDIAN).chmod(0o644)
     (folder / GUARDIAN).write_bytes(ACTED * 2)
     assert verify(folder).state is State.DAMAGED
+
+
+def test_the_results_name_the_guardians_journal_by_its_hash(folder):
+    """It is introduced with its content: another one is found, whatever the journal's end says of the files."""
+    recover(folder, write_reports=lambda _: None)
+    reading, seen = read_journal(folder / "data/journal.jsonl"), guardian_hash(folder)
+    (told,) = [event for event in reading.events if isinstance(event, Results)]
+    assert told.guardian == seen
+    assert not list(named_results(reading, {GUARDIAN: seen}))
+    (found,) = named_results(reading, {GUARDIAN: "0" * 64})
+    assert (found.path, found.message) == (
+        GUARDIAN,
+        "it is not the guardian's journal that the journal's event results names",
+    )
 
 
 def test_the_report_tells_when_it_was_acknowledged(folder):

@@ -369,10 +369,12 @@ class Results(Event, frozen=True, kw_only=True):
     Attributes:
         sha256: the hash of `data/results.json`.
         verdict: the run's verdict.
+        guardian: the hash of the guardian's journal; empty if the guardian did nothing, and in older journals.
     """
 
     sha256: str
     verdict: Verdict
+    guardian: str = ""
 
     synced: ClassVar[bool] = True
 

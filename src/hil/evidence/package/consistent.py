@@ -23,7 +23,7 @@ from hil.evidence.events import (
     Results,
     Run,
 )
-from hil.evidence.folder import ATTACHMENTS, CALIBRATION, CATALOGUE, JOURNAL, PARAMETERS, RECORDINGS, RESULTS
+from hil.evidence.folder import ATTACHMENTS, CALIBRATION, CATALOGUE, GUARDIAN, JOURNAL, PARAMETERS, RECORDINGS, RESULTS
 from hil.evidence.journal.clocks import clock_findings
 from hil.evidence.journal.reader import JournalReading
 from hil.evidence.package.bag import INFO, identifier_of, is_named
@@ -204,7 +204,9 @@ def _repeated_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iter
 
 
 def named_results(reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
-    """Give a finding where the journal names other results than those that are there; missing ones are told elsewhere.
+    """Give a finding where the journal names other results, or another guardian's journal, than those that are there.
+
+    Missing results are told elsewhere.
 
     Args:
         reading: at least the last two lines of the journal.
@@ -213,6 +215,8 @@ def named_results(reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
     named = fold(reading.events).results
     if named is not None and named.sha256 != hashes.get(RESULTS, named.sha256):
         yield Finding(RESULTS, 0, 0, "it is not the file that the journal's event results names")
+    if named is not None and named.guardian and named.guardian != hashes.get(GUARDIAN):
+        yield Finding(GUARDIAN, 0, 0, "it is not the guardian's journal that the journal's event results names")
 
 
 def _results_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:

@@ -35,6 +35,7 @@ from hil.evidence.recordings.hdf5 import convert
 from hil.evidence.recordings.rows import Rows
 from hil.evidence.results.derived import results_of
 from hil.evidence.results.outcome import write_outcome
+from hil.evidence.safed import guardian_hash
 from hil.evidence.state import RunState, fold
 from hil.model.errors import EvidenceError, Finding, Refused
 
@@ -122,7 +123,9 @@ def _write_results(folder: Path, journal: Journal) -> None:
     results = results_of(folder, reading)
     data = write_outcome(results)
     write_whole(folder / RESULTS, data)
-    found = events.Results(sha256=hashlib.sha256(data).hexdigest(), verdict=results.verdict)
+    found = events.Results(
+        sha256=hashlib.sha256(data).hexdigest(), verdict=results.verdict, guardian=guardian_hash(folder)
+    )
     journal.write(found, journal.last_t)
 
 

@@ -6,10 +6,21 @@ import hashlib
 from functools import cache
 from pathlib import Path
 
-__all__ = ["judging_digest"]
+__all__ = ["JUDGING", "judging_digest"]
 
-_JUDGING = ("analysis", "requirements/decision.py", "requirements/units.py", "requirements/units.txt")
-"""The code between readings and verdicts: the analyses, the decision rule, and the units."""
+JUDGING = (
+    "analysis",
+    "executive/cases/certificate.py",
+    "executive/cases/checks.py",
+    "model/figure.py",
+    "model/provenance.py",
+    "model/verdict.py",
+    "requirements/decision.py",
+    "requirements/units.py",
+    "requirements/units.txt",
+)
+"""The code between readings and verdicts, below the product's folder: analyses, figures and where they come from,
+the uncertainty of certificates, checks, the decision rule, and units. A test follows its imports."""
 
 
 @cache  # a process judges by one version
@@ -17,7 +28,7 @@ def judging_digest() -> str:
     """Return the SHA-256 over the product's code between readings and verdicts: names and bytes of its files."""
     root = Path(__file__).parents[2]
     content = hashlib.sha256()
-    for name in _JUDGING:
+    for name in JUDGING:
         place = root / name
         files = sorted(place.rglob("*.py")) if place.is_dir() else [place]
         for file in files:
