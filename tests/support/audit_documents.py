@@ -30,7 +30,7 @@ _TEXTS = (
     "The battery shall deliver at least 5.0 W.h at 0.2 C and 20 degC.",
 )
 _REASONS = {
-    Code.SIM_ONLY: "SIMULATED: the run's source",
+    Code.SIM_ONLY: "the run's source is simulated",
     Code.NOT_ELIGIBLE: "the purpose development does not close requirements",
     Code.CAL_RETRO: "DMM-017 (certificate K-9) was found out of tolerance on 2027-09-28: what it measured is in doubt",
     Code.NO_EVIDENCE: "no package has evidence for it",

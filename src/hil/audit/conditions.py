@@ -61,7 +61,7 @@ def _eligibility(claim: Claim) -> _Found:
         elsewhere |= simulated
         yield (Code.SIM_ONLY if simulated else Code.NOT_ELIGIBLE), reason
     if claim.package.source != Source.HARDWARE and not elsewhere:
-        yield Code.SIM_ONLY, f"{claim.package.source.upper() or 'UNKNOWN'}: the run's source"
+        yield Code.SIM_ONLY, f"the run's source is {claim.package.source or 'unknown'}"
     if not claim.result.eligible and not claim.result.reasons:
         yield Code.NOT_ELIGIBLE, "its results say that it cannot close the requirement, and not why"
 

@@ -59,7 +59,7 @@ WORLDS = {
     "a simulated run whose results claim otherwise": (
         closed_world(source="simulated"),
         "SIM_ONLY",
-        "SIMULATED: the run's source",
+        "the run's source is simulated",
     ),
     "a text that changed": (
         changed(fingerprint="0" * 64),

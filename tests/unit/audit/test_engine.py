@@ -239,7 +239,8 @@ def test_what_no_case_can_verify_says_so():
 
 def test_a_simulated_campaign_closes_nothing_and_says_what_it_would_close():
     """A simulated campaign closes nothing and says what it would close."""
-    said = {ASKED.id: result(eligible=False, reasons=("SIMULATED: the run's source", "SIMULATED: dmm"))}
+    source = "the run's source is simulated"
+    said = {ASKED.id: result(eligible=False, reasons=(source, "SIMULATED: dmm"), of_simulation=(source,))}
     simulated = closed_world(source="simulated", results=said)
     assert audit(simulated).summary.on_hardware == ("EPS-001", "LOAD-010")
     assert audit(simulated).summary.closed == 0
@@ -251,8 +252,8 @@ PORT = "it is not known what is at the port of dmm"
 DEVELOPMENT = "the purpose development does not close requirements"
 SIMULATED = result(
     eligible=False,
-    reasons=("SIMULATED: the run's source", PORT, DEVELOPMENT, "no operator is named"),
-    of_simulation=("SIMULATED: the run's source", PORT, DEVELOPMENT),
+    reasons=("the run's source is simulated", PORT, DEVELOPMENT, "no operator is named"),
+    of_simulation=("the run's source is simulated", PORT, DEVELOPMENT),
 )
 
 
@@ -297,7 +298,7 @@ def test_evidence_from_hardware_is_not_supposed_to_be_anywhere_else():
 @pytest.mark.parametrize(
     ("name", "text", "bench", "unit"),
     [
-        ("source", "SIMULATED: the run's source", True, True),
+        ("source", "the run's source is simulated", True, True),
         ("instruments", "SIMULATED: dmm", True, True),
         ("port", PORT, True, True),
         ("model", "the device under test is the model EM: it closes nothing", False, True),

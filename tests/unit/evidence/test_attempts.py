@@ -6,9 +6,11 @@ import pytest
 from evidence_runs import REQUIREMENTS, planned, run_fields
 from typed_events import event_of
 
-from hil.evidence.attempts import abandoned
+from hil.documents.canonical import parse_strict
+from hil.evidence.attempts import Abandoned, abandoned
 from hil.evidence.results.derived import derive
 from hil.evidence.results.facts import Facts, entries_of
+from hil.evidence.results.outcome import without_sentences, write_outcome
 from hil.model.verdict import Verdict
 
 READ = {
@@ -140,3 +142,15 @@ def test_what_was_read_is_told_in_short():
     stopped = {"kind": "stop", "reason": "Ada: weekend", "urgent": False, "resumable": True}
     (found,) = abandoned(happened(BEGUN, READ, stopped, resumed(2, 4)))
     assert found.text.startswith("stopped by Ada: weekend at 4 s")
+
+
+def test_how_an_attempt_is_worded_is_no_part_of_what_is_verified(monkeypatch):
+    """Another version of hil tells the same attempt otherwise; its results are the same without their sentences."""
+
+    def results():
+        return parse_strict(write_outcome(derive(happened(*KILLED), Facts(catalogue={}), content_digest="")))
+
+    before = results()
+    monkeypatch.setattr(Abandoned, "text", "in other words")
+    assert results() != before
+    assert without_sentences(results()) == without_sentences(before)

@@ -55,7 +55,7 @@ def test_a_run_that_proves_everything_can_close(proven):
     ("kind", "fields", "reason"),
     [
         ("run", {"operator": ""}, "no operator is named"),
-        ("run", {"live": None}, "HARDWARE: the run's source, but its bench was in the process of the run"),
+        ("run", {"live": None}, "the run's source is hardware, but its bench was in the process of the run"),
         ("gate", {"unproven": "the bench file does not say who psu1 is"}, "the bench file does not say who psu1 is"),
         ("gate", {"name": "other"}, "the bench has no envelope"),
         ("gate", {"instrument": ""}, "it was not asked who psu1 is"),

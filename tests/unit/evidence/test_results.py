@@ -214,8 +214,8 @@ def test_a_run_that_went_wrong_does_not_pass(event, verdict):
 @pytest.mark.parametrize(
     ("changes", "reasons"),
     [
-        ({"source": "simulated"}, ["SIMULATED: the run's source"]),
-        ({"source": "replayed"}, ["REPLAYED: the run's source"]),
+        ({"source": "simulated"}, ["the run's source is simulated"]),
+        ({"source": "replayed"}, ["the run's source is replayed"]),
         (
             {"purpose": "development"},
             [

@@ -10,8 +10,10 @@ from evidence_runs import begin, check, sealed_run, write_report
 
 from hil.documents.canonical import canonical, parse_strict
 from hil.evidence.folder import CATALOGUE, JOURNAL, RESULTS, create
+from hil.evidence.journal.reader import read_journal
+from hil.evidence.ledger.book import Ledger
 from hil.evidence.package.bag import inventory, write_manifests
-from hil.evidence.package.sealing import seal
+from hil.evidence.package.sealing import info_of, seal
 from hil.evidence.package.verification import State, verify
 
 
@@ -175,3 +177,68 @@ def test_a_value_that_is_not_a_number_may_have_the_ratio_that_earlier_versions_w
     check(journal, None, tur=51.0)
     seal(folder, journal, exit_code=1, write_reports=write_report)
     assert verify(folder).findings == ()
+
+
+def whole_but_for(folder, results):
+    """Return what verification finds where only the results are others, and everything that names them follows."""
+    (folder / RESULTS).write_bytes(results)
+    rehash(folder, lambda _: None)
+    write_manifests(folder, info_of(folder, folder.name, read_journal(folder / JOURNAL)))
+    return verify(folder, Ledger(reports=folder.parent)).findings
+
+
+@pytest.fixture
+def simulated(tmp_path):
+    """Return a sealed package that says why it closes nothing, and may be changed."""
+    folder = create(tmp_path / "reports", bench="flight", dut="SN1")
+    sealed_run(folder, source="simulated")
+    for path in (folder, *folder.rglob("*")):
+        path.chmod(0o755)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("place", "key"),
+    [("conditions", "text"), ("requirements", "reasons"), ("requirements", "conditions")],
+)
+def test_sentences_of_another_version_of_hil_are_no_damage(simulated, place, key):
+    """Names of conditions, what is proven, and how many reasons there are do not depend on how they are worded."""
+    results = parse_strict((simulated / RESULTS).read_bytes())
+    for each in results[place]:
+        if key == "conditions":
+            for condition in each[key]:
+                condition["text"] = f"in other words: {condition['text']}"
+        else:
+            each[key] = [f"in other words: {text}" for text in each[key]] if key == "reasons" else "in other words"
+    assert whole_but_for(simulated, canonical(results)) == ()
+
+
+def _reworded_and_proven(results):
+    next(each for each in results["conditions"] if not each["proven"]).update(proven=True, text="it is proven")
+
+
+def _reworded_and_renamed(results):
+    results["requirements"][0]["conditions"][0]["name"] = "another"
+
+
+def _fewer_reasons(results):
+    next(each for each in results["requirements"] if each["reasons"])["reasons"].pop()
+
+
+def _no_sentence(results):
+    results["conditions"][0]["text"] = 7
+
+
+@pytest.mark.parametrize("change", [_reworded_and_proven, _reworded_and_renamed, _fewer_reasons, _no_sentence])
+def test_what_sentences_stand_for_is_compared(simulated, change):
+    """Another condition, another proof, a reason less, or no sentence: damaged."""
+    results = parse_strict((simulated / RESULTS).read_bytes())
+    change(results)
+    assert {each.path for each in whole_but_for(simulated, canonical(results))} == {RESULTS}
+
+
+def test_results_that_are_not_canonical_are_damaged(simulated):
+    """Equal content with other spacing is not what a seal writes."""
+    results = parse_strict((simulated / RESULTS).read_bytes())
+    (found,) = whole_but_for(simulated, json.dumps(results).encode())
+    assert found.message == "not canonical JSON"

@@ -283,7 +283,7 @@ def test_hardware_is_not_called_simulated(tmp_path):
     assert "EXCEPTION" not in words
     assert "This run can close all 2 requirements." in words
     assert "can close the verdict is good, and nothing in this run weakens the evidence" in words
-    assert "Proven of the whole run HARDWARE: the run's source the purpose is qualification" in words
+    assert "Proven of the whole run the run's source is hardware the purpose is qualification" in words
     assert "Proven of each of the 2 requirements one planned case carries it" in words
     assert words.count("one planned case carries it") == 1
 
@@ -400,10 +400,10 @@ def test_several_reasons_of_one_case_are_a_list(tmp_path):
 def test_what_keeps_every_requirement_open_is_told_once(html):
     """The badge stands once, with `all 4`; the requirements below name their own reasons and point to the chapter."""
     words = Page(html).words
-    assert words.count("cannot close Why") + words.count(" cannot close SIMULATED: the run's source all 4") == 1
+    assert words.count("cannot close Why") + words.count(" cannot close the run's source is simulated all 4") == 1
     assert html.count("<p>This run can close none of its 4 requirements.</p>") == 1
     chapter = words[words.index("Kind, method") :]
-    assert "SIMULATED: the run's source" not in chapter
+    assert "the run's source is simulated" not in chapter
     assert "This run cannot close it: its verdict is FAIL" in chapter
     assert "and the reasons that apply to all 4" in chapter
 

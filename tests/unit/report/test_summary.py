@@ -31,7 +31,7 @@ def test_closing_block_of_a_failed_run(folder):
     place = lines.index(f"NOT_RUN {specimen_run.CASES['cold']}")
     assert lines[place + 1] == "  skipped: the chamber is away (--skip)"
     assert "This run can close none of its 4 requirements. SIMULATED." in lines
-    assert "  SIMULATED: the run's source" in lines
+    assert "  the run's source is simulated" in lines
     assert "  its verdict is FAIL (ADCS-GYR-030)" in lines
     assert lines[-1] == "  table1 has no calibration record (ADCS-GYR-030)"
 

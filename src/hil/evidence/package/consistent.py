@@ -36,7 +36,7 @@ from hil.evidence.recordings.hdf5 import differing_facts, hashes_of
 from hil.evidence.results.derived import results_of
 from hil.evidence.results.eligibility import against_hardware
 from hil.evidence.results.facts import Catalogue, DamagedFile, facts_of
-from hil.evidence.results.outcome import FORMAT, write_outcome
+from hil.evidence.results.outcome import FORMAT, without_sentences, write_outcome
 from hil.evidence.state import fold
 from hil.model.errors import EvidenceError, Finding, HilError
 from hil.model.identity import Source
@@ -239,7 +239,9 @@ def _results_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> 
     except JsonError as error:
         yield Finding(RESULTS, error.line, error.column, error.bare)
         return
-    told = list(_differences(found, parse_strict(due)))
+    told = list(_differences(without_sentences(found), without_sentences(parse_strict(due))))
+    if not told and canonical(found) == sealed:
+        return
     for sentence in told[:_MOST_FIELDS] or ["not canonical JSON"]:
         yield Finding(RESULTS, 1, 1, sentence)
     if more := told[_MOST_FIELDS:]:

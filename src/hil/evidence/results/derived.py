@@ -267,7 +267,7 @@ def _recorded_by(cases: Sequence[CaseOutcome], state: RunState) -> set[str]:
 def _against_sources(state: RunState, used: Mapping[str, str]) -> Iterator[str]:
     source = state.run.source if state.run else None
     if source is not Source.HARDWARE:
-        yield f"{(source or 'unknown').upper()}: the run's source"
+        yield f"the run's source is {source or 'unknown'}"
     for each in sorted({*used.values()} - {Source.HARDWARE}):
         names = ", ".join(sorted(name for name, its in used.items() if its == each))
         yield f"{each.upper()}: {names}"

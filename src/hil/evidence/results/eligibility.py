@@ -148,7 +148,7 @@ def _recorded_by(cases: Sequence[CaseOutcome], state: RunState) -> set[str]:
 
 def _source(state: RunState, facts: Facts) -> Iterator[Condition]:
     source = state.run.source if state.run else None
-    told = f"{(source or 'unknown').upper()}: the run's source"
+    told = f"the run's source is {source or 'unknown'}"
     if source is not Source.HARDWARE:
         yield _condition("source", False, told)
         return

@@ -23,6 +23,7 @@ __all__ = [
     "RequirementOutcome",
     "StepOutcome",
     "read_outcome",
+    "without_sentences",
     "write_outcome",
 ]
 
@@ -33,6 +34,9 @@ Format 1 did not tell when the bench was held in the course of a case. Formats 1
 requirement; format 3 lists what has to be proven, and whether it is.
 """
 
+_CONDITION = frozenset({"name", "proven", "text"})
+_OF_ATTEMPT = ("read", "reasons")
+_SENTENCE = "a sentence"
 _OF_EVENT = frozenset({"kind", "seq", "t"})
 
 
@@ -215,3 +219,26 @@ def read_outcome(data: bytes) -> Outcome:
     asked = decode({**run, "kind": Run.kind(), "seq": 0, "t": 0.0}) if run else None
     outcome = convert({**found, "run": None}, Outcome, "results")
     return msgspec.structs.replace(outcome, run=asked)
+
+
+def without_sentences(value: object) -> object:
+    """Return results without the sentences that this version of hil words: other versions word them otherwise.
+
+    What is compared of a condition is its name and whether it is proven, and of reasons how many there are. Of a case
+    with an attempt that was given up, the sentences about that attempt are left out; the events that it is told from
+    stand in the journal.
+    """
+    if isinstance(value, list):
+        return [without_sentences(each) for each in value]
+    if not isinstance(value, dict):
+        return value
+    kept = {key: without_sentences(each) for key, each in value.items()}
+    if value.keys() == _CONDITION:
+        kept["text"] = _SENTENCE if isinstance(value["text"], str) else value["text"]
+    attempts = value.get("attempts")
+    given_up = isinstance(attempts, list) and any(isinstance(each, dict) and each.get("read") for each in attempts)
+    worded = _OF_ATTEMPT if value.get("read") else ("reasons",) if given_up or "eligible" in value else ()
+    for key in worded:
+        if isinstance(texts := value.get(key), list) and all(isinstance(each, str) for each in texts):
+            kept[key] = [] if given_up else [_SENTENCE] * len(texts)
+    return kept
